@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The status line: figures of the last second.
 import { detailPercent, shortageOf } from '../core/detail.js';
-import { policyText } from '../core/policy.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
 
@@ -30,7 +29,6 @@ export function install(app) {
   connection.on('state', ({ state }) => status.setState(state));
   connection.on('notification', ({ method, params }) => {
     if (method === 'stream.stats') status.setStats(params);
-    if (method === 'stream.policy') status.setPolicy(params);
   });
   frames.on('drawn', ({ frame, latency }) => status.drew(frame, latency));
   app.status = status;
@@ -89,10 +87,11 @@ class StatusLine {
   }
 
   /** Explains the detail of frames in the title of its field. */
-  setPolicy(policy) {
+  explain(text) {
     const { parentElement: item } = this.#fields.get('detail');
     this.#about ??= item.title;
-    item.title = `${this.#about}\n${policyText(policy)}`;
+    const title = `${this.#about}\n${text}`;
+    if (item.title !== title) item.title = title;
   }
 
   /** Records a drawn frame; latency in ms, or null. */

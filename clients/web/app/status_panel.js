@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the status line stands for: where the latency goes, what the network carries, the real detail and why it is reduced, and graphs
 // of the last minute. The line itself says when the daemon is overloaded or the computer is offline.
-import { LatencyMeter, PARTS, isNetworkSlow, judged, overloadOf, splitLatency } from '../core/latency.js';
+import { LatencyMeter, PARTS, isNetworkSlow, judged, limitOf, overloadOf, splitLatency } from '../core/latency.js';
 import { policyText } from '../core/policy.js';
 import { Series, polylines, roundTop } from '../core/series.js';
 import { t } from '../core/text.js';
@@ -125,7 +125,7 @@ class StatusPanel {
     const now = performance.now();
     this.#graphs.fps.put(now, 1);
     if (latency === null) return;
-    this.#meter.put(now, latency, splitLatency(latency, frame, { waited: this.#app.viewer.updates.waited, decode: decodeMs ?? 0 }));
+    this.#meter.put(now, latency, splitLatency(latency, frame, { waited: this.#app.viewer.updates.waited, decode: decodeMs ?? 0, link: this.#app.status.stats }));
     this.#graphs.latency.put(now, latency);
   }
 
@@ -142,6 +142,7 @@ class StatusPanel {
     this.#load.dataset.kind = isBad ? 'bad' : 'warm';
     this.#load.setAttribute('aria-live', isBad ? 'polite' : 'off'); // what comes and goes with each turn would be told again and again
     this.#load.title = overload ? t(`load.${overload}.title`) : '';
+    this.#app.status.explain(policyText(judged(this.#policy, this.latency)));
     if (this.#root.hidden) return;
     const now = performance.now();
     const mean = this.latency;
@@ -160,7 +161,12 @@ class StatusPanel {
 
   /** Lines about detail, network and backend. */
   #describe(stats) {
-    const lines = [policyText(judged(this.#policy, this.latency))];
+    const { latency } = this;
+    const lines = [policyText(judged(this.#policy, latency))];
+    if (latency) {
+      const [name, ms] = limitOf(latency);
+      lines.push(t(`stats.limit.${name}`, { ms: milliseconds(ms), total: milliseconds(latency.total) }));
+    }
     if (stats.bandwidth > 0) {
       const key = isNetworkSlow(this.#policy, this.latency) ? 'stats.network' : 'stats.network.least'; // a fast link shows only what was sent
       lines.push(t(key, { rate: rate(stats.bandwidth), rtt: milliseconds(stats.rtt_ms), window: stats.window }));

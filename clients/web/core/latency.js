@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where the time between an action of the user and its picture goes, and whether the daemon is overloaded.
 
-export const PARTS = ['network', 'queue', 'render', 'encode', 'decode'];
+export const PARTS = ['network', 'queue', 'render', 'encode', 'browser'];
 
 /**
- * Splits `total` ms. frame: the header, with queueUs, renderUs and encodeUs; waited: ms in the page before the update was sent;
- * decode: ms from the arrival of the frame to its drawing. What remains is the network. Scales the parts where they exceed the
+ * Splits `total` ms. frame: the header, with queueUs, renderUs and encodeUs, and its bytes; waited: ms in the page before the update was
+ * sent; decode: ms from the arrival of the frame to its drawing; link: {rtt_ms, bandwidth} of stream.stats. What remains is the network, as
+ * far as the link explains it; the rest is the wait for this browser, which took the frame late. Scales the parts where they exceed the
  * total, because a picture from the frame cache states the render time of its first rendering.
  */
-export function splitLatency(total, frame, { waited = 0, decode = 0 } = {}) {
+export function splitLatency(total, frame, { waited = 0, decode = 0, link = {} } = {}) {
   const parts = {
-    queue: waited + frame.queueUs / 1000, render: frame.renderUs / 1000, encode: frame.encodeUs / 1000, decode,
+    queue: waited + frame.queueUs / 1000, render: frame.renderUs / 1000, encode: frame.encodeUs / 1000, browser: decode,
   };
   const sum = Object.values(parts).reduce((a, b) => a + b, 0);
-  const factor = sum > total ? total / sum : 1;
-  const scaled = Object.fromEntries(Object.entries(parts).map(([name, ms]) => [name, ms * factor]));
-  return { network: Math.max(0, total - sum), ...scaled };
+  if (sum > total) return { network: 0, ...Object.fromEntries(Object.entries(parts).map(([name, ms]) => [name, ms * total / sum])) };
+  const rest = total - sum;
+  const network = link.bandwidth > 0 ? Math.min(rest, link.rtt_ms + 1000 * frame.bytes / link.bandwidth) : rest;
+  return { ...parts, network, browser: decode + rest - network };
 }
 
 /** The mean of the newest splits: smooths the figures of the panel. */
@@ -47,12 +49,14 @@ const REDUCTIONS = ['bandwidth', 'shared_time', 'time', 'video_pixels'];
 /** Those that lower the detail, not only the quality of the encoding. */
 const DETAIL = new Set(['shared_time', 'time']);
 
-/**
- * True if the network, not the work on pictures, limits them. The daemon measures the link by acknowledgements, which are late
- * on a fast link, too, while a processor is busy; so its reason alone does not say so.
- */
+/** What takes the largest part of the latency: 'network', 'renderer' or 'browser', with its ms. */
+export function limitOf({ network, render, encode, browser }) {
+  return Object.entries({ network, renderer: render + encode, browser }).reduce((most, one) => (one[1] > most[1] ? one : most));
+}
+
+/** True if the network, not the work on pictures, limits them; the daemon's reason alone is of a moment ago. */
 export const isNetworkSlow = (policy, latency) => Boolean(policy?.why?.includes('bandwidth') && latency
-  && latency.network > latency.render + latency.encode + latency.decode);
+  && latency.network > latency.render + latency.encode + latency.browser);
 
 /** The policy, without the reason "bandwidth" if the network is not the limit. */
 export function judged(policy, latency) {
@@ -61,7 +65,7 @@ export function judged(policy, latency) {
 
 /**
  * What to tell about a slow picture: 'offline', 'busy' (the daemon refused with 429 or 503), 'queue' (pictures wait for a renderer),
- * a reason of stream.policy why quality is reduced, or null. isMoving: the newest picture is one of a moving view; detail: its detail in
+ * 'browser' (this page takes them late), a reason of stream.policy why quality is reduced, or null. isMoving: the newest picture is one of a moving view; detail: its detail in
  * percent (detail.js), which says whether a reason has lowered it.
  */
 export function overloadOf({ isOnline = true, error = null, latency = null, policy = null, isMoving = false, detail = 100 }) {
@@ -71,5 +75,6 @@ export function overloadOf({ isOnline = true, error = null, latency = null, poli
   if (!isMoving) return null;
   const isReduced = detail < 100;
   const reason = REDUCTIONS.find((one) => judged(policy, latency)?.why?.includes(one) && (isReduced || !DETAIL.has(one))) ?? null;
-  return reason ?? (isReduced && policy?.why?.includes('bandwidth') ? 'time' : null);
+  if (reason || !isReduced || !policy?.why?.includes('bandwidth')) return reason;
+  return latency && limitOf(latency)[0] === 'browser' ? 'browser' : 'time';
 }

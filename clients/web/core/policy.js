@@ -2,9 +2,10 @@
 // Describes stream.policy for the user: one line for frames while the view moves, one for the frame at rest.
 import { t } from './text.js';
 
+const VIDEO = new Set(['vp8', 'vp9', 'h264', 'av1']);
 const REASONS = {
   quality: () => t('policy.quality'),
-  bandwidth: () => t('policy.bandwidth'),
+  bandwidth: ({ moving }) => t(VIDEO.has(moving.format) ? 'policy.bandwidth.video' : 'policy.bandwidth'),
   time: ({ sharp_ms: sharp, budget_ms: budget }) =>
     (Number.isFinite(sharp) && Number.isFinite(budget)
       ? t('policy.time', { sharp: Math.round(sharp), budget: Math.round(budget) }) : t('policy.time.long')),

@@ -1,18 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { LatencyMeter, PARTS, judged, overloadOf, splitLatency } from '../../../clients/web/core/latency.js';
+import { LatencyMeter, PARTS, judged, limitOf, overloadOf, splitLatency } from '../../../clients/web/core/latency.js';
 import { Series, polylines, roundTop } from '../../../clients/web/core/series.js';
 
-const frame = { queueUs: 4000, renderUs: 20000, encodeUs: 3000 };
+const frame = { queueUs: 4000, renderUs: 20000, encodeUs: 3000, bytes: 50000 };
 const sum = (parts) => PARTS.reduce((total, name) => total + parts[name], 0);
 
 test('the parts of the latency sum up to the total, and the rest is the network', () => {
   const parts = splitLatency(50, frame, { waited: 2, decode: 6 });
-  assert.deepEqual(parts, { network: 15, queue: 6, render: 20, encode: 3, decode: 6 });
+  assert.deepEqual(parts, { network: 15, queue: 6, render: 20, encode: 3, browser: 6 });
   const cached = splitLatency(11, frame, { waited: 2, decode: 6 });
   assert.equal(cached.network, 0);
   assert.ok(Math.abs(sum(cached) - 11) < 1e-9, 'a picture from the cache states an earlier render time');
+});
+
+test('what the link does not explain is the wait for this browser', () => {
+  const split = (bandwidth) => splitLatency(80, frame, { waited: 2, decode: 6, link: { rtt_ms: 5, bandwidth } });
+  assert.deepEqual(split(12.5e6), { network: 9, queue: 6, render: 20, encode: 3, browser: 42 });
+  assert.deepEqual(split(1e6), { network: 45, queue: 6, render: 20, encode: 3, browser: 6 }, 'a slow link explains all of it');
+  assert.deepEqual(split(0), split(1e6), 'the link is not known yet');
+  for (const bandwidth of [12.5e6, 1e6]) assert.ok(Math.abs(sum(split(bandwidth)) - 80) < 1e-9);
+  assert.deepEqual(limitOf(split(12.5e6)), ['browser', 42]);
+  assert.deepEqual(limitOf(split(1e6)), ['network', 45]);
+  assert.deepEqual(limitOf(splitLatency(40, frame)), ['renderer', 23]);
+  const policy = { why: ['quality', 'bandwidth'] };
+  assert.equal(overloadOf({ policy, isMoving: true, latency: split(12.5e6), detail: 50 }), 'browser');
+  assert.equal(overloadOf({ policy, isMoving: true, latency: split(1e6), detail: 50 }), 'bandwidth');
 });
 
 test('the meter averages the last second', () => {
@@ -32,7 +46,7 @@ test('the meter averages the last second', () => {
 
 test('offline comes before a busy daemon, that before a long queue, that before reduced quality', () => {
   const latency = { queue: 400 };
-  const slow = { queue: 20, network: 60, render: 20, encode: 5, decode: 5 };
+  const slow = { queue: 20, network: 60, render: 20, encode: 5, browser: 5 };
   const policy = { why: ['quality', 'time', 'bandwidth'] };
   const all = { isOnline: false, error: { status: 503 }, latency, policy, isMoving: true };
   assert.equal(overloadOf(all), 'offline');
@@ -48,7 +62,7 @@ test('offline comes before a busy daemon, that before a long queue, that before 
 
 test('the network is slow only if pictures wait for it longer than for the work on them', () => {
   const policy = { why: ['quality', 'bandwidth'] };
-  const busy = { queue: 20, network: 12, render: 40, encode: 5, decode: 5 };
+  const busy = { queue: 20, network: 12, render: 40, encode: 5, browser: 5 };
   const slow = { ...busy, network: 90 };
   assert.equal(overloadOf({ policy, isMoving: true, latency: busy, detail: 50 }), 'time');
   assert.equal(overloadOf({ policy, isMoving: true, detail: 50 }), 'time', 'no picture has been measured yet');
