@@ -13,7 +13,7 @@ export const byId = (id) => document.getElementById(id);
  */
 export function make(tag, { text, press, ...attributes } = {}, ...children) {
   const made = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) if (value !== false) made.setAttribute(name, value === true ? '' : value);
+  for (const [name, value] of Object.entries(attributes)) if (value !== false && value !== undefined) made.setAttribute(name, value === true ? '' : value);
   if (tag === 'button' && !attributes.type) made.type = 'button';
   if (text !== undefined) made.textContent = text;
   if (press) made.addEventListener('click', press);

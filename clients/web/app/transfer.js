@@ -8,6 +8,7 @@ import { History } from '../core/history.js';
 import { chooseShown, whyIdle } from '../core/choices.js';
 import { isSameLayers, layersOf, withoutPhase } from '../core/layers.js';
 import { valueUnit } from '../core/lengths.js';
+import { findMap, withoutMap } from '../core/map_finder.js';
 import { isShownAlike, shownAs } from '../core/projection.js';
 import {
   EXTENT_MIN, POINTS_MAX, VALUE_MAX, colorAt, isSame, isSameGradient, leastGap, merge, tidy, within,
@@ -37,6 +38,7 @@ class Transfer {
   #viewer; #load; #storage; #curve; #color;
   #history = new History();
   #volume = null;
+  #isKnown = false; // what the volume is
   #histogram = null;
   #problem = ''; // why there is no histogram
   #asked = null; // the volume whose histogram was asked for
@@ -102,6 +104,12 @@ class Transfer {
 
   // The state and the view.
 
+  /** The points of a view as the state has them: with the colour map that another participant, or this one before a reload, has put over them. */
+  #read(points) {
+    const { range = [points[0].value, points.at(-1).value] } = this.#viewer.volume ?? {};
+    return findMap(tidy(points), leastGap(this.#histogram?.range ?? range)) ?? { points, map: null };
+  }
+
   /** Takes the view, whoever changed it. why: the reason that this participant may not change it, or null. */
   show(view, why = this.#why) {
     this.#why = why;
@@ -109,15 +117,17 @@ class Transfer {
     if (!given?.length || !this.#viewer.isCurrent) return;
     const points = within(given);
     const [layers, edits, shown] = [layersOf(view), editsOf(view), shownAs(view)];
-    if (view.volume !== this.#volume) {
+    const isKnown = Boolean(this.#viewer.volume);
+    if (view.volume !== this.#volume || isKnown !== this.#isKnown) {
+      if (view.volume !== this.#volume) this.#histogram = null;
       this.#volume = view.volume;
-      this.#histogram = null;
+      this.#isKnown = isKnown;
       this.#note = '';
       this.#curve.selected = 0;
       this.#curve.showAll();
-      this.#history.reset({ ...this.#recall(points, gradient) ?? { points, gradient, map: null }, layers, edits, shown });
+      this.#history.reset({ ...this.#recall(points, gradient) ?? { ...this.#read(points), gradient }, layers, edits, shown });
     } else if (!isSame(tidy(points), this.points) || !isSameGradient(gradient, this.state.gradient)) {
-      this.#history.put({ points, gradient, map: null, layers, edits, shown }, 'others');
+      this.#history.put({ ...this.#read(points), gradient, layers, edits, shown }, 'others');
     } else if (!isSameLayers(withoutPhase(layers), withoutPhase(this.state.layers)) || !isSameEdits(edits, this.state.edits) || !isShownAlike(shown, this.state.shown)) {
       this.#history.put({ ...this.state, layers, edits, shown }, shown.mode === this.state.shown.mode ? 'others' : null);
     } else if (!isSameLayers(layers, this.state.layers)) {
@@ -222,14 +232,14 @@ class Transfer {
 
   /** The colours of the map become those of points. */
   endMap(time) {
-    if (this.isEditable) this.edit({ points: this.points, map: null }, { time });
+    if (this.isEditable) this.edit({ points: withoutMap(this.points), map: null }, { time });
   }
 
   /** Replaces the transfer function by a preset or an imported one. gradient null: it stays. note: shown below the presets. */
   replace({ points, gradient, map = null }, time, note = '') {
     this.#curve.selected = 0;
     this.#note = note;
-    this.edit({ points, gradient: gradient ?? this.state.gradient, map }, { time });
+    this.edit({ ...(map ? { points, map } : this.#read(points)), gradient: gradient ?? this.state.gradient }, { time });
   }
 
   /** Shows a note below the presets, until the next one. */

@@ -14,7 +14,7 @@ const TABLES = {
     + 'ecd12efac029ffad24ff9821ff821dfd6c1af05616df4111cb2f0db61f07a31302950c00900c00',
   'blue-red': '0530610e417817518e2061a02a71ae367fb8448ec1569dc86bacd082bad898c7dfadd2e5bfdcebd0e4efdeebf2e9eff2f2efeef7ece5fae4d8fbd9c7'
     + 'faccb4f7bca0f3aa8cec977ae48268db6d59d1574bc6413fb82d35a81d2d9411277e082367001f',
-  grey: '000000ffffff',
+  grey: '0000007f7f7fffffff',
 };
 
 /** The names of the maps in TABLES, in the order of the page. */
@@ -70,7 +70,10 @@ export function simplify(stops, tolerance = TOLERANCE) {
 export function stopsOf({ name, table = null, isReversed = false, steps = 0 }) {
   const own = table ?? tableOf(name);
   const stops = isReversed ? own.map(([t, color]) => [1 - t, color]).reverse() : own;
-  if (!steps) return simplify(stops);
+  if (!steps) {
+    const few = simplify(stops);
+    return few.length > 2 ? few : stops; // three colours tell a map (map_finder.js)
+  }
   return Array.from({ length: steps }, (_, i) => {
     const color = colorOfStops(stops, steps > 1 ? i / (steps - 1) : 0.5);
     return [[i === 0 ? 0 : i / steps + EDGE, color], [i + 1 === steps ? 1 : (i + 1) / steps - EDGE, color]];
