@@ -8,6 +8,7 @@ import { composePanes, composedSize } from './composed.js';
 import { make } from './dom.js';
 import { showValue } from './fields.js';
 import { ORDER } from './panel.js';
+import { joinLink, saidOfLink } from './people.js';
 import { shortBytes } from './status.js';
 
 const FORMATS = ['png', 'jpeg', 'webp', 'exr'];
@@ -70,7 +71,7 @@ class Capture {
       make('button', { id: 'capture-cancel', text: t('capture.cancel'), press: () => this.#running?.abort() }));
     this.#text = make('textarea', { id: 'capture-text', readonly: true, rows: 4, spellcheck: 'false', 'aria-label': t('capture.copied.text') });
     this.#textNote = make('p', { class: 'about', id: 'capture-note', role: 'status' });
-    const copy = (id, of) => make('button', { id: `copy-${id}`, text: t(`capture.copy.${id}`), title: t(`capture.copy.${id}.title`), press: () => this.#copy(of) });
+    const copy = (id, of) => make('button', { id: `copy-${id}`, text: t(`capture.copy.${id}`), title: t(`capture.copy.${id}.title`), press: () => this.#copy(id, of) });
     body.append(
       row('capture-what', t('capture.what'), this.#what, { title: t('capture.what.title') }),
       row('capture-size', t('capture.size'), this.#size),
@@ -256,11 +257,11 @@ class Capture {
 
   async #link() {
     const { connection, api, viewer, base } = this.#app;
-    if (connection.session?.isJoined) throw new Error(t('capture.link.joined'));
+    if (connection.session?.isJoined) return joinLink(this.#app);
     return `${base}#${new URLSearchParams({ view: (await api.saveView(viewer.view)).id })}`;
   }
 
-  async #copy(of) {
+  async #copy(id, of) {
     try {
       const text = await of();
       this.#text.hidden = false;
@@ -269,7 +270,7 @@ class Capture {
       // Without a secure context there is no clipboard; the user copies from the field.
       const isCopied = await navigator.clipboard?.writeText(text).then(() => true, () => false);
       if (!isCopied) this.#text.select();
-      this.#textNote.textContent = t(isCopied ? 'people.copied' : 'people.copy');
+      this.#textNote.textContent = id === 'link' ? saidOfLink(this.#app, isCopied) : t(isCopied ? 'people.copied' : 'people.copy');
     } catch (error) {
       this.#textNote.textContent = error.message;
     }

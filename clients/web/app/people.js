@@ -18,6 +18,16 @@ function links({ connection, participants, viewer, base }, fork) {
   };
 }
 
+/** A link to the session for which this client has a join token alone. */
+export const joinLink = ({ base, connection: { session } }) => `${base}#${new URLSearchParams({ session: session.id, token: session.token })}`;
+
+/** What to say after a link to a saved view was copied, or not: who can open it, and which link others need. */
+export function saidOfLink({ api, connection }, isCopied) {
+  const copied = t(isCopied ? 'people.copied' : 'people.copy');
+  if (connection.session?.isJoined) return t('people.link.joins', { copied });
+  return api.token ? t('people.link.token', { copied }) : copied;
+}
+
 /** Continues in a new session of this client that starts with this view. */
 async function fork(app) {
   const { session, api } = app.connection;
@@ -34,6 +44,7 @@ export function install(app) {
   const { connection, participants, viewer, storage, status, prompts, report } = app;
   const people = new People(participants, {
     call: (method, params) => connection.call(method, params), fail: report, links: () => links(app, () => fork(app)), prompts,
+    said: (kind, isCopied) => (kind === 'view' ? saidOfLink(app, isCopied) : t(isCopied ? 'people.copied' : 'people.copy')),
     rename: (name) => {
       storage.remember('name', name);
       app.configure({ name });
@@ -63,7 +74,7 @@ export function install(app) {
 }
 
 class People {
-  #participants; #call; #fail; #links; #prompts;
+  #participants; #call; #fail; #links; #said; #prompts;
   #key = '';
   #was = { isHolder: false, isAsking: false, holder: null };
   #isOwnAct = false; // this user gave control away or stopped asking
@@ -71,13 +82,14 @@ class People {
   /**
    * call(method, params) → promise; fail(Error) shows it; links(): {watch, control, view, fork}. Each is a function that
    * resolves to an address (fork resolves to nothing and leaves the page), or null if this client cannot create it.
-   * rename(name) sets the name of this participant; prompts: prompts.js.
+   * said(kind, isCopied) → what to say of a link; rename(name) sets the name of this participant; prompts: prompts.js.
    */
-  constructor(participants, { call, fail, links, rename, prompts }) {
+  constructor(participants, { call, fail, links, said, rename, prompts }) {
     this.#participants = participants;
     this.#call = (method, params) => call(method, params).catch(fail);
     this.#fail = fail;
     this.#links = links;
+    this.#said = said;
     this.#prompts = prompts;
     byId('person-name').addEventListener('change', (event) => {
       const name = event.target.value.trim();
@@ -104,7 +116,7 @@ class People {
       field.focus();
       // Without a secure context there is no clipboard; the user copies from the field.
       const isCopied = await navigator.clipboard?.writeText(address).then(() => true, () => false);
-      byId('link-note').textContent = t(isCopied ? 'people.copied' : 'people.copy');
+      byId('link-note').textContent = this.#said(kind, isCopied);
     } catch (error) {
       this.#fail(error);
     }

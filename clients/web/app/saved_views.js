@@ -3,6 +3,7 @@
 import { t } from '../core/text.js';
 import { ask } from './ask.js';
 import { byId, icon, make } from './dom.js';
+import { saidOfLink } from './people.js';
 
 const THUMBNAIL = [240, 160]; // px: twice the size on the page
 const SHOWN_MAX = 60;
@@ -182,7 +183,7 @@ class SavedViews {
   async #copyLink(view) {
     const address = `${this.#app.base}#${new URLSearchParams({ view: view.id })}`;
     const isCopied = await navigator.clipboard?.writeText(address).then(() => true, () => false);
-    this.#note.textContent = isCopied ? t('people.copied') : address;
+    this.#note.textContent = isCopied ? saidOfLink(this.#app, true) : address;
   }
 
   async #delete(view) {
