@@ -29,6 +29,7 @@ static const struct srv_route routes[] = {
     { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_NONE, handle_nothing, { NULL } },
     { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_NONE, handle_nothing, { NULL } },
     { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_GET, "/api/v1/sessions/{}/volumes/{}/view", SRV_RIGHT_NONE, handle_nothing, { NULL } },
 };
 enum { ROUTES = sizeof routes / sizeof *routes };
 
@@ -42,7 +43,10 @@ static void check_path(const char *method, const char *path) {
     unsigned allowed;
     const struct srv_route *route = srv_route_find(routes, ROUTES, method, path, param, &allowed);
     if (route) {
-        must(strlen(param) < SRV_PARAM_BYTES && !strchr(param, '/'));
+        const char *first = strstr(route->pattern, "{}"), *slash = strchr(param, '/');
+        const bool has_two = first && strstr(first + 2, "{}");
+        must(strlen(param) < SRV_PARAM_BYTES);
+        must(has_two == (slash != NULL) && !(slash && strchr(slash + 1, '/')));
         must(!strstr(route->pattern, "{}") == !*param);
         must(route->method == srv_method_from(method));
     } else {

@@ -120,3 +120,32 @@ test('a stream that may only watch is told of the volumes of its session alone, 
   await guest.end();
   await host.end();
 });
+
+test('a hibernated session tells guests the same after it resumes', async (context) => {
+  const other = await Daemon.start(['--volume', 'demo:engine?size=16', '--volume', 'demo:phantom?size=16', '--sessions', '1', '--state', path.join(folder, 'small')], { backend: 'null' });
+  context.after(() => other.stop());
+  for (const id of ['engine', 'phantom']) await other.loaded(id);
+  const slices = { mode: 'oblique', in_3d: true, planes: { i: true, j: false, k: true }, position: [3, 4, 5], normal: [0, 0.6, 0.8], window: { center: 50, width: 20 } };
+  const { id, tokens: { view: token }, view } = await other.session({ volume: 'phantom', layers: [{ type: 'volume' }, { type: 'surface', value: 0.2 }], slices });
+  assert.equal((await other.post(`/api/v1/sessions/${id}/measures`, { kind: 'marker', points: [[1, 2, 3]] })).status, 201);
+  const all = async () => Promise.all(['', '/volumes', '/volumes/phantom', '/volumes/phantom/view', '/measures'].map(async (rest) => {
+    const { status, json } = await other.json(`/api/v1/sessions/${id}${rest}`, { token });
+    return [status, json];
+  }));
+  const before = await all();
+  assert.deepEqual([before.map(([status]) => status), before[0][1].view], [[200, 200, 200, 200, 200], view]);
+  for (;;) { // the session is saved soon; then it gives way to another one
+    const { status } = await other.post('/api/v1/sessions', { view: { volume: 'engine' } });
+    if (status === 201) break;
+    assert.equal(status, 503);
+  }
+  const { json: { sessions } } = await other.json('/api/v1/sessions');
+  assert.equal(sessions.find((session_) => session_.id === id).hibernated, true);
+  for (;;) { // and the other one has to be saved in turn
+    const { status } = await other.json(`/api/v1/sessions/${id}/volumes`, { token });
+    if (status === 200) break;
+    assert.equal(status, 503);
+  }
+  const memory = (answers) => JSON.parse(JSON.stringify(answers, (key, value) => (key === 'memory' ? undefined : value)));
+  assert.deepEqual(memory(await all()), memory(before));
+});
