@@ -566,9 +566,9 @@ static bool read_field_into(const struct amira *a, const struct field *f, const 
     if (f->packing == PACK_RUNS)
         return read_runs(a, f, to->voxels, err);
     struct import_samples samples = { .file = a->file,
-                                      .gzip = f->packing == PACK_ZIP,
+                                      .encoding = f->packing == PACK_ZIP ? IMPORT_GZIP : IMPORT_RAW,
                                       .big_endian = a->big_endian,
-                                      .rest_ignored = true,
+                                      .rest = IMPORT_REST_IGNORED,
                                       .start = f->at,
                                       .number = f->number,
                                       .is_vectors = to->vectors != NULL,

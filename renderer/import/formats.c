@@ -7,11 +7,11 @@
 /* In the order in which they are asked. DICOM comes first, because such a file may begin as a TIFF.
  */
 static const struct import_format *const formats[] = {
-    &import_zarr,       &import_dicom,     &import_tiff_stack, &import_image_stack, &import_nrrd,
-    &import_nifti,      &import_metaimage, &import_pvm,        &import_vdb,         &import_ply,
-    &import_collection, &import_vtk,       &import_vtk_xml,    &import_spz,         &import_csv,
-    &import_mesh,       &import_amira,     &import_vol,        &import_netcdf,      &import_hdf5,
-    &import_plot3d,     &import_raw
+    &import_zarr,   &import_dicom, &import_tiff_stack, &import_image_stack, &import_nrrd,
+    &import_mrc,    &import_gipl,  &import_nifti,      &import_metaimage,   &import_pvm,
+    &import_vdb,    &import_ply,   &import_collection, &import_vtk,         &import_vtk_xml,
+    &import_spz,    &import_csv,   &import_mesh,       &import_amira,       &import_vol,
+    &import_netcdf, &import_hdf5,  &import_plot3d,     &import_raw
 };
 
 bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown) {
@@ -40,7 +40,8 @@ const struct import_format *import_format_find(const uint8_t *start, size_t size
     import_fail(
         err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
         "unknown file format; supported are NRRD (.nrrd, .nhdr), DICOM (.dcm), NIfTI (.nii, "
-        ".nii.gz, .hdr), MetaImage (.mhd, .mha), PVM (.pvm), OpenVDB (.vdb), Zarr and OME-Zarr "
+        ".nii.gz, .hdr), MetaImage (.mhd, .mha), MRC and CCP4 (.mrc, .map), GIPL (.gipl), PVM "
+        "(.pvm), OpenVDB (.vdb), Zarr and OME-Zarr "
         "(folders, .zarr), HDF5 (.h5), NetCDF (.nc), Amira (.am), .vol, .vgi, VTK (.vtk, .vti, "
         ".vtr, .vts, .vtu, .vtp, .pvd, .series), raw samples with a JSON sidecar (.json), stacks "
         "of images (.tif, .png, .jpg), points and Gaussians (.ply, .spz, .csv), PLOT3D (.xyz, "

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * MetaImage: lines "Key = value", then the samples (.mha), or the names of their files (.mhd). The
- * header parser is our own: the library, MetaIO, comes with ITK or VTK alone, and opens any file
- * that a header names.
+ * header parser is our own: MetaIO, which comes with ITK or VTK, opens any file that a header
+ * names, holds a packed file in memory beside the samples, and reads MET_LONG of 8 bytes wrongly
+ * without an error.
  *
  *   lines ─► values by key ─► grid, type, data files ─► samples.c
  */
@@ -235,12 +236,17 @@ static bool take_geometry(const struct parsing *p) {
         !take_numbers(p, OFFSET, p->dimensions, origin) || !take_directions(p))
         return false;
     for (int axis = 0; axis < 3; axis++) {
-        p->header->grid.spacing[axis] = spacing[axis];
+        p->header->grid.spacing[axis] = fabs(spacing[axis]);
         p->header->grid.origin[axis] = origin[axis];
+        for (int row = 0; row < 3 && spacing[axis] < 0; row++) /* ITK turns the axis around, too */
+            p->header->grid.direction[row][axis] = 0 - p->header->grid.direction[row][axis];
     }
     if (p->header->steps.count > 1)
         import_header_use_interval(p->header, origin[3], spacing[3], "");
-    snprintf(p->header->unit, sizeof p->header->unit, "%s", p->values[UNIT] ? p->values[UNIT] : "");
+    /* ITK's world is in mm, and so are the files of its users. */
+    const char *unit = p->values[UNIT] ? p->values[UNIT] : "";
+    snprintf(p->header->unit, sizeof p->header->unit, "%s",
+             *unit && strcmp(unit, "?") != 0 ? unit : "mm");
     /* The letters name the axes of the samples. The world of a patient is always that of DICOM. */
     if (p->values[ANATOMY] && strlen(p->values[ANATOMY]) == 3 &&
         sp_anatomy_is_valid(p->values[ANATOMY]))
@@ -249,6 +255,11 @@ static bool take_geometry(const struct parsing *p) {
 }
 
 /* The samples. */
+
+static uint64_t count_samples(const struct parsing *p) { /* of all time steps */
+    const uint32_t *dims = p->header->grid.dims;
+    return (uint64_t)dims[0] * dims[1] * dims[2] * p->header->steps.count;
+}
 
 static bool find_number(const struct parsing *p, struct import_number *number) {
     static const struct {
@@ -276,6 +287,20 @@ static bool find_number(const struct parsing *p, struct import_number *number) {
                   value ? value : "");
 }
 
+/* MetaIO's long has 4 bytes. Programs that wrote that of their machine may have used 8, which the
+ * size of a file tells. Of packed or text samples it does not. */
+static void widen_long(const struct parsing *p, uint64_t bytes) {
+    const char *type = p->values[ELEMENT_TYPE];
+    const struct import_samples *s = p->samples;
+    const bool is_long = strncmp(type, "MET_LONG", 8) == 0 || strncmp(type, "MET_ULONG", 9) == 0;
+    if (!is_long || s->number.size != 4 || s->count > 0 || s->encoding != IMPORT_RAW ||
+        p->file->size != s->start + s->skip_bytes + 2 * bytes)
+        return;
+    p->samples->number.size = 8;
+    import_warn(p->file->warnings, "%s has 8 bytes per number in this file; it should have 4.",
+                type);
+}
+
 /* Three floating-point numbers are a vector, three or four bytes a colour. */
 static bool take_type(const struct parsing *p) {
     struct import_samples *s = p->samples;
@@ -285,6 +310,7 @@ static bool take_type(const struct parsing *p) {
         return false;
     if (p->values[CHANNELS] && !import_integer(p->values[CHANNELS], 1, CHANNELS_MAX, &channels))
         return refuse(p, SP_ERR_FORMAT, CHANNELS, "must be in [1, %d]", CHANNELS_MAX);
+    widen_long(p, count_samples(p) * (uint64_t)channels * s->number.size);
     *c = import_conversion_of(s->number, p->file->warnings);
     c->components = (unsigned)channels;
     s->is_vectors = channels == 3 && s->number.kind == IMPORT_FLOAT;
@@ -338,38 +364,37 @@ static bool take_files(const struct parsing *p) {
         return refuse(p, SP_ERR_FORMAT, DATA_FILE, "names no file");
     if (strcasecmp(value, "LOCAL") == 0)
         return true;
-    const bool is_list = strncasecmp(value, "LIST", 4) == 0;
+    /* A number of axes may follow, for example "LIST 3D". Their product gives the same. */
+    const bool is_list = strncasecmp(value, "LIST", 4) == 0 && strchr(" \t", value[4]);
     if (!is_list && !import_pattern_parse(value, &pattern))
         return add_file(p, value);
     if (!(is_list ? take_list(p) : take_pattern(p, &pattern)))
         return false;
-    const uint32_t slices = p->header->grid.dims[2];
-    if (p->header->steps.count > 1)
-        return refuse(p, SP_ERR_UNSUPPORTED, DATA_FILE,
-                      "several files for a series of time steps are not supported");
-    return p->samples->count == slices ||
-           refuse(p, SP_ERR_FORMAT, DATA_FILE, "names %zu files for %" PRIu32 " slices",
-                  p->samples->count, slices);
+    const uint64_t slices = p->header->grid.dims[2], steps = p->header->steps.count;
+    const uint64_t count = p->samples->count;
+    return count == slices * steps || count == steps ||
+           refuse(p, SP_ERR_FORMAT, DATA_FILE,
+                  "names %" PRIu64 " files for %" PRIu64 " slices in %" PRIu64 " steps", count,
+                  slices, steps);
 }
 
 static bool take_encoding(const struct parsing *p) {
     struct import_samples *s = p->samples;
     long long size = 0;
-    if (p->values[BINARY] && !is_true(p, BINARY))
-        return refuse(p, SP_ERR_UNSUPPORTED, BINARY,
-                      "samples as text are not supported; save them as binary data");
     if (p->values[HEADER_SIZE] &&
         !import_integer(p->values[HEADER_SIZE], -1, INT64_C(1) << 48, &size))
         return refuse(p, SP_ERR_FORMAT, HEADER_SIZE, "must be in [-1, 2^48]");
     s->big_endian = is_true(p, BIG_ENDIAN_DATA);
-    s->gzip = is_true(p, COMPRESSED);
-    if (s->gzip && size != 0)
-        return refuse(p, SP_ERR_UNSUPPORTED, HEADER_SIZE, "must be 0 for packed samples");
+    s->encoding = is_true(p, COMPRESSED)                     ? IMPORT_GZIP
+                  : p->values[BINARY] && !is_true(p, BINARY) ? IMPORT_TEXT
+                                                             : IMPORT_RAW;
+    if (s->encoding != IMPORT_RAW && size != 0)
+        return refuse(p, SP_ERR_UNSUPPORTED, HEADER_SIZE, "must be 0 for packed samples and text");
     if (size > 0 && s->count == 0)
         s->start = 0; /* it counts from the start of the file */
     s->skip_bytes = size > 0 ? (uint64_t)size : 0;
     s->from_end = size < 0;
-    s->rest_ignored = size > 0;
+    s->rest = size > 0 ? IMPORT_REST_IGNORED : IMPORT_REST_WARNED;
     return true;
 }
 
@@ -378,14 +403,15 @@ static bool take_all(struct parsing *p) {
     s->file = p->file;
     s->field = "DimSize";
     import_header_init(p->header);
-    if (!read_text(p) || !read_lines(p) || !take_dims(p) || !take_geometry(p) || !take_type(p) ||
-        !take_files(p) || !take_encoding(p) ||
+    if (!read_text(p) || !read_lines(p) || !take_dims(p) || !take_geometry(p) || !take_files(p) ||
+        !take_encoding(p) || !take_type(p) ||
         !sp_grid_check(&p->header->grid, p->header->type, p->file->shown, &p->header->bytes,
                        p->err))
         return false;
     s->bytes = p->header->bytes / sp_type_size(p->header->type) * p->conversion->components *
                s->number.size;
-    import_samples_choose_step(s, p->header->steps.count, p->file->step);
+    if (!import_samples_choose_block(s, p->header->steps.count, p->file->step))
+        return refuse(p, SP_ERR_FORMAT, DATA_FILE, "names files that hold no whole slices");
     return import_samples_check(s, p->err);
 }
 

@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * NRRD, attached and detached, raw and gzip. nrrd_header.c parses the header; samples.c reads the
- * samples straight to their place and counts every byte.
+ * NRRD, attached and detached, in every encoding but zrl. nrrd_header.c parses the header;
+ * samples.c reads the samples straight to their place and counts every byte.
+ *
+ * ITK's reader (NrrdIO) is no replacement: it cannot read a part of a file, so that one time step
+ * needs the memory of the whole series; it lacks bzip2 and the units; it reads axis mins and maxs
+ * as spacing 1.
  */
 #include <inttypes.h>
 #include <math.h>
@@ -28,7 +32,7 @@ struct parsing {
 
 struct nrrd {
     struct import_samples samples;
-    struct import_conversion conversion; /* of steps that alternate in the file */
+    struct import_conversion conversion;
 };
 
 #define REFUSE(p, code, field, ...)                                                                \
@@ -55,18 +59,25 @@ static bool take_spacings(const struct parsing *p) {
         double *spacing = &p->header->grid.spacing[i], n = (double)h->sizes[axis];
         bool cell = h->is_cell[axis];
         if (h->value[NRRD_SPACINGS]) {
-            if (!isfinite(h->spacing[axis]))
-                return REFUSE(p, SP_ERR_FORMAT, NRRD_SPACINGS,
-                              "the spacing of axis %u is not a number; correct it, or remove the "
-                              "field for a spacing of 1",
+            if (isinf(h->spacing[axis]))
+                return REFUSE(p, SP_ERR_FORMAT, NRRD_SPACINGS, "the spacing of axis %u is infinite",
                               axis);
-            *spacing = h->spacing[axis];
+            if (isnan(h->spacing[axis])) /* how NRRD says that it is unknown */
+                import_warn(p->file->warnings,
+                            "The spacing of axis %u is unknown (spacings: NaN); it is taken as 1.",
+                            axis);
+            else
+                *spacing = h->spacing[axis];
         } else if (isfinite(h->min[axis]) && isfinite(h->max[axis]) &&
                    (cell || h->sizes[axis] > 1)) {
             *spacing = (h->max[axis] - h->min[axis]) / (cell ? n : n - 1);
         }
         if (isfinite(h->min[axis]))
             p->header->grid.origin[i] = h->min[axis] + (cell ? *spacing / 2 : 0);
+        if (*spacing < 0) {
+            *spacing = -*spacing;
+            p->header->grid.direction[i][i] = -1;
+        }
     }
     return true;
 }
@@ -126,10 +137,11 @@ static bool take_geometry(const struct parsing *p) {
     if (!(directed ? take_directions(p) : take_spacings(p)))
         return false;
     if (p->text->value[NRRD_SPACE_ORIGIN])
-        memcpy(p->header->grid.origin, p->text->origin, p->text->space * sizeof(double));
+        memcpy(p->header->grid.origin, p->text->origin,
+               (p->text->space < 3 ? p->text->space : 3) * sizeof(double));
     memcpy(p->header->unit, p->text->unit, sizeof p->header->unit);
     take_sample_units(p);
-    if (p->text->value[NRRD_MEASUREMENT_FRAME] && p->text->has_vectors)
+    if (p->text->value[NRRD_MEASUREMENT_FRAME] && p->text->vectors >= 0)
         memcpy(p->header->frame, p->text->frame, sizeof p->header->frame);
     if (directed && p->text->anatomy[0]) /* the space names the axes of the vectors */
         import_header_set_anatomy(p->header, p->text->anatomy);
@@ -147,13 +159,13 @@ static bool take_skips(const struct parsing *p) {
     if (p->text->value[NRRD_BYTE_SKIP]) {
         if (!import_integer(p->text->value[NRRD_BYTE_SKIP], -1, INT64_C(1) << 48, &n))
             return REFUSE(p, SP_ERR_FORMAT, NRRD_BYTE_SKIP, "must be in [-1, 2^48]");
-        if (n < 0 && s->gzip)
+        if (n < 0 && s->encoding != IMPORT_RAW)
             return REFUSE(p, SP_ERR_FORMAT, NRRD_BYTE_SKIP,
                           "-1 (the last bytes of the file) needs encoding raw");
         s->from_end = n < 0;
         s->skip_bytes = n < 0 ? 0 : (uint64_t)n;
     }
-    s->rest_ignored = s->skip_lines > 0 || s->skip_bytes > 0;
+    s->rest = s->skip_lines > 0 || s->skip_bytes > 0 ? IMPORT_REST_IGNORED : IMPORT_REST_WARNED;
     return true;
 }
 
@@ -269,44 +281,82 @@ static enum nrrd_field field_at_fault(const struct parsing *p) {
     }
 }
 
-/* Steps follow one another in the file, or their samples alternate. */
-static bool take_step(const struct parsing *p) {
+/* The number of the step or component that is read, along an axis. */
+static uint64_t chosen_of(const struct parsing *p, unsigned axis, unsigned component) {
+    const enum nrrd_role role = p->text->role[axis];
+    return role == NRRD_TIME                              ? p->file->step
+           : role == NRRD_COLOR || role == NRRD_COMPONENT ? component
+                                                          : 0;
+}
+
+/* Axes before those of the volume alternate in the file, axes behind them follow one another. */
+static bool take_blocks(const struct parsing *p, unsigned component) {
+    const struct nrrd_header *h = p->text;
     struct import_samples *s = p->samples;
-    const unsigned axis = p->text->is_planar ? p->text->dimension - 1 : 0;
-    const uint32_t steps = (uint32_t)p->text->sizes[axis];
-    if (!import_header_use_steps(p->header, p->file, steps, p->err))
-        return false;
-    if (s->count > 1 && steps > 1)
-        return REFUSE(p, SP_ERR_UNSUPPORTED, NRRD_DATA_FILE,
-                      "several files for a series of time steps are not supported");
-    if (steps > 1)
-        import_header_use_interval(p->header, isfinite(p->text->min[axis]) ? p->text->min[axis] : 0,
-                                   p->text->spacing[axis], p->text->time_unit);
-    if (p->text->is_planar) {
-        s->bytes /= steps;
-        import_samples_choose_step(s, steps, p->file->step);
-        return true;
+    struct import_conversion *c = p->conversion;
+    uint64_t components = 1, blocks = 1, number = 0, block = 0;
+    for (unsigned axis = h->dimension; axis-- > 0;) {
+        if (h->role[axis] == NRRD_PART || h->role[axis] == NRRD_DOMAIN ||
+            h->role[axis] == NRRD_VECTOR)
+            continue;
+        uint64_t *count = axis < h->first ? &components : &blocks;
+        uint64_t *chosen = axis < h->first ? &number : &block;
+        *count *= h->sizes[axis];
+        *chosen = *chosen * h->sizes[axis] + chosen_of(p, axis, component);
     }
-    *p->conversion = import_conversion_of(s->number, p->file->warnings);
-    p->conversion->components = steps;
-    p->conversion->component = p->file->step;
-    s->conversion = p->conversion;
+    if (components * s->number.size > IMPORT_STREAM_CHUNK)
+        return REFUSE(p, SP_ERR_UNSUPPORTED, NRRD_SIZES,
+                      "%" PRIu64 " numbers per sample are too many", components);
+    c->components = (unsigned)components;
+    c->component = (unsigned)number;
+    s->is_vectors = h->vectors >= 0;
+    s->is_planar = h->vectors >= (int)(h->first + h->axes);
+    s->conversion = s->is_vectors || import_conversion_is_copy(c) ? NULL : c;
+    s->bytes = p->header->bytes / sp_type_size(p->header->type) * components * s->number.size;
+    s->bytes *= s->is_vectors ? 3 : 1;
+    return import_samples_choose_block(s, blocks, block) ||
+           REFUSE(p, SP_ERR_UNSUPPORTED, NRRD_DATA_FILE,
+                  "a file holds parts of several time steps or components");
+}
+
+static bool take_steps(const struct parsing *p) {
+    const struct nrrd_header *h = p->text;
+    const int axis = h->time;
+    if (axis < 0)
+        return true;
+    if (!import_header_use_steps(p->header, p->file, h->sizes[axis], p->err))
+        return false;
+    if (h->sizes[axis] > 1)
+        import_header_use_interval(p->header, isfinite(h->min[axis]) ? h->min[axis] : 0,
+                                   h->spacing[axis], h->time_unit);
     return true;
+}
+
+/* What the samples are. Returns the number of the component that is read. */
+static unsigned take_values(const struct parsing *p) {
+    const struct nrrd_header *h = p->text;
+    const char *name = h->value[NRRD_CONTENT] ? h->value[NRRD_CONTENT] : "";
+    *p->conversion = import_conversion_of(h->number, p->file->warnings);
+    p->header->type = p->conversion->type;
+    if (h->vectors >= 0) {
+        import_header_add_vectors(p->header, name);
+        import_header_use_vectors(p->header, p->file->field);
+    } else if (h->components >= 0 && h->sizes[h->components] > 1) {
+        return import_header_choose_component(p->header, p->file->field,
+                                              (unsigned)h->sizes[h->components],
+                                              h->role[h->components] == NRRD_COLOR);
+    } else {
+        import_name(p->header->value_name, name);
+    }
+    return 0;
 }
 
 static bool build(const struct parsing *p) {
     struct import_samples *s = p->samples;
-    const char *name = p->text->value[NRRD_CONTENT] ? p->text->value[NRRD_CONTENT] : "";
-    if (p->text->has_vectors) {
-        import_header_add_vectors(p->header, name);
-        import_header_use_vectors(p->header, p->file->field);
-    } else {
-        p->header->type = (enum sp_type)p->text->type;
-        import_name(p->header->value_name, name);
-    }
-    s->gzip = p->text->gzip;
+    const unsigned component = take_values(p);
+    s->encoding = p->text->encoding;
     s->big_endian = p->text->big_endian;
-    if (!take_geometry(p) || !take_skips(p) || !take_data_files(p))
+    if (!take_geometry(p) || !take_steps(p) || !take_skips(p) || !take_data_files(p))
         return false;
     char place[SP_ERROR_PLACE];
     enum nrrd_field field = field_at_fault(p);
@@ -315,13 +365,8 @@ static bool build(const struct parsing *p) {
         return false;
     s->file = p->file;
     s->number = p->text->number;
-    s->is_vectors = p->text->has_vectors;
-    s->is_planar = p->text->is_planar;
-    s->bytes = s->number.size;
-    for (unsigned axis = 0; axis < p->text->dimension; axis++)
-        s->bytes *= p->text->sizes[axis];
     s->field = "sizes";
-    return (!p->text->has_steps || take_step(p)) && import_samples_check(s, p->err);
+    return take_blocks(p, component) && import_samples_check(s, p->err);
 }
 
 static void *open_nrrd(const struct import_file *file, struct import_header *header,

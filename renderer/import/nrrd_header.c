@@ -199,14 +199,6 @@ bool nrrd_parse_whole(const char **text, uint64_t limit, uint64_t *out) {
     return *out <= limit;
 }
 
-static bool refuse_dimension(const struct import_file *file, struct nrrd_header *h, unsigned axes,
-                             struct sp_error *err) {
-    return nrrd_fail(err, SP_ERR_UNSUPPORTED, file, h, NRRD_DIMENSION,
-                     "%u axes; a volume has three, or two for a single slice, and vectors and time "
-                     "steps one more axis, of a kind such as vector or time",
-                     axes);
-}
-
 static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
                         struct sp_error *err) {
     static const enum nrrd_field needed[] = { NRRD_TYPE, NRRD_DIMENSION, NRRD_SIZES,
@@ -220,8 +212,11 @@ static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
     if (!nrrd_parse_whole(&text, 16, &number) || *text || number == 0)
         return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_DIMENSION,
                          "\"%.40s\" is not a number in [1, 16]", h->value[NRRD_DIMENSION]);
-    if (number < 2 || number > 4)
-        return refuse_dimension(file, h, (unsigned)number, err);
+    if (number < 2 || number > NRRD_AXES_MAX)
+        return nrrd_fail(err, SP_ERR_UNSUPPORTED, file, h, NRRD_DIMENSION,
+                         "%u axes; a volume has three, or two for a single slice, and at most one "
+                         "more each for components and time steps",
+                         (unsigned)number);
     h->dimension = (unsigned)number;
     text = h->value[NRRD_SIZES];
     for (unsigned axis = 0; axis < h->dimension; axis++) {
@@ -250,60 +245,57 @@ static bool parse_type(const struct import_file *file, struct nrrd_header *h,
     static const struct {
         const char *names[5];
         struct import_number number;
-        int type;
     } types[] = {
-        { { "signed char", "char", "int8", "int8_t" }, { IMPORT_SIGNED, 1 }, SP_INT8 },
-        { { "uchar", "unsigned char", "uint8", "uint8_t" }, { IMPORT_UNSIGNED, 1 }, SP_UINT8 },
+        { { "signed char", "char", "int8", "int8_t" }, { IMPORT_SIGNED, 1 } },
+        { { "uchar", "unsigned char", "uint8", "uint8_t" }, { IMPORT_UNSIGNED, 1 } },
         { { "short", "short int", "signed short", "signed short int", "int16" },
-          { IMPORT_SIGNED, 2 },
-          SP_INT16 },
-        { { "int16_t" }, { IMPORT_SIGNED, 2 }, SP_INT16 },
+          { IMPORT_SIGNED, 2 } },
+        { { "int16_t" }, { IMPORT_SIGNED, 2 } },
         { { "ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t" },
-          { IMPORT_UNSIGNED, 2 },
-          SP_UINT16 },
-        { { "int", "signed int", "int32", "int32_t" }, { IMPORT_SIGNED, 4 }, SP_INT32 },
-        { { "float" }, { IMPORT_FLOAT, 4 }, SP_FLOAT32 },
-        { { "double" }, { IMPORT_FLOAT, 8 }, SP_FLOAT64 },
-        { { "uint", "unsigned int", "uint32", "uint32_t" }, { IMPORT_UNSIGNED, 4 }, -1 },
+          { IMPORT_UNSIGNED, 2 } },
+        { { "int", "signed int", "int32", "int32_t" }, { IMPORT_SIGNED, 4 } },
+        { { "uint", "unsigned int", "uint32", "uint32_t" }, { IMPORT_UNSIGNED, 4 } },
         { { "longlong", "long long", "long long int", "signed long long", "signed long long int" },
-          { IMPORT_SIGNED, 8 },
-          -1 },
-        { { "int64", "int64_t" }, { IMPORT_SIGNED, 8 }, -1 },
+          { IMPORT_SIGNED, 8 } },
+        { { "int64", "int64_t" }, { IMPORT_SIGNED, 8 } },
         { { "ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t" },
-          { IMPORT_UNSIGNED, 8 },
-          -1 },
+          { IMPORT_UNSIGNED, 8 } },
+        { { "float" }, { IMPORT_FLOAT, 4 } },
+        { { "double" }, { IMPORT_FLOAT, 8 } },
     };
     const char *name = h->value[NRRD_TYPE];
-    h->type = -1;
     for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
         for (int n = 0; n < 5 && types[i].names[n]; n++)
-            if (strcasecmp(name, types[i].names[n]) == 0) {
+            if (strcasecmp(name, types[i].names[n]) == 0)
                 h->number = types[i].number;
-                h->type = types[i].type;
-            }
-    if (h->type < 0 && (strcasecmp(name, "block") == 0 || (h->number.size && !h->has_vectors)))
+    if (strcasecmp(name, "block") == 0)
         return REFUSE(SP_ERR_UNSUPPORTED, NRRD_TYPE,
-                      "%.40s samples are not supported; convert them to uint8, int8, "
-                      "uint16, int16, int32, float or double",
-                      name);
+                      "blocks of bytes have no values; save the samples as numbers");
     return h->number.size ||
            REFUSE(SP_ERR_FORMAT, NRRD_TYPE, "\"%.40s\" is not a sample type of NRRD", name);
 }
 
 static bool parse_encoding(const struct import_file *file, struct nrrd_header *h,
                            struct sp_error *err) {
-    static const char *const others[] = { "txt", "text", "ascii", "hex", "bzip2", "bz2", "zrl" };
+    static const struct {
+        const char *name;
+        enum import_encoding encoding;
+    } encodings[] = { { "raw", IMPORT_RAW },   { "gzip", IMPORT_GZIP }, { "gz", IMPORT_GZIP },
+                      { "bz2", IMPORT_BZIP2 }, { "txt", IMPORT_TEXT },  { "bzip2", IMPORT_BZIP2 },
+                      { "hex", IMPORT_HEX },   { "text", IMPORT_TEXT }, { "ascii", IMPORT_TEXT } };
     const char *name = h->value[NRRD_ENCODING], *endian = h->value[NRRD_ENDIAN];
-    h->gzip = strcasecmp(name, "gzip") == 0 || strcasecmp(name, "gz") == 0;
-    if (!h->gzip && strcasecmp(name, "raw") != 0) {
-        for (size_t i = 0; i < sizeof others / sizeof others[0]; i++)
-            if (strcasecmp(name, others[i]) == 0)
-                return REFUSE(SP_ERR_UNSUPPORTED, NRRD_ENCODING,
-                              "%.40s is not supported; write the file as raw or gzip", name);
-        return REFUSE(SP_ERR_FORMAT, NRRD_ENCODING, "\"%.40s\" is not an encoding of NRRD", name);
-    }
+    size_t i = 0;
+    while (i < sizeof encodings / sizeof *encodings && strcasecmp(name, encodings[i].name) != 0)
+        i++;
+    if (i == sizeof encodings / sizeof *encodings)
+        return strcasecmp(name, "zrl") == 0
+                   ? REFUSE(SP_ERR_UNSUPPORTED, NRRD_ENCODING,
+                            "zrl is not supported; write the file as raw or gzip")
+                   : REFUSE(SP_ERR_FORMAT, NRRD_ENCODING, "\"%.40s\" is not an encoding of NRRD",
+                            name);
+    h->encoding = encodings[i].encoding;
     if (!endian)
-        return h->number.size == 1 ||
+        return h->number.size == 1 || h->encoding == IMPORT_TEXT ||
                import_fail(err, SP_ERR_FORMAT, file->shown, h->byte[NRRD_TYPE], "endian",
                            "%.40s samples need this field: little or big", h->value[NRRD_TYPE]);
     h->big_endian = strcasecmp(endian, "big") == 0;
@@ -324,7 +316,7 @@ bool nrrd_parse_number(const char **text, const char *stops, double *out) {
 
 /* A number per axis. A missing field leaves `out` as it is. */
 static bool parse_numbers(const struct import_file *file, struct nrrd_header *h,
-                          enum nrrd_field field, double out[4], struct sp_error *err) {
+                          enum nrrd_field field, double out[NRRD_AXES_MAX], struct sp_error *err) {
     const char *text = h->value[field];
     unsigned count = 0;
     if (!text)
@@ -338,97 +330,36 @@ static bool parse_numbers(const struct import_file *file, struct nrrd_header *h,
                             h->dimension);
 }
 
-/* The next word of a list; false at the end. A word of more than 63 bytes is cut. */
-static bool next_word(const char **text, char word[64]) {
-    const char *start = nrrd_skip_blanks(*text);
-    size_t size = strcspn(start, " \t");
-    snprintf(word, 64, "%.*s", (int)(size < 63 ? size : 63), start);
-    *text = start + size;
-    return size > 0;
-}
-
-static bool is_unknown(const char *word) {
-    return strcmp(word, "???") == 0 || strcasecmp(word, "none") == 0;
-}
-
 /* "cell", "node" or unknown per axis. */
-static bool take_center(struct nrrd_header *h, unsigned axis, const char *word) {
-    h->is_cell[axis] = strcasecmp(word, "cell") == 0;
-    return h->is_cell[axis] || strcasecmp(word, "node") == 0 || is_unknown(word);
-}
-
-/* The axis of the components of vectors, or of time steps, is the first or the last one. */
-static bool take_kind(const struct import_file *file, struct nrrd_header *h, unsigned axis,
-                      const char *word, struct sp_error *err) {
-    static const char *const vectors[] = { "vector",   "covariant-vector", "normal",
-                                           "3-vector", "3-gradient",       "3-normal" };
-    if (is_unknown(word) || strcasecmp(word, "domain") == 0 || strcasecmp(word, "space") == 0)
-        return true;
-    const bool is_time = strcasecmp(word, "time") == 0 || strcasecmp(word, "list") == 0;
-    bool is_vector = false;
-    for (size_t i = 0; i < sizeof vectors / sizeof vectors[0]; i++)
-        is_vector |= strcasecmp(word, vectors[i]) == 0;
-    if (!is_vector && !is_time)
-        return REFUSE(SP_ERR_UNSUPPORTED, NRRD_KINDS,
-                      "axis %u is of kind %.40s; only scalars and vectors are supported%s", axis,
-                      word, strstr(word, "color") ? ", colours are not" : "");
-    if (h->has_vectors || h->has_steps || (axis > 0 && axis + 1 < h->dimension))
-        return REFUSE(SP_ERR_UNSUPPORTED, NRRD_KINDS,
-                      "axis %u is of kind %.40s; only the first or the last axis may be, and only "
-                      "one axis is of such a kind",
-                      axis, word);
-    if (is_vector && h->sizes[axis] != 3)
-        return REFUSE(SP_ERR_UNSUPPORTED, NRRD_KINDS,
-                      "axis %u is of kind %.40s and has %" PRIu64 " components instead of 3", axis,
-                      word, h->sizes[axis]);
-    h->has_vectors = is_vector;
-    h->has_steps = is_time;
-    h->is_planar = axis > 0;
-    return true;
-}
-
-static bool parse_words(const struct import_file *file, struct nrrd_header *h,
-                        enum nrrd_field field, struct sp_error *err) {
-    const char *text = h->value[field];
+static bool parse_centers(const struct import_file *file, struct nrrd_header *h,
+                          struct sp_error *err) {
+    const char *text = h->value[NRRD_CENTERS];
     char word[64];
     if (!text)
         return true;
     for (unsigned axis = 0; axis < h->dimension; axis++) {
-        if (!next_word(&text, word))
-            return REFUSE(SP_ERR_FORMAT, field, "has %u words instead of %u", axis, h->dimension);
-        if (field == NRRD_CENTERS && !take_center(h, axis, word))
-            return REFUSE(SP_ERR_FORMAT, field, "\"%.40s\" is neither cell nor node", word);
-        if (field == NRRD_KINDS && !take_kind(file, h, axis, word, err))
-            return false;
+        if (!nrrd_next_word(&text, word))
+            return REFUSE(SP_ERR_FORMAT, NRRD_CENTERS, "has %u words instead of %u", axis,
+                          h->dimension);
+        h->is_cell[axis] = strcasecmp(word, "cell") == 0;
+        if (!h->is_cell[axis] && strcasecmp(word, "node") != 0 && strcmp(word, "???") != 0 &&
+            strcasecmp(word, "none") != 0)
+            return REFUSE(SP_ERR_FORMAT, NRRD_CENTERS, "\"%.40s\" is neither cell nor node", word);
     }
-    return !next_word(&text, word) ||
-           REFUSE(SP_ERR_FORMAT, field, "has more than the %u words of the dimension",
+    return !nrrd_next_word(&text, word) ||
+           REFUSE(SP_ERR_FORMAT, NRRD_CENTERS, "has more than the %u words of the dimension",
                   h->dimension);
-}
-
-static bool parse_kinds(const struct import_file *file, struct nrrd_header *h,
-                        struct sp_error *err) {
-    if (!parse_words(file, h, NRRD_KINDS, err))
-        return false;
-    if (!h->value[NRRD_KINDS] && h->dimension == 4) { /* the axis without a direction is time */
-        const char *directions = h->value[NRRD_SPACE_DIRECTIONS];
-        h->has_steps = true;
-        h->is_planar = !directions || strncasecmp(directions, "none", 4) != 0;
-    }
-    h->first = (h->has_vectors || h->has_steps) && !h->is_planar;
-    h->axes = h->dimension - h->has_vectors - h->has_steps;
-    return (h->axes >= 2 && h->axes <= 3) || refuse_dimension(file, h, h->dimension, err);
 }
 
 static bool parse_fields(const struct import_file *file, struct nrrd_header *h,
                          struct sp_error *err) {
-    for (int axis = 0; axis < 4; axis++)
+    for (int axis = 0; axis < NRRD_AXES_MAX; axis++)
         h->spacing[axis] = h->min[axis] = h->max[axis] = NAN;
-    return parse_kinds(file, h, err) && parse_type(file, h, err) && parse_encoding(file, h, err) &&
-           parse_numbers(file, h, NRRD_SPACINGS, h->spacing, err) &&
+    return parse_type(file, h, err) && nrrd_kinds_read(file, h, err) &&
+           parse_encoding(file, h, err) && parse_numbers(file, h, NRRD_SPACINGS, h->spacing, err) &&
            parse_numbers(file, h, NRRD_AXIS_MINS, h->min, err) &&
-           parse_numbers(file, h, NRRD_AXIS_MAXS, h->max, err) &&
-           parse_words(file, h, NRRD_CENTERS, err) && nrrd_space_read(file, h, err);
+           parse_numbers(file, h, NRRD_AXIS_MAXS, h->max, err) && parse_centers(file, h, err) &&
+           nrrd_space_read(file, h, err);
 }
 
 bool nrrd_header_read(const struct import_file *file, struct nrrd_header *header,

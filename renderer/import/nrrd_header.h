@@ -10,8 +10,10 @@
 
 #include "import/format.h"
 #include "import/pattern.h"
+#include "import/stream.h"
 
 enum { NRRD_TEXT_MAX = 1 << 20, NRRD_VALUE_MAX = IMPORT_PATTERN_MAX }; /* bytes */
+enum { NRRD_AXES_MAX = 6 };
 
 /* The order is that of the table in nrrd_header.c. */
 enum nrrd_field {
@@ -49,6 +51,16 @@ enum nrrd_field {
     NRRD_FIELD_COUNT
 };
 
+enum nrrd_role { /* of an axis */
+                 NRRD_DOMAIN,
+                 NRRD_TIME,
+                 NRRD_VECTOR, /* x, y and z of vectors */
+                 NRRD_COLOR,
+                 NRRD_COMPONENT, /* other numbers of a sample */
+                 NRRD_PART,      /* of a complex number */
+                 NRRD_SINGLE,    /* one sample, without a meaning */
+};
+
 struct nrrd_header {
     char *text; /* owned; `value` and `list` point into it */
     size_t size;
@@ -58,22 +70,22 @@ struct nrrd_header {
     char *list; /* the lines after "data file: LIST", up to the end of the text, else NULL */
 
     struct import_number number;
-    int type; /* enum sp_type; -1 = no volume has such samples, but vectors may */
-    bool gzip, big_endian;
-    /* All axes of the file, of which one may hold the components of vectors, or the time steps. The
-     * others, from `first` on, are those of the volume. */
-    unsigned dimension; /* 2 to 4 */
-    bool has_vectors, has_steps;
-    bool is_planar;       /* the axis of components or steps is the last one, else the first */
+    enum import_encoding encoding;
+    bool big_endian;
+    /* The axes of the file. Those of the volume follow one another, from `first` on. Each of the
+     * other roles has one axis at most; −1 = none. */
+    unsigned dimension; /* [2, NRRD_AXES_MAX] */
+    enum nrrd_role role[NRRD_AXES_MAX];
     unsigned first, axes; /* axes: 2 or 3 */
-    uint64_t sizes[4];    /* [1, SP_DIM_MAX] each */
+    int time, vectors, components;
+    uint64_t sizes[NRRD_AXES_MAX]; /* [1, SP_DIM_MAX] each */
     /* Per axis of the file, NAN = not given. */
-    double spacing[4], min[4], max[4];
-    bool is_cell[4];        /* samples are centred in cells, not at nodes */
-    unsigned space;         /* dimension of the space: `axes` to 3, 0 = there is none */
-    double direction[4][3]; /* direction[axis], if `value` has space directions */
-    double origin[3];       /* if `value` has a space origin */
-    double frame[3][3];     /* columns, if `value` has a measurement frame and there are vectors */
+    double spacing[NRRD_AXES_MAX], min[NRRD_AXES_MAX], max[NRRD_AXES_MAX];
+    bool is_cell[NRRD_AXES_MAX]; /* samples are centred in cells, not at nodes */
+    unsigned space; /* dimension of the space: `axes` to 3, or 4 with the time; 0 = there is none */
+    double direction[NRRD_AXES_MAX][4]; /* direction[axis], if `value` has space directions */
+    double origin[4];                   /* if `value` has a space origin */
+    double frame[3][3]; /* columns, if `value` has a measurement frame and there are vectors */
     char unit[SP_UNIT_BYTES], time_unit[SP_UNIT_BYTES];
     char anatomy[4]; /* of the axes of the space; "" = the space is not anatomical */
 };
@@ -90,7 +102,14 @@ __attribute__((format(printf, 6, 7))) bool
 nrrd_fail(struct sp_error *err, enum sp_code code, const struct import_file *file,
           const struct nrrd_header *header, enum nrrd_field field, const char *format, ...);
 
-/* Shared by nrrd_header.c and nrrd_space.c. */
+/* Shared by nrrd_header.c, nrrd_kinds.c and nrrd_space.c. */
+
+/* Finds the roles of the axes. The type is known. */
+bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *header,
+                     struct sp_error *err);
+
+/* The next word of a list; false at the end. A word of more than 63 bytes is cut. */
+bool nrrd_next_word(const char **text, char word[64]);
 
 /* Reads the fields about the space, units included, once the axes are known. */
 bool nrrd_space_read(const struct import_file *file, struct nrrd_header *header,

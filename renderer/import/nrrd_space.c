@@ -59,16 +59,19 @@ static bool parse_space(const struct import_file *file, struct nrrd_header *h,
         for (const char *c = first; *c && *c != ')'; c++)
             space += *c == ',';
     }
-    if (space != 0 && (space > 3 || space < h->axes))
+    const bool has_time = space == 4 && h->time >= 0;
+    if (space != 0 && ((space > 3 && !has_time) || space < h->axes))
         return REFUSE(SP_ERR_UNSUPPORTED, field,
-                      "a space of %" PRIu64 " dimensions for %u axes; 3 are supported", space,
-                      h->axes);
+                      "a space of %" PRIu64
+                      " dimensions for %u axes; 3 are supported, and 4 with time "
+                      "steps",
+                      space, h->axes);
     h->space = (unsigned)space;
     return true;
 }
 
 /* "(1,0,0)", with `count` components. */
-static bool parse_vector(const char **text, unsigned count, double out[3]) {
+static bool parse_vector(const char **text, unsigned count, double *out) {
     const char *t = *text;
     if (*t != '(')
         return false;
@@ -79,6 +82,22 @@ static bool parse_vector(const char **text, unsigned count, double out[3]) {
         t = nrrd_skip_blanks(t + 1);
     }
     *text = t;
+    return true;
+}
+
+/* Of a space with the time, time has an axis of its own. */
+static bool split_time(const struct import_file *file, struct nrrd_header *h,
+                       struct sp_error *err) {
+    for (unsigned axis = 0; h->space == 4 && axis < h->dimension; axis++) {
+        const double *v = h->direction[axis];
+        const bool is_time = (int)axis == h->time;
+        if (is_time ? v[0] != 0 || v[1] != 0 || v[2] != 0 : v[3] != 0)
+            return REFUSE(SP_ERR_UNSUPPORTED, NRRD_SPACE_DIRECTIONS,
+                          "vector %u points along space and time; only one of them is supported",
+                          axis + 1);
+        if (is_time)
+            h->spacing[axis] = v[3];
+    }
     return true;
 }
 
@@ -104,6 +123,8 @@ static bool parse_directions(const struct import_file *file, struct nrrd_header 
     if (*text)
         return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS, "has more than %u vectors",
                       h->dimension);
+    if (!split_time(file, h, err))
+        return false;
     for (unsigned axis = h->first; axis < h->first + h->axes; axis++)
         if (isfinite(h->spacing[axis]) || isfinite(h->min[axis]) || isfinite(h->max[axis]))
             return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS,
@@ -126,6 +147,8 @@ static bool parse_origin(const struct import_file *file, struct nrrd_header *h,
     for (unsigned i = 0; i < h->space; i++)
         if (!isfinite(h->origin[i]))
             return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_ORIGIN, "number %u is not a number", i);
+    if (h->space == 4)
+        h->min[h->time] = h->origin[3];
     return true;
 }
 
@@ -153,8 +176,8 @@ static bool parse_units(const struct import_file *file, struct nrrd_header *h,
             return REFUSE(SP_ERR_FORMAT, field, "string %u has no closing quotation mark",
                           axis + 1);
         text = nrrd_skip_blanks(text + 1);
-        const bool is_time = field == NRRD_UNITS && !is_spatial(h, axis);
-        if (is_time && h->has_steps)
+        const bool is_time = field == NRRD_UNITS ? !is_spatial(h, axis) : axis == 3;
+        if (is_time && (field != NRRD_UNITS || (int)axis == h->time))
             snprintf(h->time_unit, sizeof h->time_unit, "%.*s", SP_UNIT_BYTES - 1, unit);
         if (n == 0 || is_time)
             continue;
@@ -173,9 +196,9 @@ static bool parse_units(const struct import_file *file, struct nrrd_header *h,
 static bool parse_frame(const struct import_file *file, struct nrrd_header *h,
                         struct sp_error *err) {
     const char *text = h->value[NRRD_MEASUREMENT_FRAME];
-    if (!text || !h->has_vectors)
+    if (!text || h->vectors < 0)
         return true;
-    if (h->space != 3)
+    if (h->space < 3)
         return REFUSE(SP_ERR_FORMAT, NRRD_MEASUREMENT_FRAME, "needs a space of 3 dimensions");
     for (unsigned column = 0; column < 3; column++) {
         double v[3];

@@ -219,7 +219,7 @@ static bool read_encoding(const struct sidecar *s) {
         !read_choice(s, "encoding", encodings, 2, &encoding))
         return false;
     s->samples->big_endian = order == 1;
-    s->samples->gzip = encoding == 1;
+    s->samples->encoding = encoding == 1 ? IMPORT_GZIP : IMPORT_RAW;
     return true;
 }
 
@@ -251,7 +251,7 @@ static bool read_file_name(const struct sidecar *s) {
     if (!json_is_integer(offset) || value < 0 || value > INT64_MAX / 2)
         return refuse(s, "offset", "must be a whole number of bytes, 0 or more");
     s->samples->skip_bytes = (uint64_t)value;
-    s->samples->rest_ignored = true;
+    s->samples->rest = IMPORT_REST_IGNORED;
     return true;
 }
 

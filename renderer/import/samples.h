@@ -6,20 +6,28 @@
 #define SP_IMPORT_SAMPLES_H
 
 #include "import/conversion.h"
+#include "import/stream.h"
 
-/* The limit of deflate: 258 bytes from two codes of one bit each. */
-enum { DEFLATE_RATIO_MAX = 1032 };
+/* Bytes of a file behind the samples. */
+enum import_rest {
+    IMPORT_REST_REFUSED, /* the header is wrong */
+    IMPORT_REST_WARNED,
+    IMPORT_REST_IGNORED, /* the samples are a part of a larger file */
+};
 
 struct import_samples {
     const struct import_file *file; /* for root and folder */
     char **names; /* owned: data files as the header names them, relative to file->folder */
     size_t count; /* 0 = the samples follow the header in file->fd itself */
-    bool gzip, big_endian;
-    bool rest_ignored; /* bytes may follow the samples: they are a part of a larger file */
-    bool from_end;     /* raw only: the samples are the last ones of each file */
-    uint64_t skip_bytes, skip_lines; /* in each file, lines first; gzip: bytes after unpacking */
-    uint64_t after_bytes;            /* of later time steps, behind the samples; after unpacking */
-    uint64_t start;                  /* count == 0: where the header ends */
+    enum import_encoding encoding;
+    bool big_endian;
+    enum import_rest rest;
+    bool from_end; /* raw only: the samples are the last ones of each file */
+    /* In each file, lines first. Bytes count after unpacking for GZIP and BZIP2, else in the file.
+     */
+    uint64_t skip_bytes, skip_lines;
+    uint64_t before_bytes, after_bytes; /* of other steps and components, decoded */
+    uint64_t start;                     /* count == 0: where the header ends */
     struct import_number number;
     bool is_vectors, is_planar;                 /* as in struct import_vectors */
     const struct import_conversion *conversion; /* of `number`; NULL = samples are the numbers */
@@ -30,9 +38,10 @@ struct import_samples {
 /* Frees names. */
 void import_samples_finish(struct import_samples *samples);
 
-/* Makes the samples those of one of `steps` time steps that follow one another in one file. Call it
- * when `bytes` and `skip_bytes` are known. */
-void import_samples_choose_step(struct import_samples *samples, uint32_t steps, uint32_t step);
+/* Makes the samples those of one of `blocks` equal blocks, such as time steps, that follow one
+ * another in one file or in all files. Call it once, when the files are known and `bytes` is that
+ * of one block. False if a file holds neither whole blocks nor a whole part of one. */
+bool import_samples_choose_block(struct import_samples *samples, uint64_t blocks, uint64_t block);
 
 /* Adds a data file; false when out of memory. */
 bool import_samples_add(struct import_samples *samples, const char *name, size_t length);

@@ -152,7 +152,7 @@ static bool take_dgtal(struct vol *v, char *text, struct import_header *header,
         return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, 0, "Voxel-Size",
                            "%g bytes are not supported; supported are 1, 2, 4 and 8", size);
     v->samples.start = (uint64_t)(end - text) + 3;
-    v->samples.gzip = version >= 3;
+    v->samples.encoding = version >= 3 ? IMPORT_GZIP : IMPORT_RAW;
     v->samples.big_endian = endian && strncmp(endian, "0", 1) != 0;
     v->samples.field = "X, Y, Z";
     return finish_header(v, (struct import_number){ IMPORT_UNSIGNED, (size_t)size }, 1, header,

@@ -99,6 +99,7 @@ THIRD_PARTY = [
     (r'png\.h', {'renderer/encode'}),
     (r'zstd', {'renderer/bricks', 'renderer/import', 'renderer/export'}),
     (r'zlib', {'renderer/import', 'renderer/export', 'server/http'}),
+    (r'bzlib', {'renderer/import'}),
     (r'sqlite3', {'server/store'}),
     (r'archive(_entry)?\.h', {'server/paths'}),
     (r'(ebml|matroska)/', {'server/paths'}),

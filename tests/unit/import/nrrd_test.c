@@ -307,10 +307,9 @@ static void the_faulty_field_is_named(void **state) {
     static const struct {
         const char *fields, *place, *text;
     } cases[] = {
-        { "spacings: -1 1 1\n", "byte 61: spacings", "spacing[0] is -1" },
         { "spacings: 1 1e300 1\n", "byte 61: spacings", "spacing[1]" },
         { "spacings: 1 1 1e-300\n", "byte 61: spacings", "spacing[2]" },
-        { "axis mins: 0 0 0\naxis maxs: -1 1 1\n", "byte 78: axis maxs", "spacing[0]" },
+        { "axis mins: 0 0 0\naxis maxs: 0 1 1\n", "byte 78: axis maxs", "spacing[0]" },
         { "axis mins: 1e15 0 0\nspacings: 1 1 1\n", "byte 61: axis mins", "origin[0] is 1e+15" },
         { "space directions: (1,0,0) (1,0,0) (0,0,1)\n", "byte 61: space directions", "singular" },
         { "space directions: (1e20,0,0) (0,1,0) (0,0,1)\n", "byte 61: space directions",
@@ -324,7 +323,7 @@ static void the_faulty_field_is_named(void **state) {
     }
     write_text("fault.nrrd", "NRRD0004\ntype: block\ndimension: 3\nsizes: 5 4 3\n"
                              "encoding: raw\n\n");
-    load_error("fault.nrrd", SP_ERR_UNSUPPORTED, "byte 9: type", "block samples");
+    load_error("fault.nrrd", SP_ERR_UNSUPPORTED, "byte 9: type", "blocks of bytes");
 }
 
 static void errors_explain_hostile_headers(void **state) {
@@ -350,9 +349,11 @@ static void errors_explain_hostile_headers(void **state) {
           SP_ERR_FORMAT, "dimension", "not a number in [1, 16]" },
         { "NRRD0004\ntype: uint8\ndimension: 1\nsizes: 60\nencoding: raw\n\n", SP_ERR_UNSUPPORTED,
           "dimension", "1 axes; a volume has three" },
-        { "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 5 4 3 1\nkinds: space space space space\n"
+        { "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 5 4 3 1\nkinds: time space time space\n"
           "encoding: raw\n\n",
-          SP_ERR_UNSUPPORTED, "dimension", "4 axes; a volume has three" },
+          SP_ERR_UNSUPPORTED, "kinds", "axis 2 lies between" },
+        { "NRRD0004\ntype: uint8\ndimension: 5\nsizes: 5 4 3 1 1\nencoding: raw\n\n",
+          SP_ERR_UNSUPPORTED, "dimension", "5 axes, 5 of them in space" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4\nencoding: raw\n\n", SP_ERR_FORMAT,
           "byte 34: sizes", "has 2 numbers instead of 3" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3 2\nencoding: raw\n\n", SP_ERR_FORMAT,
@@ -376,20 +377,14 @@ static void errors_explain_hostile_headers(void **state) {
           SP_ERR_FORMAT, "byte 71: sizes", "need 68719476736 bytes, the file has 60" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 6 4 3\nencoding: raw\n\n", SP_ERR_FORMAT,
           "byte 62: sizes", "need 72 bytes, the file has 60" },
-        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 3\nencoding: raw\n\n", SP_ERR_FORMAT,
-          "byte 110: sizes", "need 48 bytes, the file has 12 more" },
         { "NRRD0004\ntype: int4\ndimension: 3\nsizes: 5 4 3\nencoding: raw\n\n", SP_ERR_FORMAT,
           "byte 9: type", "int4" },
-        { "NRRD0004\ntype: uint32\ndimension: 3\nsizes: 5 4 3\nencoding: raw\nendian: little\n\n",
-          SP_ERR_UNSUPPORTED, "byte 9: type", "uint32 samples are not supported" },
-        { "NRRD0004\ntype: longlong\ndimension: 3\nsizes: 5 4 3\nencoding: raw\nendian: little\n\n",
-          SP_ERR_UNSUPPORTED, "type", "longlong samples are not supported" },
         { "NRRD0004\ntype: block\nblock size: 3\ndimension: 3\nsizes: 5 4 1\nendian: "
           "big\nencoding: raw\n\n",
-          SP_ERR_UNSUPPORTED, "type", "block samples" },
-        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: bzip2\n\n",
-          SP_ERR_UNSUPPORTED, "byte 47: encoding", "bzip2 is not supported" },
-        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: ascii\n\n",
+          SP_ERR_UNSUPPORTED, "type", "blocks of bytes" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: bzip2\n\n", SP_ERR_FORMAT,
+          "data", "bzip2 data is damaged" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: zrl\n\n",
           SP_ERR_UNSUPPORTED, "encoding", "raw or gzip" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: rot13\n\n", SP_ERR_FORMAT,
           "encoding", "rot13" },
@@ -397,22 +392,15 @@ static void errors_explain_hostile_headers(void **state) {
           "endian", "need this field" },
         { "NRRD0004\ntype: int16\ndimension: 3\nsizes: 5 3 2\nencoding: raw\nendian: middle\n\n",
           SP_ERR_FORMAT, "endian", "middle" },
-        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 nan 1\nencoding: raw\n\n",
-          SP_ERR_FORMAT, "byte 47: spacings", "axis 1 is not a number" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 0 1\nencoding: raw\n\n",
           SP_ERR_FORMAT, "", "spacing" },
-        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 -2 1\nencoding: raw\n\n",
-          SP_ERR_FORMAT, "", "spacing[1] is -2" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 inf 1\nencoding: raw\n\n",
           SP_ERR_FORMAT, "spacings", "" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 2\nencoding: raw\n\n",
           SP_ERR_FORMAT, "spacings", "" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nkinds: RGB-color domain domain\n"
           "encoding: raw\n\n",
-          SP_ERR_UNSUPPORTED, "kinds", "axis 0 is of kind RGB-color" },
-        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 3 4 5\nkinds: RGB-color domain domain\n"
-          "encoding: raw\n\n",
-          SP_ERR_UNSUPPORTED, "kinds", "axis 0 is of kind RGB-color" },
+          SP_ERR_FORMAT, "kinds", "axis 0 is of kind RGB-color and has 5 samples" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspace: left-posterior-superior\n"
           "space directions: none (1,0,0) (0,1,0)\nencoding: raw\n\n",
           SP_ERR_FORMAT, "space directions", "axis 0 has no direction" },
@@ -500,14 +488,14 @@ static void gzip_data_must_have_the_declared_size(void **state) {
     free(packed);
     packed = gzip(samples, bytes + 1, &size);
     write_both("g.nrrd", header, packed, size);
-    load_error("g.nrrd", SP_ERR_FORMAT, ": sizes", "more than the 1000000 bytes");
+    load_warns("g.nrrd", "g.nrrd has more data behind the samples");
     free(packed);
 
     /* A decompression bomb: 3 MB of zeros where the header declares 1 MB. */
     memset(samples, 0, 3000000);
     packed = gzip(samples, 3000000, &size);
     write_both("g.nrrd", header, packed, size);
-    load_error("g.nrrd", SP_ERR_FORMAT, ": sizes", "stopped there");
+    load_warns("g.nrrd", "They were not read: sizes or the type may be wrong");
     free(packed);
 
     /* Concatenated gzip members are one stream; bytes after the last member are ignored. */

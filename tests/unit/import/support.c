@@ -97,6 +97,18 @@ struct sp_volume *load_step(const char *name, uint32_t step) {
     return volume;
 }
 
+void load_warns(const char *name, const char *text) {
+    struct sp_volume *volume = load(name);
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    bool is_there = false;
+    for (int i = 0; i < SP_WARNINGS_MAX; i++)
+        is_there |= strstr(info->warnings[i], text) != NULL;
+    if (!is_there)
+        fail_msg("%s: no warning has \"%s\"; the first one is \"%s\"", name, text,
+                 info->warnings[0]);
+    sp_volume_unref(&volume);
+}
+
 void load_error(const char *name, enum sp_code code, const char *place, const char *text) {
     struct sp_load_options options = importer_options();
     struct sp_error err = { .text = "" };

@@ -37,6 +37,8 @@ void write_both(const char *name, const char *header, const void *bytes, size_t 
  * equal, and its place and text must contain the given ones. */
 struct sp_volume *load(const char *name);
 struct sp_volume *load_step(const char *name, uint32_t step);
+/* Loads it, and fails the test if no warning contains the text. */
+void load_warns(const char *name, const char *text);
 void load_error(const char *name, enum sp_code code, const char *place, const char *text);
 
 /* Returns options that name the splat-import of this build. */
