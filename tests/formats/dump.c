@@ -18,11 +18,17 @@ static void print_numbers(const char *name, const double *numbers, int count) {
     printf("],\n");
 }
 
-static void print_text(const char *name, const char *text) {
-    printf("\"%s\": \"", name);
+static void print_quoted(const char *text) {
+    putchar('"');
     for (; *text; text++)
         printf("%s%c", strchr("\"\\", *text) ? "\\" : "", *text);
-    printf("\",\n");
+    putchar('"');
+}
+
+static void print_text(const char *name, const char *text) {
+    printf("\"%s\": ", name);
+    print_quoted(text);
+    printf(",\n");
 }
 
 static void print_info(const struct sp_volume_info *info) {
@@ -46,6 +52,12 @@ static void print_info(const struct sp_volume_info *info) {
         snprintf(name, sizeof name, "other%d", i);
         print_text(name, info->others[i]);
     }
+    printf("\"warnings\": [");
+    for (int i = 0; i < SP_WARNINGS_MAX && info->warnings[i][0]; i++) {
+        printf("%s", i ? ", " : "");
+        print_quoted(info->warnings[i]);
+    }
+    printf("],\n");
     printf("\"steps\": %" PRIu32 ",\n", info->steps.count);
     if (info->steps.times)
         print_numbers("times", info->steps.times, (int)info->steps.count);

@@ -22,6 +22,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 PARTS = {'zarr_part': ['numpy', 'zarr', 'numcodecs'], 'arrays_part': ['numpy', 'h5py', 'netCDF4'],
          'tiff_part': ['numpy', 'tifffile'], 'medical_part': ['numpy', 'nibabel', 'pydicom'],
          'dicom_frames_part': ['numpy', 'pydicom'],
+         'volumes_part': ['numpy', 'nibabel', 'nrrd', 'mrcfile', 'SimpleITK'],
          'convert_part': ['numpy', 'nibabel', 'nrrd', 'zarr']}
 
 

@@ -1,0 +1,430 @@
+# SPDX-License-Identifier: Apache-2.0
+"""NRRD, NIfTI, MetaImage, MRC and GIPL: types, layouts, encodings and contradictions, against SimpleITK, nibabel, pynrrd and mrcfile.
+
+What these libraries cannot write is written here, byte by byte, and read by them where they can."""
+import bz2
+import gzip
+import os
+import struct
+import warnings
+import zlib
+
+import mrcfile
+import nibabel
+import nrrd
+import numpy
+import SimpleITK
+
+from ramp import ramp
+
+SHAPE = (3, 4, 5)  # z, y, x
+INTEGERS = ('i1', 'u1', 'i2', 'u2', 'i4', 'u4', 'i8', 'u8')
+REALS = INTEGERS + ('f4', 'f8')
+TURNED = numpy.array([[0, -2, 0, 10], [1.5, 0, 0, -20], [0, 0, 3, 30], [0, 0, 0, 1]])
+
+
+def values(dtype, shape=SHAPE):
+    """Samples that use the range of the type as far as float64 holds it."""
+    data = ramp(shape, 'f8')
+    kind, size = numpy.dtype(dtype).kind, numpy.dtype(dtype).itemsize
+    if kind == 'c':
+        return (data * 3 + 4j * data).astype(dtype)
+    if kind == 'f':
+        return (data / 8 - 10).astype(dtype)
+    scale = 2.0 ** min(8 * size - 8, 44)
+    return (data * scale - (128 * scale if kind == 'i' else 0)).astype(dtype)
+
+
+def shown(data):
+    """What a volume shows of them."""
+    return numpy.abs(data) if data.dtype.kind == 'c' else data
+
+
+def write(tool, name, header, payload=b''):
+    path = tool.path(name)
+    with open(path, 'wb') as file:
+        file.write(header.encode() + payload)
+    return path
+
+
+def warned(tool, path, word):
+    """A warning about the file has the word."""
+    info, _ = tool.dump(path)
+    tool.checks += 1
+    if info is not None and not any(word in text for text in info['warnings']):
+        tool.fail(path, f'no warning has "{word}": {info["warnings"]}')
+
+
+def like_itk(tool, path, step=0, is_ras=False, **wanted):
+    """The volume has the samples and the grid that SimpleITK gives."""
+    image = SimpleITK.ReadImage(path)
+    data = SimpleITK.GetArrayFromImage(image)
+    size = image.GetDimension()
+    direction = numpy.reshape(image.GetDirection(), (size, size))[:3, :3]
+    origin, spacing = image.GetOrigin()[:3], image.GetSpacing()[:3]
+    if is_ras:  # ITK's world is LPS
+        turn = numpy.diag([-1, -1, 1])
+        direction, origin = turn @ direction, turn @ origin
+    tool.equal(path, shown(data[step] if size == 4 else data), step, spacing=list(spacing), origin=list(origin),
+               direction=direction.ravel().tolist(), **wanted)
+
+
+# NRRD
+
+NAMES = {'i1': 'int8', 'u1': 'uchar', 'i2': 'short', 'u2': 'unsigned short', 'i4': 'int', 'u4': 'unsigned int', 'i8': 'long long int',
+         'u8': 'uint64', 'f4': 'float', 'f8': 'double'}
+
+
+def encode(data, encoding):
+    raw = data.tobytes()
+    text = ' '.join(str(v) for v in data.ravel()).encode()
+    return {'raw': raw, 'gzip': gzip.compress(raw), 'bzip2': bz2.compress(raw), 'hex': raw.hex().encode() + b'\n', 'ascii': text}[encoding]
+
+
+def nrrd_header(dtype, sizes, encoding='raw', fields='', endian=None):
+    endian = endian or ('big' if dtype[0] == '>' else 'little')
+    return (f'NRRD0004\ntype: {NAMES[dtype.lstrip("<>")]}\ndimension: {len(sizes)}\nsizes: {" ".join(map(str, sizes))}\n'
+            f'endian: {endian}\nencoding: {encoding}\n{fields}\n')
+
+
+def check_nrrd_types(tool):
+    for dtype in REALS:
+        for order, encoding in (('<', 'raw'), ('>', 'raw'), ('<', 'gzip'), ('>', 'bzip2'), ('>', 'hex'), ('<', 'ascii')):
+            data = values(order + dtype)
+            tool.equal(write(tool, 't.nrrd', nrrd_header(order + dtype, SHAPE[::-1], encoding), encode(data, encoding)), data)
+        nrrd.write(tool.path('n.nhdr'), values(dtype).T)  # detached, by pynrrd
+        tool.equal(tool.path('n.nhdr'), nrrd.read(tool.path('n.nhdr'))[0].T)
+        SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values(dtype)), tool.path('s.nrrd'), True)
+        like_itk(tool, tool.path('s.nrrd'))
+    big = numpy.full(SHAPE, 2 ** 53 + 1, 'i8')
+    warned(tool, write(tool, 'rounded.nrrd', nrrd_header('<i8', SHAPE[::-1]), big.tobytes()), '2^53')
+
+
+def check_nrrd_layouts(tool):
+    colours = values('u1', SHAPE + (3,))
+    for kinds in ('RGB-color domain domain domain', 'vector domain domain domain', '3-color space space space'):
+        path = write(tool, 'rgb.nrrd', nrrd_header('u1', (3,) + SHAPE[::-1], fields=f'kinds: {kinds}\n'), colours.tobytes())
+        for i, name in enumerate(('red', 'green', 'blue')):
+            tool.equal(f'{path}?field={name}', colours[..., i], name=name)
+    four = values('i2', SHAPE + (4,))
+    path = write(tool, 'four.nrrd', nrrd_header('<i2', (4,) + SHAPE[::-1], fields='kinds: vector domain domain domain\n'), four.tobytes())
+    tool.equal(f'{path}?field=component 3', four[..., 2])
+    path = write(tool, 'planar.nrrd', nrrd_header('<i2', SHAPE[::-1] + (4,), fields='kinds: domain domain domain 4-vector\n'), four.tobytes())
+    tool.equal(f'{path}?field=component 2', four.reshape((4,) + SHAPE)[1])
+    both = values('u1', (2,) + SHAPE + (3,))  # time, z, y, x, colour
+    path = write(tool, 'film.nrrd', nrrd_header('u1', (3,) + SHAPE[::-1] + (2,), fields='kinds: RGB-color domain domain domain time\n'),
+                 both.tobytes())
+    tool.equal(f'{path}?field=blue', both[1, ..., 2], step=1, steps=2)
+    steps = values('<i2', (4,) + SHAPE)
+    for kinds in ('domain domain domain list', 'domain domain domain time', 'domain domain domain domain'):
+        path = write(tool, 'steps.nrrd', nrrd_header('<i2', SHAPE[::-1] + (4,), fields=f'kinds: {kinds}\n'), steps.tobytes())
+        tool.equal(path, steps[2], step=2, steps=4)
+    for i in range(4):
+        steps[i].tofile(tool.path(f'part{i}.raw'))
+    path = write(tool, 'parts.nhdr', nrrd_header('<i2', SHAPE[::-1] + (4,), fields='data file: part%d.raw 0 3 1\n'))
+    tool.equal(path, steps[3], step=3, steps=4)
+    path = write(tool, 'first.nrrd', nrrd_header('<i2', (4,) + SHAPE[::-1], fields='kinds: list domain domain domain\n'), four.tobytes())
+    tool.equal(path, four[..., 1], step=1, steps=4)
+    parts = values('<c8')
+    path = write(tool, 'complex.nrrd', nrrd_header('<f4', (2,) + SHAPE[::-1], fields='kinds: complex domain domain domain\n'), parts.tobytes())
+    tool.equal(path, numpy.abs(parts))
+    warned(tool, path, 'magnitude')
+    image = SimpleITK.GetImageFromArray(steps, isVector=False)
+    image.SetSpacing((1, 2, 3, 0.5))
+    image.SetOrigin((7, 8, 9, 10))
+    SimpleITK.WriteImage(image, tool.path('four.nrrd'))
+    like_itk(tool, tool.path('four.nrrd'), step=2, steps=4, times=[10, 10.5, 11, 11.5])
+    vector = SimpleITK.GetImageFromArray(values('f4', SHAPE + (2,)), isVector=True)
+    SimpleITK.WriteImage(vector, tool.path('two.nrrd'))
+    tool.equal(tool.path('two.nrrd') + '?field=component 2', values('f4', SHAPE + (2,))[..., 1])
+
+
+def check_nrrd_headers(tool):
+    data = values('<i2')
+    sizes = SHAPE[::-1]
+    for fields in ('spacings: 1 -2 3\n', 'spacings: 1 NaN 3\n', 'space: RAS\nspace directions: (0,2,0) (-1,0,0) (0,0,3)\nspace origin: (7,8,9)\n',
+                   'space: LPS\nspace directions: (1,0,0) (0,-2,0) (0,0.5,3)\nspace origin: (1e9,8,-9e8)\n'):
+        path = write(tool, 'place.nrrd', nrrd_header('<i2', sizes, fields=fields), data.tobytes())
+        if '0.5' in fields:  # a sheared grid, which ITK refuses
+            tool.equal(path, data, origin=[1e9, 8, -9e8], spacing=[1, 2, numpy.hypot(0.5, 3)])
+        else:
+            like_itk(tool, path, is_ras='RAS' in fields)
+    warned(tool, write(tool, 'nan.nrrd', nrrd_header('<i2', sizes, fields='spacings: 1 NaN 3\n'), data.tobytes()), 'taken as 1')
+    tool.refused(write(tool, 'zero.nrrd', nrrd_header('<i2', sizes, fields='spacings: 1 0 3\n'), data.tobytes()), 'spacings', 'is 0')
+    warned(tool, write(tool, 'rest.nrrd', nrrd_header('<i2', sizes), data.tobytes() + b'rest'), '4 bytes behind')
+    like_itk(tool, tool.path('rest.nrrd'))
+    tool.refused(write(tool, 'cut.nrrd', nrrd_header('<i2', sizes), data.tobytes()[:-1]), 'cut off')
+    with open(tool.path('skip.raw'), 'wb') as file:
+        file.write(b'one\ntwo\nxyz' + data.tobytes())
+    for fields in ('byte skip: -1\n', 'line skip: 2\nbyte skip: 3\n'):
+        path = write(tool, 'skip.nhdr', nrrd_header('<i2', sizes, fields=fields + 'data file: skip.raw\n'))
+        like_itk(tool, path)
+    with open(tool.path('skip.raw.gz'), 'wb') as file:
+        file.write(gzip.compress(b'xyz' + data.tobytes()))
+    tool.equal(write(tool, 'skip.nhdr', nrrd_header('<i2', sizes, 'gzip', 'byte skip: 3\ndata file: skip.raw.gz\n')), data)
+    flat = write(tool, 'flat.nrrd', nrrd_header('<i2', sizes[:2]), data[0].tobytes())
+    tool.equal(flat, data[:1])
+
+
+# MetaImage
+
+META = {'i1': 'MET_CHAR', 'u1': 'MET_UCHAR', 'i2': 'MET_SHORT', 'u2': 'MET_USHORT', 'i4': 'MET_INT', 'u4': 'MET_UINT', 'i8': 'MET_LONG_LONG',
+        'u8': 'MET_ULONG_LONG', 'f4': 'MET_FLOAT', 'f8': 'MET_DOUBLE'}
+
+
+def meta_header(dtype, more='', data='LOCAL', dims=SHAPE[::-1]):
+    name = META.get(dtype.lstrip('<>'), dtype)
+    return (f'ObjectType = Image\nNDims = {len(dims)}\nDimSize = {" ".join(map(str, dims))}\nElementByteOrderMSB = {dtype[0] == ">"}\n'
+            f'{more}ElementType = {name}\nElementDataFile = {data}\n')
+
+
+def check_metaimage(tool):
+    for dtype in REALS:
+        for ending in ('mha', 'mhd'):
+            SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values(dtype)), tool.path(f's.{ending}'), ending == 'mhd')
+            like_itk(tool, tool.path(f's.{ending}'), unit='mm')
+        data = values('>' + dtype)
+        like_itk(tool, write(tool, 'big.mha', meta_header('>' + dtype), data.tobytes()))
+        text = write(tool, 'text.mha', meta_header(dtype, 'BinaryData = False\n'), encode(data, 'ascii') + b'\n')
+        tool.equal(text, data)
+    for size in (4, 8):
+        for name, kind in (('MET_LONG', 'i'), ('MET_ULONG', 'u')):
+            data = values(f'<{kind}{size}')
+            tool.equal(write(tool, 'long.mha', meta_header(name), data.tobytes()), data)
+    warned(tool, tool.path('long.mha'), '8 bytes per number')
+    data = values('<i2')
+    for more in ('ElementSpacing = 1 -2 3\n', 'ElementSize = 2 3 4\n', 'Position = 1 2 3\nTransformMatrix = 0 1 0 -1 0 0 0 0 1\n',
+                 'Origin = 1e7 2 -3\nElementSpacing = 0.001 0.002 1000\n', 'Offset = 1 2 3\nRotation = 0 0 1 0 1 0 1 0 0\n'):
+        like_itk(tool, write(tool, 'place.mha', meta_header('<i2', more), data.tobytes()), unit='mm')
+    for i in range(3):
+        data[i].tofile(tool.path(f'slice{i}.raw'))
+    for names in ('LIST\nslice0.raw\nslice1.raw\nslice2.raw', 'LIST 2D\nslice0.raw\nslice1.raw\nslice2.raw', 'slice%d.raw 0 2 1'):
+        tool.equal(write(tool, 'list.mhd', meta_header('<i2', data=names)), data)
+    data.tofile(tool.path('all.raw'))
+    data.tofile(tool.path('head.raw'))
+    with open(tool.path('head.raw'), 'wb') as file:
+        file.write(b'header' + data.tobytes())
+    for size in (-1, 6):
+        like_itk(tool, write(tool, 'head.mhd', meta_header('<i2', f'HeaderSize = {size}\n', 'head.raw')))
+    packed = write(tool, 'z.mha', meta_header('<i2', f'CompressedData = True\nCompressedDataSize = {len(zlib.compress(data.tobytes()))}\n'),
+                   zlib.compress(data.tobytes()))
+    like_itk(tool, packed)
+    for channels, names in ((3, ('red', 'green', 'blue')), (4, ('red', 'green', 'blue', 'alpha'))):
+        colours = values('u1', SHAPE + (channels,))
+        SimpleITK.WriteImage(SimpleITK.GetImageFromArray(colours, isVector=True), tool.path('rgb.mha'))
+        for i, name in enumerate(names):
+            tool.equal(tool.path('rgb.mha') + f'?field={name}', colours[..., i], name=name)
+    steps = values('<u2', (3,) + SHAPE)
+    image = SimpleITK.GetImageFromArray(steps, isVector=False)
+    for ending in ('mha', 'mhd'):
+        SimpleITK.WriteImage(image, tool.path(f'steps.{ending}'), ending == 'mha')
+        like_itk(tool, tool.path(f'steps.{ending}'), step=1, steps=3)
+    for i in range(3):
+        steps[i].tofile(tool.path(f'step{i}.raw'))
+    path = write(tool, 'steps.mhd', meta_header('<u2', data='LIST 3D\nstep0.raw\nstep1.raw\nstep2.raw', dims=SHAPE[::-1] + (3,)))
+    tool.equal(path, steps[2], step=2, steps=3)
+    tool.refused(write(tool, 'cut.mha', meta_header('<i2'), data.tobytes()[:-2]), 'cut off')
+
+
+# NIfTI
+
+def nifti_file(tool, data, name='n.nii', kind=nibabel.Nifti1Image, affine=TURNED, edits=(), tail=b''):
+    """Writes a file of nibabel, whose samples are x, y, z, …; `edits` then pack values at bytes of it."""
+    image = kind(data, affine, dtype=data.dtype)
+    image.set_qform(affine, 1)
+    path = tool.path(name)
+    image.to_filename(path)
+    with open(path, 'rb') as file:
+        content = bytearray(file.read())
+    for at, form, *numbers in edits:
+        struct.pack_into('<' + form, content, at, *numbers)
+    if edits or tail:
+        with open(path, 'wb') as file:
+            file.write(content + tail)
+    return path
+
+
+def place(affine):
+    """The grid of an affine map."""
+    spacing = numpy.linalg.norm(affine[:3, :3], axis=0)
+    return {'spacing': spacing.tolist(), 'direction': (affine[:3, :3] / spacing).ravel().tolist(), 'origin': affine[:3, 3].tolist()}
+
+
+def like_nibabel(tool, path, step=0, **wanted):
+    image = nibabel.load(path)
+    data = shown(numpy.asanyarray(image.dataobj))
+    data = data.reshape(data.shape + (1,) * (3 - data.ndim))
+    tool.equal(path, (data[..., step] if data.ndim == 4 else data).T, step, **place(image.affine), **wanted)
+
+
+def check_nifti_types(tool):
+    for dtype in REALS + ('c8', 'c16'):
+        for order in '<>':
+            data = values(order + dtype).T
+            for kind, ending in ((nibabel.Nifti1Image, 'nii'), (nibabel.Nifti2Image, 'nii.gz'), (nibabel.Nifti1Pair, 'hdr'),
+                                 (nibabel.Nifti2Pair, 'hdr')):
+                image = kind(data, TURNED, header=kind.header_class(endianness=order), dtype=data.dtype)
+                image.to_filename(tool.path(f't.{ending}'))
+                like_nibabel(tool, tool.path(f't.{ending}'))
+    for channels, names in (((('R', 'u1'), ('G', 'u1'), ('B', 'u1')), ('red', 'green', 'blue')),
+                            ((('R', 'u1'), ('G', 'u1'), ('B', 'u1'), ('A', 'u1')), ('red', 'green', 'blue', 'alpha'))):
+        colours = values('u1', SHAPE[::-1] + (len(names),))
+        nibabel.Nifti1Image(colours.view(numpy.dtype(list(channels)))[..., 0], TURNED).to_filename(tool.path('rgb.nii'))
+        for i, name in enumerate(names):
+            tool.equal(tool.path('rgb.nii') + f'?field={name}', colours[..., i].T, name=name)
+    for number, name in ((1, 'bits'), (1536, '16 bytes'), (2048, '16 bytes')):
+        tool.refused(nifti_file(tool, values('i2').T, edits=[(70, 'h', number)]), 'datatype', name)
+
+
+def check_nifti_shapes(tool):
+    for shape in ((5,), (5, 4), (5, 4, 3), (5, 4, 3, 2)):
+        like_nibabel(tool, nifti_file(tool, values('<i2', shape)))
+    data = values('<i2', (5, 4, 3, 2, 3))
+    path = nifti_file(tool, data)
+    tool.equal(f'{path}?field=component 2', data[..., 1, 1].T, step=1, steps=2)
+    data = values('<i2', (5, 4, 3, 1, 2, 2, 2))
+    tool.equal(nifti_file(tool, data) + '?field=component 7', data[:, :, :, 0, 0, 1, 1].T)
+    data = values('<i2', (5, 4, 3))
+    for dims in ((3, 5, 4, 3, 0, 0, 0, 0), (4, 5, 4, 3, 0, 1, 1, 1), (5, 5, 4, 3, 1, 1, 0, 0)):
+        tool.equal(nifti_file(tool, data, edits=[(40, '8h', *dims)]), data.T)
+    like_nibabel(tool, nifti_file(tool, data, tail=b'rest'))
+
+
+def check_nifti_scales(tool):
+    data = values('<i2', (5, 4, 3))
+    nan = float('nan')
+    for slope, inter in ((2, -1), (0.5, 0), (-1, 3), (1, 0), (0, 5), (nan, nan), (nan, 5), (0, nan), (float('inf'), 0)):
+        path = nifti_file(tool, data, edits=[(112, '2f', slope, inter)])
+        like_nibabel(tool, path)
+    path = nifti_file(tool, data, edits=[(112, '2f', 2, nan)])
+    tool.equal(path, 2.0 * data.T)
+    warned(tool, path, 'scl_inter')
+
+
+def turned(tool, path):
+    """The place is TURNED, to the accuracy of a quaternion in float32."""
+    info, _ = tool.dump(path)
+    tool.checks += 1
+    for key, value in place(TURNED).items():
+        if info and not numpy.allclose(info[key], value, rtol=1e-5, atol=1e-5):
+            tool.fail(path, f'{key} is {info[key]}, expected {value}')
+
+
+def check_nifti_places(tool):
+    data = values('<i2', (5, 4, 3))
+    zero, singular = [0.0] * 12, [1.0, 0, 0, 5, 0, 0, 0, 6, 0, 0, 1, 7]
+    for rows in (zero, singular, [float('nan')] * 12):
+        path = nifti_file(tool, data, edits=[(280, '12f', *rows)])
+        turned(tool, path)
+        warned(tool, path, 'sform')
+    turned(tool, nifti_file(tool, data, edits=[(252, '2h', 1, 0)]))
+    turned(tool, nifti_file(tool, data, edits=[(252, '2h', 0, 2)]))
+    turned(tool, nifti_file(tool, data, edits=[(256, '6f', *[float('nan')] * 6)]))
+    path = nifti_file(tool, data, edits=[(252, '2h', 0, 0)])
+    tool.equal(path, data.T, spacing=[1.5, 2, 3], origin=[0, 0, 0], anatomy='')
+    path = nifti_file(tool, data, edits=[(268, '3f', 0, 0, 0)])
+    turned(tool, path)  # the sform counts
+    warned(tool, path, 'differently')
+    for pixdim in ((1, -1.5, -2, -3, 0, 0, 0, 0), (-1, 1.5, 2, 3, 1, 1, 1, 1)):
+        like_nibabel(tool, nifti_file(tool, data, edits=[(76, '8f', *pixdim), (252, '2h', 1, 0)]))
+    path = nifti_file(tool, data, edits=[(76, '8f', 1, 0, 0, 0, 0, 0, 0, 0), (252, '2h', 0, 0)])
+    tool.equal(path, data.T, spacing=[1, 1, 1])
+    warned(tool, path, 'pixdim')
+    for code, unit in ((1, 'm'), (2, 'mm'), (3, 'um')):
+        tool.equal(nifti_file(tool, values('<i2', (5, 4, 3, 2)), edits=[(123, 'b', code | 16), (92, 'f', 250)]), values('<i2', (5, 4, 3, 2))[..., 1].T, step=1,
+                   unit=unit, time_unit='ms', times=[0, 250])
+
+
+def check_nifti_offsets(tool):
+    data = values('<i2', (5, 4, 3))
+    for offset in (0, 10, 348):
+        for packed in (False, True):
+            path = nifti_file(tool, data, edits=[(108, 'f', offset)])
+            if packed:
+                with open(path, 'rb') as file, gzip.open(path + '.gz', 'wb') as out:
+                    out.write(file.read())
+                path += '.gz'
+            tool.equal(path, data.T)
+            warned(tool, path, 'vox_offset')
+    path = nifti_file(tool, data, edits=[(108, 'f', 348)])
+    with open(path, 'rb') as file:
+        content = file.read()
+    path = write(tool, 'short.nii', '', content[:348] + content[352:])
+    tool.equal(path, data.T)
+    path = write(tool, 'far.nii', '', content[:108] + struct.pack('<f', 400) + content[112:352] + bytes(48) + content[352:])
+    like_nibabel(tool, path)
+    tool.refused(nifti_file(tool, data, edits=[(108, 'f', 1e6)]), 'cut off')
+    tool.refused(nifti_file(tool, data, edits=[(108, 'f', -5)]), 'vox_offset')
+    tool.refused(write(tool, 'cut.nii', '', content[:-1]), 'cut off')
+
+
+def check_analyze(tool):
+    data = values('<i2', (5, 4, 3))
+    for kind in (nibabel.AnalyzeImage, nibabel.Spm99AnalyzeImage):
+        image = kind(data, None)
+        image.header.set_zooms((1.5, 2, 3))
+        image.to_filename(tool.path('a.img'))
+        tool.equal(tool.path('a.hdr'), data.T, spacing=[1.5, 2, 3], unit='mm', anatomy='')
+        warned(tool, tool.path('a.hdr'), 'left and right')
+
+
+# MRC
+
+def check_mrc(tool):
+    for mode, dtype in ((0, 'i1'), (1, 'i2'), (2, 'f4'), (4, 'c8'), (6, 'u2'), (12, 'f2')):
+        for order in '<>':
+            for ending in ('mrc', 'map', 'rec', 'st', 'ccp4', 'mrcs', 'mrc.gz'):
+                if ending not in ('mrc', 'mrc.gz') and mode != 2:
+                    continue
+                path = tool.path(f'{mode}.{ending}')
+                data = values(order + dtype)
+                with mrcfile.new(path, overwrite=True, compression='gzip' if ending.endswith('gz') else None) as file:
+                    file.set_data(data)
+                    file.voxel_size = (0.75, 0.5, 2)
+                    file.header.origin.x, file.header.origin.y, file.header.origin.z = 1, 2, 3
+                    file.set_extended_header(numpy.zeros(40, 'V4'))
+                tool.equal(path, shown(data), spacing=[0.75, 0.5, 2], origin=[1, 2, 3], unit='angstrom')
+    path = tool.path('axes.mrc')
+    data = values('f4')
+    with mrcfile.new(path, overwrite=True) as file:
+        file.set_data(data)
+        file.voxel_size = (0.75, 0.5, 2)
+        file.header.mapc, file.header.mapr, file.header.maps = 3, 1, 2  # columns run along z
+        file.header.mx, file.header.my, file.header.mz = 4, 3, 5
+        file.header.cella = (3, 1.5, 10)
+        file.header.nxstart, file.header.nystart, file.header.nzstart = 1, 2, 3
+    tool.equal(path, data, spacing=[2, 0.75, 0.5], direction=[0, 1, 0, 0, 0, 1, 1, 0, 0], origin=[1.5, 1.5, 2])
+    volumes = values('f4', (2,) + SHAPE)
+    with mrcfile.new(tool.path('stack.mrc'), overwrite=True) as file:
+        file.set_data(volumes)
+    tool.equal(tool.path('stack.mrc'), volumes[1], step=1, steps=2)
+    tool.refused(write(tool, 'bad.mrc', '', bytes(1024)), 'no MRC file')
+    with open(path, 'rb') as file:
+        content = file.read()
+    tool.refused(write(tool, 'cut.mrc', '', content[:-1]), 'cut off')
+    tool.refused(write(tool, 'mode.mrc', '', content[:12] + struct.pack('<i', 101) + content[16:]), 'mode 101')
+
+
+def check_gipl(tool):
+    for dtype in ('i1', 'u1', 'i2', 'u2', 'f4', 'f8'):
+        image = SimpleITK.GetImageFromArray(values(dtype))
+        image.SetSpacing((0.5, 2, 3))
+        image.SetOrigin((7, 8, 9))
+        for ending in ('gipl', 'gipl.gz'):
+            try:
+                SimpleITK.WriteImage(image, tool.path(f'g.{ending}'))
+            except RuntimeError:  # ITK does not write this type
+                continue
+            like_itk(tool, tool.path(f'g.{ending}'), unit='mm')
+
+
+def check(tool):
+    warnings.simplefilter('ignore')
+    SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
+    for part in (check_nrrd_types, check_nrrd_layouts, check_nrrd_headers, check_metaimage, check_nifti_types, check_nifti_shapes,
+                 check_nifti_scales, check_nifti_places, check_nifti_offsets, check_analyze, check_mrc, check_gipl):
+        part(tool)
+        for name in os.listdir(tool.folder):
+            path = tool.path(name)
+            if os.path.isfile(path):
+                os.remove(path)
