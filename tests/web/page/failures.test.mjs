@@ -194,7 +194,7 @@ test('the page follows changes of another participant; a watching guest is told 
   await guest.page.goto(`${it.daemon.base}?session=${session.id}&token=${session.tokens.view}`);
   await firstFrame(guest.page);
   assert.equal(new URL(guest.page.url()).search, `?session=${session.id}`);
-  assert.ok(await guest.page.locator('#volumes-section').isHidden());
+  assert.deepEqual(await guest.page.locator('#volumes button').evaluateAll((all) => all.map(({ dataset }) => dataset.id)), ['phantom'], 'the volume of the session, without its close button');
   await guest.page.locator('#status', { hasText: 'watching' }).waitFor();
   await guest.page.locator('#picture-section[inert]').waitFor();
   const updates = () => it.daemon.heard.filter((m) => m.method === 'view.update').length;
