@@ -66,7 +66,7 @@ enum import_derived { IMPORT_NOT_DERIVED, IMPORT_LENGTH, IMPORT_X, IMPORT_Y, IMP
 struct import_steps {
     uint32_t count; /* 0 = 1 */
     /* The time of each step: times[i], or first + i·interval; interval 0 = unknown. The reader owns
-     * the times until close(). */
+     * the times until close(). A file of one step may have one, which counts in a series. */
     const double *times;
     double first, interval;
     char unit[SP_UNIT_BYTES];
@@ -129,6 +129,9 @@ struct import_format {
     bool (*read_chunk)(void *reader, unsigned level, const uint32_t place[3], void *out,
                        struct sp_error *err);
     void (*close)(void *reader);
+    /* Reads the time that a file of one step gives: false if it gives none. NULL = the format has
+     * none. open() leaves it as the only one of header->steps.times. */
+    bool (*read_time)(const struct import_file *file, double *time);
 };
 
 /* Finds the format of a file by its first bytes and its name. NULL with *err set. */

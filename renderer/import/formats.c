@@ -43,7 +43,8 @@ const struct import_format *import_format_find(const uint8_t *start, size_t size
         ".nii.gz, .hdr), MetaImage (.mhd, .mha), MRC and CCP4 (.mrc, .map), GIPL (.gipl), PVM "
         "(.pvm), OpenVDB (.vdb), Zarr and OME-Zarr "
         "(folders, .zarr), HDF5 (.h5), NetCDF (.nc), Amira (.am), .vol, .vgi, VTK (.vtk, .vti, "
-        ".vtr, .vts, .vtu, .vtp, .pvd, .series), raw samples with a JSON sidecar (.json), stacks "
+        ".vtr, .vts, .vtu, .vtp, their lists of pieces such as .pvti, .vtm, .pvd, .series), raw "
+        "samples with a JSON sidecar (.json), stacks "
         "of images (.tif, .png, .jpg), points and Gaussians (.ply, .spz, .csv), PLOT3D (.xyz, "
         ".p3d), and meshes (.ply, .stl, .obj, .gltf, .glb)");
     return NULL;

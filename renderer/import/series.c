@@ -14,9 +14,12 @@
 #include "import/confine.h"
 #include "import/numbered.h"
 
+enum { TIMES_MAX = 4096 }; /* files whose times are read */
+
 struct series {
     struct collection listed;    /* of a .pvd or .series file */
     struct sp_numbered numbered; /* or files of the folder */
+    double *times;               /* of these; NULL = unknown; owned */
     const struct import_format *inner;
     struct import_file file; /* of the step; fd -1 = not open */
     char real[PATH_MAX], folder[PATH_MAX];
@@ -32,6 +35,7 @@ static void close_series(void *reader) {
         close(s->file.fd);
     collection_finish(&s->listed);
     sp_numbered_finish(&s->numbered);
+    free(s->times);
     free(s);
 }
 
@@ -70,6 +74,28 @@ static bool open_step(struct series *s, struct import_header *header, struct sp_
     return s->reader != NULL;
 }
 
+/* Reads the times of the numbered files, if all give one and they rise. */
+static void read_times(struct series *s, const struct import_file *file,
+                       struct import_header *header) {
+    const uint32_t count = s->numbered.count;
+    const struct import_file own = s->file;
+    bool ok = header->steps.times && s->inner->read_time && count <= TIMES_MAX &&
+              (s->times = calloc(count, sizeof *s->times)) != NULL;
+    for (uint32_t i = 0; ok && i < count; i++) {
+        char path[2 * PATH_MAX], real[PATH_MAX];
+        struct import_file other = own;
+        snprintf(path, sizeof path, "%s/%s", file->folder, s->numbered.names[i]);
+        other.shown = s->numbered.names[i];
+        other.warnings = NULL;
+        other.fd = sp_open_confined(file->root, path, other.shown, real, &other.size, NULL);
+        ok = other.fd >= 0 && s->inner->read_time(&other, &s->times[i]) &&
+             (i == 0 || s->times[i] > s->times[i - 1]);
+        if (other.fd >= 0)
+            close(other.fd);
+    }
+    header->steps.times = ok ? s->times : NULL;
+}
+
 /* The numbered files are the steps, unless the first of them has all of them as its slices, or is
  * the only one. */
 static bool open_numbered(struct series *s, const struct import_file *file,
@@ -89,6 +115,7 @@ static bool open_numbered(struct series *s, const struct import_file *file,
     if (inner > 1)
         return sp_fail(err, SP_ERR_UNSUPPORTED, s->shown,
                        "%u time steps in one of several files; open one file alone", inner);
+    read_times(s, file, header);
     return import_header_use_steps(header, file, count, err);
 }
 

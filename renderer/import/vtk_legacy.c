@@ -6,6 +6,7 @@
  */
 #include <ctype.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -73,13 +74,14 @@ static bool take_dimensions(struct vtk_legacy *l, const char *keyword) {
     if (l->grid_at)
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occur twice");
     l->grid_at = l->byte;
-    l->points = 1;
+    l->points = l->cells = 1;
     for (int axis = 0; axis < 3; axis++) {
         uint64_t n;
         if (!vtk_legacy_count(l, keyword, SP_DIM_MAX, &n))
             return false;
-        l->header->grid.dims[axis] = (uint32_t)n;
+        vtk_legacy_piece(l)->dims[axis] = (uint32_t)n;
         l->points *= n;
+        l->cells *= n > 1 ? n - 1 : 1;
     }
     return l->points > 0 || vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "the grid is empty");
 }
@@ -99,36 +101,48 @@ static bool take_triple(struct vtk_legacy *l, const char *keyword, double out[3]
 }
 
 static bool take_origin(struct vtk_legacy *l, const char *keyword) {
-    return take_triple(l, keyword, l->header->grid.origin);
+    return take_triple(l, keyword, l->volume->image.origin);
 }
 
 static bool take_spacing(struct vtk_legacy *l, const char *keyword) {
-    return take_triple(l, keyword, l->header->grid.spacing);
+    return take_triple(l, keyword, l->volume->image.spacing);
+}
+
+/* Adds the array that begins here. NULL with *err set when out of memory. */
+static struct vtk_entry *add(struct vtk_legacy *l, enum vtk_home home, const char *keyword,
+                             const char *name, const struct vtk_type *type) {
+    struct vtk_entry *e = vtk_add_entry(l->volume, home, name, l->err);
+    if (e)
+        e->array = vtk_legacy_array(l, keyword, name, type);
+    if (e)
+        e->components = 1;
+    return e;
 }
 
 static bool take_coordinates(struct vtk_legacy *l, const char *keyword) {
-    int axis = (keyword[0] & ~0x20) - 'X';
+    const unsigned axis = (unsigned)(keyword[0] & ~0x20) - 'X';
     uint64_t count;
     const struct vtk_type *type;
     if (!l->grid_at || l->set != VTK_RECTILINEAR)
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
                                  "must follow the DIMENSIONS of a "
                                  "RECTILINEAR_GRID");
-    if (l->volume->positions[axis])
+    const struct vtk_piece *piece = vtk_legacy_piece(l);
+    if (vtk_find_entry(l->volume, piece, VTK_COORDINATES, axis, NULL))
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
     if (!vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count))
         return false;
-    if (count != l->header->grid.dims[axis])
+    if (count != piece->dims[axis])
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
                                  "%" PRIu64 " coordinates for the %" PRIu32
                                  " samples of DIMENSIONS",
-                                 count, l->header->grid.dims[axis]);
+                                 count, piece->dims[axis]);
     if (!vtk_legacy_type(l, keyword, &type) || !vtk_legacy_end_line(l))
         return false;
-    struct vtk_array a = vtk_legacy_array(l, keyword, type->legacy, type, count);
-    l->volume->positions[axis] =
-        vtk_array_check(l->file, &a, l->err) ? vtk_array_read_numbers(l->file, &a, l->err) : NULL;
-    return l->volume->positions[axis] && vtk_legacy_skip(l, keyword, count, type->number.size);
+    struct vtk_entry *e = add(l, VTK_COORDINATES, keyword, type->legacy, type);
+    if (e)
+        e->part = axis;
+    return e && vtk_legacy_skip(l, keyword, type, count);
 }
 
 /* The positions of points. */
@@ -137,7 +151,7 @@ static bool take_positions(struct vtk_legacy *l, const char *keyword) {
     const struct vtk_type *type;
     if (!vtk_has_points(l->set))
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
-    if (l->volume->points.type)
+    if (vtk_find_entry(l->volume, vtk_legacy_piece(l), VTK_POSITIONS, 0, NULL))
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
     if (l->set == VTK_STRUCTURED && !l->grid_at)
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "comes before DIMENSIONS");
@@ -152,14 +166,17 @@ static bool take_positions(struct vtk_legacy *l, const char *keyword) {
     if (l->set != VTK_STRUCTURED)
         l->grid_at = byte;
     l->points = count;
-    l->volume->points = vtk_legacy_array(l, keyword, type->legacy, type, 3 * count);
-    return vtk_legacy_skip(l, keyword, 3 * count, type->number.size);
+    vtk_legacy_piece(l)->count = count;
+    struct vtk_entry *e = add(l, VTK_POSITIONS, keyword, "", type);
+    if (e)
+        e->components = 3;
+    return e && vtk_legacy_skip(l, keyword, type, 3 * count);
 }
 
 static bool skip_cell_types(struct vtk_legacy *l, const char *keyword) {
     uint64_t count;
     return vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count) && vtk_legacy_end_line(l) &&
-           vtk_legacy_skip(l, keyword, count, 4);
+           vtk_legacy_skip(l, keyword, vtk_find_type("int", false), count);
 }
 
 /* The attributes. */
@@ -186,21 +203,20 @@ static bool take_points(struct vtk_legacy *l, const char *keyword) {
 }
 
 static bool take_cells(struct vtk_legacy *l, const char *keyword) {
-    vtk_list(l->others, "cell data");
-    l->volume->mesh.has_cell_data = true;
-    return begin_section(l, keyword, CELLS);
+    if (!begin_section(l, keyword, CELLS))
+        return false;
+    l->volume->has_cell_data = true;
+    if (!vtk_has_points(l->set) && l->tuples != l->cells)
+        import_warn(l->file->warnings,
+                    "CELL_DATA has %" PRIu64 " values, but the grid has %" PRIu64
+                    " cells: the data of cells are left out.",
+                    l->tuples, l->cells);
+    return true;
 }
 
 static bool check_section(const struct vtk_legacy *l, const char *keyword) {
     return l->section != NOWHERE ||
            vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "comes before POINT_DATA and CELL_DATA");
-}
-
-static void list_other(struct vtk_legacy *l, const char *keyword, const char *name) {
-    char text[96];
-    snprintf(text, sizeof text, "%s %.60s", keyword, name);
-    if (l->section == POINTS)
-        vtk_list(l->others, text);
 }
 
 /* Copies the name of an array. VTK writes odd characters as %XX. */
@@ -218,46 +234,24 @@ static void take_name(char out[SP_FIELD_BYTES], const char *name) {
     import_name(out, plain);
 }
 
-/* Takes the array of points that begins here as samples or vectors, unless there is one that is not
- * worse. */
-static void take_samples(struct vtk_legacy *l, const char *keyword, const char *name,
-                         const struct vtk_type *type) {
-    const char *wanted = l->volume->file->field;
+/* Adds the array of points or cells that begins here, unless it is no field. */
+static bool add_field(struct vtk_legacy *l, const char *keyword, const char *name,
+                      const struct vtk_type *type, uint64_t components, enum vtk_role role) {
+    const bool is_of_cells = l->section == CELLS && !vtk_has_points(l->set);
     char own[SP_FIELD_BYTES];
+    if ((l->section != POINTS && !is_of_cells) || (is_of_cells && l->tuples != l->cells) ||
+        components == 0 || components > VTK_COMPONENTS_MAX)
+        return true;
     take_name(own, name);
-    bool is_best = *wanted ? strcmp(own, wanted) == 0 : strcasecmp(keyword, "SCALARS") == 0;
-    if (l->volume->samples.type && (!is_best || l->has_scalars)) {
-        import_header_add_other(l->header, own);
-        return;
-    }
-    import_header_add_other(l->header, l->header->value_name);
-    l->has_scalars = is_best;
-    l->volume->samples = vtk_legacy_array(l, keyword, name, type, l->points);
-    memcpy(l->header->value_name, own, sizeof own);
-}
-
-static void take_vectors(struct vtk_legacy *l, const char *keyword, const char *name,
-                         const struct vtk_type *type) {
-    char own[SP_FIELD_BYTES];
-    take_name(own, name);
-    unsigned rank = vtk_rank_vectors(l->file, own, strcasecmp(keyword, "VECTORS") == 0);
-    const char *other = rank > l->vector_rank ? l->header->vector_name : own;
-    import_header_add_other_vectors(l->header, other);
-    if (other == own)
-        return;
-    l->vector_rank = rank;
-    l->volume->vectors = vtk_legacy_array(l, keyword, name, type, 3 * l->points);
-    memcpy(l->header->vector_name, own, sizeof own);
-}
-
-/* Takes the first array of points that has colours. */
-static void take_colors(struct vtk_legacy *l, const char *keyword, const char *name,
-                        const struct vtk_type *type, uint64_t components) {
-    struct vtk_mesh *mesh = &l->volume->mesh;
-    if (l->section != POINTS || mesh->colors.type || (components != 3 && components != 4))
-        return;
-    mesh->colors = vtk_legacy_array(l, keyword, name, type, components * l->points);
-    mesh->color_components = (unsigned)components;
+    struct vtk_entry *e = add(l, is_of_cells ? VTK_OF_CELLS : VTK_OF_POINTS, keyword, name, type);
+    if (!e)
+        return false;
+    memcpy(e->name, own, sizeof own);
+    e->components = (unsigned)components;
+    e->role = role;
+    l->has_scalars |= l->section == POINTS && role == VTK_SCALARS && components == 1;
+    l->has_vectors |= l->section == POINTS && role == VTK_VECTORS;
+    return true;
 }
 
 static bool take_scalars(struct vtk_legacy *l, const char *keyword) {
@@ -280,12 +274,8 @@ static bool take_scalars(struct vtk_legacy *l, const char *keyword) {
                                  "is followed by \"%.40s\"; its LOOKUP_TABLE must follow", word);
     if (!vtk_legacy_word(l, word) || !vtk_legacy_end_line(l))
         return false;
-    list_other(l, keyword, name);
-    if (l->section == POINTS && components == 1)
-        take_samples(l, keyword, name, type);
-    if (type->sample == SP_UINT8)
-        take_colors(l, keyword, name, type, (unsigned)components);
-    return vtk_legacy_skip(l, keyword, l->tuples * (unsigned)components, type->number.size);
+    return add_field(l, keyword, name, type, (unsigned)components, VTK_SCALARS) &&
+           vtk_legacy_skip(l, keyword, type, l->tuples * (unsigned)components);
 }
 
 /* Attributes with NAME, TYPE and a fixed number of components. */
@@ -293,60 +283,92 @@ static bool take_attribute(struct vtk_legacy *l, const char *keyword) {
     static const struct {
         const char *keyword;
         unsigned components;
-    } known[] = { { "VECTORS", 3 },    { "NORMALS", 3 },      { "TENSORS", 9 },   { "TENSORS6", 6 },
-                  { "GLOBAL_IDS", 1 }, { "PEDIGREE_IDS", 1 }, { "EDGE_FLAGS", 1 } };
+        enum vtk_role role;
+    } known[] = { { "VECTORS", 3, VTK_VECTORS }, { "NORMALS", 3, VTK_NORMALS },
+                  { "TENSORS", 9, VTK_ANY },     { "TENSORS6", 6, VTK_ANY },
+                  { "GLOBAL_IDS", 1, VTK_IDS },  { "PEDIGREE_IDS", 1, VTK_IDS },
+                  { "EDGE_FLAGS", 1, VTK_IDS } };
     char name[IMPORT_WORD_MAX + 1];
     const struct vtk_type *type;
+    size_t i = 0;
     if (!check_section(l, keyword) || !vtk_legacy_word(l, name) ||
         !vtk_legacy_type(l, keyword, &type) || !vtk_legacy_end_line(l))
         return false;
-    list_other(l, keyword, name);
-    unsigned components = 0;
-    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
-        if (strcasecmp(keyword, known[i].keyword) == 0)
-            components = known[i].components;
-    if (l->section == POINTS && components == 3)
-        take_vectors(l, keyword, name, type);
-    if (l->section == POINTS && strcasecmp(keyword, "NORMALS") == 0)
-        l->volume->mesh.normals = vtk_legacy_array(l, keyword, name, type, 3 * l->points);
-    return vtk_legacy_skip(l, keyword, l->tuples * components, type->number.size);
+    while (strcasecmp(keyword, known[i].keyword) != 0)
+        i++;
+    return add_field(l, keyword, name, type, known[i].components, known[i].role) &&
+           vtk_legacy_skip(l, keyword, type, l->tuples * known[i].components);
 }
 
-static bool skip_texture(struct vtk_legacy *l, const char *keyword) {
+static bool take_texture(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
     const struct vtk_type *type;
     return check_section(l, keyword) && vtk_legacy_word(l, name) &&
            vtk_legacy_count(l, keyword, 3, &components) && vtk_legacy_type(l, keyword, &type) &&
-           vtk_legacy_end_line(l) &&
-           vtk_legacy_skip(l, keyword, l->tuples * components, type->number.size);
+           vtk_legacy_end_line(l) && add_field(l, keyword, name, type, components, VTK_IDS) &&
+           vtk_legacy_skip(l, keyword, type, l->tuples * components);
 }
 
 /* Bytes, or words in [0, 1]. */
 static bool take_color_scalars(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
-    if (!check_section(l, keyword) || !vtk_legacy_word(l, name) ||
-        !vtk_legacy_count(l, keyword, COMPONENTS_MAX, &components) || !vtk_legacy_end_line(l))
-        return false;
-    list_other(l, keyword, name);
-    take_colors(l, keyword, name, vtk_find_type(l->words ? "float" : "unsigned_char", false),
-                components);
-    return vtk_legacy_skip(l, keyword, l->tuples * components, 1);
+    const struct vtk_type *type = vtk_find_type(l->words ? "float" : "unsigned_char", false);
+    return check_section(l, keyword) && vtk_legacy_word(l, name) &&
+           vtk_legacy_count(l, keyword, COMPONENTS_MAX, &components) && vtk_legacy_end_line(l) &&
+           add_field(l, keyword, name, type, components, VTK_COLORS) &&
+           vtk_legacy_skip(l, keyword, type, l->tuples * components);
 }
 
 static bool skip_table(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t count;
     return vtk_legacy_word(l, name) && vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count) &&
-           vtk_legacy_end_line(l) && vtk_legacy_skip(l, keyword, 4 * count, 1);
+           vtk_legacy_end_line(l) &&
+           vtk_legacy_skip(l, keyword, vtk_find_type("unsigned_char", false), 4 * count);
+}
+
+/* The time of the file: an array of one number outside of sections. */
+static bool take_time(struct vtk_legacy *l, const char *name, const struct vtk_type *type) {
+    struct vtk_array a = vtk_legacy_array(l, "FIELD", name, type);
+    a.count = 1;
+    double *time =
+        vtk_array_check(l->file, &a, l->err) ? vtk_array_read_numbers(l->file, &a, l->err) : NULL;
+    if (time)
+        l->volume->time = *time;
+    free(time);
+    return time != NULL;
+}
+
+/* One array of a FIELD. */
+static bool take_array(struct vtk_legacy *l, const char *keyword, const char *name) {
+    static const char *const texts[] = { "string", "utf8_string" };
+    uint64_t components, tuples;
+    char word[IMPORT_WORD_MAX + 1];
+    if (!vtk_legacy_count(l, name, COMPONENTS_MAX, &components) ||
+        !vtk_legacy_count(l, name, VTK_COUNT_MAX, &tuples) || !vtk_legacy_word(l, word))
+        return false;
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++)
+        if (strcasecmp(word, texts[i]) == 0)
+            return vtk_legacy_end_line(l) && vtk_legacy_skip_strings(l, name, components * tuples);
+    const struct vtk_type *type = vtk_find_type(word, false);
+    if (!type)
+        return vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, name,
+                                 "values of type \"%.40s\" are not supported", word);
+    if (!vtk_legacy_end_line(l))
+        return false;
+    const bool is_time = strcasecmp(name, "TimeValue") == 0 || strcasecmp(name, "TIME") == 0;
+    if (l->section == NOWHERE && is_time && components * tuples == 1 && !take_time(l, name, type))
+        return false;
+    return (tuples != l->tuples || add_field(l, keyword, name, type, components, VTK_ANY)) &&
+           vtk_legacy_skip(l, name, type, tuples * components);
 }
 
 /* Named arrays. Outside of a section they belong to anything. */
 static bool take_field(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
-    uint64_t arrays, components, tuples;
-    const struct vtk_type *type;
+    uint64_t arrays;
     if (!vtk_legacy_word(l, name) || !vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &arrays))
         return false;
     for (uint64_t i = 0; i < arrays; i++) {
@@ -355,21 +377,7 @@ static bool take_field(struct vtk_legacy *l, const char *keyword) {
         if (!name[0])
             return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
                                      "the file ends %" PRIu64 " arrays before its end", arrays - i);
-        if (strcmp(name, "NULL_ARRAY") == 0)
-            continue;
-        if (!vtk_legacy_count(l, name, COMPONENTS_MAX, &components) ||
-            !vtk_legacy_count(l, name, VTK_COUNT_MAX, &tuples) ||
-            !vtk_legacy_type(l, name, &type) || !vtk_legacy_end_line(l))
-            return false;
-        list_other(l, keyword, name);
-        bool is_of_points = l->section == POINTS && tuples == l->points;
-        if (is_of_points && components == 1 && (type->sample >= 0 || vtk_has_points(l->set)))
-            take_samples(l, keyword, name, type);
-        if (is_of_points && type->sample == SP_UINT8)
-            take_colors(l, keyword, name, type, components);
-        else if (is_of_points && components == 3)
-            take_vectors(l, keyword, name, type);
-        if (!vtk_legacy_skip(l, name, tuples * components, type->number.size))
+        if (strcmp(name, "NULL_ARRAY") != 0 && !take_array(l, keyword, name))
             return false;
     }
     return true;
@@ -405,7 +413,7 @@ static bool take_keyword(struct vtk_legacy *l, const char *word) {
                   { "GLOBAL_IDS", take_attribute },
                   { "PEDIGREE_IDS", take_attribute },
                   { "EDGE_FLAGS", take_attribute },
-                  { "TEXTURE_COORDINATES", skip_texture },
+                  { "TEXTURE_COORDINATES", take_texture },
                   { "COLOR_SCALARS", take_color_scalars },
                   { "LOOKUP_TABLE", skip_table } };
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
@@ -450,29 +458,24 @@ static bool check_found(struct vtk_legacy *l) {
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, "DIMENSIONS",
                                  "are missing at the end of the file");
     if (vtk_has_points(l->set))
-        return l->volume->points.type ||
+        return vtk_find_entry(l->volume, vtk_legacy_piece(l), VTK_POSITIONS, 0, NULL) ||
                vtk_legacy_refuse(l, SP_ERR_FORMAT, "POINTS", "are missing at the end of the file");
-    for (int axis = 0; l->set == VTK_RECTILINEAR && axis < 3; axis++)
-        if (!l->volume->positions[axis])
+    for (unsigned axis = 0; l->set == VTK_RECTILINEAR && axis < 3; axis++)
+        if (!vtk_find_entry(l->volume, vtk_legacy_piece(l), VTK_COORDINATES, axis, NULL))
             return vtk_legacy_refuse(
                 l, SP_ERR_FORMAT,
                 (const char *[]){ "X_COORDINATES", "Y_COORDINATES", "Z_COORDINATES" }[axis],
                 "are missing");
-    if (l->volume->samples.type || l->volume->vectors.type)
-        return true;
-    return vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, "POINT_DATA",
-                             "the points have neither scalars nor vectors; the file has %s",
-                             l->others[0] ? l->others : "no data");
+    return true;
 }
 
 static bool take_all(struct vtk_legacy *l) {
     char word[IMPORT_WORD_MAX + 1];
-    import_header_init(l->header);
     if (!take_preamble(l))
         return false;
     do {
         /* What follows is only read for the names of fields: it may be damaged, or of any kind. */
-        const bool may_end = l->has_scalars && l->vector_rank > 1;
+        const bool may_end = l->has_scalars && l->has_vectors;
         bool ok = next_keyword(l, word) && (!word[0] || take_keyword(l, word));
         if (!ok && !may_end)
             return false;
@@ -480,23 +483,21 @@ static bool take_all(struct vtk_legacy *l) {
     } while (word[0]);
     if (!check_found(l))
         return false;
-    return vtk_has_points(l->set)
-               ? vtk_complete_points(l->volume, l->header, l->points, l->set, l->grid_at, "POINTS",
-                                     l->err)
-               : vtk_complete(l->volume, l->header, l->grid_at, "DIMENSIONS", l->err);
+    l->volume->set = l->set;
+    l->volume->grid_at = l->grid_at;
+    l->volume->grid_name = vtk_has_points(l->set) ? "POINTS" : "DIMENSIONS";
+    return true;
 }
 
-static void *open_legacy(const struct import_file *file, struct import_header *header,
-                         struct sp_error *err) {
-    struct vtk_volume *volume = calloc(1, sizeof *volume);
-    struct vtk_legacy *l = calloc(1, sizeof *l);
-    bool ok = volume && l;
-    if (!ok)
+/* Reads the structure and the places of arrays. NULL with *err set on failure. */
+static struct vtk_volume *parse(const struct import_file *file, struct sp_error *err) {
+    struct vtk_volume *volume = vtk_create(file, err);
+    struct vtk_legacy *l = volume ? calloc(1, sizeof *l) : NULL;
+    if (volume && !l)
         sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
+    bool ok = l && vtk_add_piece(volume, 0, err);
     if (ok) {
-        volume->file = file;
         l->file = file;
-        l->header = header;
         l->volume = volume;
         l->err = err;
         import_text_init(&l->text, file, 0, file->size);
@@ -510,9 +511,30 @@ static void *open_legacy(const struct import_file *file, struct import_header *h
     return NULL;
 }
 
+static void *open_legacy(const struct import_file *file, struct import_header *header,
+                         struct sp_error *err) {
+    struct vtk_volume *v = parse(file, err);
+    if (v && vtk_complete(v, header, err))
+        return v;
+    if (v)
+        vtk_close(v);
+    return NULL;
+}
+
+static bool read_time(const struct import_file *file, double *time) {
+    struct vtk_volume *v = parse(file, NULL);
+    const bool ok = v && isfinite(v->time);
+    if (ok)
+        *time = v->time;
+    if (v)
+        vtk_close(v);
+    return ok;
+}
+
 const struct import_format import_vtk = { .name = "VTK",
                                           .probe = probe,
                                           .open = open_legacy,
                                           .read = vtk_read,
                                           .read_elements = vtk_read_elements,
-                                          .close = vtk_close };
+                                          .close = vtk_close,
+                                          .read_time = read_time };

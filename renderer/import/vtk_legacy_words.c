@@ -47,9 +47,8 @@ bool vtk_legacy_end_line(struct vtk_legacy *l) {
 }
 
 struct vtk_array vtk_legacy_array(const struct vtk_legacy *l, const char *keyword, const char *name,
-                                  const struct vtk_type *type, uint64_t count) {
+                                  const struct vtk_type *type) {
     struct vtk_array a = { .type = type,
-                           .count = count,
                            .form = l->words ? VTK_WORDS : VTK_BYTES,
                            .big_endian = true,
                            .begin = l->text.at,
@@ -58,17 +57,60 @@ struct vtk_array vtk_legacy_array(const struct vtk_legacy *l, const char *keywor
     return a;
 }
 
-bool vtk_legacy_skip(struct vtk_legacy *l, const char *field, uint64_t count, size_t size) {
+struct vtk_piece *vtk_legacy_piece(const struct vtk_legacy *l) {
+    return &l->volume->pieces[0];
+}
+
+bool vtk_legacy_skip(struct vtk_legacy *l, const char *field, const struct vtk_type *type,
+                     uint64_t count) {
     if (l->words)
         return import_text_skip(&l->text, count, field, l->err);
-    uint64_t left = l->text.end - l->text.at;
-    if (count > left / size)
+    const uint64_t left = l->text.end - l->text.at;
+    if (count > left * (type->are_bits ? 8 : 1) || vtk_type_bytes(type, count) > left)
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, field,
                                  "%" PRIu64
                                  " values of %zu bytes do not fit into the rest of the file: it is "
                                  "cut off or a count is wrong",
-                                 count, size);
-    l->text.at += count * size;
+                                 count, type->number.size);
+    l->text.at += vtk_type_bytes(type, count);
+    return true;
+}
+
+/* The length has 1, 2, 4 or 8 bytes; the two highest bits tell (3, 2, 1, 0). */
+static bool skip_string(struct vtk_legacy *l) {
+    const int first = import_text_peek(&l->text, l->err);
+    if (first < 0)
+        return false;
+    const unsigned bytes = 1U << (3 - (first >> 6));
+    uint64_t length = (unsigned)first & 63;
+    l->text.at++;
+    for (unsigned i = 1; i < bytes; i++) {
+        const int next = import_text_peek(&l->text, l->err);
+        if (next < 0)
+            return false;
+        length = length << 8 | (unsigned)next;
+        l->text.at++;
+    }
+    if (length > l->text.end - l->text.at)
+        return false;
+    l->text.at += length;
+    return true;
+}
+
+bool vtk_legacy_skip_strings(struct vtk_legacy *l, const char *field, uint64_t count) {
+    char line[2];
+    if (l->words && !import_text_line(&l->text, line, sizeof line, l->err)) /* of the name */
+        return false;
+    for (uint64_t i = 0; i < count; i++) {
+        const bool is_there = l->text.at < l->text.end;
+        if (is_there && l->words && !import_text_line(&l->text, line, sizeof line, l->err))
+            return false;
+        if (!is_there || (!l->words && !skip_string(l)))
+            return vtk_legacy_refuse(l, SP_ERR_FORMAT, field,
+                                     "the file ends after %" PRIu64 " of %" PRIu64
+                                     " texts: it is cut off or a count is wrong",
+                                     i, count);
+    }
     return true;
 }
 
@@ -80,7 +122,7 @@ static struct vtk_cells *cells_of(struct vtk_legacy *l, const char *keyword) {
                                                        [VTK_STRIPS] = "TRIANGLE_STRIPS" };
     for (int kind = 0; kind < VTK_CELL_KINDS; kind++)
         if (l->set == VTK_POLY && strcasecmp(keyword, kinds[kind]) == 0)
-            return &l->volume->mesh.cells[kind];
+            return &vtk_legacy_piece(l)->cells[kind];
     return NULL;
 }
 
@@ -90,6 +132,7 @@ bool vtk_legacy_cells(struct vtk_legacy *l, const char *keyword) {
     static const char *const arrays[] = { "OFFSETS", "CONNECTIVITY" };
     uint64_t counts[2];
     char word[IMPORT_WORD_MAX + 1];
+    const struct vtk_type *type = vtk_find_type("int", false);
     struct vtk_cells *cells = cells_of(l, keyword), found = { .starts_at_0 = l->new_cells };
     if (cells && cells->at)
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
@@ -98,11 +141,12 @@ bool vtk_legacy_cells(struct vtk_legacy *l, const char *keyword) {
         !vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &counts[1]) || !vtk_legacy_end_line(l))
         return false;
     found.count = counts[0] - (l->new_cells && counts[0] > 0);
-    found.points = vtk_legacy_array(l, keyword, "", vtk_find_type("int", false), counts[1]);
-    if (!l->new_cells && !vtk_legacy_skip(l, keyword, counts[1], 4))
+    found.points = vtk_legacy_array(l, keyword, "", type);
+    found.points.count = counts[1];
+    if (!l->new_cells && !vtk_legacy_skip(l, keyword, type, counts[1]))
         return false;
     for (int i = 0; l->new_cells && i < 2; i++) {
-        const struct vtk_type *type;
+        struct vtk_array *array = i ? &found.points : &found.ends;
         if (!vtk_legacy_word(l, word))
             return false;
         if (strcasecmp(word, arrays[i]) != 0)
@@ -110,14 +154,14 @@ bool vtk_legacy_cells(struct vtk_legacy *l, const char *keyword) {
                                      arrays[i]);
         if (!vtk_legacy_type(l, arrays[i], &type) || !vtk_legacy_end_line(l))
             return false;
-        *(i ? &found.points : &found.ends) =
-            vtk_legacy_array(l, keyword, arrays[i], type, counts[i]);
-        if (!vtk_legacy_skip(l, arrays[i], counts[i], type->number.size))
+        *array = vtk_legacy_array(l, keyword, arrays[i], type);
+        array->count = counts[i];
+        if (!vtk_legacy_skip(l, arrays[i], type, counts[i]))
             return false;
     }
     if (cells)
         *cells = found;
     else if (l->set == VTK_UNSTRUCTURED && counts[1] > found.count * (l->new_cells ? 1 : 2))
-        vtk_warn_of_cells(l->file, found.count);
+        vtk_warn_of_cells(l->volume, found.count);
     return true;
 }

@@ -13,7 +13,6 @@
 
 struct vtk_legacy { /* state while the file is read */
     const struct import_file *file;
-    struct import_header *header;
     struct vtk_volume *volume;
     struct sp_error *err;
     struct import_text text;
@@ -23,10 +22,9 @@ struct vtk_legacy { /* state while the file is read */
     enum vtk_set set;
     bool new_cells; /* two arrays with a type each, since version 5 */
     enum { NOWHERE, POINTS, CELLS } section;
-    bool has_scalars;        /* SCALARS were found, which are preferred to other arrays */
-    unsigned vector_rank;    /* of the vectors that are found; 0 = none */
-    uint64_t points, tuples; /* points of the grid; tuples of each array in this section */
-    char others[160];        /* other data in the file, for errors */
+    bool has_scalars, has_vectors; /* SCALARS or VECTORS of points were found */
+    uint64_t points, cells;        /* of the grid; no cells are known of other data sets */
+    uint64_t tuples;               /* of each array in this section */
 };
 
 /* Fails at the keyword that was read last. */
@@ -41,11 +39,19 @@ bool vtk_legacy_type(struct vtk_legacy *l, const char *field, const struct vtk_t
 /* BINARY data begins on the next line. */
 bool vtk_legacy_end_line(struct vtk_legacy *l);
 
-/* Describes the array that begins here. */
+/* Describes the array that begins here, without its count. */
 struct vtk_array vtk_legacy_array(const struct vtk_legacy *l, const char *keyword, const char *name,
-                                  const struct vtk_type *type, uint64_t count);
+                                  const struct vtk_type *type);
 
-bool vtk_legacy_skip(struct vtk_legacy *l, const char *field, uint64_t count, size_t size);
+/* The only piece. */
+struct vtk_piece *vtk_legacy_piece(const struct vtk_legacy *l);
+
+/* Skips `count` values. */
+bool vtk_legacy_skip(struct vtk_legacy *l, const char *field, const struct vtk_type *type,
+                     uint64_t count);
+
+/* Skips `count` texts, each a line or, in BINARY data, a length and bytes. */
+bool vtk_legacy_skip_strings(struct vtk_legacy *l, const char *field, uint64_t count);
 
 /* Reads where the cells of a keyword are. */
 bool vtk_legacy_cells(struct vtk_legacy *l, const char *keyword);

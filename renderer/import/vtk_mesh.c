@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "import/vtk_mesh.h"
+#include "import/vtk.h"
 
 #include <inttypes.h>
 #include <stdlib.h>
@@ -10,12 +10,16 @@ static const char *const kinds[VTK_CELL_KINDS] = { [VTK_VERTS] = "vertices",
                                                    [VTK_POLYS] = "polygons",
                                                    [VTK_STRIPS] = "triangle strips" };
 
-struct reading {
-    struct vtk_mesh *mesh;
-    const struct import_file *file;
+struct reading { /* of one piece */
+    struct vtk_volume *v;
+    const struct vtk_piece *piece;
+    const struct import_file *file; /* of the piece */
+    struct import_mesh_parts *parts;
     struct sp_error *err;
     uint64_t count; /* of points */
     float (*positions)[3], (*normals)[3], *colors;
+    unsigned color_components;
+    float color_scale;
     uint32_t *numbers; /* of points in the mesh; UINT32_MAX = none yet */
     enum vtk_cell_kind kind;
 };
@@ -29,36 +33,54 @@ static bool fail_memory(const struct reading *r) {
                    SP_ELEMENTS_MAX);
 }
 
-static bool read_array(const struct reading *r, struct vtk_array *a, uint64_t count, float *out) {
-    a->count = count;
-    return vtk_array_check(r->file, a, r->err) &&
-           vtk_array_read_floats(r->file, a, out, NULL, r->err);
+/* Reads an array of points; NULL with *err set on failure. */
+static float *read_array(const struct reading *r, const struct vtk_entry *e) {
+    struct vtk_array a = e->array;
+    a.count = r->count * e->components;
+    if (!vtk_array_check(r->file, &a, r->err))
+        return NULL;
+    float *out = malloc(a.count * sizeof *out);
+    if (!out)
+        fail_memory(r);
+    if (out && vtk_array_read_floats(r->file, &a, out, r->err))
+        return out;
+    free(out);
+    return NULL;
 }
 
-static bool read_points(struct reading *r, const struct vtk_array *points) {
-    struct vtk_mesh *m = r->mesh;
-    struct vtk_array own = *points;
+/* The normals or the first colours of the points; NULL = none. */
+static const struct vtk_entry *find_points_array(const struct reading *r, bool colors) {
+    for (size_t i = 0; i < r->piece->entry_count; i++) {
+        const struct vtk_entry *e = &r->v->entries[r->piece->entries + i];
+        const bool are_normals = e->role == VTK_NORMALS && e->components == 3;
+        if (e->home == VTK_OF_POINTS && (colors ? vtk_is_color(e) : are_normals))
+            return e;
+    }
+    return NULL;
+}
+
+static bool read_points(struct reading *r) {
+    const struct vtk_entry *at = vtk_find_entry(r->v, r->piece, VTK_POSITIONS, 0, NULL);
+    const struct vtk_entry *normals = find_points_array(r, false);
+    const struct vtk_entry *colors = find_points_array(r, true);
     const size_t n = (size_t)r->count;
-    r->positions = malloc(n * sizeof *r->positions);
     r->numbers = malloc(n * sizeof *r->numbers);
-    r->normals = m->normals.type ? malloc(n * sizeof *r->normals) : NULL;
-    r->colors = m->colors.type ? malloc(n * m->color_components * sizeof *r->colors) : NULL;
-    if (!r->positions || !r->numbers || (m->normals.type && !r->normals) ||
-        (m->colors.type && !r->colors))
+    if (!r->numbers)
         return fail_memory(r);
     memset(r->numbers, 0xff, n * sizeof *r->numbers);
-    return read_array(r, &own, 3 * r->count, r->positions[0]) &&
-           (!r->normals || read_array(r, &m->normals, 3 * r->count, r->normals[0])) &&
-           (!r->colors || read_array(r, &m->colors, m->color_components * r->count, r->colors));
+    r->color_components = colors ? colors->components : 0;
+    r->color_scale = colors && colors->array.type->number.kind != IMPORT_FLOAT ? 1 / 255.0f : 1;
+    return (r->positions = (float(*)[3])(void *)read_array(r, at)) != NULL &&
+           (!normals || (r->normals = (float(*)[3])(void *)read_array(r, normals)) != NULL) &&
+           (!colors || (r->colors = read_array(r, colors)) != NULL);
 }
 
 static void find_color(const struct reading *r, uint64_t point, float color[4]) {
-    const struct vtk_mesh *m = r->mesh;
-    const float scale = r->colors && m->colors.type->number.kind != IMPORT_FLOAT ? 1 / 255.0f : 1;
     for (unsigned k = 0; k < 4; k++)
-        color[k] = !r->colors                ? (k < 3 ? 0.8f : 1)
-                   : k < m->color_components ? scale * r->colors[point * m->color_components + k]
-                                             : 1;
+        color[k] = !r->colors ? (k < 3 ? 0.8f : 1)
+                   : k < r->color_components
+                       ? r->color_scale * r->colors[point * r->color_components + k]
+                       : 1;
 }
 
 static bool add_triangle(struct reading *r, const double corners[3]) {
@@ -72,12 +94,12 @@ static bool add_triangle(struct reading *r, const double corners[3]) {
             if (r->normals)
                 memcpy(v.normal, r->normals[point], sizeof v.normal);
             find_color(r, point, v.color);
-            if (!import_mesh_vertex(&r->mesh->parts.built, &v, number))
+            if (!import_mesh_vertex(&r->parts->built, &v, number))
                 return fail_memory(r);
         }
         numbers[k] = *number;
     }
-    return import_mesh_triangle(&r->mesh->parts.built, numbers) || fail_memory(r);
+    return import_mesh_triangle(&r->parts->built, numbers) || fail_memory(r);
 }
 
 static bool add_polygon(struct reading *r, const double *at, uint64_t count) {
@@ -97,13 +119,13 @@ static bool add_strip(struct reading *r, const double *at, uint64_t count) {
 
 static bool count_line(struct reading *r, const double *at, uint64_t count) {
     (void)at;
-    r->mesh->parts.points.count += count;
-    r->mesh->parts.points.lines++;
+    r->parts->points.count += count;
+    r->parts->points.lines++;
     return true;
 }
 
 static bool add_line(struct reading *r, const double *at, uint64_t count) {
-    struct import_line_points *p = &r->mesh->parts.points;
+    struct import_line_points *p = &r->parts->points;
     p->counts[p->lines++] = (uint32_t)count;
     for (uint64_t i = 0; i < count; i++, p->count++) {
         memcpy(p->positions[p->count], r->positions[(uint64_t)at[i]], sizeof p->positions[0]);
@@ -142,16 +164,40 @@ static double *read_numbers(const struct reading *r, struct vtk_array *a) {
     return vtk_array_check(r->file, a, r->err) ? vtk_array_read_numbers(r->file, a, r->err) : NULL;
 }
 
+/* Makes room for the lines of a piece behind those of earlier ones. */
+static bool grow_lines(struct reading *r, uint64_t points, uint64_t lines) {
+    struct import_mesh_parts more = { .points = { .count = 0 } };
+    struct import_line_points *p = &r->parts->points;
+    if (points > SP_ELEMENTS_MAX || !import_mesh_parts_alloc_lines(&more, points, lines)) {
+        import_mesh_parts_free(&more);
+        return false;
+    }
+    if (p->count)
+        memcpy(more.points.positions, p->positions, p->count * sizeof *p->positions);
+    if (p->count)
+        memcpy(more.points.colors, p->colors, p->count * sizeof *p->colors);
+    if (p->lines)
+        memcpy(more.points.counts, p->counts, p->lines * sizeof *p->counts);
+    free(p->positions);
+    free(p->colors);
+    free(p->counts);
+    p->positions = more.points.positions;
+    p->colors = more.points.colors;
+    p->counts = more.points.counts;
+    return true;
+}
+
 static bool take_lines(struct reading *r, const struct vtk_cells *cells, const double *at,
                        const double *ends) {
-    struct import_mesh_parts *parts = &r->mesh->parts;
+    struct import_line_points *p = &r->parts->points;
+    const uint64_t points = p->count, lines = p->lines;
     if (!walk(r, cells, at, ends, count_line))
         return false;
-    if (parts->points.count > SP_ELEMENTS_MAX ||
-        !import_mesh_parts_alloc_lines(parts, parts->points.count, parts->points.lines))
-        return fail_memory(r);
-    parts->points.count = parts->points.lines = 0;
-    return walk(r, cells, at, ends, add_line);
+    const uint64_t all_points = p->count, all_lines = p->lines;
+    p->count = points;
+    p->lines = lines;
+    return grow_lines(r, all_points, all_lines) ? walk(r, cells, at, ends, add_line)
+                                                : fail_memory(r);
 }
 
 /* How many points the cells have where only their ends tell. */
@@ -166,7 +212,7 @@ static bool find_count(const struct reading *r, struct vtk_cells *cells, const d
 }
 
 static bool read_cells(struct reading *r, enum vtk_cell_kind kind) {
-    struct vtk_cells *cells = &r->mesh->cells[kind];
+    struct vtk_cells own = r->piece->cells[kind], *cells = &own;
     double *at = NULL, *ends = NULL;
     r->kind = kind;
     if (cells->count == 0)
@@ -187,15 +233,16 @@ static bool read_cells(struct reading *r, enum vtk_cell_kind kind) {
 }
 
 /* Points without a cell are not drawn, and a mesh has colours but no values. */
-static void warn(const struct vtk_mesh *m, const struct import_file *file,
-                 struct import_header *header) {
-    if (m->cells[VTK_VERTS].count)
+static void warn(const struct vtk_volume *v, struct import_header *header) {
+    const struct import_file *file = v->file;
+    uint64_t vertices = 0;
+    for (size_t p = 0; p < v->piece_count; p++)
+        vertices += v->pieces[p].cells[VTK_VERTS].count;
+    if (vertices)
         import_warn(file->warnings,
                     "The %" PRIu64 " cells that are vertices are not drawn, only the surfaces and "
                     "lines.",
-                    m->cells[VTK_VERTS].count);
-    if (m->has_cell_data)
-        import_warn(file->warnings, "Data of cells are not read.");
+                    vertices);
     if (header->value_name[0])
         import_warn(file->warnings,
                     "The values \"%.40s\" are not shown on the surface; %.60s?field=%.40s shows "
@@ -203,29 +250,42 @@ static void warn(const struct vtk_mesh *m, const struct import_file *file,
                     header->value_name, file->shown, header->value_name);
 }
 
-bool vtk_mesh_is_there(const struct vtk_mesh *mesh) {
-    return mesh->cells[VTK_LINES].count || mesh->cells[VTK_POLYS].count ||
-           mesh->cells[VTK_STRIPS].count;
+bool vtk_mesh_is_there(const struct vtk_volume *v) {
+    for (size_t p = 0; p < v->piece_count; p++) {
+        const struct vtk_cells *cells = v->pieces[p].cells;
+        if (cells[VTK_LINES].count || cells[VTK_POLYS].count || cells[VTK_STRIPS].count)
+            return true;
+    }
+    return false;
 }
 
-bool vtk_mesh_open(struct vtk_mesh *m, const struct import_file *file,
-                   const struct vtk_array *points, uint64_t count, struct import_header *header,
-                   struct sp_error *err) {
-    struct reading r = { .mesh = m, .file = file, .err = err, .count = count };
-    bool ok = read_points(&r, points) && read_cells(&r, VTK_POLYS) && read_cells(&r, VTK_STRIPS) &&
-              read_cells(&r, VTK_LINES);
+static bool read_piece(struct vtk_volume *v, const struct vtk_piece *piece, struct sp_error *err) {
+    struct reading r = { .v = v,
+                         .piece = piece,
+                         .parts = &v->mesh.parts,
+                         .err = err,
+                         .count = piece->count,
+                         .file = vtk_open_file(v, piece->file, err) };
+    const bool ok = r.file && read_points(&r) && read_cells(&r, VTK_POLYS) &&
+                    read_cells(&r, VTK_STRIPS) && read_cells(&r, VTK_LINES);
     free(r.positions);
     free(r.normals);
     free(r.colors);
     free(r.numbers);
-    if (!ok)
-        return false;
-    if (!import_mesh_finish(&m->parts.built))
-        return fail_memory(&r);
-    warn(m, file, header);
+    return ok;
+}
+
+bool vtk_mesh_open(struct vtk_volume *v, struct import_header *header, struct sp_error *err) {
+    struct import_mesh_parts *parts = &v->mesh.parts;
+    for (size_t p = 0; p < v->piece_count; p++)
+        if (v->pieces[p].count && !read_piece(v, &v->pieces[p], err))
+            return false;
+    if (!import_mesh_finish(&parts->built))
+        return fail_memory(&(struct reading){ .file = v->file, .err = err });
+    warn(v, header);
     import_header_add_other(header, header->value_name);
     memset(header->value_name, 0, sizeof header->value_name);
     memset(header->vector_name, 0, sizeof header->vector_name);
     memset(header->other_vectors, 0, sizeof header->other_vectors);
-    return import_mesh_parts_describe(&m->parts, file, header, err);
+    return import_mesh_parts_describe(parts, v->file, header, err);
 }

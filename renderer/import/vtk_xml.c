@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * VTK XML files with one piece: images (.vti), rectilinear (.vtr), structured (.vts) and
- * unstructured grids (.vtu), and polygons (.vtp). expat parses the part before the appended data.
- * The reader remembers the place of arrays, never their text. A document type is refused.
+ * One XML file of VTK: images (.vti), rectilinear (.vtr), structured (.vts) and unstructured grids
+ * (.vtu), and polygons (.vtp). expat parses the part before the appended data. The reader remembers
+ * the place of arrays, never their text. A document type is refused.
  *
  *   VTKFile ─► ImageData | … ─► Piece ─► PointData, Coordinates, Points ─► DataArray
+ *           │                └► FieldData ─► DataArray
  *           └► AppendedData: here parsing stops
+ *
+ * Of a parallel or composite data set, the elements name other files.
  */
 #include <errno.h>
 #include <expat.h>
@@ -18,48 +21,36 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "import/vtk.h"
-#include "import/vtk_xml_probe.h"
+#include "import/vtk_xml.h"
 
 enum { CHUNK = 1 << 16, TAG_MAX = 1 << 20 }; /* bytes */
 enum { DEPTH_MAX = 32 };
 
-struct data_array {
-    struct vtk_array array;
-    bool used, appended;
-};
-
-enum { SAMPLES, VECTORS };
-
-struct xml { /* state while the file is read */
+struct xml { /* state while a file is read */
     const struct import_file *file;
-    struct import_header *header;
     struct vtk_volume *volume;
+    struct vtk_xml_names *names; /* of other files; NULL = the file is a piece of another one */
+    uint32_t number;             /* of the file */
     struct sp_error *err;
     XML_Parser parser;
     bool failed, stopped;
     int depth;
     enum vtk_set set;
-    bool big_endian, zlib;
+    bool is_parallel, is_composite;
+    bool big_endian;
+    enum vtk_packing packing;
     unsigned length_size;
-    int pieces;
-    uint64_t grid_at; /* offset of the grid's element; 0 = not seen */
-    bool in_grid, in_points, in_coordinates, in_positions;
-    int cells;                                 /* enum vtk_cell_kind of the part; −1 = none */
-    struct data_array corners[VTK_CELL_KINDS], /* of cells, and their ends */
-        ends[VTK_CELL_KINDS], normals, colors;
-    struct vtk_image image;
-    char selected[2][96];       /* the Scalars and Vectors that PointData selects */
-    struct data_array found[2]; /* samples and vectors */
-    unsigned rank[2];           /* how well they suit; 0 = none is found */
-    struct data_array coordinates[3];
+    bool in_grid, in_piece, in_data; /* inside of the data set, a piece, its FieldData */
+    bool has_grid;
+    int home; /* enum vtk_home of the part; −1 = none that is read */
+    int kind; /* enum vtk_cell_kind of the part */
     unsigned coordinate_count;
-    struct data_array positions;
-    uint64_t count;            /* points of a piece without an extent */
-    struct data_array *inside; /* the array whose text is being parsed; NULL = none */
+    struct vtk_entry time; /* of FieldData; without a type if there is none */
+    bool has_time;
+    struct vtk_entry *inside; /* the array whose text is being parsed; NULL = none */
+    size_t first_entry;       /* of this file */
     bool appended_base64;
     uint64_t appended_at; /* 0 = there is no appended data */
-    char others[160];
 };
 
 __attribute__((format(printf, 4, 5))) static void
@@ -116,12 +107,18 @@ static bool take_whole(struct xml *x, const char **attributes, const char *name,
 
 /* Elements. */
 
-static const char *const sets[] = { [VTK_NO_SET] = "",
-                                    [VTK_IMAGE] = "ImageData",
-                                    [VTK_RECTILINEAR] = "RectilinearGrid",
-                                    [VTK_STRUCTURED] = "StructuredGrid",
-                                    [VTK_UNSTRUCTURED] = "UnstructuredGrid",
-                                    [VTK_POLY] = "PolyData" };
+/* The data set of the file; "P" before it: in pieces of other files. */
+static void take_type(struct xml *x, const char *type) {
+    if (!vtk_xml_find_type(type, &x->set, &x->is_parallel, &x->is_composite))
+        refuse(x, SP_ERR_UNSUPPORTED, "type",
+               "data set %.40s is not supported; supported are ImageData, RectilinearGrid, "
+               "StructuredGrid, UnstructuredGrid, PolyData, the same with P before them, "
+               "vtkMultiBlockDataSet and vtkPartitionedDataSet",
+               type);
+    else if (!x->names && (x->is_parallel || x->is_composite || x->set != x->volume->set))
+        refuse(x, SP_ERR_UNSUPPORTED, "type", "is %.40s, but a piece must be %s", type,
+               vtk_set_names[x->volume->set]);
+}
 
 static void take_root(struct xml *x, const char *name, const char **attributes) {
     const char *type = find(attributes, "type"), *order = find(attributes, "byte_order");
@@ -131,132 +128,174 @@ static void take_root(struct xml *x, const char *name, const char **attributes) 
         refuse(x, SP_ERR_UNSUPPORTED, NULL, "the root element is %.40s instead of VTKFile", name);
         return;
     }
-    for (int set = VTK_IMAGE; type && set <= VTK_POLY; set++)
-        if (strcmp(type, sets[set]) == 0)
-            x->set = (enum vtk_set)set;
+    if (type)
+        take_type(x, type);
+    if (x->names && x->set) {
+        x->volume->set = x->set;
+        x->volume->grid_name = vtk_set_names[x->set];
+    }
+    if (!type)
+        refuse(x, SP_ERR_UNSUPPORTED, "type",
+               "is missing; it must be ImageData, RectilinearGrid, StructuredGrid, "
+               "UnstructuredGrid or PolyData");
     x->big_endian = order && strcmp(order, "BigEndian") == 0;
-    x->zlib = compressor && compressor[0];
     x->length_size = length && strcmp(length, "UInt64") == 0 ? 8 : 4;
-    if (!x->set)
-        refuse(
-            x, SP_ERR_UNSUPPORTED, "type",
-            "is %.40s; it must be ImageData, RectilinearGrid, StructuredGrid, UnstructuredGrid or "
-            "PolyData",
-            type ? type : "missing");
-    else if (order && !x->big_endian && strcmp(order, "LittleEndian") != 0)
+    if (order && !x->big_endian && strcmp(order, "LittleEndian") != 0)
         refuse(x, SP_ERR_FORMAT, "byte_order", "is \"%.40s\"; it must be LittleEndian or BigEndian",
                order);
     else if (length && x->length_size == 4 && strcmp(length, "UInt32") != 0)
         refuse(x, SP_ERR_FORMAT, "header_type", "is \"%.40s\"; it must be UInt32 or UInt64",
                length);
-    else if (x->zlib && strcmp(compressor, "vtkZLibDataCompressor") != 0)
+    else if (compressor && !vtk_xml_find_packing(compressor, &x->packing))
         refuse(x, SP_ERR_UNSUPPORTED, "compressor",
-               "%.40s is not supported; use vtkZLibDataCompressor or none", compressor);
+               "%.40s is not supported; supported are vtkZLibDataCompressor, vtkLZ4DataCompressor "
+               "and vtkLZMADataCompressor",
+               compressor);
 }
 
 static void take_grid(struct xml *x, const char *name, const char **attributes) {
-    x->in_grid = strcmp(name, sets[x->set]) == 0;
+    struct vtk_volume *v = x->volume;
+    x->in_grid = x->set && strcmp(name + x->is_parallel, vtk_set_names[x->set]) == 0;
     if (!x->in_grid)
         return;
-    if (x->grid_at)
+    if (x->has_grid)
         refuse(x, SP_ERR_FORMAT, NULL, "%.40s occurs twice", name);
-    x->grid_at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
+    x->has_grid = true;
+    if (!x->names) /* the file that names the pieces gives their place */
+        return;
+    v->grid_at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
     if (x->set != VTK_IMAGE)
         return;
-    take_numbers(x, attributes, "Origin", x->image.origin, 3);
-    take_numbers(x, attributes, "Spacing", x->image.spacing, 3);
-    take_numbers(x, attributes, "Direction", x->image.direction, 9);
+    take_numbers(x, attributes, "Origin", v->image.origin, 3);
+    take_numbers(x, attributes, "Spacing", v->image.spacing, 3);
+    take_numbers(x, attributes, "Direction", v->image.direction, 9);
 }
 
 static const char *const cell_names[VTK_CELL_KINDS] = {
     [VTK_VERTS] = "Verts", [VTK_LINES] = "Lines", [VTK_POLYS] = "Polys", [VTK_STRIPS] = "Strips"
 };
 
-static void take_piece(struct xml *x, const char *name, const char **attributes) {
-    if (strcmp(name, "Piece") != 0)
-        return;
-    if (x->pieces++ > 0) {
-        refuse(x, SP_ERR_UNSUPPORTED, "Piece",
-               "several pieces are not supported; save the data as one piece");
-        return;
+static void stop(struct xml *x) {
+    x->failed = true;
+    XML_StopParser(x->parser, XML_FALSE);
+}
+
+/* The arrays that a section calls its scalars and vectors; the first section that does counts. */
+static void take_selection(struct xml *x, enum vtk_home home, const char **attributes) {
+    static const char *const names[] = {
+        [VTK_SAMPLES] = "Scalars", [VTK_VECTOR_FIELD] = "Vectors"
+    };
+    for (int kind = VTK_SAMPLES; kind <= VTK_VECTOR_FIELD; kind++) {
+        const char *array = find(attributes, names[kind]);
+        if (array && !x->volume->selected[home][kind][0])
+            import_name(x->volume->selected[home][kind], array);
     }
+}
+
+static void take_counts(struct xml *x, struct vtk_piece *piece, const char **attributes) {
+    uint64_t cells = 0;
+    if (!find(attributes, "NumberOfPoints"))
+        refuse(x, SP_ERR_FORMAT, "NumberOfPoints", "is missing");
+    take_whole(x, attributes, "NumberOfPoints", 0, UINT32_MAX, &piece->count);
+    take_whole(x, attributes, "NumberOfCells", 0, UINT64_MAX, &cells);
+    if (x->set == VTK_UNSTRUCTURED && cells != piece->count)
+        x->volume->cell_count += cells;
+    for (int kind = 0; kind < VTK_CELL_KINDS && x->set == VTK_POLY; kind++) {
+        char number[32];
+        snprintf(number, sizeof number, "NumberOf%s", cell_names[kind]);
+        take_whole(x, attributes, number, 0, UINT32_MAX, &piece->cells[kind].count);
+    }
+}
+
+static void take_extent(struct xml *x, struct vtk_piece *piece, const char **attributes) {
     double extent[6] = { 0 };
-    if (x->set > VTK_STRUCTURED) {
-        if (!find(attributes, "NumberOfPoints"))
-            refuse(x, SP_ERR_FORMAT, "NumberOfPoints", "is missing");
-        take_whole(x, attributes, "NumberOfPoints", 0, UINT32_MAX, &x->count);
-        uint64_t cells = 0;
-        take_whole(x, attributes, "NumberOfCells", 0, UINT64_MAX, &cells);
-        if (x->set == VTK_UNSTRUCTURED && cells > 0 && cells != x->count)
-            vtk_warn_of_cells(x->file, cells);
-        for (int kind = 0; kind < VTK_CELL_KINDS && x->set == VTK_POLY; kind++) {
-            char number[32];
-            snprintf(number, sizeof number, "NumberOf%s", cell_names[kind]);
-            take_whole(x, attributes, number, 0, UINT32_MAX, &x->volume->mesh.cells[kind].count);
-        }
-        return;
-    }
     if (!find(attributes, "Extent"))
         refuse(x, SP_ERR_FORMAT, "Extent", "is missing");
     take_numbers(x, attributes, "Extent", extent, 6);
     for (int axis = 0; axis < 3 && !x->failed; axis++) {
-        double low = extent[2 * axis], high = extent[2 * axis + 1];
-        if (low != trunc(low) || high != trunc(high) || fabs(low) > INT32_MAX)
+        const double low = extent[2 * axis], high = extent[2 * axis + 1];
+        if (low != trunc(low) || high != trunc(high) || fabs(low) > INT32_MAX / 2)
             refuse(x, SP_ERR_FORMAT, "Extent", "%g to %g is not a range of whole numbers", low,
                    high);
-        else if (!(high >= low && high - low < SP_DIM_MAX))
-            refuse(x, SP_ERR_FORMAT, "Extent", "%g to %g does not hold 1 to %u samples", low, high,
+        else if (!(high >= low - 1 && high - low < SP_DIM_MAX))
+            refuse(x, SP_ERR_FORMAT, "Extent", "%g to %g does not hold 0 to %u samples", low, high,
                    SP_DIM_MAX);
         else {
-            x->image.first[axis] = (int32_t)low;
-            x->header->grid.dims[axis] = (uint32_t)(high - low) + 1;
+            piece->first[axis] = (int32_t)low;
+            piece->dims[axis] = (uint32_t)(high - low + 1);
         }
     }
+}
+
+static void take_piece(struct xml *x, const char **attributes) {
+    if (x->is_parallel) {
+        const char *source = find(attributes, "Source");
+        if (!source || !*source)
+            refuse(x, SP_ERR_FORMAT, "Source", "is missing: the piece names no file");
+        else if (!x->failed && !vtk_add_file(x->volume, source, x->err))
+            stop(x);
+        return;
+    }
+    struct vtk_piece *piece = vtk_add_piece(x->volume, x->number, x->err);
+    if (!piece)
+        stop(x);
+    else if (vtk_has_points(x->set) && x->set != VTK_STRUCTURED)
+        take_counts(x, piece, attributes);
+    else
+        take_extent(x, piece, attributes);
+}
+
+static void take_in_grid(struct xml *x, const char *name, const char **attributes) {
+    x->in_piece = strcmp(name, "Piece") == 0;
+    x->in_data = strcmp(name, "FieldData") == 0;
+    x->coordinate_count = 0;
+    if (x->in_piece)
+        take_piece(x, attributes);
+    else if (x->is_parallel && strcmp(name, "PPointData") == 0)
+        take_selection(x, VTK_OF_POINTS, attributes);
+    else if (x->is_parallel && strcmp(name, "PCellData") == 0)
+        take_selection(x, VTK_OF_CELLS, attributes);
 }
 
 static void take_part(struct xml *x, const char *name, const char **attributes) {
-    x->in_points = strcmp(name, "PointData") == 0;
-    x->in_coordinates = x->set == VTK_RECTILINEAR && strcmp(name, "Coordinates") == 0;
-    x->in_positions = vtk_has_points(x->set) && strcmp(name, "Points") == 0;
-    x->cells = -1;
+    struct vtk_piece *piece = &x->volume->pieces[x->volume->piece_count - 1];
+    x->home = -1;
+    if (strcmp(name, "PointData") == 0)
+        x->home = VTK_OF_POINTS;
+    else if (strcmp(name, "CellData") == 0 && !vtk_has_points(x->set))
+        x->home = VTK_OF_CELLS;
+    else if (x->set == VTK_RECTILINEAR && strcmp(name, "Coordinates") == 0)
+        x->home = VTK_COORDINATES;
+    else if (vtk_has_points(x->set) && strcmp(name, "Points") == 0)
+        x->home = VTK_POSITIONS;
     for (int kind = 0; kind < VTK_CELL_KINDS && x->set == VTK_POLY; kind++)
         if (strcmp(name, cell_names[kind]) == 0) {
-            x->cells = kind;
-            x->volume->mesh.cells[kind].at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
+            x->home = VTK_CORNERS;
+            x->kind = kind;
+            piece->cells[kind].at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
         }
-    x->volume->mesh.has_cell_data |= x->set == VTK_POLY && strcmp(name, "CellData") == 0;
-    static const char *const selections[] = { [SAMPLES] = "Scalars", [VECTORS] = "Vectors" };
-    for (int kind = SAMPLES; kind <= VECTORS && x->in_points; kind++) {
-        const char *array = find(attributes, selections[kind]);
-        if (array)
-            snprintf(x->selected[kind], sizeof x->selected[kind], "%s", array);
-    }
+    if (x->home == VTK_OF_POINTS || x->home == VTK_OF_CELLS)
+        take_selection(x, (enum vtk_home)x->home, attributes);
 }
 
-/* Fills *out, except `components`. */
+/* Fills in everything but the name and home. */
 static bool describe_array(struct xml *x, const char **attributes, const char *name,
-                           struct data_array *out) {
+                           struct vtk_entry *e) {
     const char *type = find(attributes, "type"), *format = find(attributes, "format");
-    struct vtk_array *a = &out->array;
-    *out = (struct data_array){ .used = true };
+    struct vtk_array *a = &e->array;
     snprintf(a->name, sizeof a->name, "DataArray \"%.60s\"", name);
     a->type = vtk_find_type(type ? type : "", true);
-    if (!a->type) {
-        refuse(x, SP_ERR_UNSUPPORTED, a->name, "values of type \"%.40s\" are not supported",
-               type ? type : "");
-        return false;
-    }
     a->big_endian = x->big_endian;
     a->end = x->file->size;
-    out->appended = format && strcmp(format, "appended") == 0;
+    e->is_appended = format && strcmp(format, "appended") == 0;
     if (!format || strcmp(format, "ascii") == 0) {
         a->form = VTK_WORDS;
         return true;
     }
-    a->form = out->appended ? VTK_BYTES : VTK_BASE64;
-    a->zlib = x->zlib;
+    a->form = e->is_appended ? VTK_BYTES : VTK_BASE64;
+    a->packing = x->packing;
     a->length_size = x->length_size;
-    if (out->appended)
+    if (e->is_appended)
         return take_whole(x, attributes, "offset", 0, x->file->size, &a->begin);
     if (strcmp(format, "binary") != 0) {
         refuse(x, SP_ERR_FORMAT, a->name,
@@ -266,83 +305,76 @@ static bool describe_array(struct xml *x, const char **attributes, const char *n
     return true;
 }
 
-/* Arrays of a data set of polygons that only a mesh has; NULL = it is none. */
-static struct data_array *choose_of_mesh(struct xml *x, const char *name, bool is_byte,
-                                         uint64_t components) {
-    const bool is_color = is_byte && (components == 3 || components == 4);
-    if (x->cells >= 0)
-        return strcmp(name, "connectivity") == 0 ? &x->corners[x->cells]
-               : strcmp(name, "offsets") == 0    ? &x->ends[x->cells]
-                                                 : NULL;
-    if (x->set != VTK_POLY || !x->in_points || x->file->field[0] || x->file->vectors[0])
-        return NULL;
-    if (is_color && !x->colors.used) {
-        x->volume->mesh.color_components = (unsigned)components;
-        return &x->colors;
-    }
-    return components == 3 && strcasecmp(name, "Normals") == 0 ? &x->normals : NULL;
+static void begin_text(struct xml *x, struct vtk_entry *e) {
+    x->inside = e;
+    e->array.begin =
+        (uint64_t)XML_GetCurrentByteIndex(x->parser) + (uint64_t)XML_GetCurrentByteCount(x->parser);
 }
 
-/* Takes the array that PointData selects as scalars or vectors, or else the first array with one or
- * three components. Three bytes per point are colours if PointData does not select them. */
-static struct data_array *choose_slot(struct xml *x, const char *name, const char *type,
-                                      uint64_t components) {
-    if (x->in_coordinates && x->coordinate_count == 3) {
+/* Sets what the array is for. False if the part cannot have it. */
+static bool place_array(struct xml *x, struct vtk_entry *e, const char *name) {
+    if (e->home == VTK_COORDINATES && x->coordinate_count == 3) {
         refuse(x, SP_ERR_FORMAT, "Coordinates", "has more than three arrays");
-        return NULL;
+        return false;
     }
-    if (x->in_coordinates)
-        return &x->coordinates[x->coordinate_count++];
-    if (x->in_positions) {
-        if (components == 3 && !x->positions.used)
-            return &x->positions;
+    if (e->home == VTK_COORDINATES)
+        e->part = x->coordinate_count++;
+    if (e->home == VTK_POSITIONS)
+        e->name[0] = 0;
+    if (e->home == VTK_POSITIONS && e->components != 3) {
         refuse(x, SP_ERR_FORMAT, "Points", "must have one array of three components");
-        return NULL;
+        return false;
     }
-    int kind = components == 3 ? VECTORS : SAMPLES;
-    struct data_array *slot = &x->found[kind];
-    const struct vtk_type *known = vtk_find_type(type ? type : "", true);
-    char *own = kind == VECTORS ? x->header->vector_name : x->header->value_name;
-    const char *wanted = kind == SAMPLES && x->file->field[0] ? x->file->field : x->selected[kind];
-    bool is_selected = *wanted && strcmp(wanted, name) == 0;
-    bool is_color = kind == VECTORS && !is_selected && known && known->sample == SP_UINT8;
-    const unsigned rank =
-        kind == VECTORS ? vtk_rank_vectors(x->file, name, is_selected) : is_selected + 1u;
-    if ((components == 1 || components == 3) && known && !is_color && rank > x->rank[kind]) {
-        x->rank[kind] = rank;
-        if (kind == SAMPLES)
-            import_header_add_other(x->header, own);
-        else
-            import_header_add_other_vectors(x->header, own);
-        import_name(own, name);
-        return slot;
+    if (e->home == VTK_CORNERS) {
+        e->home = strcmp(name, "offsets") == 0 ? VTK_ENDS : VTK_CORNERS;
+        e->part = (unsigned)x->kind;
     }
-    if (kind == SAMPLES && known && components == 1)
-        import_header_add_other(x->header, name);
-    if (kind == VECTORS && known && !is_color)
-        import_header_add_other_vectors(x->header, name);
-    vtk_list(x->others, name);
-    return NULL;
+    if (e->home == VTK_OF_POINTS || e->home == VTK_OF_CELLS) {
+        char(*selected)[SP_FIELD_BYTES] = x->volume->selected[e->home];
+        const bool has_name = e->name[0] != 0;
+        e->role = has_name && strcmp(e->name, selected[VTK_VECTOR_FIELD]) == 0 ? VTK_VECTORS
+                  : has_name && strcmp(e->name, selected[VTK_SAMPLES]) == 0    ? VTK_SCALARS
+                  : strcasecmp(e->name, "Normals") == 0                        ? VTK_NORMALS
+                                                                               : VTK_ANY;
+    }
+    return true;
+}
+
+/* Takes the time of the data set. */
+static void take_time(struct xml *x, const char *name, const char **attributes) {
+    if (strcmp(name, "TimeValue") != 0 && strcmp(name, "TIME") != 0)
+        return;
+    x->time = (struct vtk_entry){ .components = 1 };
+    if (!describe_array(x, attributes, name, &x->time))
+        return;
+    x->has_time = x->time.array.type != NULL;
+    if (x->has_time && !x->time.is_appended)
+        begin_text(x, &x->time);
 }
 
 static void take_array(struct xml *x, const char *element, const char **attributes) {
     uint64_t components;
-    const char *name = find(attributes, "Name");
+    const char *name = find(attributes, "Name"), *type = find(attributes, "type");
     name = name ? name : "";
-    if ((!x->in_points && !x->in_coordinates && !x->in_positions && x->cells < 0) ||
-        strcmp(element, "DataArray") != 0 ||
-        !take_whole(x, attributes, "NumberOfComponents", 1, 1 << 16, &components))
+    if (x->home < 0 || x->failed || strcmp(element, "DataArray") != 0 ||
+        !take_whole(x, attributes, "NumberOfComponents", 1, VTK_COMPONENTS_MAX, &components))
         return;
-    const char *type = find(attributes, "type");
-    struct data_array *slot =
-        choose_of_mesh(x, name, type && strcmp(type, "UInt8") == 0, components);
-    if (!slot && x->cells < 0)
-        slot = choose_slot(x, name, type, components);
-    if (!slot || !describe_array(x, attributes, name, slot) || slot->appended)
+    const bool is_field = x->home == VTK_OF_POINTS || x->home == VTK_OF_CELLS;
+    if (is_field && (!vtk_find_type(type ? type : "", true) || components == 0))
+        return; /* texts */
+    struct vtk_entry *e = vtk_add_entry(x->volume, (enum vtk_home)x->home, name, x->err);
+    if (!e) {
+        stop(x);
         return;
-    x->inside = slot;
-    slot->array.begin =
-        (uint64_t)XML_GetCurrentByteIndex(x->parser) + (uint64_t)XML_GetCurrentByteCount(x->parser);
+    }
+    e->components = (unsigned)components;
+    if (!place_array(x, e, name) || !describe_array(x, attributes, name, e))
+        return;
+    if (!e->array.type)
+        refuse(x, SP_ERR_UNSUPPORTED, e->array.name, "values of type \"%.40s\" are not supported",
+               type ? type : "");
+    else if (!e->is_appended)
+        begin_text(x, e);
 }
 
 static void take_appended(struct xml *x, const char **attributes) {
@@ -364,35 +396,36 @@ static void end_text(struct xml *x) {
     x->inside = NULL;
 }
 
+/* An element of a composite data set that names a file. */
+static void take_block(struct xml *x, const char *name, const char **attributes) {
+    const char *source = find(attributes, "file"), *title = find(attributes, "name");
+    if (strcmp(name, "DataSet") == 0 && source && *source &&
+        !vtk_xml_add_name(x->names, source, title ? title : "", x->file, x->err))
+        stop(x);
+}
+
 static void XMLCALL start_element(void *user, const char *name, const char **attributes) {
     struct xml *x = user;
     end_text(x);
-    switch (++x->depth) {
-    case 1:
-        take_root(x, name, attributes);
-        break;
-    case 2:
-        if (strcmp(name, "AppendedData") == 0)
-            take_appended(x, attributes);
-        else
-            take_grid(x, name, attributes);
-        break;
-    case 3:
-        if (x->in_grid)
-            take_piece(x, name, attributes);
-        break;
-    case 4:
-        if (x->in_grid)
-            take_part(x, name, attributes);
-        break;
-    case 5:
-        if (x->in_grid)
-            take_array(x, name, attributes);
-        break;
-    case DEPTH_MAX:
+    x->depth++;
+    if (x->depth == DEPTH_MAX)
         refuse(x, SP_ERR_FORMAT, NULL, "elements nest deeper than %d", DEPTH_MAX);
-        break;
-    }
+    else if (x->depth == 1)
+        take_root(x, name, attributes);
+    else if (x->is_composite)
+        take_block(x, name, attributes);
+    else if (x->depth == 2 && strcmp(name, "AppendedData") == 0)
+        take_appended(x, attributes);
+    else if (x->depth == 2)
+        take_grid(x, name, attributes);
+    else if (x->depth == 3 && x->in_grid)
+        take_in_grid(x, name, attributes);
+    else if (x->depth == 4 && x->in_piece && !x->is_parallel)
+        take_part(x, name, attributes);
+    else if (x->depth == 4 && x->in_data)
+        take_time(x, find(attributes, "Name") ? find(attributes, "Name") : "", attributes);
+    else if (x->depth == 5 && x->in_piece && !x->is_parallel)
+        take_array(x, name, attributes);
 }
 
 static void XMLCALL end_element(void *user, const char *name) {
@@ -400,6 +433,12 @@ static void XMLCALL end_element(void *user, const char *name) {
     struct xml *x = user;
     end_text(x);
     x->depth--;
+    if (x->depth == 3)
+        x->home = -1;
+    if (x->depth <= 2)
+        x->in_piece = x->in_data = false;
+    if (x->depth <= 1)
+        x->in_grid = false;
 }
 
 static void XMLCALL start_doctype(void *user, const char *name, const char *system,
@@ -468,9 +507,9 @@ static bool find_appended(struct xml *x) {
 }
 
 /* Computes the place of the array's values, once the whole file has been parsed. */
-static bool locate(struct xml *x, struct data_array *d) {
-    struct vtk_array *a = &d->array;
-    if (!d->appended) {
+static bool locate(struct xml *x, struct vtk_entry *e) {
+    struct vtk_array *a = &e->array;
+    if (!e->is_appended) {
         a->end = a->end > a->begin ? a->end : a->begin; /* an element without content */
         return true;
     }
@@ -482,119 +521,74 @@ static bool locate(struct xml *x, struct data_array *d) {
     return true;
 }
 
-static bool take_coordinates(struct xml *x) {
-    if (x->coordinate_count != 3)
-        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, "Coordinates",
-                           "%u arrays instead of three", x->coordinate_count);
-    for (int axis = 0; axis < 3; axis++) {
-        struct data_array *d = &x->coordinates[axis];
-        d->array.count = x->header->grid.dims[axis];
-        if (!locate(x, d) || !vtk_array_check(x->file, &d->array, x->err) ||
-            !(x->volume->positions[axis] = vtk_array_read_numbers(x->file, &d->array, x->err)))
-            return false;
+/* Cells of polygons get their arrays. */
+static bool join_cells(struct xml *x, struct vtk_piece *piece) {
+    for (unsigned kind = 0; kind < VTK_CELL_KINDS; kind++) {
+        struct vtk_cells *cells = &piece->cells[kind];
+        const struct vtk_entry *corners =
+            vtk_find_entry(x->volume, piece, VTK_CORNERS, kind, "connectivity");
+        const struct vtk_entry *ends = vtk_find_entry(x->volume, piece, VTK_ENDS, kind, NULL);
+        if (cells->count && kind != VTK_VERTS && !(corners && ends))
+            return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, cells->at, cell_names[kind],
+                               "%" PRIu64 " cells without the arrays connectivity and offsets",
+                               cells->count);
+        if (!corners || !ends)
+            continue;
+        cells->points = corners->array;
+        cells->ends = ends->array;
+        cells->ends.count = cells->count;
     }
     return true;
 }
 
-static bool take_mesh(struct xml *x) {
-    struct vtk_mesh *mesh = &x->volume->mesh;
-    bool ok =
-        (!x->normals.used || locate(x, &x->normals)) && (!x->colors.used || locate(x, &x->colors));
-    for (int kind = 0; kind < VTK_CELL_KINDS && ok; kind++) {
-        struct vtk_cells *cells = &mesh->cells[kind];
-        ok = (!x->corners[kind].used || locate(x, &x->corners[kind])) &&
-             (!x->ends[kind].used || locate(x, &x->ends[kind]));
-        cells->points = x->corners[kind].array;
-        cells->ends = x->ends[kind].array;
-        cells->ends.count = cells->count;
-        if (ok && cells->count && kind != VTK_VERTS && !(cells->points.type && cells->ends.type))
-            ok = import_fail(x->err, SP_ERR_FORMAT, x->file->shown, cells->at, cell_names[kind],
-                             "%" PRIu64 " cells without the arrays connectivity and offsets",
-                             cells->count);
+static bool read_time(struct xml *x) {
+    struct vtk_array *a = &x->time.array;
+    a->count = 1;
+    if (!locate(x, &x->time) || !vtk_array_check(x->file, a, x->err))
+        return false;
+    double *time = vtk_array_read_numbers(x->file, a, x->err);
+    if (time)
+        x->volume->time = *time;
+    free(time);
+    return time != NULL;
+}
+
+static bool finish(struct xml *x) {
+    struct vtk_volume *v = x->volume;
+    if (x->appended_at && !find_appended(x))
+        return false;
+    for (size_t i = x->first_entry; i < v->entry_count; i++)
+        if (!locate(x, &v->entries[i]))
+            return false;
+    for (size_t p = 0; p < v->piece_count; p++)
+        if (v->pieces[p].file == x->number && x->set == VTK_POLY && !join_cells(x, &v->pieces[p]))
+            return false;
+    return !x->has_time || read_time(x);
+}
+
+bool vtk_xml_read(struct vtk_volume *v, uint32_t number, struct vtk_xml_names *names,
+                  struct sp_error *err) {
+    const struct import_file *file = vtk_open_file(v, number, err);
+    if (!file)
+        return false;
+    struct xml x = { .file = file,
+                     .volume = v,
+                     .names = names,
+                     .number = number,
+                     .err = err,
+                     .parser = XML_ParserCreate("UTF-8"),
+                     .home = -1,
+                     .first_entry = v->entry_count };
+    if (!x.parser)
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while parsing XML");
+    XML_SetUserData(x.parser, &x);
+    XML_SetElementHandler(x.parser, start_element, end_element);
+    XML_SetStartDoctypeDeclHandler(x.parser, start_doctype);
+    const bool ok = parse(&x) && finish(&x);
+    if (names && ok) {
+        names->is_parallel = x.is_parallel;
+        names->is_composite = x.is_composite;
     }
-    mesh->normals = x->normals.array;
-    mesh->colors = x->colors.array;
+    XML_ParserFree(x.parser);
     return ok;
 }
-
-/* The points of an unstructured grid, polygons, or a structured grid. */
-static bool take_points(struct xml *x) {
-    const uint32_t *dims = x->header->grid.dims;
-    if (x->set == VTK_STRUCTURED)
-        x->count = (uint64_t)dims[0] * dims[1] * dims[2];
-    if (!x->positions.used && x->count > 0)
-        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, "Points",
-                           "are missing");
-    if (x->positions.used && !locate(x, &x->positions))
-        return false;
-    x->volume->points = x->positions.array;
-    if (x->set == VTK_POLY && !take_mesh(x))
-        return false;
-    return vtk_complete_points(x->volume, x->header, x->count, x->set, x->grid_at, sets[x->set],
-                               x->err);
-}
-
-static bool take_all(struct xml *x) {
-    import_header_init(x->header);
-    if (!parse(x) || (x->appended_at && !find_appended(x)))
-        return false;
-    if (!x->pieces)
-        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, sets[x->set],
-                           "the file ends without a Piece");
-    if (!vtk_has_points(x->set) && !x->found[SAMPLES].used && !x->found[VECTORS].used)
-        return import_fail(x->err, SP_ERR_UNSUPPORTED, x->file->shown, x->grid_at, "PointData",
-                           "the file has no array with one number or three per point; it has %s",
-                           x->others[0] ? x->others : "no array of points, perhaps of cells");
-    for (int kind = SAMPLES; kind <= VECTORS; kind++)
-        if (x->found[kind].used && !locate(x, &x->found[kind]))
-            return false;
-    x->volume->samples = x->found[SAMPLES].array;
-    x->volume->vectors = x->found[VECTORS].array;
-    if (vtk_has_points(x->set))
-        return take_points(x);
-    if (!(x->set == VTK_RECTILINEAR
-              ? take_coordinates(x)
-              : vtk_place_image(x->file, &x->image, x->header, x->grid_at, x->err)))
-        return false;
-    return vtk_complete(x->volume, x->header, x->grid_at, sets[x->set], x->err);
-}
-
-static void *open_xml(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    struct vtk_volume *volume = calloc(1, sizeof *volume);
-    struct xml *x = calloc(1, sizeof *x);
-    XML_Parser parser = XML_ParserCreate("UTF-8");
-    bool ok = volume && x && parser;
-    if (ok) {
-        volume->file = file;
-        *x = (struct xml){ .file = file,
-                           .header = header,
-                           .volume = volume,
-                           .err = err,
-                           .parser = parser,
-                           .cells = -1,
-                           .image = { .spacing = { 1, 1, 1 },
-                                      .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 } } };
-        XML_SetUserData(parser, x);
-        XML_SetElementHandler(parser, start_element, end_element);
-        XML_SetStartDoctypeDeclHandler(parser, start_doctype);
-        ok = take_all(x);
-    } else {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while parsing XML");
-    }
-    if (parser)
-        XML_ParserFree(parser);
-    free(x);
-    if (ok)
-        return volume;
-    if (volume)
-        vtk_close(volume);
-    return NULL;
-}
-
-const struct import_format import_vtk_xml = { .name = "VTK XML",
-                                              .probe = vtk_xml_probe,
-                                              .open = open_xml,
-                                              .read = vtk_read,
-                                              .read_elements = vtk_read_elements,
-                                              .close = vtk_close };

@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * XML files of VTK: one alone, or one that names others. The files of a parallel data set (.pvti …)
+ * are its pieces. Of a composite data set (.vtm, .vtpd) the first block is read.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "import/vtk_xml.h"
+
+enum { BLOCKS_MAX = 1 << 16 };
+
+bool vtk_xml_add_name(struct vtk_xml_names *names, const char *file, const char *title,
+                      const struct import_file *source, struct sp_error *err) {
+    if (names->count == BLOCKS_MAX)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, source->shown, "more than %d blocks", BLOCKS_MAX);
+    if (names->count % 64 == 0) {
+        struct vtk_xml_block *larger =
+            realloc(names->blocks, (names->count + 64) * sizeof *names->blocks);
+        if (!larger)
+            return sp_fail(err, SP_ERR_MEMORY, source->shown, "out of memory for the blocks");
+        names->blocks = larger;
+    }
+    struct vtk_xml_block *block = &names->blocks[names->count++];
+    *block = (struct vtk_xml_block){ strdup(file), strdup(title) };
+    return (block->file && block->title) ||
+           sp_fail(err, SP_ERR_MEMORY, source->shown, "out of memory for the blocks");
+}
+
+static void finish_names(struct vtk_xml_names *names) {
+    for (uint32_t i = 0; i < names->count; i++) {
+        free(names->blocks[i].file);
+        free(names->blocks[i].title);
+    }
+    free(names->blocks);
+}
+
+/* Says which blocks are left out. */
+static void warn_of_blocks(const struct vtk_volume *v, const struct vtk_xml_names *names) {
+    char list[SP_WARNING_BYTES] = "";
+    for (uint32_t i = 1; i < names->count; i++) {
+        const size_t used = strlen(list), more = strlen(names->blocks[i].file) + 2;
+        if (used + more + 100 > sizeof list) {
+            snprintf(list + used, sizeof list - used, " and %u more", names->count - i);
+            break;
+        }
+        snprintf(list + used, sizeof list - used, "%s%s", used ? ", " : "", names->blocks[i].file);
+    }
+    import_warn(v->file->warnings,
+                "Only the first of %u blocks, %.60s, is read. Open the others by their files: %s.",
+                names->count, names->blocks[0].file, list);
+}
+
+static bool read_block(struct vtk_volume *v, const struct vtk_xml_names *names,
+                       struct sp_error *err) {
+    struct vtk_xml_names none = { .count = 0 };
+    if (names->count == 0)
+        return sp_fail(err, SP_ERR_FORMAT, v->file->shown,
+                       "the composite data set names no file of a block");
+    const uint32_t number = vtk_add_file(v, names->blocks[0].file, err);
+    bool ok = number && vtk_xml_read(v, number, &none, err);
+    if (ok && (none.is_parallel || none.is_composite))
+        ok = sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
+                     "the first block, %.100s, names files of its own; open that file instead",
+                     names->blocks[0].file);
+    finish_names(&none);
+    if (ok && names->count > 1)
+        warn_of_blocks(v, names);
+    return ok;
+}
+
+/* Reads the file, and those that it names. */
+static bool parse(struct vtk_volume *v, struct sp_error *err) {
+    struct vtk_xml_names names = { .count = 0 };
+    bool ok = vtk_xml_read(v, 0, &names, err);
+    if (ok && names.is_composite)
+        ok = read_block(v, &names, err);
+    for (uint32_t i = 1; ok && names.is_parallel && i <= v->file_count; i++)
+        ok = vtk_xml_read(v, i, NULL, err);
+    finish_names(&names);
+    if (ok && v->cell_count)
+        vtk_warn_of_cells(v, v->cell_count);
+    return ok;
+}
+
+static void *open_xml(const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    struct vtk_volume *v = vtk_create(file, err);
+    if (v && parse(v, err) && vtk_complete(v, header, err))
+        return v;
+    if (v)
+        vtk_close(v);
+    return NULL;
+}
+
+static bool read_time(const struct import_file *file, double *time) {
+    struct vtk_volume *v = vtk_create(file, NULL);
+    const bool ok = v && parse(v, NULL) && isfinite(v->time);
+    if (ok)
+        *time = v->time;
+    if (v)
+        vtk_close(v);
+    return ok;
+}
+
+const struct import_format import_vtk_xml = { .name = "VTK XML",
+                                              .probe = vtk_xml_probe,
+                                              .open = open_xml,
+                                              .read = vtk_read,
+                                              .read_elements = vtk_read_elements,
+                                              .close = vtk_close,
+                                              .read_time = read_time };
