@@ -96,15 +96,21 @@ static void list_shape(const struct array_info *info, char *out, size_t capacity
 /* Names all arrays with their sizes. */
 static bool fail_choice(const struct arrays *a, const char *text, struct sp_error *err) {
     struct array_info info;
-    char list[SP_ERROR_TEXT], one[160];
-    size_t used = (size_t)snprintf(list, sizeof list, "%s", text);
-    for (unsigned n = 0; used < sizeof list && a->call->describe(a->handle, n, &info); n++)
+    char text_and_list[SP_ERROR_TEXT], one[160];
+    struct import_list list;
+    unsigned found = 0;
+    snprintf(text_and_list, sizeof text_and_list, "%s", text);
+    import_list_begin(&list, text_and_list, sizeof text_and_list);
+    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
         if (info.is_number && info.rank >= 1) {
             list_shape(&info, one, sizeof one);
-            used += (size_t)snprintf(list + used, sizeof list - used, " %s;", one);
+            import_list_add(&list, found++ ? "; " : " ", one);
         }
+    if (found == 0)
+        import_list_add(&list, " ", "no arrays of numbers");
+    import_list_end(&list);
     return sp_fail(err, *a->file->field ? SP_ERR_NOT_FOUND : SP_ERR_UNSUPPORTED, a->file->shown,
-                   "%s", list);
+                   "%s", text_and_list);
 }
 
 static bool choose(struct arrays *a, struct sp_error *err) {

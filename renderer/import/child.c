@@ -178,25 +178,45 @@ int sp_import_child_reap(struct sp_import_child *c) {
     return got < 0 ? 0 : status;
 }
 
+/* Why a process dies of a signal. */
+static const char *cause_of(int signal) {
+    switch (signal) {
+    case SIGKILL:
+        return "most likely the machine or its container ran out of memory";
+    case SIGABRT:
+        return "a library gave up, because the file is damaged or needs more than 1 GiB beside the "
+               "samples";
+    case SIGSYS:
+        return "the reader did what the sandbox forbids; the file may be hostile";
+    case SIGSEGV:
+    case SIGBUS:
+    case SIGILL:
+    case SIGFPE:
+        return "the reader crashed; the file is damaged, or the reader has a bug";
+    default:
+        return "another program ended it";
+    }
+}
+
 bool sp_import_child_fail_ended(struct sp_import_child *c, struct sp_error *err) {
     int status = sp_import_child_reap(c);
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
         return sp_fail(err, SP_ERR_TIMEOUT, c->shown,
-                       "the import process took more than %d s of CPU time",
+                       "the import process took more than the %d s of CPU time that a load may "
+                       "take; a smaller file or one with less compression may load",
                        c->timeout_ms / 1000 + 1);
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGBUS && c->is_sparse)
         return sp_fail(err, SP_ERR_IO, c->shown,
                        "cannot write the samples: the disk is full or fails");
     if (WIFSIGNALED(status)) {
         const char *name = sigabbrev_np(WTERMSIG(status));
-        return sp_fail(
-            err, SP_ERR_CRASHED, c->shown,
-            "the import process was killed by signal %d (SIG%s): the file is damaged, or the "
-            "reader has a bug",
-            WTERMSIG(status), name ? name : "?");
+        return sp_fail(err, SP_ERR_CRASHED, c->shown,
+                       "the import process was killed by signal %d (SIG%s): %s", WTERMSIG(status),
+                       name ? name : "?", cause_of(WTERMSIG(status)));
     }
     return sp_fail(err, SP_ERR_CRASHED, c->shown,
-                   "the import process exited with status %d and without a result",
+                   "the import process exited with status %d and without a result; the file is "
+                   "damaged, or the reader has a bug",
                    WEXITSTATUS(status));
 }
 

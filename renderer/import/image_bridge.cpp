@@ -16,7 +16,7 @@ struct image_bridge {
 };
 
 static void explain(char *why, size_t capacity, const std::string &text) {
-    std::string line = text.empty() ? std::string("no reason given") : text;
+    std::string line = text; /* the caller explains an empty one */
     for (char &c : line)
         if (static_cast<unsigned char>(c) < 0x20)
             c = ' ';

@@ -53,12 +53,25 @@ static bool say(const struct sp_handover *message) {
     return sent == (ssize_t)size;
 }
 
+/* Some libraries explain nothing, or name the file as this process opens it. */
 static int say_error(const struct sp_error *err) {
     struct sp_handover message;
+    struct sp_handover_error *error = &message.error;
     sp_handover_init(&message, SP_HANDOVER_ERROR);
-    message.error.code = err->code;
-    memcpy(message.error.place, err->place, sizeof err->place);
-    memcpy(message.error.text, err->text, sizeof err->text);
+    error->code = err->code;
+    memcpy(error->place, err->place, sizeof err->place);
+    memcpy(error->text, err->text, sizeof err->text);
+    if (!error->text[0])
+        snprintf(error->text, sizeof error->text,
+                 "the library that reads this format tells no cause; the file may be damaged, cut "
+                 "off, or of a kind that it does not read");
+    if (strcmp(error->text, "std::bad_alloc") == 0) {
+        error->code = SP_ERR_MEMORY;
+        snprintf(error->text, sizeof error->text,
+                 "out of memory: reading may take 1 GiB beside the samples");
+    }
+    import_hide_descriptors(error->text);
+    import_hide_descriptors(error->place);
     say(&message);
     return 1;
 }
@@ -221,18 +234,19 @@ static bool read_all(struct job *job, void *reader, char *memory, struct sp_erro
 
 /* Writes ", NAME" for each name of a list. */
 static void list_names(const char (*names)[SP_FIELD_BYTES], int count, char *list, size_t size) {
-    size_t used = 0;
+    struct import_list out;
     list[0] = 0;
-    for (int i = 0; i < count && used < size; i++)
-        if (names[i][0])
-            used += (size_t)snprintf(list + used, size - used, ", %s", names[i]);
+    import_list_begin(&out, list, size);
+    for (int i = 0; i < count && names[i][0]; i++)
+        import_list_add(&out, ", ", names[i]);
+    import_list_end(&out);
 }
 
 /* Not every reader chooses among fields. */
 static bool check_field(const struct job *job, struct sp_error *err) {
     const struct import_header *h = &job->header;
     const char *vectors = job->file.vectors;
-    char list[160], wanted[SP_FIELD_BYTES];
+    char list[200], wanted[SP_FIELD_BYTES];
     import_name(wanted, job->file.field);
     if (*vectors && strcmp(vectors, h->vector_name) != 0) {
         list_names((const char(*)[SP_FIELD_BYTES])h->other_vectors, SP_OTHER_VECTORS_MAX, list,

@@ -107,7 +107,7 @@ struct mesh_bridge {
 };
 
 static void explain(char *why, size_t capacity, const char *text) {
-    snprintf(why, capacity, "%s", text && *text ? text : "no reason given");
+    snprintf(why, capacity, "%s", text ? text : "");
     for (char *c = why; *c; c++)
         if (static_cast<unsigned char>(*c) < 0x20)
             *c = ' ';

@@ -90,7 +90,7 @@ static bool find_file(struct sp_import_place *p, struct sp_error *err) {
     while (length > 1 && p->path[length - 1] == '/')
         p->path[--length] = 0;
     char *slash = strrchr(p->path, '/'), *base = slash ? slash + 1 : p->path;
-    const bool is_folder = stat(p->path, &st) == 0 && S_ISDIR(st.st_mode);
+    const bool is_there = stat(p->path, &st) == 0, is_folder = is_there && S_ISDIR(st.st_mode);
     const char *dot = strrchr(base, '.'), *end = base + strlen(base);
     const bool is_zarr = dot && strcasecmp(dot, ".zarr") == 0;
     if ((!is_folder || is_zarr) && dot && dot > base) {
@@ -101,7 +101,7 @@ static bool find_file(struct sp_import_place *p, struct sp_error *err) {
             end -= 4;
     }
     snprintf(p->name, sizeof p->name, "%.*s", (int)(end - base), base);
-    if (strchr(base, '*') && strlen(base) <= NAME_MAX && may_list(p, base))
+    if (!is_there && strchr(base, '*') && strlen(base) <= NAME_MAX && may_list(p, base))
         return pick_numbered(p, base, err);
     return !is_folder || !may_list(p, NULL) || pick_file(p, err);
 }

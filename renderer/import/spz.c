@@ -67,7 +67,8 @@ static bool unpack(struct spz *s, void *out, size_t n, struct sp_error *err) {
                                "the data ends before the %" PRIu32 " Gaussians", s->count);
         if (status != Z_OK && status != Z_STREAM_END)
             return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, NULL,
-                               "the gzip data is damaged: %s", s->z.msg ? s->z.msg : "no reason");
+                               "the gzip data is damaged%s%s", s->z.msg ? ": " : "",
+                               s->z.msg ? s->z.msg : "");
     }
     return true;
 }

@@ -186,7 +186,8 @@ static bool read_gzip(struct import_stream *s, void *out, size_t n, size_t *got,
             return fail_memory(s, err);
         } else if (status != Z_OK && status != Z_BUF_ERROR) {
             return import_fail(err, SP_ERR_FORMAT, s->shown, s->at - s->z.avail_in, "data",
-                               "the gzip data is damaged: %s", s->z.msg ? s->z.msg : "no reason");
+                               "the gzip data is damaged%s%s", s->z.msg ? ": " : "",
+                               s->z.msg ? s->z.msg : "");
         }
     }
     *got = n - s->z.avail_out;

@@ -39,18 +39,15 @@ static void finish_names(struct vtk_xml_names *names) {
 
 /* Says which blocks are left out. */
 static void warn_of_blocks(const struct vtk_volume *v, const struct vtk_xml_names *names) {
-    char list[SP_WARNING_BYTES] = "";
-    for (uint32_t i = 1; i < names->count; i++) {
-        const size_t used = strlen(list), more = strlen(names->blocks[i].file) + 2;
-        if (used + more + 100 > sizeof list) {
-            snprintf(list + used, sizeof list - used, " and %u more", names->count - i);
-            break;
-        }
-        snprintf(list + used, sizeof list - used, "%s%s", used ? ", " : "", names->blocks[i].file);
-    }
+    char text[SP_WARNING_BYTES - 100] = "";
+    struct import_list list;
+    import_list_begin(&list, text, sizeof text);
+    for (uint32_t i = 1; i < names->count; i++)
+        import_list_add(&list, i > 1 ? ", " : "", names->blocks[i].file);
+    import_list_end(&list);
     import_warn(v->file->warnings,
                 "Only the first of %u blocks, %.60s, is read. Open the others by their files: %s.",
-                names->count, names->blocks[0].file, list);
+                names->count, names->blocks[0].file, text);
 }
 
 static bool read_block(struct vtk_volume *v, const struct vtk_xml_names *names,

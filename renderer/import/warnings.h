@@ -7,6 +7,8 @@
 #ifndef SP_IMPORT_WARNINGS_H
 #define SP_IMPORT_WARNINGS_H
 
+#include <stddef.h>
+
 #include "sp/volume.h"
 
 struct import_warnings {
@@ -23,5 +25,24 @@ struct import_warnings {
  */
 __attribute__((format(printf, 2, 3))) void import_warn(struct import_warnings *warnings,
                                                        const char *format, ...);
+
+/* Replaces "/proc/self/fd/N", the name by which libraries open a file, by "the file". */
+void import_hide_descriptors(char *text);
+
+/* A list of names in a text of limited size: "a, b, c and 12 more". */
+struct import_list {
+    char *text;
+    size_t capacity, used;
+    unsigned left_out;
+};
+
+/* Begins with the text that is there. `capacity` is at least 40 bytes more. */
+void import_list_begin(struct import_list *list, char *text, size_t capacity);
+
+/* Adds a name behind `before`, such as ", ". */
+void import_list_add(struct import_list *list, const char *before, const char *name);
+
+/* Says how many did not fit. */
+void import_list_end(struct import_list *list);
 
 #endif

@@ -83,16 +83,23 @@ static char *resolve_series(const char *path, const char *pointer, const char *d
     return key;
 }
 
+/* Resolves a path whose name may have a '*': that of a file of this very name, or else a series. */
+static char *resolve_name(const char *path, const char *pointer, const char *data,
+                          struct sp_error *err) {
+    const char *slash = strrchr(path, '/');
+    if (!strchr(slash ? slash : path, '*'))
+        return resolve_path(path, pointer, data, err);
+    char *real = resolve_path(path, pointer, data, NULL);
+    return real ? real : resolve_series(path, pointer, data, err);
+}
+
 /* Resolves the path of a file, to which the field is added again. */
 static char *resolve_file(const char *source, const char *pointer, const char *data,
                           struct sp_error *err) {
     const size_t length = sp_source_split(source).path_bytes;
     const char *selection = source + length;
     char *path = *selection ? strndup(source, length) : copy(source, err), *key = NULL;
-    const char *slash = path ? strrchr(path, '/') : NULL;
-    char *real = !path ? NULL
-                 : strchr(slash ? slash : path, '*') ? resolve_series(path, pointer, data, err)
-                                                     : resolve_path(path, pointer, data, err);
+    char *real = path ? resolve_name(path, pointer, data, err) : NULL;
     free(path);
     if (!real || !*selection)
         return real;

@@ -1,0 +1,141 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Every error tells a cause, and files open whatever their names are.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "import/warnings.h"
+#include "unit/import/support.h"
+
+static bool ends_with(const char *text, const char *end) {
+    const size_t n = strlen(text), m = strlen(end);
+    return n >= m && strcmp(text + n - m, end) == 0;
+}
+
+/* Fails if the error is one that a user cannot act on. */
+static void assert_is_told(const char *name, const struct sp_error *err) {
+    static const char *const never[] = { "/proc/", "no reason", "std::", "(null)" };
+    static const char *const ends[] = { " has", ":", ";", ",", ": ", "\"\"" };
+    bool is_good = err->text[0] && strstr(err->place, name);
+    for (size_t i = 0; i < sizeof never / sizeof *never; i++)
+        is_good = is_good && !strstr(err->text, never[i]) && !strstr(err->place, never[i]);
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++)
+        is_good = is_good && !ends_with(err->text, ends[i]);
+    if (!is_good)
+        fail_msg("%s: place \"%s\", text \"%s\"", name, err->place, err->text);
+}
+
+/* Each format with an empty file, with text, and with its first bytes before zeros. */
+static void errors_of_every_format_tell_a_cause(void **state) {
+    (void)state;
+    static const struct {
+        const char *name, *start;
+        size_t size;
+    } files[] = {
+        { "bad.nrrd", "NRRD0004\n", 9 },
+        { "bad.nii", "\134\1\0\0", 4 },
+        { "bad.nii.gz", "\37\213\10\0", 4 },
+        { "bad.mha", "ObjectType = Image\n", 19 },
+        { "bad.pvm", "PVM\n", 4 },
+        { "bad.vdb", "\40BDV\0\0\0\0", 8 },
+        { "bad.h5", "\211HDF\r\n\32\n", 8 },
+        { "bad.nc", "CDF\1", 4 },
+        { "bad.am", "# AmiraMesh BINARY-LITTLE-ENDIAN 2.1\n", 37 },
+        { "bad.vol", "VOL\3", 4 },
+        { "bad.vtk", "# vtk DataFile Version 3.0\n", 27 },
+        { "bad.vti", "<VTKFile type=\"ImageData\">", 26 },
+        { "bad.pvti", "<VTKFile type=\"PImageData\">", 27 },
+        { "bad.pvd", "<VTKFile type=\"Collection\">", 27 },
+        { "bad.series", "{", 1 },
+        { "bad.json", "{", 1 },
+        { "bad.tif", "II*\0\10\0\0\0", 8 },
+        { "bad.png", "\211PNG\r\n\32\n", 8 },
+        { "bad.jpg", "\377\330\377\340", 4 },
+        { "bad.ply", "ply\nformat ascii 1.0\n", 21 },
+        { "bad.spz", "\37\213\10\0", 4 },
+        { "bad.csv", "x,y,z\n", 6 },
+        { "bad.p3d", "\1\0\0\0", 4 },
+        { "bad.stl", "solid x\n", 8 },
+        { "bad.gltf", "{", 1 },
+        { "bad.glb", "glTF\2\0\0\0", 8 },
+    };
+    struct sp_load_options options = importer_options();
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++)
+        for (int kind = 0; kind < 3; kind++) {
+            char bytes[1024] = "this is a text, not a volume\n";
+            struct sp_error err = { .text = "" };
+            size_t size = kind == 0 ? 0 : strlen(bytes);
+            if (kind == 2) {
+                memset(bytes, 0, sizeof bytes);
+                memcpy(bytes, files[i].start, files[i].size);
+                size = sizeof bytes;
+            }
+            write_file(files[i].name, bytes, size);
+            struct sp_volume *volume = sp_volume_load(in_folder(files[i].name), &options, &err);
+            if (!volume)
+                assert_is_told(files[i].name, &err);
+            sp_volume_unref(&volume);
+            remove(in_folder(files[i].name));
+        }
+}
+
+#define VTI                                                                                        \
+    "<VTKFile type=\"ImageData\"><ImageData><Piece Extent=\"0 1 0 0 0 0\"><PointData>"             \
+    "<DataArray type=\"UInt8\" Name=\"s\">%d 2</DataArray></PointData></Piece></ImageData>"        \
+    "</VTKFile>"
+
+static void assert_first(const char *source, uint8_t first) {
+    struct sp_volume *volume = load(source);
+    assert_int_equal(*(const uint8_t *)sp_volume_voxels(volume), first);
+    sp_volume_unref(&volume);
+}
+
+static void files_open_whatever_their_names_are(void **state) {
+    (void)state;
+    static const char *const names[] = { "a*b.vti",   "a?b.vti",         "a:b.vti",
+                                         "a#b.vti",   "50%.vti",         "%20%d.vti",
+                                         "a&b=c.vti", "it's \"it\".vti", "Größe ä 1.vti",
+                                         "a\\b.vti",  "[1].vti",         "-x.vti" };
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        write_text(names[i], VTI, (int)i + 1);
+        assert_first(names[i], (uint8_t)(i + 1));
+        /* The same name as that of samples beside a header. */
+        write_text("one.nhdr",
+                   "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 1 1\nencoding: raw\n"
+                   "data file: %s\n",
+                   names[i]);
+        assert_first("one.nhdr", '<');
+    }
+    /* A '*' stands for numbers, unless a file has this very name. */
+    write_text("t1.vti", VTI, 71);
+    write_text("t2.vti", VTI, 72);
+    struct sp_volume *volume = load("t*.vti");
+    assert_int_equal(sp_volume_info(volume)->steps.count, 2);
+    sp_volume_unref(&volume);
+    write_text("t*.vti", VTI, 73);
+    assert_first("t*.vti", 73);
+}
+
+static void lists_and_descriptors_are_written_for_readers(void **state) {
+    (void)state;
+    char text[64] = "has", path[] = "cannot open /proc/self/fd/12: /proc/self/fd/5 is short";
+    struct import_list list;
+    import_list_begin(&list, text, sizeof text);
+    for (int i = 0; i < 10; i++)
+        import_list_add(&list, i ? ", " : " ", "a name");
+    import_list_end(&list);
+    assert_string_equal(text, "has a name, a name, a name, a name and 6 more");
+    import_hide_descriptors(path);
+    assert_string_equal(path, "cannot open the file: the file is short");
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(errors_of_every_format_tell_a_cause),
+        cmocka_unit_test(files_open_whatever_their_names_are),
+        cmocka_unit_test(lists_and_descriptors_are_written_for_readers),
+    };
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
+}
