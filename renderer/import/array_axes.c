@@ -39,13 +39,23 @@ static bool is_one_of(const char *name, const char *const *names) {
     return false;
 }
 
-/* Finds the array of the coordinates of a dimension; −1 = there is none. */
+/* Finds the array of the coordinates of a dimension, in the group of the array or in one above; −1
+ * = there is none. */
 static int find_array(const struct arrays *a, unsigned d) {
     struct array_info info;
-    for (unsigned n = 0; *a->info.dims[d] && a->call->describe(a->handle, n, &info); n++)
-        if (info.is_number && info.rank == 1 && info.shape[0] == a->info.shape[d] &&
-            strcmp(info.name, a->info.dims[d]) == 0)
-            return (int)n;
+    char path[2 * ARRAY_NAME_BYTES], group[ARRAY_NAME_BYTES];
+    snprintf(group, sizeof group, "%s", a->info.name);
+    while (*a->info.dims[d]) {
+        char *slash = strrchr(group, '/');
+        *(slash ? slash : group) = 0;
+        snprintf(path, sizeof path, "%s%s%s", group, slash ? "/" : "", a->info.dims[d]);
+        for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
+            if (info.is_number && info.rank == 1 && info.shape[0] == a->info.shape[d] &&
+                strcmp(info.name, path) == 0)
+                return (int)n;
+        if (!slash)
+            break;
+    }
     return -1;
 }
 

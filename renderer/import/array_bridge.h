@@ -8,16 +8,16 @@
 
 #include "import/axes.h"
 
-enum { ARRAY_NAME_BYTES = 256, ARRAYS_MAX = 1024 };
+enum { ARRAY_NAME_BYTES = 256, ARRAYS_MAX = 4096 };
 
 struct array_info {              /* one array of a file */
-    char name[ARRAY_NAME_BYTES]; /* of HDF5 the path: "/a/b" */
+    char name[ARRAY_NAME_BYTES]; /* the path: "/a/b" in HDF5, "a/b" or "b" in NetCDF */
     unsigned rank;               /* in [0, IMPORT_RANK_MAX] if is_number */
     uint64_t shape[IMPORT_RANK_MAX];
     uint64_t chunk[IMPORT_RANK_MAX];              /* 0 = not chunked */
     char dims[IMPORT_RANK_MAX][ARRAY_NAME_BYTES]; /* names of dimensions; "" = none */
     bool is_number;                               /* its numbers can be read */
-    char problem[128];                            /* if they cannot: why */
+    char problem[160];                            /* if they cannot: why */
     struct import_number number;                  /* as read() returns it */
 };
 

@@ -58,13 +58,37 @@ bool arrays_fail(const struct arrays *a, struct sp_error *err, enum sp_code code
 
 /* Choosing an array. */
 
-/* The number of dimensions that an array needs here: three if any has so many, else two. */
+/* True for the arrays that only say where others are: coordinates and their bounds. */
+static bool is_of_axis(const struct arrays *a, const struct array_info *info) {
+    const char *slash = strrchr(info->name, '/'), *own = slash ? slash + 1 : info->name;
+    if (!a->is_netcdf)
+        return false;
+    if (info->rank == 1 && strcmp(own, info->dims[0]) == 0)
+        return true;
+    const char *last = info->rank > 0 ? info->dims[info->rank - 1] : "";
+    return info->rank == 2 && info->shape[1] == 2 &&
+           (strcasecmp(last, "bnds") == 0 || strcasecmp(last, "bounds") == 0 ||
+            strcasecmp(last, "nv") == 0 || has_ending(own, "_bnds") || has_ending(own, "_bounds"));
+}
+
+/* How many dimensions a volume could have; 0 = the array is none. */
+static unsigned rank_of(const struct arrays *a, const struct array_info *info) {
+    if (!info->is_number || is_of_axis(a, info))
+        return 0;
+    for (unsigned d = 0; d < info->rank; d++)
+        if (info->shape[d] == 0)
+            return 0;
+    return info->rank < 3 ? info->rank : 3;
+}
+
+/* The dimensions that arrays need to be chosen without a name: 3 if one has as many, else 2 or 1.
+ */
 static unsigned least_rank(const struct arrays *a) {
     struct array_info info;
-    unsigned most = 2;
-    for (unsigned n = 0; most < 3 && a->call->describe(a->handle, n, &info); n++)
-        if (info.is_number && info.rank >= 3)
-            most = 3;
+    unsigned most = 1;
+    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
+        if (rank_of(a, &info) > most)
+            most = rank_of(a, &info);
     return most;
 }
 
@@ -121,7 +145,7 @@ static bool choose(struct arrays *a, struct sp_error *err) {
     uint32_t channel = 0;
     for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
         const bool is_one =
-            *field ? is_wanted(field, info.name, &channel) : info.is_number && info.rank >= least;
+            *field ? is_wanted(field, info.name, &channel) : rank_of(a, &info) >= least;
         if (is_one && found++ == 0) {
             a->chosen = n;
             a->info = info;
@@ -133,7 +157,7 @@ static bool choose(struct arrays *a, struct sp_error *err) {
     if (found == 0)
         return fail_choice(a,
                            *field ? "there is no such array; the file has"
-                                  : "the file has no array of two or more dimensions; it has",
+                                  : "the file has no array of numbers with samples; it has",
                            err);
     if (found > 1 && !a->is_netcdf)
         return fail_choice(a, "choose one of the arrays, such as FILE.h5:/NAME:", err);
@@ -181,6 +205,45 @@ static bool is_float(enum sp_type type) {
     return type == SP_FLOAT32 || type == SP_FLOAT64;
 }
 
+/* An attribute about the numbers as they are stored. With _Unsigned, it is written as if they had a
+ * sign. */
+static double stored_value(const struct arrays *a, double value) {
+    const struct import_number number = a->conversion.number;
+    const bool is_turned =
+        number.kind == IMPORT_UNSIGNED && value < 0 && a->info.number.kind == IMPORT_SIGNED;
+    return is_turned ? value + ldexp(1, 8 * (int)number.size) : value;
+}
+
+/* Numbers that stand for no sample: _FillValue and missing_value, and those outside of valid_range
+ * or of valid_min and valid_max. Without a fill value, floating-point numbers have that of NetCDF.
+ */
+static void take_missing(struct arrays *a) {
+    struct import_conversion *c = &a->conversion;
+    double values[IMPORT_MISSING_MAX], range[2] = { -INFINITY, INFINITY };
+    const bool has_fill = a->call->numbers(a->handle, a->chosen, "_FillValue", values, 1) == 1;
+    if (has_fill)
+        import_conversion_add_missing(c, stored_value(a, values[0]));
+    else if (c->number.kind == IMPORT_FLOAT)
+        import_conversion_add_missing(c, NETCDF_FILL);
+    const size_t count =
+        a->call->numbers(a->handle, a->chosen, "missing_value", values, IMPORT_MISSING_MAX);
+    for (size_t i = 0; i < count; i++)
+        import_conversion_add_missing(c, stored_value(a, values[i]));
+    if (a->call->numbers(a->handle, a->chosen, "valid_range", range, 2) != 2) {
+        range[0] = -INFINITY;
+        range[1] = INFINITY;
+        a->call->numbers(a->handle, a->chosen, "valid_min", &range[0], 1);
+        a->call->numbers(a->handle, a->chosen, "valid_max", &range[1], 1);
+    }
+    range[0] = stored_value(a, range[0]);
+    range[1] = stored_value(a, range[1]);
+    const bool is_scaled = import_number_is_whole(c->number) && /* the range is of the samples */
+                           ((isfinite(range[0]) && trunc(range[0]) != range[0]) ||
+                            (isfinite(range[1]) && trunc(range[1]) != range[1]));
+    if (!is_scaled && range[0] <= range[1] && (isfinite(range[0]) || isfinite(range[1])))
+        import_conversion_set_range(c, range[0], range[1]);
+}
+
 /* scale_factor, add_offset, _FillValue and missing_value are conventions of NetCDF. */
 static void take_type(struct arrays *a, struct import_header *header) {
     struct import_number number = a->info.number;
@@ -196,16 +259,11 @@ static void take_type(struct arrays *a, struct import_header *header) {
             slope = value;
         if (a->call->numbers(a->handle, a->chosen, "add_offset", &value, 1) && isfinite(value))
             offset = value;
-        a->has_fill = a->call->numbers(a->handle, a->chosen, "_FillValue", &a->fill, 1) ||
-                      a->call->numbers(a->handle, a->chosen, "missing_value", &a->fill, 1);
-        if (!a->has_fill && number.kind == IMPORT_FLOAT) {
-            a->has_fill = true;
-            a->fill = number.size == 4 ? (double)(float)NETCDF_FILL : NETCDF_FILL;
-        }
+        take_missing(a);
     }
     a->conversion.slope = slope;
     a->conversion.offset = offset;
-    if ((slope != 1 || offset != 0 || a->has_fill) && !is_float(a->conversion.type))
+    if ((slope != 1 || offset != 0) && !is_float(a->conversion.type))
         a->conversion.type = number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
     header->type = a->conversion.type;
 }
@@ -308,13 +366,6 @@ static void put_row(const struct reading *r, const char *from, uint64_t count, u
         memcpy(to, from, count * size);
     else
         import_conversion_put(c, from, count, to);
-    for (uint64_t i = 0; a->has_fill && i < count; i++)
-        if (import_widen(from + i * c->number.size, c->number) == a->fill) {
-            if (size == 4)
-                ((float *)(void *)to)[i] = NAN;
-            else
-                ((double *)(void *)to)[i] = NAN;
-        }
     for (uint64_t i = 0; stride != 1 && i < count; i++)
         memcpy(r->voxels + (at + i * stride) * size, to + i * size, size);
 }

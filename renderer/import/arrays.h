@@ -19,8 +19,6 @@ struct arrays {
     struct import_axes axes;
     uint32_t channels, channel;
     struct import_conversion conversion;
-    bool has_fill; /* numbers equal to `fill` become NaN */
-    double fill;
     double *positions[3]; /* owned: of rectilinear axes */
     double *times;        /* owned; NULL = unknown */
 };

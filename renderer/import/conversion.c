@@ -42,10 +42,32 @@ void import_conversion_choose(struct import_conversion *c, double low, double hi
     }
 }
 
+/* Whole numbers become floating-point ones. */
+static void use_floats(struct import_conversion *c) {
+    if (import_number_of(c->type).kind != IMPORT_FLOAT)
+        c->type = c->number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
+}
+
+void import_conversion_add_missing(struct import_conversion *c, double number) {
+    if (c->missing_count == IMPORT_MISSING_MAX)
+        return;
+    if (c->number.kind == IMPORT_FLOAT && c->number.size == 4) /* as the file stores it */
+        number = (double)(float)number;
+    c->missing[c->missing_count++] = number;
+    use_floats(c);
+}
+
+void import_conversion_set_range(struct import_conversion *c, double low, double high) {
+    c->has_range = true;
+    c->range[0] = low;
+    c->range[1] = high;
+    use_floats(c);
+}
+
 bool import_conversion_is_copy(const struct import_conversion *c) {
     const struct import_number same = import_number_of(c->type);
-    return c->components == 1 && c->slope == 1 && c->offset == 0 && same.kind == c->number.kind &&
-           same.size == c->number.size;
+    return c->components == 1 && c->slope == 1 && c->offset == 0 && c->missing_count == 0 &&
+           !c->has_range && same.kind == c->number.kind && same.size == c->number.size;
 }
 
 /* True if float64 does not hold one of the whole numbers of 8 bytes. */
@@ -64,6 +86,16 @@ static bool is_rounded(const char *at, struct import_number number, size_t strid
     return false;
 }
 
+static void mark_missing(const struct import_conversion *c, double *values, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        bool is_missing = c->has_range && (values[i] < c->range[0] || values[i] > c->range[1]);
+        for (unsigned m = 0; m < c->missing_count; m++)
+            is_missing |= values[i] == c->missing[m];
+        if (is_missing)
+            values[i] = NAN;
+    }
+}
+
 static void put_block(const struct import_conversion *c, const char *at, size_t count, void *out,
                       uint64_t first) {
     const size_t stride = c->components * c->number.size;
@@ -73,6 +105,8 @@ static void put_block(const struct import_conversion *c, const char *at, size_t 
     if (c->number.size == 8 && import_number_is_whole(c->number) &&
         is_rounded(at, c->number, stride, count, values))
         import_warn(c->warnings, "Some samples are whole numbers above 2^53; they were rounded.");
+    if (c->missing_count > 0 || c->has_range)
+        mark_missing(c, values, count);
     if (c->slope != 1 || c->offset != 0)
         for (size_t i = 0; i < count; i++)
             values[i] = c->slope * values[i] + c->offset;

@@ -15,12 +15,19 @@
 
 #include "import/number.h"
 
+enum { IMPORT_MISSING_MAX = 4 };
+
 /* sample = slope · number + offset */
 struct import_conversion {
     struct import_number number;    /* in the file */
     unsigned components, component; /* numbers per sample, and which of them is read */
     double slope, offset;
-    enum sp_type type;                /* in memory */
+    enum sp_type type; /* in memory */
+    /* Numbers of the file that stand for no sample become NaN. */
+    unsigned missing_count;
+    double missing[IMPORT_MISSING_MAX];
+    bool has_range; /* so do numbers outside of this range */
+    double range[2];
     struct import_warnings *warnings; /* says what is lost; NULL = nobody hears of it */
 };
 
@@ -33,6 +40,13 @@ struct import_conversion import_conversion_of(struct import_number number,
  * smallest type that holds them exactly, at least as large as that of the file where that serves;
  * otherwise float32 for numbers of at most 2 bytes, and float64 for larger integers. */
 void import_conversion_choose(struct import_conversion *conversion, double low, double high);
+
+/* Adds a number that stands for no sample, unless there are too many. The type becomes one that has
+ * NaN. */
+void import_conversion_add_missing(struct import_conversion *conversion, double number);
+
+/* Numbers outside of the range stand for no sample. */
+void import_conversion_set_range(struct import_conversion *conversion, double low, double high);
 
 /* True if memory holds what the file does, apart from the byte order. */
 bool import_conversion_is_copy(const struct import_conversion *conversion);

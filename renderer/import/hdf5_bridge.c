@@ -3,7 +3,7 @@
  * HDF5 files. The library trusts what it reads, so it runs in the sandbox only. It opens no other
  * file and loads no plugin here.
  */
-#include "import/array_bridge.h"
+#include "import/hdf5_filters.h"
 
 #include <hdf5.h>
 #include <stdio.h>
@@ -73,6 +73,7 @@ static void *open_file(const char *path, char *why, size_t capacity) {
     setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1); /* the sandbox allows no locks */
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     H5PLset_loading_state(0);
+    hdf5_filters_register();
     h->file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
     if (h->file >= 0 &&
         H5Ovisit2(h->file, H5_INDEX_NAME, H5_ITER_NATIVE, add_name, h, H5O_INFO_BASIC) >= 0)
@@ -97,34 +98,110 @@ static bool use(struct hdf5 *h, unsigned n) {
     return h->opened;
 }
 
-/* The native type that numbers are read as; −1 = these are no numbers. Names of numbers are the
- * numbers themselves: h5py writes booleans so. */
-static hid_t native_type(hid_t type, struct import_number *number) {
-    if (H5Tget_class(type) == H5T_ENUM) {
-        hid_t base = H5Tget_super(type);
-        hid_t native = base >= 0 ? native_type(base, number) : -1;
+/* True if a compound type has two numbers alike with the names of a complex one. */
+static bool is_complex(hid_t type, struct import_number *number) {
+    static const char *const names[][2] = { { "r", "i" },       { "real", "imag" },
+                                            { "re", "im" },     { "_Real", "_Imag" },
+                                            { "Real", "Imag" }, { "real", "imaginary" } };
+    bool is_named = false;
+    if (H5Tget_nmembers(type) != 2)
+        return false;
+    char *first = H5Tget_member_name(type, 0), *second = H5Tget_member_name(type, 1);
+    for (size_t i = 0; first && second && i < sizeof names / sizeof *names; i++)
+        is_named |= strcmp(first, names[i][0]) == 0 && strcmp(second, names[i][1]) == 0;
+    H5free_memory(first);
+    H5free_memory(second);
+    hid_t part = is_named ? H5Tget_member_type(type, 0) : -1;
+    const bool ok = part >= 0 && H5Tget_class(part) == H5T_FLOAT && H5Tget_size(part) <= 8;
+    if (ok) {
+        number->kind = IMPORT_COMPLEX;
+        number->size = H5Tget_size(part) <= 4 ? 8 : 16;
+    }
+    if (part >= 0)
+        H5Tclose(part);
+    return ok;
+}
+
+/* The type that complex numbers are read as, which the caller closes. HDF5 finds the members by
+ * their names. */
+static hid_t complex_type(hid_t type, size_t size) {
+    const hid_t part = size == 8 ? H5T_NATIVE_FLOAT : H5T_NATIVE_DOUBLE;
+    hid_t out = H5Tcreate(H5T_COMPOUND, size);
+    for (unsigned i = 0; out >= 0 && i < 2; i++) {
+        char *name = H5Tget_member_name(type, i);
+        if (name)
+            H5Tinsert(out, name, i * size / 2, part);
+        H5free_memory(name);
+    }
+    return out;
+}
+
+/* The type that names of numbers have in memory, which the caller closes: HDF5 does not convert
+ * them to numbers. h5py writes booleans so. */
+static hid_t enum_type(hid_t type) {
+    return H5Tget_native_type(type, H5T_DIR_ASCEND);
+}
+
+/* The type that numbers of `type` are read as, which the caller closes; −1 = these are none. */
+static hid_t read_type(hid_t type, struct import_number *number) {
+    const H5T_class_t kind = H5Tget_class(type);
+    const size_t size = H5Tget_size(type);
+    hid_t native = -1;
+    if (kind == H5T_ENUM) {
+        hid_t base = H5Tget_super(type), same = base >= 0 ? read_type(base, number) : -1;
+        if (same >= 0)
+            native = enum_type(type);
+        if (same >= 0)
+            H5Tclose(same);
         if (base >= 0)
             H5Tclose(base);
         return native;
     }
-    const size_t size = H5Tget_size(type);
-    const H5T_class_t kind = H5Tget_class(type);
+    if (kind == H5T_COMPOUND)
+        return is_complex(type, number) ? complex_type(type, number->size) : -1;
     const bool is_signed = kind == H5T_INTEGER && H5Tget_sign(type) == H5T_SGN_2;
-    number->size = kind == H5T_FLOAT ? (size <= 4 ? 4 : 8) : size <= 2 ? size : size <= 4 ? 4 : 8;
-    number->kind = kind == H5T_FLOAT ? IMPORT_FLOAT : is_signed ? IMPORT_SIGNED : IMPORT_UNSIGNED;
-    if ((kind != H5T_INTEGER && kind != H5T_FLOAT) || size < 1 || size > 8)
-        return -1;
-    if (kind == H5T_FLOAT)
-        return number->size == 4 ? H5T_NATIVE_FLOAT : H5T_NATIVE_DOUBLE;
-    switch (number->size) {
-    case 1:
-        return is_signed ? H5T_NATIVE_INT8 : H5T_NATIVE_UINT8;
-    case 2:
-        return is_signed ? H5T_NATIVE_INT16 : H5T_NATIVE_UINT16;
-    case 4:
-        return is_signed ? H5T_NATIVE_INT32 : H5T_NATIVE_UINT32;
+    if (kind == H5T_FLOAT && size >= 1 && size <= 16) { /* long ones lose digits */
+        *number = (struct import_number){ IMPORT_FLOAT, size <= 4 ? 4 : 8 };
+        native = size <= 4 ? H5T_NATIVE_FLOAT : H5T_NATIVE_DOUBLE;
+    } else if ((kind == H5T_INTEGER || kind == H5T_BITFIELD) && size >= 1 && size <= 8) {
+        const int step = size == 1 ? 0 : size == 2 ? 1 : size <= 4 ? 2 : 3;
+        const hid_t types[3][4] = {
+            { H5T_NATIVE_UINT8, H5T_NATIVE_UINT16, H5T_NATIVE_UINT32, H5T_NATIVE_UINT64 },
+            { H5T_NATIVE_INT8, H5T_NATIVE_INT16, H5T_NATIVE_INT32, H5T_NATIVE_INT64 },
+            { H5T_NATIVE_B8, H5T_NATIVE_B16, H5T_NATIVE_B32, H5T_NATIVE_B64 }
+        };
+        number->kind = is_signed ? IMPORT_SIGNED : IMPORT_UNSIGNED;
+        number->size = (size_t)1 << step;
+        native = types[kind == H5T_BITFIELD ? 2 : is_signed][step];
+    }
+    return native < 0 ? -1 : H5Tcopy(native);
+}
+
+/* Why a type cannot be read. */
+static void explain_type(hid_t type, char *out, size_t capacity) {
+    const H5T_class_t kind = H5Tget_class(type);
+    size_t used;
+    switch (kind) {
+    case H5T_STRING:
+        snprintf(out, capacity, "it has no numbers but text");
+        return;
+    case H5T_COMPOUND:
+        used = (size_t)snprintf(out, capacity, "it has no numbers but rows of the columns");
+        for (int i = 0; i < H5Tget_nmembers(type) && used < capacity; i++) {
+            char *name = H5Tget_member_name(type, (unsigned)i);
+            used += (size_t)snprintf(out + used, capacity - used, "%s%.24s", i ? ", " : " ",
+                                     name ? name : "?");
+            H5free_memory(name);
+        }
+        return;
+    case H5T_VLEN:
+        snprintf(out, capacity, "it has no numbers but lists of varying length");
+        return;
+    case H5T_REFERENCE:
+        snprintf(out, capacity, "it has no numbers but references to other objects");
+        return;
     default:
-        return is_signed ? H5T_NATIVE_INT64 : H5T_NATIVE_UINT64;
+        snprintf(out, capacity, "it has no numbers of up to 64 bits");
     }
 }
 
@@ -140,7 +217,9 @@ static const char *filter_name(H5Z_filter_t filter) {
                   { 32008, "bitshuffle" },
                   { 32013, "ZFP" },
                   { 32015, "zstd" },
-                  { 32026, "Blosc2" } };
+                  { 32019, "JPEG" },
+                  { 32026, "Blosc2" },
+                  { 32028, "JPEG 2000" } };
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (known[i].id == filter)
             return known[i].name;
@@ -167,10 +246,34 @@ static void look_at_storage(hid_t dataset, struct array_info *info) {
             H5Pget_filter2(list, (unsigned)i, &flags, &count, NULL, 0, NULL, NULL);
         if (filter < 0 || H5Zfilter_avail(filter) <= 0)
             snprintf(info->problem, sizeof info->problem,
-                     "the compression %s (filter %d) is not supported; write it with gzip",
+                     "the compression %s (filter %d) is not supported; write it with gzip, as "
+                     "h5repack -f GZIP=4 does",
                      filter_name(filter), (int)filter);
     }
     H5Pclose(list);
+}
+
+/* Reads the names of dimensions that h5py and others write. */
+static void take_labels(hid_t dataset, struct array_info *info) {
+    static const char name[] = "DIMENSION_LABELS";
+    char *labels[IMPORT_RANK_MAX] = { NULL };
+    hid_t attribute =
+        H5Aexists(dataset, name) > 0 ? H5Aopen(dataset, name, H5P_DEFAULT) : (hid_t)-1;
+    if (attribute < 0)
+        return;
+    hid_t type = H5Aget_type(attribute), space = H5Aget_space(attribute);
+    const bool is_list = type >= 0 && space >= 0 && H5Tis_variable_str(type) > 0 &&
+                         H5Sget_simple_extent_npoints(space) == (hssize_t)info->rank;
+    if (is_list && H5Aread(attribute, type, labels) >= 0)
+        for (unsigned d = 0; d < info->rank; d++)
+            snprintf(info->dims[d], sizeof info->dims[d], "%s", labels[d] ? labels[d] : "");
+    for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)
+        H5free_memory(labels[d]);
+    if (space >= 0)
+        H5Sclose(space);
+    if (type >= 0)
+        H5Tclose(type);
+    H5Aclose(attribute);
 }
 
 static bool describe(void *file, unsigned n, struct array_info *info) {
@@ -186,8 +289,11 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
     hsize_t shape[H5S_MAX_RANK];
     const int rank = space >= 0 ? H5Sget_simple_extent_ndims(space) : -1;
     info->problem[0] = 0;
-    if (type < 0 || rank < 0 || native_type(type, &info->number) < 0) {
+    hid_t native = type >= 0 ? read_type(type, &info->number) : -1;
+    if (type < 0 || rank < 0) {
         snprintf(info->problem, sizeof info->problem, "it has no numbers");
+    } else if (native < 0) {
+        explain_type(type, info->problem, sizeof info->problem);
     } else if (rank > IMPORT_RANK_MAX || H5Sget_simple_extent_dims(space, shape, NULL) < 0) {
         snprintf(info->problem, sizeof info->problem, "it has %d dimensions, more than %d", rank,
                  IMPORT_RANK_MAX);
@@ -196,8 +302,11 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
         for (int d = 0; d < rank; d++)
             info->shape[d] = shape[d];
         look_at_storage(h->dataset, info);
+        take_labels(h->dataset, info);
     }
     info->is_number = !info->problem[0];
+    if (native >= 0)
+        H5Tclose(native);
     if (space >= 0)
         H5Sclose(space);
     if (type >= 0)
@@ -214,20 +323,16 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
     if (!use(h, n))
         return false;
     hid_t type = H5Dget_type(h->dataset), space = H5Dget_space(h->dataset), memory = -1;
-    hid_t own = type >= 0 && H5Tget_class(type) == H5T_ENUM /* HDF5 does not convert these */
-                    ? H5Tget_native_type(type, H5T_DIR_ASCEND)
-                    : -1;
+    hid_t own = type >= 0 ? read_type(type, &number) : -1;
     const int rank = space >= 0 ? H5Sget_simple_extent_ndims(space) : -1;
-    bool ok = type >= 0 && rank >= 1 && rank <= IMPORT_RANK_MAX;
+    bool ok = own >= 0 && H5Tget_size(own) == number.size && rank >= 1 && rank <= IMPORT_RANK_MAX;
     for (int d = 0; ok && d < rank; d++) {
         first[d] = start[d];
         size[d] = count[d];
     }
     ok = ok && (memory = H5Screate_simple(rank, size, NULL)) >= 0 &&
          H5Sselect_hyperslab(space, H5S_SELECT_SET, first, NULL, size, NULL) >= 0 &&
-         (own < 0 || (native_type(type, &number) >= 0 && H5Tget_size(own) == number.size)) &&
-         H5Dread(h->dataset, own >= 0 ? own : native_type(type, &number), memory, space,
-                 H5P_DEFAULT, out) >= 0;
+         H5Dread(h->dataset, own, memory, space, H5P_DEFAULT, out) >= 0;
     if (own >= 0)
         H5Tclose(own);
     if (memory >= 0)
@@ -252,10 +357,13 @@ static size_t numbers(void *file, unsigned n, const char *name, double *out, siz
         return 0;
     hid_t space = H5Aget_space(attribute), type = H5Aget_type(attribute);
     const hssize_t count = space >= 0 ? H5Sget_simple_extent_npoints(space) : -1;
-    const bool ok = count >= 1 && count <= 64 && type >= 0 && native_type(type, &number) >= 0 &&
+    hid_t native = type >= 0 ? read_type(type, &number) : -1;
+    const bool ok = count >= 1 && count <= 64 && native >= 0 && number.kind != IMPORT_COMPLEX &&
                     H5Aread(attribute, H5T_NATIVE_DOUBLE, values) >= 0;
     const size_t got = !ok ? 0 : (size_t)count < most ? (size_t)count : most;
     memcpy(out, values, got * sizeof *out);
+    if (native >= 0)
+        H5Tclose(native);
     if (space >= 0)
         H5Sclose(space);
     if (type >= 0)

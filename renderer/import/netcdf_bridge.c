@@ -11,15 +11,61 @@
 
 enum { CACHE_BYTES = 128 << 20, CACHE_SLOTS = 12421 };
 
+enum { GROUP_DEPTH_MAX = 32 };
+
+struct variable {
+    int group, id;
+    char name[ARRAY_NAME_BYTES]; /* the path, "group/name" or "name" */
+};
+
 struct netcdf {
     int id;
-    int count; /* arrays of the root group */
+    unsigned count;
+    struct variable *variables; /* owned: of the root group first, then of the groups below */
 };
 
 static void close_file(void *file) {
     struct netcdf *c = file;
     nc_close(c->id);
+    free(c->variables);
     free(c);
+}
+
+static bool add_variable(struct netcdf *c, int group, int id, const char *path) {
+    char name[NC_MAX_NAME + 1] = "";
+    if (c->count == ARRAYS_MAX)
+        return true;
+    if (c->count % 64 == 0) {
+        void *larger = realloc(c->variables, (c->count + 64) * sizeof *c->variables);
+        if (!larger)
+            return false;
+        c->variables = larger;
+    }
+    struct variable *v = &c->variables[c->count++];
+    *v = (struct variable){ .group = group, .id = id };
+    nc_inq_varname(group, id, name);
+    return snprintf(v->name, sizeof v->name, "%s%.*s", path, NC_MAX_NAME, name) > 0;
+}
+
+/* Lists the variables of a group, then those of the groups in it. `path` ends with '/' or is "". */
+static bool list_group(struct netcdf *c, int group, const char *path, unsigned depth) {
+    int count = 0;
+    char below[ARRAY_NAME_BYTES], name[NC_MAX_NAME + 1];
+    if (nc_inq_nvars(group, &count) != NC_NOERR)
+        return true;
+    for (int i = 0; i < count; i++)
+        if (!add_variable(c, group, i, path))
+            return false;
+    if (depth == GROUP_DEPTH_MAX || nc_inq_grps(group, &count, NULL) != NC_NOERR || count <= 0)
+        return true;
+    int *groups = calloc((size_t)count, sizeof *groups);
+    bool ok = groups && nc_inq_grps(group, &count, groups) == NC_NOERR;
+    for (int i = 0; ok && i < count; i++)
+        if (nc_inq_grpname(groups[i], name) == NC_NOERR &&
+            snprintf(below, sizeof below, "%s%s/", path, name) < (int)sizeof below)
+            ok = list_group(c, groups[i], below, depth + 1);
+    free(groups);
+    return ok;
 }
 
 static void *open_file(const char *path, char *why, size_t capacity) {
@@ -29,16 +75,49 @@ static void *open_file(const char *path, char *why, size_t capacity) {
         return NULL;
     setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1); /* the sandbox allows no locks */
     int status = nc_open(path, NC_NOWRITE, &c->id);
-    if (status == NC_NOERR)
-        status = nc_inq_nvars(c->id, &c->count);
-    if (status == NC_NOERR)
-        return c;
+    if (status == NC_NOERR) {
+        if (list_group(c, c->id, "", 0))
+            return c;
+        close_file(c);
+        return NULL;
+    }
     snprintf(why, capacity, "NetCDF cannot open the file: %s", nc_strerror(status));
     free(c);
     return NULL;
 }
 
-static bool number_of(nc_type type, struct import_number *number) {
+/* A compound of two numbers alike with the names of a complex one. */
+static bool is_complex(int group, nc_type type, struct import_number *number) {
+    static const char *const names[][2] = { { "r", "i" }, { "real", "imag" }, { "re", "im" } };
+    char first[NC_MAX_NAME + 1] = "", second[NC_MAX_NAME + 1] = "";
+    nc_type parts[2] = { NC_NAT, NC_NAT };
+    size_t count = 0, size = 0;
+    if (nc_inq_compound(group, type, NULL, &size, &count) != NC_NOERR || count != 2 ||
+        nc_inq_compound_fieldname(group, type, 0, first) != NC_NOERR ||
+        nc_inq_compound_fieldname(group, type, 1, second) != NC_NOERR ||
+        nc_inq_compound_fieldtype(group, type, 0, &parts[0]) != NC_NOERR ||
+        nc_inq_compound_fieldtype(group, type, 1, &parts[1]) != NC_NOERR)
+        return false;
+    bool is_named = false;
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        is_named |= strcmp(first, names[i][0]) == 0 && strcmp(second, names[i][1]) == 0;
+    *number = (struct import_number){ IMPORT_COMPLEX, parts[0] == NC_FLOAT ? 8 : 16 };
+    return is_named && parts[0] == parts[1] && (parts[0] == NC_FLOAT || parts[0] == NC_DOUBLE) &&
+           size == number->size;
+}
+
+static bool number_of(int group, nc_type type, struct import_number *number) {
+    int kind = 0;
+    nc_type base = NC_NAT;
+    if (type > NC_MAX_ATOMIC_TYPE) {
+        if (nc_inq_user_type(group, type, NULL, NULL, &base, NULL, &kind) != NC_NOERR)
+            return false;
+        if (kind == NC_COMPOUND)
+            return is_complex(group, type, number);
+        if (kind != NC_ENUM)
+            return false;
+        type = base;
+    }
     switch (type) {
     case NC_BYTE:
         *number = (struct import_number){ IMPORT_SIGNED, 1 };
@@ -82,21 +161,23 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
     int dims[NC_MAX_VAR_DIMS], rank = 0, storage = NC_CONTIGUOUS;
     nc_type type;
     memset(info, 0, sizeof *info);
-    if (n >= (unsigned)c->count || n >= ARRAYS_MAX)
+    if (n >= c->count)
         return false;
-    if (nc_inq_var(c->id, (int)n, name, &type, &rank, dims, NULL) != NC_NOERR) {
+    const struct variable *v = &c->variables[n];
+    memcpy(info->name, v->name, sizeof info->name);
+    if (nc_inq_var(v->group, v->id, name, &type, &rank, dims, NULL) != NC_NOERR) {
         snprintf(info->problem, sizeof info->problem, "it cannot be opened");
         return true;
     }
-    snprintf(info->name, sizeof info->name, "%.*s", (int)sizeof info->name - 1, name);
-    if (!number_of(type, &info->number))
-        snprintf(info->problem, sizeof info->problem, "it has no numbers");
+    if (!number_of(v->group, type, &info->number))
+        snprintf(info->problem, sizeof info->problem, "it has no numbers but %s",
+                 type == NC_CHAR || type == NC_STRING ? "text" : "structures");
     else if (rank > IMPORT_RANK_MAX)
         snprintf(info->problem, sizeof info->problem, "it has %d dimensions, more than %d", rank,
                  IMPORT_RANK_MAX);
     for (int d = 0; d < rank && !info->problem[0]; d++) {
         size_t size = 0;
-        if (nc_inq_dim(c->id, dims[d], name, &size) != NC_NOERR)
+        if (nc_inq_dim(v->group, dims[d], name, &size) != NC_NOERR)
             snprintf(info->problem, sizeof info->problem, "a dimension is missing");
         info->shape[d] = size;
         snprintf(info->dims[d], sizeof info->dims[d], "%.*s", (int)sizeof info->dims[d] - 1, name);
@@ -105,10 +186,11 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
     info->rank = info->is_number ? (unsigned)rank : 0;
     size_t chunk[NC_MAX_VAR_DIMS];
     if (info->is_number && rank > 0 &&
-        nc_inq_var_chunking(c->id, (int)n, &storage, chunk) == NC_NOERR && storage == NC_CHUNKED) {
+        nc_inq_var_chunking(v->group, v->id, &storage, chunk) == NC_NOERR &&
+        storage == NC_CHUNKED) {
         for (int d = 0; d < rank; d++)
             info->chunk[d] = chunk[d];
-        nc_set_var_chunk_cache(c->id, (int)n, CACHE_BYTES, CACHE_SLOTS, 1);
+        nc_set_var_chunk_cache(v->group, v->id, CACHE_BYTES, CACHE_SLOTS, 1);
     }
     return true;
 }
@@ -124,18 +206,18 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
         first[d] = (size_t)start[d];
         size[d] = (size_t)count[d];
     }
-    const int status = nc_get_vara(c->id, (int)n, first, size, out);
+    const int status = nc_get_vara(c->variables[n].group, c->variables[n].id, first, size, out);
     snprintf(why, capacity, "NetCDF cannot read the numbers: %s", nc_strerror(status));
     return status == NC_NOERR;
 }
 
 static size_t numbers(void *file, unsigned n, const char *name, double *out, size_t most) {
-    const struct netcdf *c = file;
+    const struct variable *v = &((const struct netcdf *)file)->variables[n];
     double values[64];
     nc_type type;
     size_t count = 0;
-    if (nc_inq_att(c->id, (int)n, name, &type, &count) != NC_NOERR || type == NC_CHAR ||
-        count > 64 || nc_get_att_double(c->id, (int)n, name, values) != NC_NOERR)
+    if (nc_inq_att(v->group, v->id, name, &type, &count) != NC_NOERR || type == NC_CHAR ||
+        count > 64 || nc_get_att_double(v->group, v->id, name, values) != NC_NOERR)
         return 0;
     count = count < most ? count : most;
     memcpy(out, values, count * sizeof *out);
@@ -143,19 +225,19 @@ static size_t numbers(void *file, unsigned n, const char *name, double *out, siz
 }
 
 static void text(void *file, unsigned n, const char *name, char *out, size_t capacity) {
-    const struct netcdf *c = file;
+    const struct variable *v = &((const struct netcdf *)file)->variables[n];
     char value[1024];
     nc_type type;
     size_t size = 0;
     out[0] = 0;
-    if (nc_inq_att(c->id, (int)n, name, &type, &size) != NC_NOERR)
+    if (nc_inq_att(v->group, v->id, name, &type, &size) != NC_NOERR)
         return;
     if (type == NC_CHAR && size < sizeof value &&
-        nc_get_att_text(c->id, (int)n, name, value) == NC_NOERR) {
+        nc_get_att_text(v->group, v->id, name, value) == NC_NOERR) {
         snprintf(out, capacity, "%.*s", (int)size, value);
     } else if (type == NC_STRING && size == 1) {
         char *one = NULL;
-        if (nc_get_att_string(c->id, (int)n, name, &one) == NC_NOERR && one)
+        if (nc_get_att_string(v->group, v->id, name, &one) == NC_NOERR && one)
             snprintf(out, capacity, "%s", one);
         nc_free_string(1, &one);
     }

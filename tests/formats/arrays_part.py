@@ -4,6 +4,7 @@ import os
 
 import h5py
 import netCDF4
+import numcodecs
 import numpy
 
 from ramp import ramp
@@ -44,8 +45,7 @@ def check_hdf5(tool):
     tool.equal(f'{path}:/rgb 3', ramp((4, 5, 6, 3), 'u1')[..., 2])
     tool.equal(f'{path}:/size', ramp(SHAPE, '<i2'), spacing=[0.5, 2, 3], unit='um')
     tool.equal(f'{path}:/mask', ramp(SHAPE, 'u1') > 100)
-    tool.refused(path, '/packed/gzip (5 x 6 x 7)', 'choose one')
-    tool.refused(f'{path}:/lzf', 'LZF', 'gzip')
+    tool.refused(path, '/plain/<i2 (5 x 6 x 7)', 'choose one')
     tool.refused(f'{path}:/text', 'no numbers')
     tool.refused(f'{path}:/nothing', 'no such array')
     with h5py.File(tool.path('one.h5'), 'w') as file:
@@ -101,6 +101,97 @@ def check_netcdf(tool):
     tool.refused(cut, 'cut off')
 
 
+def check_hdf5_layouts(tool):
+    """Filters, names of axes, and what is no volume."""
+    path = tool.path('layouts.h5')
+    data = ramp((6, 8, 10), '<i2')
+    with h5py.File(path, 'w') as file:
+        file.create_dataset('lzf', data=data, chunks=(2, 8, 5), compression='lzf', shuffle=True)
+        for name, code, codec, settings in (('zstd', 32015, numcodecs.Zstd(), (3,)), ('blosc', 32001, numcodecs.Blosc(), (2, 2, 2, 480, 5, 1, 0)),
+                                            ('lz4', 32004, None, ())):
+            how = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            how.set_chunk((3, 8, 10))
+            how.set_filter(code, h5py.h5z.FLAG_OPTIONAL, settings)
+            own = h5py.h5d.create(file.id, name.encode(), h5py.h5t.STD_I16LE, h5py.h5s.create_simple(data.shape), how)
+            for k in (0, 3):
+                packed = codec.encode(data[k:k + 3]) if codec else data[k:k + 3].tobytes()
+                own.write_direct_chunk((k, 0, 0), bytes(packed))
+        labelled = file.create_dataset('labelled', data=data)
+        for i, name in enumerate('xyz'):
+            labelled.dims[i].label = name
+        file['empty'] = numpy.zeros((0, 8, 10))
+        file['line'] = numpy.arange(7.0)
+        file['text'] = ['a', 'b']
+        file['table'] = numpy.zeros(4, dtype=[('a', 'i4'), ('b', 'f4'), ('c', 'f4')])
+        file['big'] = data.astype('>u4')
+        file['bits'] = data.astype('u1')
+    for name, how in (('lzf', 'LZF (h5py)'), ('zstd', 'Zstandard'), ('blosc', 'Blosc')):
+        tool.layout('HDF5', f'compression {how}', f'{path}:/{name}', data)
+    tool.layout_refused('HDF5', 'compression LZ4, bzip2, bitshuffle, ZFP, Blosc2', f'{path}:/lz4', 'the compression LZ4 (filter 32004) is not supported',
+                        'h5repack')
+    tool.layout('HDF5', 'labels of dimensions (x, y, z)', f'{path}:/labelled', data.transpose(2, 1, 0))
+    tool.layout_refused('HDF5', 'text', f'{path}:/text', 'it has no numbers but text')
+    tool.layout_refused('HDF5', 'a table', f'{path}:/table', 'it has no numbers but rows of the columns a, b, c')
+    tool.layout_refused('HDF5', 'an array of length 0', f'{path}:/empty', 'dimension 0 has the length 0')
+    tool.layout('HDF5', 'one dimension', f'{path}:/line', numpy.arange(7.0)[None, None])
+    path = tool.path('lines.h5')
+    with h5py.File(path, 'w') as file:
+        file['group/plane'], file['group/line'], file['group/none'] = ramp((5, 6), 'u1'), numpy.arange(3), numpy.zeros((0, 3, 4))
+    tool.layout('HDF5', 'a plane in a group, beside smaller arrays', path, ramp((1, 5, 6), 'u1'), name='/group/plane')
+
+
+def check_netcdf_layouts(tool):
+    """Groups, conventions about numbers, and axes."""
+    path = tool.path('groups.nc')
+    data = ramp((3, 4, 5), 'f4')
+    with netCDF4.Dataset(path, 'w') as file:
+        file.createDimension('time', None)
+        for name, values in (('z', [3, 2, 1]), ('y', [10, 20, 30, 40]), ('x', [0, 5, 10, 15, 20])):
+            file.createDimension(name, len(values))
+            file.createVariable(name, 'f4', (name,))[:] = values
+        inner = file.createGroup('forecast/model')
+        inner.createVariable('wind', 'f4', ('z', 'y', 'x'))[:] = data
+        other = file.createGroup('other')
+        other.createDimension('x', 2)
+        other.createVariable('x', 'f8', ('x',))[:] = [1, 3]
+        other.createVariable('line', 'f4', ('z', 'y', 'x'))[:] = data[..., :2]
+        other.createVariable('empty', 'f4', ('time', 'y', 'x'))
+    tool.layout('NetCDF', 'an array in a group; coordinates of the group above, which fall', path, data, name='forecast/model/wind', origin=[0, 10, 3],
+                spacing=[5, 10, 1], direction=[1, 0, 0, 0, 1, 0, 0, 0, -1], other0='other/line')
+    tool.layout('NetCDF', 'coordinates of the same group', f'{path}:/other/line', data[..., :2], origin=[1, 10, 3], spacing=[2, 10, 1])
+    tool.layout_refused('NetCDF', 'a dimension of length 0', f'{path}?field=other/empty', 'has the length 0')
+    path = tool.path('numbers.nc')
+    with netCDF4.Dataset(path, 'w') as file:
+        file.set_auto_maskandscale(False)
+        for name, size in (('nv', 2), ('z', 2), ('y', 3), ('x', 4)):
+            file.createDimension(name, size)
+        file.createVariable('y_bnds', 'f8', ('y', 'nv'))[:] = ramp((3, 2), 'f8')
+        values = ramp((2, 3, 4), 'i2')
+        for name, kind, attributes in (('ranged', 'i2', {'valid_range': numpy.array([20, 200], 'i2')}),
+                                       ('least', 'f4', {'valid_min': numpy.float32(50)}),
+                                       ('missing', 'i4', {'missing_value': numpy.array([11, 48], 'i4'), 'scale_factor': 2.0}),
+                                       ('unsigned', 'i1', {'_Unsigned': 'true'}),
+                                       ('bytes', 'i1', {'_Unsigned': 'true', 'scale_factor': 0.5, 'add_offset': 1.0})):
+            variable = file.createVariable(name, kind, ('z', 'y', 'x'), fill_value=-5 if name == 'bytes' else None)
+            variable.set_auto_maskandscale(False)
+            variable.setncatts(attributes)
+            variable[:] = values.astype('u1').view('i1') if kind == 'i1' else values
+        file.createVariable('words', str, ('z',))[:] = numpy.array(['a', 'b'], object)
+        switch = file.createEnumType('u1', 'switch', {'off': 0, 'on': 1})
+        file.createVariable('state', switch, ('z', 'y', 'x'))[:] = values % 2
+    wide = values.astype('f4')
+    tool.layout('NetCDF', 'valid_range', f'{path}:/ranged', numpy.where((wide < 20) | (wide > 200), numpy.nan, wide), result='NaN outside of it')
+    tool.layout('NetCDF', 'valid_min, valid_max', f'{path}:/least', numpy.where(wide < 50, numpy.nan, wide), result='NaN outside of them')
+    tool.layout('NetCDF', 'missing_value with several values, scale_factor', f'{path}:/missing',
+                numpy.where((wide == 11) | (wide == 48), numpy.nan, wide * 2).astype('f8'), result='NaN', type='float64')
+    tool.layout('NetCDF', '_Unsigned', f'{path}:/unsigned', values.astype('u1'), type='uint8')
+    tool.layout('NetCDF', '_Unsigned, _FillValue, scale_factor and add_offset', f'{path}:/bytes', numpy.where(values == 251, numpy.nan, wide * 0.5 + 1))
+    tool.layout('NetCDF', 'names of numbers (enum)', f'{path}:/state', (values % 2).astype('u1'), type='uint8')
+    tool.layout_refused('NetCDF', 'text', f'{path}:/words', 'it has no numbers but text')
+
+
 def check(tool):
     check_hdf5(tool)
     check_netcdf(tool)
+    check_hdf5_layouts(tool)
+    check_netcdf_layouts(tool)

@@ -87,11 +87,32 @@ static void wide_integers_warn_only_if_they_are_rounded(void **state) {
     assert_int_equal(warnings.count, 1);
 }
 
+static void missing_numbers_become_nan(void **state) {
+    (void)state;
+    const int16_t numbers[5] = { 1, -9999, 7, 100, -5 };
+    struct import_conversion c =
+        import_conversion_of((struct import_number){ IMPORT_SIGNED, 2 }, NULL);
+    float out[5];
+    assert_int_equal(c.type, SP_INT16);
+    assert_true(import_conversion_is_copy(&c));
+    import_conversion_add_missing(&c, -9999);
+    import_conversion_add_missing(&c, 7);
+    import_conversion_set_range(&c, -9999, 50);
+    c.slope = 2;
+    assert_int_equal(c.type, SP_FLOAT32);
+    assert_false(import_conversion_is_copy(&c));
+    import_conversion_put(&c, numbers, 5, out);
+    assert_compare(out[0], ==, 2);
+    assert_true(isnan(out[1]) && isnan(out[2]) && isnan(out[3]));
+    assert_compare(out[4], ==, -10);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(halves_are_widened_and_narrowed),
         cmocka_unit_test(bits_are_unpacked_in_both_orders),
         cmocka_unit_test(complex_numbers_become_their_magnitude),
+        cmocka_unit_test(missing_numbers_become_nan),
         cmocka_unit_test(wide_integers_warn_only_if_they_are_rounded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
