@@ -221,9 +221,10 @@ static void *open_csv(const struct import_file *file, struct import_header *head
 
 /* Other columns may have any text. */
 static bool is_used(const struct import_columns *columns, int column) {
-    bool used = column == columns->scalar;
+    const bool has_colors = columns->color[0] >= 0;
+    bool used = column == columns->scalar && !has_colors;
     for (int a = 0; a < 3; a++)
-        used |= column == columns->position[a];
+        used |= column == columns->position[a] || (has_colors && column == columns->color[a]);
     for (int k = 0; k < 6 && columns->variance[0] >= 0; k++)
         used |= column == columns->variance[k] || column == columns->volume;
     return used;

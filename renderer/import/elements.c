@@ -3,6 +3,8 @@
 
 #include <inttypes.h>
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "import/neighbours.h"
 #include "import/vectors.h"
@@ -145,6 +147,79 @@ static void warn_of_one_place(struct import_warnings *warnings, const struct sp_
                     count, (double)first[0], (double)first[1], (double)first[2]);
 }
 
+/* Coloured points. */
+
+/* The number of full colour. */
+static double find_color_most(const struct sp_elements *e) {
+    double most = 1;
+    for (size_t i = 0; i < 3 * (size_t)e->shape.count; i++) {
+        const double number = (double)e->harmonics[i];
+        if (isfinite(number) && number > most)
+            most = number <= 255 ? 255 : 65535;
+        if (most > 255)
+            break;
+    }
+    return most;
+}
+
+/* Packs colours into the bits of the values of points, which the search for neighbours moves. */
+static void pack_colors(const struct sp_elements *e, double most, float *values) {
+    for (size_t i = 0; i < e->shape.count; i++) {
+        uint8_t bytes[sizeof *values] = { 0 };
+        for (size_t a = 0; a < 3; a++) {
+            const double share = (double)e->harmonics[3 * i + a] / most;
+            bytes[a] = (uint8_t)lround(255 * fmin(fmax(isnan(share) ? 0 : share, 0), 1));
+        }
+        memcpy(&values[i], bytes, sizeof bytes);
+    }
+}
+
+static void unpack_colors(const struct sp_elements *e, const float *values) {
+    static const double constant = 0.28209479177387814; /* the harmonic of degree 0 */
+    for (size_t i = 0; i < e->shape.count; i++) {
+        uint8_t bytes[sizeof *values];
+        memcpy(bytes, &values[i], sizeof bytes);
+        for (size_t a = 0; a < 3; a++)
+            e->harmonics[3 * i + a] = (float)((bytes[a] / 255.0 - 0.5) / constant);
+        e->opacities[i] = 1;
+    }
+}
+
+/* Opaque points need less overlap than transparent ones, so that single ones can be told apart. */
+static void shrink(const struct sp_elements *e) {
+    for (size_t i = 0; i < e->shape.count; i++)
+        for (int k = 0; k < 6; k++)
+            e->factors[i][k] *= 0.5F;
+}
+
+/* Coloured points are opaque Gaussians. */
+static bool finish_colors(const struct import_file *file, const struct import_header *header,
+                          const struct sp_elements *e, const struct import_progress *progress,
+                          struct sp_error *err) {
+    const size_t count = e->shape.count ? e->shape.count : 1;
+    const double most = header->color_most > 0 ? header->color_most : find_color_most(e);
+    struct sp_elements points = *e;
+    points.shape = (struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = e->shape.count };
+    points.values = malloc(count * sizeof *points.values);
+    points.volumes = malloc(count * sizeof *points.volumes);
+    bool ok = (points.values && points.volumes) ||
+              sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the colours");
+    if (ok) {
+        pack_colors(e, most, points.values);
+        ok = header->has_factors || import_neighbours_finish(&points, progress, err);
+    }
+    if (ok) {
+        unpack_colors(e, points.values);
+        if (!header->has_factors)
+            shrink(e);
+        if (e->shape.count > 0 && !header->has_factors)
+            warn_of_one_place(file->warnings, &points);
+    }
+    free(points.values);
+    free(points.volumes);
+    return ok;
+}
+
 bool import_elements_finish(const struct import_file *file, const struct import_header *header,
                             const struct sp_elements *elements,
                             const struct import_progress *progress, uint64_t *folded,
@@ -152,6 +227,8 @@ bool import_elements_finish(const struct import_file *file, const struct import_
     *folded = 0;
     if (elements->shape.kind == SP_KIND_MESH && !header->has_normals)
         find_normals(elements);
+    if (header->are_colored_points && !finish_colors(file, header, elements, progress, err))
+        return false;
     if (elements->shape.kind == SP_KIND_GAUSSIANS)
         hide_colors(elements);
     if (header->block_count) {

@@ -86,6 +86,11 @@ struct import_header {   /* result of open() */
      * to import_header_use_elements(). */
     struct sp_elements_shape elements;
     bool has_factors; /* of points: the file gives factors and volumes; else the neighbours do */
+    /* Gaussians that are points with colours: the reader leaves the numbers of the file in the
+     * harmonics, the neighbours give the factors, and import_elements_finish() does the rest.
+     * `color_most`: the number of full colour; 0 = 1, 255 or 65535, whichever holds all numbers. */
+    bool are_colored_points;
+    double color_most;
     /* Of points: they are the nodes of curvilinear grids, which give factors and volumes. The dims
      * of each, whose nodes follow one another; their products add up to the number of points. The
      * reader owns them until close(). */

@@ -2,6 +2,7 @@
  *
  * Points with a scalar each in PLY files.
  */
+#include "import/number.h"
 #include "import/ply.h"
 #include "import/points.h"
 
@@ -22,6 +23,15 @@ static bool matches(const struct ply *ply) {
            ply_column(ply, vertex, "x") >= 0;
 }
 
+/* The largest whole number that a colour can have. Those of floating point tell by their values. */
+static double color_most(const struct ply_property *color) {
+    double low, high;
+    if (!import_number_is_whole(color->number))
+        return 0;
+    import_number_range(color->number, &low, &high);
+    return color->number.size <= 2 ? high : 0;
+}
+
 static bool open_points(struct ply *ply, struct import_header *header, struct sp_error *err) {
     const struct ply_element *vertex = ply_find(ply, "vertex");
     const char *names[PLY_PROPERTIES_MAX];
@@ -33,6 +43,9 @@ static bool open_points(struct ply *ply, struct import_header *header, struct sp
                            "the property y or z is missing, or a list; vertices need the numbers "
                            "x, y and z");
     import_columns_use(&columns, names, vertex->properties, (uint32_t)vertex->count, header);
+    if (header->are_colored_points)
+        header->color_most =
+            color_most(&ply->properties[vertex->first + (unsigned)columns.color[0]]);
     if (ply_find(ply, "face"))
         import_warn(ply->file->warnings,
                     "The file declares a mesh with no faces; its vertices are drawn as points.");

@@ -9,6 +9,10 @@
 #include "volume/curvilinear.h"
 
 static const char *const position[] = { "x", "y", "z" };
+/* Their names, the most usual ones first. */
+static const char *const colors[][3] = { { "red", "green", "blue" },
+                                         { "r", "g", "b" },
+                                         { "diffuse_red", "diffuse_green", "diffuse_blue" } };
 static const char *const variance[] = { "variance_xx", "variance_xy", "variance_yy",
                                         "variance_xz", "variance_yz", "variance_zz" };
 
@@ -85,12 +89,26 @@ static int find_scalar(const char *const *names, unsigned count, const char *fie
     return -1;
 }
 
+static bool find_colors(const char *const *names, unsigned count, int color[3]) {
+    for (size_t i = 0; i < sizeof colors / sizeof *colors; i++) {
+        bool has_all = true;
+        for (int a = 0; a < 3; a++)
+            has_all &= (color[a] = find(names, count, colors[i][a])) >= 0;
+        if (has_all)
+            return true;
+    }
+    return false;
+}
+
 bool import_columns_find(const char *const *names, unsigned count, const char *field,
                          struct import_columns *columns) {
     for (int a = 0; a < 3; a++)
         if ((columns->position[a] = find(names, count, position[a])) < 0)
             return false;
     columns->scalar = find_scalar(names, count, field);
+    if (!find_colors(names, count, columns->color) ||
+        (columns->scalar >= 0 && strcasecmp(field, "colors") != 0))
+        columns->color[0] = -1;
     columns->volume = find(names, count, "volume");
     for (int k = 5; k >= 0; k--)
         if ((columns->variance[k] = find(names, count, variance[k])) < 0)
@@ -103,13 +121,21 @@ bool import_columns_find(const char *const *names, unsigned count, const char *f
 
 void import_columns_use(const struct import_columns *columns, const char *const *names,
                         unsigned count, uint32_t points, struct import_header *header) {
+    const bool has_colors = columns->color[0] >= 0;
+    int color[3];
     import_header_use_elements(
-        header, &(struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = points });
+        header, &(struct sp_elements_shape){
+                    .kind = has_colors ? SP_KIND_GAUSSIANS : SP_KIND_POINTS, .count = points });
     header->has_factors = columns->variance[0] >= 0;
-    if (columns->scalar >= 0)
+    header->are_colored_points = has_colors;
+    if (has_colors)
+        import_name(header->value_name, "colors");
+    else if (columns->scalar >= 0)
         import_name(header->value_name, names[columns->scalar]);
+    if (!has_colors && find_colors(names, count, color))
+        import_header_add_other(header, "colors");
     for (unsigned i = 0; i < count; i++)
-        if ((int)i != columns->scalar && is_scalar(names, count, names[i]))
+        if ((has_colors || (int)i != columns->scalar) && is_scalar(names, count, names[i]))
             import_header_add_other(header, names[i]);
 }
 
@@ -138,7 +164,10 @@ void import_columns_take(const struct import_columns *columns, const double *row
                          const struct sp_elements *points, uint32_t i) {
     for (int a = 0; a < 3; a++)
         points->positions[i][a] = (float)row[columns->position[a]];
-    points->values[i] = columns->scalar >= 0 ? (float)row[columns->scalar] : 1;
+    for (int a = 0; a < 3 && points->harmonics; a++)
+        points->harmonics[3 * (size_t)i + (size_t)a] = (float)row[columns->color[a]];
+    if (points->values)
+        points->values[i] = columns->scalar >= 0 ? (float)row[columns->scalar] : 1;
     if (columns->variance[0] < 0)
         return;
     double v[6];
@@ -149,8 +178,9 @@ void import_columns_take(const struct import_columns *columns, const double *row
     const double volume =
         columns->volume >= 0 ? row[columns->volume] : determinant / pow(SP_CURVILINEAR_SIGMA, 3);
     if (!is_variance || !(volume > 0)) { /* it is not drawn, and counts as not finite */
-        points->values[i] = NAN;
+        *(points->values ? &points->values[i] : &points->positions[i][0]) = NAN;
         memset(points->factors[i], 0, sizeof points->factors[i]);
     }
-    points->volumes[i] = (float)fmin(fmax(volume, (double)FLT_MIN), (double)FLT_MAX);
+    if (points->volumes)
+        points->volumes[i] = (float)fmin(fmax(volume, (double)FLT_MIN), (double)FLT_MAX);
 }

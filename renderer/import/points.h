@@ -10,13 +10,15 @@
 struct import_columns {
     int position[3];
     int scalar;      /* -1 = none: 1 */
+    int color[3];    /* red, green and blue; the first is -1 if they are not shown */
     int variance[6]; /* xx, xy, yy, xz, yz, zz; the first is -1 if the table does not have all */
     int volume;      /* -1 = none: that of the cell of a grid with such a kernel */
 };
 
 /* Finds columns by their names, in any case; false if there are no x, y and z. The scalar is the
  * column `field`; or else `value`, `scalar` or `intensity`, or the first column that is neither
- * position, size, normal, colour nor texture. A NULL name is never found. */
+ * position, size, normal, colour nor texture. Without a scalar, or if `field` is "colors", the
+ * points have their colours. A NULL name is never found. */
 bool import_columns_find(const char *const *names, unsigned count, const char *field,
                          struct import_columns *columns);
 

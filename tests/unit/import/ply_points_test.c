@@ -168,8 +168,63 @@ static void no_points_are_a_volume(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* Colours of each point follow from its position, because the order may change. */
+static void check_colors(const char *source, uint32_t count) {
+    static const double constant = 0.28209479177387814; /* the harmonic of degree 0 */
+    struct sp_volume *volume = load(source);
+    const struct sp_elements *e = elements_of(volume, SP_KIND_GAUSSIANS, count);
+    assert_int_equal(e->shape.degree, 0);
+    assert_string_equal(sp_volume_info(volume)->value_name, "colors");
+    for (uint32_t i = 0; i < count; i++) {
+        const double expected[3] = { (double)e->positions[i][0] * 51 / 255, 0.2, 1 };
+        assert_float_equal(e->opacities[i], 1, 0);
+        assert_true(e->factors[i][0] > 0);
+        for (int a = 0; a < 3; a++)
+            assert_float_equal((double)e->harmonics[3 * i + (uint32_t)a] * constant + 0.5,
+                               expected[a], 1e-6);
+    }
+    sp_volume_unref(&volume);
+}
+
+static void points_without_a_scalar_keep_their_colors(void **state) {
+    (void)state;
+    static const struct {
+        const char *type, *names[3], *rest;
+        double full;
+    } cases[] = {
+        { "uchar", { "red", "green", "blue" }, "", 255 },
+        { "float", { "r", "g", "b" }, "", 1 },
+        { "ushort", { "diffuse_red", "diffuse_green", "diffuse_blue" }, "", 65535 },
+        { "float", { "red", "green", "blue" }, "property float value\n", 255 },
+    };
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        char text[2048];
+        int n = sprintf(text, "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\n"
+                              "property float y\nproperty float z\n");
+        for (int a = 0; a < 3; a++)
+            n += sprintf(text + n, "property %s %s\n", cases[c].type, cases[c].names[a]);
+        n += sprintf(text + n, "%send_header\n", cases[c].rest);
+        for (int i = 0; i < 6; i++)
+            n += sprintf(text + n, "%d %d 0 %g %g %g%s\n", i, i * i, i * 0.2 * cases[c].full,
+                         0.2 * cases[c].full, cases[c].full, *cases[c].rest ? " 7" : "");
+        write_file("colors.ply", text, (size_t)n);
+        if (*cases[c].rest) {
+            struct sp_volume *volume = load("colors.ply");
+            elements_of(volume, SP_KIND_POINTS, 6);
+            assert_string_equal(sp_volume_info(volume)->value_name, "value");
+            assert_string_equal(sp_volume_info(volume)->others[0], "colors");
+            sp_volume_unref(&volume);
+        }
+        check_colors(*cases[c].rest ? "colors.ply?field=colors" : "colors.ply", 6);
+    }
+    static const char csv[] = "x;y;z;R;G;B\n0;0;0;0;51;255\n1;2;0;51;51;255\n5;1;1;255;51;255\n";
+    write_file("colors.csv", csv, sizeof csv - 1);
+    check_colors("colors.csv", 3);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(points_without_a_scalar_keep_their_colors),
         cmocka_unit_test(every_type_and_order_is_read),
         cmocka_unit_test(the_scalar_is_the_best_property),
         cmocka_unit_test(numbers_need_not_be_finite),
