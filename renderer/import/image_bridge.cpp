@@ -60,31 +60,14 @@ static int describe_page(image_bridge *bridge, int n, image_page *page, char *wh
     memset(page, 0, sizeof *page);
     page->width = spec.width;
     page->height = spec.height;
-    page->depth = spec.depth;
     page->channels = spec.nchannels;
     page->bytes = static_cast<int>(spec.format.basesize());
-    page->bits = spec.get_int_attribute("oiio:BitsPerSample", 0);
     page->floating = spec.format.is_floating_point();
     page->is_signed = spec.format.is_signed();
-    page->x_resolution = spec.get_float_attribute("XResolution", 0);
-    page->y_resolution = spec.get_float_attribute("YResolution", 0);
-    std::string unit = spec.get_string_attribute("ResolutionUnit");
-    std::string description = spec.get_string_attribute("ImageDescription");
-    snprintf(page->resolution_unit, sizeof page->resolution_unit, "%s", unit.c_str());
-    snprintf(page->description, sizeof page->description, "%s", description.c_str());
     return 1;
 } catch (const std::exception &e) {
     explain(why, capacity, e.what());
     return -1;
-}
-
-static size_t describe_text(image_bridge *bridge, char *out, size_t capacity) try {
-    const std::string text = bridge->input->spec().get_string_attribute("ImageDescription");
-    if (capacity > 0)
-        snprintf(out, capacity, "%s", text.c_str());
-    return text.size();
-} catch (const std::exception &) {
-    return 0;
 }
 
 /* OpenImageIO reports some failures with a result of true. */
@@ -95,33 +78,10 @@ static bool check(OIIO::ImageInput &input, bool ok, char *why, size_t capacity) 
     return false;
 }
 
-/* Reads row by row. For several rows at once, OpenImageIO 2.4 unpacks deflate itself if samples are
- * uint8 or uint16, and reports success when that fails. */
-static bool read_rows(OIIO::ImageInput &input, void *out) {
-    const OIIO::ImageSpec &spec = input.spec();
-    char *row = static_cast<char *>(out);
-    for (int y = spec.y; y < spec.y + spec.height; y++, row += spec.scanline_bytes())
-        if (!input.read_scanline(y, spec.z, spec.format, row))
-            return false;
-    return true;
-}
-
 static bool read_page(image_bridge *bridge, int n, void *out, char *why, size_t capacity) try {
     OIIO::ImageInput &input = *bridge->input;
-    bool ok = input.seek_subimage(n, 0);
-    const OIIO::ImageSpec &spec = input.spec();
-    bool by_row = spec.tile_width == 0 &&
-                  (spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16);
-    if (ok && spec.format == OIIO::TypeDesc::DOUBLE) { /* read_image() would return zeros */
-        if (spec.tile_width || spec.height < 2) {
-            explain(why, capacity,
-                    "samples of 64 bits in tiles or in a single row are not supported");
-            return false;
-        }
-        ok = input.read_native_scanlines(n, 0, spec.y, spec.y + spec.height, spec.z, out);
-    } else
-        ok = ok && (by_row ? read_rows(input, out)
-                           : input.read_image(n, 0, 0, spec.nchannels, spec.format, out));
+    const bool ok = input.seek_subimage(n, 0) &&
+                    input.read_image(n, 0, 0, input.spec().nchannels, input.spec().format, out);
     return check(input, ok, why, capacity);
 } catch (const std::exception &e) {
     explain(why, capacity, e.what());
@@ -207,6 +167,5 @@ static bool read_voxels(image_bridge *bridge, int n, void *out,
 
 /* The module's only symbol. */
 extern "C" __attribute__((visibility("default")))
-const image_bridge_functions splat_image_bridge = { open_file,     close_file, describe_page,
-                                                    describe_text, read_page,  describe_grid,
-                                                    read_voxels };
+const image_bridge_functions splat_image_bridge = { open_file, close_file,    describe_page,
+                                                    read_page, describe_grid, read_voxels };

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The part of OpenImageIO that tiff.c, image.c and vdb.c need, for C. OpenImageIO takes 130 MB of
- * memory and half a second to load. It is therefore a module of its own, IMAGE_BRIDGE_MODULE beside
- * the program, which is loaded for an image; for a TIFF when it has passed the checks of tiff.c.
+ * The part of OpenImageIO that image.c and vdb.c need, for C. OpenImageIO takes 130 MB of memory
+ * and half a second to load. It is therefore a module of its own, IMAGE_BRIDGE_MODULE beside the
+ * program, which is loaded for an image.
  * The module exports one table of functions, IMAGE_BRIDGE_SYMBOL. One thread.
  */
 #ifndef SP_IMPORT_IMAGE_BRIDGE_H
@@ -16,12 +16,9 @@ extern "C" {
 #endif
 
 struct image_page {
-    int width, height, depth, channels; /* px */
-    int bytes, bits;                    /* per sample: as returned; as stored (0 = the same) */
+    int width, height, channels; /* px */
+    int bytes;                   /* per sample */
     bool floating, is_signed;
-    double x_resolution, y_resolution; /* px per unit; 0 = unknown */
-    char resolution_unit[8];           /* "in", "cm", "none", "" */
-    char description[4096];            /* a longer text is cut; ends with 0 */
 };
 
 /* A grid of an OpenVDB file, with the box of its active voxels. */
@@ -38,18 +35,14 @@ struct image_grid {
 struct image_bridge;
 
 struct image_bridge_functions {
-    /* Opens a file of the format "tiff", "png", "jpeg" or "openvdb". NULL on failure, with the
-     * reason in `why`
-     * (`capacity` bytes). */
+    /* Opens a file of the format "png", "jpeg" or "openvdb". NULL on failure, with the reason in
+     * `why` (`capacity` bytes). */
     struct image_bridge *(*open)(const char *path, const char *format, char *why, size_t capacity);
     void (*close)(struct image_bridge *bridge);
     /* Describes page n, from 0. Returns 1, 0 if there is no such page, or -1 with the reason in
      * `why`. */
     int (*page)(struct image_bridge *bridge, int n, struct image_page *page, char *why,
                 size_t capacity);
-    /* Writes the description of the page that was described last, cut to `capacity` bytes with its
-     * 0. Returns its length. */
-    size_t (*description)(struct image_bridge *bridge, char *out, size_t capacity);
     /* Reads the samples of page n into width · height · channels · bytes of memory. */
     bool (*read)(struct image_bridge *bridge, int n, void *out, char *why, size_t capacity);
     /* Describes grid n of an OpenVDB file, from 0. As page(). */

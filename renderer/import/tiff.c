@@ -1,285 +1,229 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Multi-page TIFF: each page is a slice, of one channel and one step in time if the file says so
- * (tiff_planes.h); all have one size, type and number of channels. OpenImageIO reads the pages.
- * Files that it would read wrongly without an error are refused: pages with depth or missing bytes
- * (tiff_chain.c), odd bit depths, and stacks that ImageJ hides behind one directory.
+ * (tiff_planes.h); all have one size, type and number of samples. libtiff unpacks strips and tiles;
+ * the directories are read by our own code (tiff_chain.c).
  */
-#include <errno.h>
 #include <inttypes.h>
-#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "import/conversion.h"
-#include "import/image_bridge.h"
 #include "import/module.h"
-#include "import/tiff_chain.h"
+#include "import/tiff_bridge.h"
 #include "import/tiff_planes.h"
 #include "volume/volume.h"
 
+enum {
+    BAND_BYTES = 16 << 20,
+    COLORS = 3,
+    TAG_DESCRIPTION = 270,
+    TAG_SOFTWARE = 305,
+    TAG_COLORS = 320
+};
+
 struct tiff {
     const struct import_file *file;
-    const struct image_bridge_functions *call;
-    struct image_bridge *bridge;
-    uint32_t pages;
-    size_t pixels; /* of a page */
+    const struct tiff_bridge_functions *call;
+    struct tiff_bridge *bridge;
+    struct tiff_file pages;
+    struct tiff_page page; /* a page of the volume; all have its kind */
+    unsigned plane;        /* of the page, with the samples that are read */
+    unsigned channels;     /* of a pixel, as fields: samples, or the colours of a palette */
+    bool are_colors;
     struct import_conversion conversion;
+    uint8_t *palette; /* owned: red, green and blue of each index; NULL = none */
     struct tiff_planes planes;
     const uint32_t *chosen; /* the pages of the volume, one per slice */
 };
 
-static bool fail_page(struct sp_error *err, enum sp_code code, const struct tiff *t, uint32_t page,
-                      const char *text) {
-    char place[SP_ERROR_PLACE];
-    snprintf(place, sizeof place, "%.180s: page %" PRIu32, t->file->shown, page);
-    return sp_fail(err, code, place, "%s", text);
+/* The kind of the samples. */
+
+/* Numbers fill the bytes of a row without gaps. */
+static bool is_packed(const struct tiff_page *page) {
+    return page->bits % 8 != 0;
 }
 
-/* Checks the first page, which determines size and type. */
-
-static bool take_type(const struct tiff *t, const struct image_page *page,
-                      struct import_header *header, struct sp_error *err) {
-    static const struct {
-        int bytes;
-        bool floating, is_signed;
-        enum sp_type type;
-    } types[] = {
-        { 1, false, false, SP_UINT8 }, { 1, false, true, SP_INT8 },  { 2, false, false, SP_UINT16 },
-        { 2, false, true, SP_INT16 },  { 4, false, true, SP_INT32 }, { 4, true, true, SP_FLOAT32 },
-        { 8, true, true, SP_FLOAT64 },
-    };
-    char text[160];
-    if (page->bits && page->bits != page->bytes * 8) {
-        snprintf(text, sizeof text,
-                 "%d bits per sample are not supported; supported are 8, 16, 32 and 64",
-                 page->bits);
-        return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
+static bool find_number(const struct tiff *t, struct import_number *number, struct sp_error *err) {
+    enum { UNSIGNED = 1, SIGNED, FLOATING, UNDEFINED, COMPLEX_WHOLE, COMPLEX };
+    const struct tiff_page *page = &t->page;
+    const unsigned bits = page->bits, bytes = bits / 8;
+    const bool is_size = bits == 8 || bits == 16 || bits == 32 || bits == 64;
+    const bool is_unsigned = page->format == UNSIGNED || page->format == UNDEFINED;
+    const bool is_complex = page->format == COMPLEX || page->format == COMPLEX_WHOLE;
+    number->size = bytes;
+    number->kind = is_unsigned                     ? IMPORT_UNSIGNED
+                   : page->format == SIGNED        ? IMPORT_SIGNED
+                   : page->format == FLOATING      ? IMPORT_FLOAT
+                   : page->format == COMPLEX_WHOLE ? IMPORT_COMPLEX_SIGNED
+                                                   : IMPORT_COMPLEX;
+    if (bits < 16 && is_packed(page) && is_unsigned) {
+        *number = import_bits_number(bits);
+        return true;
     }
-    for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
-        if (page->bytes == types[i].bytes && page->floating == types[i].floating &&
-            page->is_signed == types[i].is_signed) {
-            header->type = types[i].type;
-            return true;
-        }
-    snprintf(text, sizeof text, "%s samples of %d bits are not supported",
-             page->floating    ? "floating-point"
-             : page->is_signed ? "signed"
-                               : "unsigned",
-             page->bytes * 8);
-    return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
+    if ((is_size && (is_unsigned || page->format == SIGNED)) ||
+        (is_size && bits > 8 && page->format == FLOATING) ||
+        ((bits == 64 || bits == 128) && is_complex) ||
+        (bits == 32 && page->format == COMPLEX_WHOLE))
+        return true;
+    return tiff_fail(
+        &t->pages, t->planes.pages[0], err, SP_ERR_UNSUPPORTED,
+        "%s samples of %u bits are not supported; supported are whole numbers of 1 to "
+        "15, 16, 32 and 64 bits, floating-point ones of 16, 32 and 64 and complex ones "
+        "of 64 and 128",
+        is_complex                 ? "complex"
+        : page->format == FLOATING ? "floating-point"
+        : page->format == SIGNED   ? "signed"
+                                   : "unsigned",
+        bits);
 }
 
-/* Finds a line "KEY=VALUE" in ImageJ's description; NULL if there is none. */
-static const char *imagej_value(const char *description, const char *key, char *out,
-                                size_t capacity) {
-    size_t n = strlen(key);
-    for (const char *line = description; line && *line;) {
-        const char *end = strchr(line, '\n');
-        size_t length = end ? (size_t)(end - line) : strlen(line);
-        if (length > n && strncmp(line, key, n) == 0 && line[n] == '=') {
-            snprintf(out, capacity, "%.*s", (int)(length - n - 1), line + n + 1);
-            return out;
-        }
-        line = end ? end + 1 : NULL;
-    }
-    return NULL;
-}
-
-static long imagej_count(const char *description, const char *key) {
-    char value[32];
-    const char *text = imagej_value(description, key, value, sizeof value);
-    return text ? strtol(text, NULL, 10) : 1;
-}
-
-/* All pages are slices. */
-static bool take_slices(struct tiff *t, struct sp_error *err) {
-    t->planes.slices = t->pages;
-    t->planes.channels = t->planes.steps = 1;
-    if (!tiff_planes_allocate(&t->planes, t->file, t->pages, err))
-        return false;
-    for (uint32_t i = 0; i < t->pages; i++)
-        t->planes.pages[i] = i;
-    return true;
-}
-
-/* Channels are the fastest in a hyperstack of ImageJ, then slices. Frames without slices are read
- * as slices: many programs write stacks like that. */
-static bool take_imagej(struct tiff *t, const char *d, struct sp_error *err) {
-    char text[200], value[32];
-    long images = imagej_count(d, "images"), channels = imagej_count(d, "channels");
-    long frames = imagej_count(d, "frames"), slices = imagej_count(d, "slices");
-    if (images != (long)t->pages) {
-        snprintf(text, sizeof text,
-                 "ImageJ declares %ld images, but the file has %" PRIu32
-                 " pages; save it as an image sequence or as NRRD",
-                 images, t->pages);
-        return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
-    }
-    if (channels <= 1 && (frames <= 1 || slices <= 1))
-        return take_slices(t, err);
-    if (channels < 1 || frames < 1 || slices < 1 || channels > images || slices > images ||
-        frames > images || channels * slices * frames != images) {
-        snprintf(text, sizeof text,
-                 "ImageJ declares %ld channels, %ld slices and %ld frames in %ld images", channels,
-                 slices, frames, images);
-        return fail_page(err, SP_ERR_FORMAT, t, 0, text);
-    }
-    t->planes.slices = (uint32_t)slices;
-    t->planes.channels = (uint32_t)channels;
-    t->planes.steps = (uint32_t)frames;
-    const char *interval = imagej_value(d, "finterval", value, sizeof value);
-    t->planes.interval = interval ? strtod(interval, NULL) : 0;
-    snprintf(t->planes.time_unit, sizeof t->planes.time_unit, "s");
-    if (!tiff_planes_allocate(&t->planes, t->file, t->pages, err))
-        return false;
-    for (uint32_t i = 0; i < t->pages; i++) {
-        const uint32_t c = i % t->planes.channels, kt = i / t->planes.channels;
-        const uint32_t k = kt % t->planes.slices, step = kt / t->planes.slices;
-        t->planes.pages[(step * t->planes.channels + c) * t->planes.slices + k] = i;
-    }
-    return true;
-}
-
-static bool take_ome(struct tiff *t, unsigned samples, struct sp_error *err) {
-    const size_t size = t->call->description(t->bridge, NULL, 0);
-    char *xml = size < INT_MAX ? malloc(size + 1) : NULL;
-    if (!xml)
-        return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for OME-XML");
-    t->call->description(t->bridge, xml, size + 1);
-    const bool ok = tiff_ome_parse(&t->planes, t->file, xml, strlen(xml), t->pages, samples, err);
-    free(xml);
+/* A palette has the reds of all indices, then the greens, then the blues, of 16 bits. */
+static bool take_palette(struct tiff *t, uint32_t n, struct sp_error *err) {
+    const size_t count = (size_t)1 << t->page.bits;
+    double *values = malloc(COLORS * count * sizeof *values), most = 0;
+    t->palette = malloc(COLORS * count);
+    bool ok = (values && t->palette) ||
+              sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for a palette");
+    if (ok &&
+        tiff_tag_numbers(&t->pages, &t->page, TAG_COLORS, values, COLORS * count) != COLORS * count)
+        ok = tiff_fail(&t->pages, n, err, SP_ERR_FORMAT,
+                       "the page has a palette without %zu colours", count);
+    for (size_t i = 0; ok && i < COLORS * count; i++)
+        most = fmax(most, values[i]);
+    for (size_t i = 0; ok && i < COLORS * count; i++) /* old programs write 8 bits */
+        t->palette[i % count * COLORS + i / count] =
+            (uint8_t)(most > 255 ? values[i] / 256 : values[i]);
+    free(values);
     return ok;
 }
 
-/* ImageJ writes pixels per unit into the resolution, and slice distance and unit into the
- * description. Other programs write pixels per inch or centimetre; the distance of slices is then
- * that of columns. */
-static void take_spacing(const struct image_page *page, bool imagej, struct import_header *header) {
-    double *spacing = header->grid.spacing, x = page->x_resolution, y = page->y_resolution;
-    bool sane = isfinite(x) && isfinite(y) && x > 1e-9 && y > 1e-9 && x < 1e9 && y < 1e9;
-    char value[64];
-    if (imagej) {
-        const char *unit = imagej_value(page->description, "unit", value, sizeof value);
-        if (unit) {
-            bool micron = strcmp(unit, "micron") == 0 || strcmp(unit, "microns") == 0 ||
-                          strcmp(unit, "\\u00B5m") == 0 || strcmp(unit, "\xc2\xb5m") == 0;
-            snprintf(header->unit, sizeof header->unit, "%.31s", micron ? "um" : unit);
-        }
-        if (sane) {
-            spacing[0] = 1 / x;
-            spacing[1] = 1 / y;
-        }
-        const char *between = imagej_value(page->description, "spacing", value, sizeof value);
-        double z = between ? fabs(strtod(between, NULL)) : 0;
-        spacing[2] = isfinite(z) && z > 0 ? z : spacing[0];
-        return;
-    }
-    double mm = strcmp(page->resolution_unit, "in") == 0   ? 25.4
-                : strcmp(page->resolution_unit, "cm") == 0 ? 10
-                                                           : 0;
-    if (!sane || mm == 0)
-        return;
-    spacing[0] = spacing[2] = mm / x;
-    spacing[1] = mm / y;
-    snprintf(header->unit, sizeof header->unit, "mm");
+/* If 0 is white in the image, the brightness is the largest number less the number. */
+static void invert(struct tiff *t) {
+    const double most = ldexp(1, (int)t->page.bits) - 1;
+    t->conversion.slope = -1;
+    t->conversion.offset = most;
+    import_conversion_choose(&t->conversion, 0, most);
+    import_warn(t->file->warnings,
+                "0 is white in this image (MinIsWhite); its numbers were inverted.");
 }
 
-/* Without a distance of slices, it is that of columns. */
-static void take_ome_spacing(const struct tiff *t, struct import_header *header) {
-    const struct tiff_planes *p = &t->planes;
-    if (!(p->spacing[0] > 0))
-        return;
-    for (int a = 0; a < 3; a++)
-        header->grid.spacing[a] = p->spacing[a] > 0 ? p->spacing[a] : p->spacing[0];
-    memcpy(header->unit, p->unit, sizeof header->unit);
+/* libtiff ignores a predictor where the codec is not to have one, but some programs use it there.
+ */
+static bool has_stray_predictor(const struct tiff *t) {
+    enum { TAG_PREDICTOR = 317 };
+    static const unsigned codecs[] = { 5, 8, 32946, 34925, 50000 }; /* LZW, deflate, LZMA, zstd */
+    double predictor = 1;
+    tiff_tag_numbers(&t->pages, &t->page, TAG_PREDICTOR, &predictor, 1);
+    for (size_t i = 0; i < sizeof codecs / sizeof *codecs; i++)
+        if (codecs[i] == t->page.compression)
+            return false;
+    return predictor != 1 && t->page.compression != TIFF_UNPACKED;
 }
 
-static bool same_page(const struct image_page *a, const struct image_page *b) {
-    return a->width == b->width && a->height == b->height && a->depth == b->depth &&
-           a->channels == b->channels && a->bytes == b->bytes && a->bits == b->bits &&
-           a->floating == b->floating && a->is_signed == b->is_signed;
-}
-
-static bool check_page(const struct tiff *t, const struct image_page *page, uint32_t n,
-                       struct sp_error *err) {
-    char text[160];
-    if (page->channels < 1 || page->channels > TIFF_SAMPLES_MAX || page->depth > 1) {
-        snprintf(text, sizeof text,
-                 "%d channels and a depth of %d; flat images of 1 to %d channels are supported",
-                 page->channels, page->depth, TIFF_SAMPLES_MAX);
-        return fail_page(err, SP_ERR_UNSUPPORTED, t, n, text);
-    }
-    if (page->width < 1 || page->height < 1 || page->width > (int)SP_DIM_MAX ||
-        page->height > (int)SP_DIM_MAX) {
-        snprintf(text, sizeof text, "%d x %d px, outside [1, %u]", page->width, page->height,
-                 SP_DIM_MAX);
-        return fail_page(err, SP_ERR_FORMAT, t, n, text);
-    }
+static bool take_type(struct tiff *t, struct import_header *header, struct sp_error *err) {
+    const struct tiff_page *page = &t->page;
+    const uint32_t n = t->planes.is_hidden ? 0 : t->planes.pages[0];
+    struct import_number number;
+    if ((page->photometric == TIFF_YCBCR && page->compression != TIFF_JPEG) ||
+        page->compression == TIFF_OLD_JPEG)
+        return tiff_fail(&t->pages, n, err, SP_ERR_UNSUPPORTED,
+                         "YCbCr colours are supported with JPEG (compression 7) only; save the "
+                         "image as RGB");
+    if (has_stray_predictor(t))
+        return tiff_fail(&t->pages, n, err, SP_ERR_UNSUPPORTED,
+                         "a predictor is not supported with compression %u; save the image with "
+                         "deflate or LZW",
+                         page->compression);
+    if (!find_number(t, &number, err))
+        return false;
+    const bool has_palette = page->photometric == TIFF_PALETTE && !t->planes.are_indices &&
+                             page->samples == 1 && number.kind == IMPORT_UNSIGNED &&
+                             page->bits <= 16;
+    if (has_palette && !take_palette(t, n, err))
+        return false;
+    if (has_palette)
+        number = (struct import_number){ IMPORT_UNSIGNED, 1 };
+    t->conversion = import_conversion_of(number, t->file->warnings);
+    t->channels = has_palette ? COLORS : page->samples;
+    t->are_colors =
+        has_palette || ((page->photometric == TIFF_RGB || page->photometric == TIFF_YCBCR) &&
+                        page->samples >= COLORS && page->samples <= COLORS + 1);
+    if (page->photometric == TIFF_MIN_IS_WHITE && number.kind == IMPORT_UNSIGNED &&
+        !t->planes.are_plain)
+        invert(t);
+    if (t->planes.has_missing && page->samples == 1 && !has_palette)
+        import_conversion_add_missing(&t->conversion, t->planes.missing);
+    t->conversion.components = has_palette || page->planes == 1 ? t->channels : 1;
+    header->type = t->conversion.type;
     return true;
 }
 
-/* Checks the pages that are chosen. */
-static bool check_pages(const struct tiff *t, const struct image_page *first,
-                        struct sp_error *err) {
-    struct image_page page;
-    char why[SP_ERROR_TEXT];
+/* The pages of the volume. */
+
+static bool same_page(const struct tiff_page *a, const struct tiff_page *b) {
+    return a->width == b->width && a->height == b->height && a->samples == b->samples &&
+           a->planes == b->planes && a->bits == b->bits && a->format == b->format &&
+           a->photometric == b->photometric;
+}
+
+static bool check_pages(const struct tiff *t, struct sp_error *err) {
+    const struct tiff_page *first = &t->page;
     uint32_t missing = 0;
-    for (uint32_t k = 0; k < t->planes.slices; k++) {
+    for (uint32_t k = 0; k < t->planes.slices && !t->planes.is_hidden; k++) {
         const uint32_t n = t->chosen[k];
         missing += n == TIFF_NO_PAGE;
         if (n == TIFF_NO_PAGE)
             continue;
-        int status = t->call->page(t->bridge, (int)n, &page, why, sizeof why);
-        if (status < 0)
-            return fail_page(err, SP_ERR_FORMAT, t, n, why);
-        if (status == 0)
-            return fail_page(err, SP_ERR_UNSUPPORTED, t, n, "OpenImageIO does not find this page");
-        if (!same_page(first, &page)) {
-            snprintf(why, sizeof why,
-                     "%d x %d px of %d channels and %d bits, but page 0 has %d x %d, %d and %d",
-                     page.width, page.height, page.channels, page.bytes * 8, first->width,
-                     first->height, first->channels, first->bytes * 8);
-            return fail_page(err, SP_ERR_UNSUPPORTED, t, n, why);
-        }
+        const struct tiff_page *page = &t->pages.pages[n];
+        if (!same_page(first, page))
+            return tiff_fail(&t->pages, n, err, SP_ERR_UNSUPPORTED,
+                             "%" PRIu32 " x %" PRIu32
+                             " px of %u samples and %u bits, but the first "
+                             "page of the volume has %" PRIu32 " x %" PRIu32
+                             ", %u and %u, or another layout; save the pages in one way",
+                             page->width, page->height, page->samples, page->bits, first->width,
+                             first->height, first->samples, first->bits);
     }
     if (missing > 0)
         import_warn(t->file->warnings,
                     "%" PRIu32 " of %" PRIu32 " slices are not in the file; they are 0.", missing,
                     t->planes.slices);
-    return missing < t->planes.slices ||
-           fail_page(err, SP_ERR_FORMAT, t, 0, "the file has no page of this channel and step");
+    return missing < t->planes.slices || tiff_fail(&t->pages, 0, err, SP_ERR_FORMAT,
+                                                   "the file has no page of this channel and step");
 }
 
 /* The name of field n: of a channel with pages of its own, or of one within the pages. */
 static void name_field(const struct tiff *t, uint32_t n, char name[SP_FIELD_BYTES]) {
     const struct tiff_planes *p = &t->planes;
-    const uint32_t samples = t->conversion.components, channel = n / samples;
-    bool is_alone = p->names && p->names[channel][0] && samples == 1;
+    const uint32_t channel = n / t->channels;
+    bool is_alone = p->names && p->names[channel][0] && t->channels == 1;
     for (uint32_t i = 0; is_alone && i < channel; i++)
         is_alone = strcmp(p->names[i], p->names[channel]) != 0;
     if (is_alone)
         import_name(name, p->names[channel]);
     else
         snprintf(name, SP_FIELD_BYTES, "channel %" PRIu32, n + 1);
-    if (p->channels * samples == 1 && !is_alone)
+    if (p->channels * t->channels == 1 && !is_alone)
         name[0] = 0;
 }
 
 /* Chooses the channel and the step, and with them the pages. */
-static bool choose(struct tiff *t, struct import_header *header, struct sp_error *err) {
+static bool choose(struct tiff *t, struct import_header *header, unsigned *sample,
+                   struct sp_error *err) {
     const struct tiff_planes *p = &t->planes;
-    const uint32_t samples = t->conversion.components, count = p->channels * samples;
+    const uint32_t count = p->channels * t->channels;
     char name[SP_FIELD_BYTES];
     uint32_t chosen = 0;
     if (!import_header_use_steps(header, t->file, p->steps, err))
         return false;
     if (p->steps > 1)
         import_header_use_interval(header, 0, p->interval, p->time_unit);
-    if (p->channels == 1 && samples > 1) {
-        chosen = import_header_choose_component(header, t->file->field, samples, samples > 2);
+    if (p->channels == 1 && t->are_colors) {
+        chosen = import_header_choose_component(header, t->file->field, t->channels, true);
     } else {
         for (uint32_t n = 0; n < count && *t->file->field; n++) {
             name_field(t, n, name);
@@ -293,9 +237,26 @@ static bool choose(struct tiff *t, struct import_header *header, struct sp_error
                 import_header_add_other(header, name);
         }
     }
-    t->conversion.component = chosen % samples;
-    t->chosen = p->pages + ((size_t)t->file->step * p->channels + chosen / samples) * p->slices;
+    *sample = chosen % t->channels;
+    t->chosen = p->pages + ((size_t)t->file->step * p->channels + chosen / t->channels) * p->slices;
     return true;
+}
+
+/* Without a distance of slices, it is that of columns. */
+static void take_place(const struct tiff *t, struct import_header *header) {
+    const struct tiff_planes *p = &t->planes;
+    struct sp_grid *grid = &header->grid;
+    for (int a = 0; a < 3; a++) {
+        if (p->spacing[a] > 0 && isfinite(p->spacing[a]))
+            grid->spacing[a] = p->spacing[a];
+        else if (a > 0 && p->spacing[0] > 0 && isfinite(p->spacing[0]))
+            grid->spacing[a] = p->spacing[0];
+        if (p->has_place) {
+            grid->origin[a] = p->origin[a];
+            grid->direction[a][a] = p->direction[a];
+        }
+    }
+    memcpy(header->unit, p->unit, sizeof header->unit);
 }
 
 static void close_tiff(void *reader) {
@@ -303,50 +264,68 @@ static void close_tiff(void *reader) {
     if (t->bridge)
         t->call->close(t->bridge);
     tiff_planes_finish(&t->planes);
+    tiff_file_close(&t->pages);
+    free(t->palette);
     free(t);
 }
 
-static bool take_pages(struct tiff *t, const struct image_page *page, struct import_header *header,
+static bool take_pages(struct tiff *t, const char *description, struct import_header *header,
                        struct sp_error *err) {
-    const bool is_ome = tiff_is_ome(page->description);
-    const bool is_imagej = strncmp(page->description, "ImageJ=", 7) == 0;
-    if (!check_page(t, page, 0, err) || !take_type(t, page, header, err))
-        return false;
+    struct tiff_planes *p = &t->planes;
+    unsigned sample;
     import_header_init(header);
-    t->conversion = import_conversion_of(import_number_of(header->type), t->file->warnings);
-    t->conversion.components = (unsigned)page->channels;
-    if (!(is_ome      ? take_ome(t, (unsigned)page->channels, err)
-          : is_imagej ? take_imagej(t, page->description, err)
-                      : take_slices(t, err)) ||
-        !choose(t, header, err) || !check_pages(t, page, err))
+    const bool ok = tiff_is_ome(description)
+                        ? tiff_ome_parse(p, t->file, description, strlen(description),
+                                         t->pages.count, t->pages.pages[0].samples, err)
+                        : tiff_layout_find(p, &t->pages, description, err);
+    if (!ok)
         return false;
-    header->grid.dims[0] = (uint32_t)page->width;
-    header->grid.dims[1] = (uint32_t)page->height;
-    header->grid.dims[2] = t->planes.slices;
-    t->pixels = (size_t)page->width * (size_t)page->height;
-    take_spacing(page, is_imagej, header);
-    if (is_ome)
-        take_ome_spacing(t, header);
+    p->are_indices |= tiff_is_ome(description) || tiff_is_shaped(description);
+    tiff_layout_place(p, &t->pages, description);
+    uint64_t first = 0; /* some planes may be missing */
+    const uint64_t count = (uint64_t)p->slices * p->channels * p->steps;
+    while (first < count && p->pages[first] == TIFF_NO_PAGE)
+        first++;
+    t->page = t->pages.pages[p->is_hidden || first == count ? 0 : p->pages[first]];
+    if (t->page.width > SP_DIM_MAX || t->page.height > SP_DIM_MAX)
+        return tiff_fail(&t->pages, 0, err, SP_ERR_UNSUPPORTED,
+                         "%" PRIu32 " x %" PRIu32 " px; at most %u along an axis are supported",
+                         t->page.width, t->page.height, SP_DIM_MAX);
+    if (!take_type(t, header, err) || !choose(t, header, &sample, err) || !check_pages(t, err))
+        return false;
+    t->conversion.component = t->conversion.components > 1 ? sample : 0;
+    t->plane = t->page.planes > 1 ? sample : 0;
+    header->grid.dims[0] = t->page.width;
+    header->grid.dims[1] = t->page.height;
+    header->grid.dims[2] = p->slices;
+    take_place(t, header);
     return sp_grid_check(&header->grid, header->type, t->file->shown, &header->bytes, err);
 }
 
+/* Programs that call every bilevel image MinIsWhite, and mean the numbers as they are. */
+static bool are_plain(const struct tiff *t, const char *description, const char *software) {
+    return t->pages.pages[0].bits == 1 &&
+           (tiff_is_shaped(description) || strncmp(software, "tifffile", 8) == 0);
+}
+
 static bool open_pages(struct tiff *t, struct import_header *header, struct sp_error *err) {
-    char path[40], why[SP_ERROR_TEXT];
-    struct image_page *page = malloc(sizeof *page);
-    if (!page)
-        return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory");
-    /* Opens by descriptor, because the name may refer to another file by now. */
-    snprintf(path, sizeof path, "/proc/self/fd/%d", t->file->fd);
-    bool ok = tiff_chain_check(t->file, &t->pages, err) &&
-              (t->call = import_module_load(t->file, IMAGE_BRIDGE_MODULE, IMAGE_BRIDGE_SYMBOL,
-                                            "OpenImageIO", "libopenimageio2.4", err)) != NULL;
-    if (ok && !(t->bridge = t->call->open(path, "tiff", why, sizeof why)))
-        ok = fail_page(err, SP_ERR_FORMAT, t, 0, why);
-    if (ok && t->call->page(t->bridge, 0, page, why, sizeof why) != 1)
-        ok = fail_page(err, SP_ERR_FORMAT, t, 0, why);
-    ok = ok && take_pages(t, page, header, err);
-    free(page);
-    return ok;
+    char why[SP_ERROR_TEXT];
+    if (!tiff_file_open(&t->pages, t->file, err))
+        return false;
+    char *description = tiff_tag_text(&t->pages, &t->pages.pages[0], TAG_DESCRIPTION);
+    char *software = tiff_tag_text(&t->pages, &t->pages.pages[0], TAG_SOFTWARE);
+    bool ok = (description && software) ||
+              sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for the description");
+    if (ok)
+        t->planes.are_plain = are_plain(t, description, software);
+    ok = ok && take_pages(t, description, header, err);
+    free(description);
+    free(software);
+    if (!ok || !(t->call = import_module_load(t->file, TIFF_BRIDGE_MODULE, TIFF_BRIDGE_SYMBOL,
+                                              "libtiff", "libtiff6", err)))
+        return false;
+    t->bridge = t->call->open(t->file->fd, why, sizeof why);
+    return t->bridge || tiff_fail(&t->pages, 0, err, SP_ERR_FORMAT, "%s", why);
 }
 
 static void *open_tiff(const struct import_file *file, struct import_header *header,
@@ -363,29 +342,131 @@ static void *open_tiff(const struct import_file *file, struct import_header *hea
     return NULL;
 }
 
-static bool read_tiff(void *reader, void *voxels, float (*vectors)[3],
-                      const struct import_progress *progress, struct sp_error *err) {
-    struct tiff *t = reader;
-    const struct import_conversion *c = &t->conversion;
-    const size_t bytes = t->pixels * sp_type_size(c->type);
+/* Reading. */
+
+struct reading {
+    const struct tiff *tiff;
+    size_t row_bytes;   /* in the file */
+    size_t row_numbers; /* per row of a plane */
+    uint8_t *rows;      /* owned: a band of rows as in the file */
+    void *numbers;      /* owned: the numbers of a row; NULL = those of `rows` */
+    char *out;          /* the samples of a page */
+    struct sp_error *err;
+};
+
+/* Reads rows of a plane that has no directory. */
+static bool read_hidden(const struct reading *r, uint32_t n, uint32_t first, uint32_t count) {
+    const struct tiff *t = r->tiff;
+    const struct tiff_page *page = &t->page;
+    const uint64_t plane_bytes = (uint64_t)page->height * r->row_bytes;
+    const uint64_t at = page->pixels_at + ((uint64_t)n * page->planes + t->plane) * plane_bytes +
+                        (uint64_t)first * r->row_bytes;
+    const size_t size = count * r->row_bytes;
+    for (size_t done = 0; done < size;) {
+        const ssize_t got = pread(t->file->fd, r->rows + done, size - done, (off_t)(at + done));
+        if (got <= 0)
+            return import_fail(r->err, SP_ERR_IO, t->file->shown, at + done, NULL, "cannot read");
+        done += (size_t)got;
+    }
+    if (t->pages.is_big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__) && !is_packed(page))
+        import_swap_numbers(r->rows, t->conversion.number, size / t->conversion.number.size);
+    return true;
+}
+
+/* Replaces indices by colours. */
+static void look_up(const struct reading *r, const void *indices, bool are_wide, uint8_t *out) {
+    const size_t count = (size_t)1 << r->tiff->page.bits;
+    for (size_t i = 0; i < r->row_numbers; i++) {
+        const size_t index =
+            are_wide ? ((const uint16_t *)indices)[i] : ((const uint8_t *)indices)[i];
+        memcpy(out + i * COLORS, r->tiff->palette + (index < count ? index : 0) * COLORS, COLORS);
+    }
+}
+
+static void put_row(const struct reading *r, const uint8_t *row, uint32_t y, uint8_t *indices) {
+    const struct tiff *t = r->tiff;
+    const size_t at = (size_t)y * t->page.width * sp_type_size(t->conversion.type);
+    const void *numbers = row;
+    if (is_packed(&t->page)) {
+        import_bits_unpack(row, t->page.bits, true, 0, r->row_numbers,
+                           t->palette ? indices : r->numbers);
+        numbers = t->palette ? indices : r->numbers;
+    }
+    if (t->palette) {
+        look_up(r, numbers, t->page.bits > 8, r->numbers);
+        numbers = r->numbers;
+    }
+    import_conversion_put(&t->conversion, numbers, t->page.width, r->out + at);
+}
+
+static bool read_page(const struct reading *r, uint32_t n, uint32_t band, uint8_t *indices) {
+    const struct tiff *t = r->tiff;
     char why[SP_ERROR_TEXT];
-    void *pixels = c->components > 1 ? malloc(bytes * c->components) : NULL;
-    (void)vectors; /* a TIFF has none */
-    bool ok = c->components == 1 || pixels ||
-              sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for a page");
-    for (uint32_t k = 0; ok && k < t->planes.slices; k++) {
-        const uint32_t n = t->chosen[k];
-        char *to = (char *)voxels + k * bytes;
-        if (n == TIFF_NO_PAGE)
-            memset(to, 0, bytes);
-        else if (!t->call->read(t->bridge, (int)n, pixels ? pixels : to, why, sizeof why))
-            ok = fail_page(err, SP_ERR_FORMAT, t, n, why);
-        else if (pixels)
-            import_conversion_put(c, pixels, t->pixels, to);
+    for (uint32_t y = 0; y < t->page.height; y += band) {
+        const uint32_t left = t->page.height - y, count = left < band ? left : band;
+        if (t->planes.is_hidden) {
+            if (!read_hidden(r, n, y, count))
+                return false;
+        } else if (!t->call->rows(t->bridge, t->pages.pages[n].at, t->plane, y, count, r->row_bytes,
+                                  r->rows, why, sizeof why)) {
+            return tiff_fail(&t->pages, n, r->err, SP_ERR_FORMAT, "%s", why);
+        }
+        for (uint32_t row = 0; row < count; row++)
+            put_row(r, r->rows + row * r->row_bytes, y + row, indices);
+    }
+    return true;
+}
+
+/* How many rows are read at once: whole strips or tiles of all pages. */
+static uint32_t band_of(const struct tiff *t, size_t row_bytes) {
+    uint64_t most = 1;
+    for (uint32_t k = 0; k < t->planes.slices && !t->planes.is_hidden; k++)
+        if (t->chosen[k] != TIFF_NO_PAGE && t->pages.pages[t->chosen[k]].piece_rows > most)
+            most = t->pages.pages[t->chosen[k]].piece_rows;
+    const uint64_t fit = BAND_BYTES / row_bytes;
+    uint64_t rows = fit > most ? fit - fit % most : most;
+    for (uint32_t k = 0; k < t->planes.slices && !t->planes.is_hidden; k++)
+        if (t->chosen[k] != TIFF_NO_PAGE && rows % t->pages.pages[t->chosen[k]].piece_rows != 0)
+            rows = t->page.height;
+    return rows < t->page.height ? (uint32_t)rows : t->page.height;
+}
+
+static bool read_pages(struct reading *r, uint8_t *indices, char *voxels,
+                       const struct import_progress *progress) {
+    const struct tiff *t = r->tiff;
+    const uint32_t band = band_of(t, r->row_bytes);
+    const size_t bytes = (size_t)t->page.width * t->page.height * sp_type_size(t->conversion.type);
+    if (!(r->rows = malloc(band * r->row_bytes)))
+        return sp_fail(r->err, SP_ERR_MEMORY, t->file->shown,
+                       "out of memory for %" PRIu32 " rows of %zu bytes", band, r->row_bytes);
+    for (uint32_t k = 0; k < t->planes.slices; k++) {
+        r->out = voxels + k * bytes;
+        if (t->chosen[k] == TIFF_NO_PAGE)
+            memset(r->out, 0, bytes);
+        else if (!read_page(r, t->chosen[k], band, indices))
+            return false;
         import_report(progress, (k + 1) * bytes);
     }
-    free(pixels);
-    return ok;
+    return true;
+}
+
+static bool read_tiff(void *reader, void *voxels, float (*vectors)[3],
+                      const struct import_progress *progress, struct sp_error *err) {
+    const struct tiff *t = reader;
+    struct reading r = { .tiff = t,
+                         .row_bytes = (size_t)tiff_row_bytes(&t->page),
+                         .row_numbers = (size_t)t->page.width * (t->page.samples / t->page.planes),
+                         .err = err };
+    (void)vectors; /* a TIFF has none */
+    r.numbers = malloc(r.row_numbers * (t->palette ? COLORS : sizeof(uint32_t)));
+    uint8_t *indices = malloc(r.row_numbers * sizeof(uint16_t));
+    const bool ok = (r.numbers && indices) ||
+                    sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for a row");
+    const bool done = ok && read_pages(&r, indices, voxels, progress);
+    free(r.rows);
+    free(r.numbers);
+    free(indices);
+    return done;
 }
 
 static bool probe_tiff(const uint8_t *start, size_t size, const char *shown) {

@@ -2,7 +2,7 @@
  *
  * Field numbers and types: TIFF 6.0 (Adobe, 1992); BigTIFF: entries of 20 bytes, words of 8.
  */
-#include "import/tiff_chain.h"
+#include "import/tiff_file.h"
 
 #include <inttypes.h>
 #include <stdarg.h>
@@ -12,10 +12,13 @@
 #include <unistd.h>
 
 enum field {
+    SUBFILE,
+    OLD_SUBFILE,
     WIDTH,
     HEIGHT,
     BITS,
     COMPRESSION,
+    PHOTOMETRIC,
     STRIP_OFFSETS,
     SAMPLES,
     ROWS,
@@ -25,6 +28,7 @@ enum field {
     TILE_LENGTH,
     TILE_OFFSETS,
     TILE_COUNTS,
+    FORMAT,
     IMAGE_DEPTH,
     TILE_DEPTH,
     FIELD_COUNT
@@ -34,13 +38,24 @@ static const struct {
     unsigned tag;
     const char *name;
 } fields[FIELD_COUNT] = {
-    [WIDTH] = { 256, "ImageWidth" },           [HEIGHT] = { 257, "ImageLength" },
-    [BITS] = { 258, "BitsPerSample" },         [COMPRESSION] = { 259, "Compression" },
-    [STRIP_OFFSETS] = { 273, "StripOffsets" }, [SAMPLES] = { 277, "SamplesPerPixel" },
-    [ROWS] = { 278, "RowsPerStrip" },          [STRIP_COUNTS] = { 279, "StripByteCounts" },
-    [PLANAR] = { 284, "PlanarConfiguration" }, [TILE_WIDTH] = { 322, "TileWidth" },
-    [TILE_LENGTH] = { 323, "TileLength" },     [TILE_OFFSETS] = { 324, "TileOffsets" },
-    [TILE_COUNTS] = { 325, "TileByteCounts" }, [IMAGE_DEPTH] = { 32997, "ImageDepth" },
+    [SUBFILE] = { 254, "NewSubfileType" },
+    [OLD_SUBFILE] = { 255, "SubfileType" },
+    [WIDTH] = { 256, "ImageWidth" },
+    [HEIGHT] = { 257, "ImageLength" },
+    [BITS] = { 258, "BitsPerSample" },
+    [COMPRESSION] = { 259, "Compression" },
+    [PHOTOMETRIC] = { 262, "PhotometricInterpretation" },
+    [STRIP_OFFSETS] = { 273, "StripOffsets" },
+    [SAMPLES] = { 277, "SamplesPerPixel" },
+    [ROWS] = { 278, "RowsPerStrip" },
+    [STRIP_COUNTS] = { 279, "StripByteCounts" },
+    [PLANAR] = { 284, "PlanarConfiguration" },
+    [TILE_WIDTH] = { 322, "TileWidth" },
+    [TILE_LENGTH] = { 323, "TileLength" },
+    [TILE_OFFSETS] = { 324, "TileOffsets" },
+    [TILE_COUNTS] = { 325, "TileByteCounts" },
+    [FORMAT] = { 339, "SampleFormat" },
+    [IMAGE_DEPTH] = { 32997, "ImageDepth" },
     [TILE_DEPTH] = { 32998, "TileDepth" },
 };
 
@@ -65,6 +80,7 @@ struct chain {
     /* Sums over all pages so far. No byte of a TIFF belongs to two pages, so the file size bounds
      * the first two sums; a circle of pages or shared strips exceeds it. */
     uint64_t directory_bytes, piece_bytes, voxels;
+    uint64_t next_piece; /* where the strip after the last one must begin; 0 = they have gaps */
     struct entry entries[FIELD_COUNT];
 };
 
@@ -211,6 +227,10 @@ static bool check_piece(struct chain *c, const struct pieces *p, uint64_t i) {
     if (p->offsets == STRIP_OFFSETS && p->height - above < rows)
         rows = p->height - above;
     need = rows * p->row_bytes;
+    if (count == 0 && offset == 0) { /* not written: its samples are 0 */
+        c->next_piece = 0;
+        return true;
+    }
     if (count > size || offset > size - count)
         return refuse(c, SP_ERR_FORMAT, offset_at, p->offsets,
                       "%s %" PRIu64 " has %" PRIu64 " bytes at byte %" PRIu64
@@ -227,6 +247,7 @@ static bool check_piece(struct chain *c, const struct pieces *p, uint64_t i) {
                                    "): the size of the page or this number is wrong",
                                    need, count, p->name, i, p->compression);
     c->piece_bytes += ratio == 1 ? need : count; /* bytes after the samples do not matter */
+    c->next_piece = ratio == 1 && (i == 0 || offset == c->next_piece) ? offset + need : 0;
     if (c->piece_bytes > size)
         return refuse(c, SP_ERR_FORMAT, offset_at, p->offsets,
                       "%ss up to number %" PRIu64 " have %" PRIu64
@@ -272,22 +293,54 @@ static bool check_flat(struct chain *c, uint64_t *samples, uint64_t *planes) {
                   "%" PRIu64 " channels; at most %d are supported", *samples, TIFF_SAMPLES_MAX);
 }
 
-static bool check_page(struct chain *c) {
+/* All samples of a pixel have the same number of bits. */
+static bool take_bits(struct chain *c, uint64_t *bits) {
+    uint64_t other = 0;
+    if (!take_number(c, BITS, 1, 1, 128, bits))
+        return false;
+    for (uint64_t i = 1; c->entries[BITS].at && i < c->entries[BITS].count; i++) {
+        if (!number_at(c, BITS, i, &other))
+            return false;
+        if (other != *bits)
+            return refuse(c, SP_ERR_UNSUPPORTED, c->entries[BITS].at, BITS,
+                          "the samples of a pixel have %" PRIu64 " and %" PRIu64
+                          " bits; save them with the same number of bits",
+                          *bits, other);
+    }
+    return true;
+}
+
+/* Reads what says how the samples are meant. */
+static bool take_meaning(struct chain *c, struct tiff_page *page) {
+    uint64_t subfile, old_subfile, format, photometric;
+    if (!take_number(c, SUBFILE, 0, 0, UINT64_MAX, &subfile) ||
+        !take_number(c, OLD_SUBFILE, 1, 0, UINT64_MAX, &old_subfile) ||
+        !take_number(c, FORMAT, 1, 1, 6, &format) ||
+        !take_number(c, PHOTOMETRIC, 1, 0, 65535, &photometric))
+        return false;
+    /* Bit 0: a reduced image; bit 2: a mask. 2 was a reduced image before TIFF 6.0. */
+    page->is_reduced = (subfile & 5) || old_subfile == 2;
+    page->format = (unsigned)format;
+    page->photometric = (unsigned)photometric;
+    return true;
+}
+
+uint64_t tiff_row_bytes(const struct tiff_page *page) {
+    const uint64_t numbers = (uint64_t)page->width * (page->samples / page->planes);
+    return (numbers * page->bits + 7) / 8;
+}
+
+static bool check_page(struct chain *c, struct tiff_page *page) {
     uint64_t width, height, bits, tile_width, tile_length, samples = 1, planes = 1;
     struct pieces p = { .name = "strip", .offsets = STRIP_OFFSETS, .counts = STRIP_COUNTS };
-    if (!check_flat(c, &samples, &planes) || !take_number(c, WIDTH, 0, 1, SP_DIM_MAX, &width) ||
-        !take_number(c, HEIGHT, 0, 1, SP_DIM_MAX, &height) ||
-        !take_number(c, BITS, 1, 1, 64, &bits) ||
-        !take_number(c, COMPRESSION, 1, 1, UINT64_MAX, &p.compression))
+    if (!check_flat(c, &samples, &planes) || !take_number(c, WIDTH, 0, 1, INT32_MAX, &width) ||
+        !take_number(c, HEIGHT, 0, 1, INT32_MAX, &height) || !take_bits(c, &bits) ||
+        !take_number(c, COMPRESSION, 1, 1, UINT64_MAX, &p.compression) || !take_meaning(c, page))
         return false;
     c->voxels += width * height;
     if (c->voxels > SP_VOXELS_MAX)
         return refuse(c, SP_ERR_FORMAT, c->entries[HEIGHT].at, HEIGHT,
                       "the pages up to this one have more than %" PRIu64 " voxels", SP_VOXELS_MAX);
-    if (planes > 1 && p.compression != 1)
-        return refuse(c, SP_ERR_UNSUPPORTED, c->entries[PLANAR].at, PLANAR,
-                      "compressed channels in planes of their own are not supported; save the "
-                      "channels of a pixel together (1), or as pages");
     p.height = height;
     bits *= samples / planes; /* of a pixel */
     if (c->entries[TILE_WIDTH].at || c->entries[TILE_LENGTH].at) {
@@ -314,46 +367,74 @@ static bool check_page(struct chain *c) {
     if (c->entries[other].at)
         return refuse(c, SP_ERR_FORMAT, c->entries[other].at, other,
                       "does not belong to a page of %ss", p.name);
-    return check_pieces(c, &p);
+    page->at = c->page_at;
+    page->width = (uint32_t)width;
+    page->height = (uint32_t)height;
+    page->samples = (unsigned)samples;
+    page->planes = (unsigned)planes;
+    page->bits = (unsigned)(bits * planes / samples);
+    page->compression = p.compression < UINT32_MAX ? (unsigned)p.compression : UINT32_MAX;
+    page->piece_rows = p.rows;
+    c->next_piece = 0;
+    if (!check_pieces(c, &p))
+        return false;
+    if (c->next_piece && p.offsets == STRIP_OFFSETS && p.compression == TIFF_UNPACKED)
+        page->pixels_at = c->next_piece - height * planes * p.row_bytes;
+    return true;
 }
 
-static bool follow(struct chain *c, uint32_t *pages) {
+static bool add_page(struct tiff_file *t, struct tiff_page **page) {
+    if (t->count % 64 == 0) {
+        struct tiff_page *larger = realloc(t->pages, (t->count + 64) * sizeof *larger);
+        if (!larger)
+            return false;
+        t->pages = larger;
+    }
+    *page = &t->pages[t->count];
+    **page = (struct tiff_page){ .at = 0 };
+    return true;
+}
+
+static bool follow(struct chain *c, struct tiff_file *t) {
     const struct import_file *file = c->file;
     unsigned word = c->big ? 8 : 4, count_bytes = c->big ? 8 : 2, entry_bytes = c->big ? 20 : 12;
     uint64_t at = c->big ? 8 : 4, next, entries;
-    *pages = 0;
+    struct tiff_page *page;
     if (!read_number(c, at, word, &next))
         return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "first directory",
                            "the file is cut off");
     while (next != 0) {
         at = next;
-        c->page = *pages;
+        c->page = t->count;
         c->page_at = at;
-        if (*pages == SP_DIM_MAX)
+        if (t->count == TIFF_PAGES_MAX)
             return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
-                               "more than %u pages", SP_DIM_MAX);
+                               "more than %d pages", TIFF_PAGES_MAX);
         if (!read_number(c, at, count_bytes, &entries) || entries > 65535 ||
             !read_number(c, at + count_bytes + entries * entry_bytes, word, &next))
             return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
                                "page %" PRIu32 " lies beyond the end: the file of %" PRIu64
                                " bytes is cut off or the directory before it is wrong",
-                               *pages, file->size);
+                               t->count, file->size);
         c->directory_bytes += count_bytes + entries * entry_bytes + word;
         if (c->directory_bytes > file->size)
             return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
                                "the directories up to page %" PRIu32
                                " are longer than the file: the pages form a circle",
-                               *pages);
-        if (!take_entries(c, at + count_bytes, entries) || !check_page(c))
+                               t->count);
+        if (!add_page(t, &page))
+            return sp_fail(c->err, SP_ERR_MEMORY, file->shown, "out of memory for directories");
+        if (!take_entries(c, at + count_bytes, entries) || !check_page(c, page))
             return false;
-        ++*pages;
+        t->count++;
     }
-    return *pages > 0 || import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "first directory",
-                                     "the file has no page");
+    return t->count > 0 || import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "first directory",
+                                       "the file has no page");
 }
 
-bool tiff_chain_check(const struct import_file *file, uint32_t *pages, struct sp_error *err) {
+bool tiff_file_open(struct tiff_file *t, const struct import_file *file, struct sp_error *err) {
     uint8_t magic[4];
+    *t = (struct tiff_file){ .file = file };
     if (pread(file->fd, magic, 4, 0) != 4)
         return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "magic", "the file is cut off");
     struct chain *c = calloc(1, sizeof *c);
@@ -361,9 +442,17 @@ bool tiff_chain_check(const struct import_file *file, uint32_t *pages, struct sp
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for directories");
     c->file = file;
     c->err = err;
-    c->big_endian = magic[0] == 'M';
-    c->big = magic[c->big_endian ? 3 : 2] == 43;
-    bool ok = follow(c, pages);
+    t->is_big_endian = c->big_endian = magic[0] == 'M';
+    t->is_big = c->big = magic[c->big_endian ? 3 : 2] == 43;
+    const bool ok = follow(c, t);
     free(c);
+    if (!ok)
+        tiff_file_close(t);
     return ok;
+}
+
+void tiff_file_close(struct tiff_file *t) {
+    free(t->pages);
+    t->pages = NULL;
+    t->count = 0;
 }

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which page of a TIFF is which slice, channel and step in time: from the OME-XML of an OME-TIFF,
- * or from the description that ImageJ writes.
+ * Which page of a TIFF is which slice, channel and step in time, from what the programs write that
+ * know: OME-XML (tiff_ome.c), the descriptions of ImageJ and tifffile, and tags (tiff_layout.c).
  */
 #ifndef SP_IMPORT_TIFF_PLANES_H
 #define SP_IMPORT_TIFF_PLANES_H
 
-#include "import/format.h"
+#include "import/tiff_file.h"
 
 struct tiff_planes {
     uint32_t slices, channels, steps; /* at least 1; channels that have pages of their own */
@@ -14,6 +14,14 @@ struct tiff_planes {
     char (*names)[SP_FIELD_BYTES]; /* owned: of the channels; "" = none. NULL = all have none */
     double spacing[3];             /* of x, y and z; 0 = unknown */
     char unit[SP_UNIT_BYTES];
+    double origin[3], direction[3]; /* of the first sample; 1 or -1 of each axis */
+    bool has_place;                 /* these two are known */
+    /* Only the first page has a directory; plane n, in the order of `pages`, follows its pixels. */
+    bool is_hidden;
+    bool are_indices; /* of a palette, which only serves to show them */
+    bool are_plain;   /* white is 0 only in name: the numbers are meant as they are */
+    bool has_missing; /* numbers equal to `missing` are no samples */
+    double missing;
     double interval; /* of the steps; 0 = unknown */
     char time_unit[SP_UNIT_BYTES];
 };
@@ -25,6 +33,31 @@ enum { TIFF_NO_PAGE = UINT32_MAX };
 bool tiff_planes_allocate(struct tiff_planes *planes, const struct import_file *file, uint32_t most,
                           struct sp_error *err);
 void tiff_planes_finish(struct tiff_planes *planes);
+
+/* Fills the planes from the descriptions and tags of the file. `description` is that of the first
+ * page. */
+bool tiff_layout_find(struct tiff_planes *planes, const struct tiff_file *tiff,
+                      const char *description, struct sp_error *err);
+
+/* Finds the size and place of a pixel in the tags of the first page, unless the planes have them.
+ */
+void tiff_layout_place(struct tiff_planes *planes, const struct tiff_file *tiff,
+                       const char *description);
+
+/* Reads the JSON that tifffile writes (tiff_shaped.c): {"shape": [2, 6, 32, 48], "axes": "CZYX"}.
+ */
+bool tiff_is_shaped(const char *description);
+bool tiff_shaped_parse(struct tiff_planes *planes, const struct tiff_file *tiff,
+                       const char *description, struct sp_error *err);
+
+/* Fails at "SHOWN: page N". */
+__attribute__((format(printf, 5, 6))) bool tiff_fail(const struct tiff_file *tiff, uint32_t page,
+                                                     struct sp_error *err, enum sp_code code,
+                                                     const char *format, ...);
+
+/* The planes that follow the pixels of the first page, which count as one there; `needed` of them
+ * must be in the file. */
+bool tiff_planes_hide(struct tiff_planes *planes, const struct tiff_file *tiff, uint64_t needed);
 
 /* True if a description is OME-XML. */
 bool tiff_is_ome(const char *description);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The directories of a TIFF. A file that passes them ends with an error, because the module with
- * OpenImageIO is not beside this program.
+ * libtiff is not beside this program.
  */
 #include "fuzz/import_fuzz.h"
 

@@ -92,6 +92,7 @@ THIRD_PARTY = [
     (r'expat', {'renderer/import'}),
     (r'blosc', {'renderer/import'}),
     (r'hdf5|netcdf', {'renderer/import'}),
+    (r'tiffio', {'renderer/import'}),
     (r'seccomp', {'renderer/import'}),
     (r'turbojpeg|jpeglib', {'renderer/encode'}),
     (r'webp/', {'renderer/encode'}),

@@ -1,0 +1,369 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Which page is what, from the description of ImageJ, the tags of Zeiss (LSM) and MetaMorph (STK),
+ * and the sizes of the pages; and the size of a pixel.
+ */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "import/tiff_planes.h"
+
+enum { TAG_X_RESOLUTION = 282, TAG_Y_RESOLUTION = 283, TAG_RESOLUTION_UNIT = 296 };
+enum { TAG_PIXEL_SCALE = 33550, TAG_STK_PLANES = 33629, TAG_TIEPOINT = 33922 };
+enum { GROUPS_MAX = 32 }; /* kinds of pages */
+enum { TAG_LSM = 34412, TAG_GEO_KEYS = 34735, TAG_NO_DATA = 42113 };
+
+/* All pages of the list are slices. */
+static bool take_slices(struct tiff_planes *p, const struct tiff_file *t, const uint32_t *pages,
+                        uint32_t count, struct sp_error *err) {
+    p->slices = count;
+    p->channels = p->steps = 1;
+    if (!tiff_planes_allocate(p, t->file, count, err))
+        return false;
+    for (uint32_t i = 0; i < count; i++)
+        p->pages[i] = pages ? pages[i] : i;
+    return true;
+}
+
+/* ImageJ. */
+
+/* Finds a line "KEY=VALUE" in ImageJ's description; NULL if there is none. */
+static const char *imagej_value(const char *description, const char *key, char *out,
+                                size_t capacity) {
+    size_t n = strlen(key);
+    for (const char *line = description; line && *line;) {
+        const char *end = strchr(line, '\n');
+        size_t length = end ? (size_t)(end - line) : strlen(line);
+        if (length > n && strncmp(line, key, n) == 0 && line[n] == '=') {
+            snprintf(out, capacity, "%.*s", (int)(length - n - 1), line + n + 1);
+            return out;
+        }
+        line = end ? end + 1 : NULL;
+    }
+    return NULL;
+}
+
+static long imagej_count(const char *description, const char *key, long missing) {
+    char value[32];
+    const char *text = imagej_value(description, key, value, sizeof value);
+    return text ? strtol(text, NULL, 10) : missing;
+}
+
+static void take_imagej_unit(struct tiff_planes *p, const char *description) {
+    static const char *const known[][2] = { { "micron", "um" },       { "microns", "um" },
+                                            { "\\u00B5m", "um" },     { "\xc2\xb5m", "um" },
+                                            { "\xb5m", "um" },        { "pixel", "" },
+                                            { "pixels", "" },         { "inch", "in" },
+                                            { "\\u00C5", "\xc3\x85" } };
+    char value[64];
+    const char *unit = imagej_value(description, "unit", value, sizeof value);
+    snprintf(p->unit, sizeof p->unit, "%.31s", unit ? unit : "");
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (unit && strcmp(unit, known[i][0]) == 0)
+            snprintf(p->unit, sizeof p->unit, "%s", known[i][1]);
+}
+
+/* Channels are the fastest in a hyperstack, then slices. Frames without slices are read as slices:
+ * many programs write stacks like that. Above 4 GB, ImageJ writes the first directory only. */
+static bool take_imagej(struct tiff_planes *p, const struct tiff_file *t, const char *d,
+                        struct sp_error *err) {
+    const long images = imagej_count(d, "images", t->count);
+    const long channels = imagej_count(d, "channels", 1);
+    const long frames = imagej_count(d, "frames", 1), slices = imagej_count(d, "slices", 1);
+    char value[64];
+    /* The colours of a pixel are channels that have no pages of their own. */
+    const bool is_rgb = t->pages[0].samples > 1 && channels == (long)t->pages[0].samples;
+    const uint32_t own_channels = is_rgb || channels < 1 ? 1 : (uint32_t)channels;
+    if (images < 1 || images > INT32_MAX ||
+        ((uint32_t)images != t->count && !tiff_planes_hide(p, t, (uint64_t)images)))
+        return tiff_fail(t, 0, err, SP_ERR_UNSUPPORTED,
+                         "ImageJ declares %ld images, but the file has %" PRIu32
+                         " pages, and their pixels do not fit behind the first page; save it again "
+                         "with ImageJ, or as NRRD",
+                         images, t->count);
+    p->are_indices = true; /* a palette is a lookup table */
+    take_imagej_unit(p, d);
+    const char *between = imagej_value(d, "spacing", value, sizeof value);
+    p->spacing[2] = between ? fabs(strtod(between, NULL)) : 0;
+    const char *interval = imagej_value(d, "finterval", value, sizeof value);
+    p->interval = interval ? strtod(interval, NULL) : 0;
+    snprintf(p->time_unit, sizeof p->time_unit, "s");
+    if (own_channels == 1 && (frames <= 1 || slices <= 1))
+        return take_slices(p, t, NULL, (uint32_t)images, err);
+    if (channels < 1 || frames < 1 || slices < 1 || channels > INT32_MAX || slices > images ||
+        frames > images || (long)own_channels > images ||
+        (long)own_channels * slices * frames != images)
+        return tiff_fail(t, 0, err, SP_ERR_FORMAT,
+                         "ImageJ declares %ld channels, %ld slices and %ld frames in %ld images; "
+                         "save it again with ImageJ",
+                         channels, slices, frames, images);
+    p->slices = (uint32_t)slices;
+    p->channels = own_channels;
+    p->steps = (uint32_t)frames;
+    if (!tiff_planes_allocate(p, t->file, (uint32_t)images, err))
+        return false;
+    for (uint32_t i = 0; i < (uint32_t)images; i++) {
+        const uint32_t c = i % p->channels, kt = i / p->channels;
+        const uint32_t k = kt % p->slices, step = kt / p->slices;
+        p->pages[(step * p->channels + c) * p->slices + k] = i;
+    }
+    return true;
+}
+
+/* Zeiss LSM: a structure in the first page. Its pages alternate with small copies. */
+
+struct lsm {
+    uint32_t dims[5];  /* x, y, z, channels, time */
+    double spacing[3]; /* [m] */
+};
+
+static bool read_lsm(const struct tiff_file *t, struct lsm *lsm) {
+    uint8_t bytes[64];
+    if (tiff_tag_bytes(t, &t->pages[0], TAG_LSM, 0, bytes, sizeof bytes) != sizeof bytes)
+        return false;
+    memcpy(lsm->dims, bytes + 8, sizeof lsm->dims);
+    memcpy(lsm->spacing, bytes + 40, sizeof lsm->spacing);
+    if (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__) { /* LSM files are little-endian */
+        import_swap(lsm->dims, sizeof *lsm->dims, 5);
+        import_swap(lsm->spacing, sizeof *lsm->spacing, 3);
+    }
+    return lsm->dims[0] == t->pages[0].width && lsm->dims[1] == t->pages[0].height &&
+           lsm->dims[2] >= 1 && lsm->dims[3] >= 1 && lsm->dims[4] >= 1;
+}
+
+/* The channels are those of a pixel. Slices are faster than time. */
+static bool take_lsm(struct tiff_planes *p, const struct tiff_file *t, const struct lsm *lsm,
+                     const uint32_t *pages, uint32_t count, struct sp_error *err) {
+    p->slices = lsm->dims[2];
+    p->steps = lsm->dims[4];
+    p->channels = 1;
+    if ((uint64_t)p->slices * p->steps != count)
+        return tiff_fail(t, 0, err, SP_ERR_UNSUPPORTED,
+                         "the LSM header has %" PRIu32 " slices and %" PRIu32
+                         " times, but the file has %" PRIu32
+                         " pages: it is cut off, or a scan of lines or tiles; save it as OME-TIFF",
+                         p->slices, p->steps, count);
+    for (int a = 0; a < 3; a++)
+        p->spacing[a] = lsm->spacing[a] > 0 ? lsm->spacing[a] * 1e6 : 0;
+    snprintf(p->unit, sizeof p->unit, "um");
+    if (!tiff_planes_allocate(p, t->file, count, err))
+        return false;
+    memcpy(p->pages, pages, count * sizeof *pages);
+    return true;
+}
+
+/* MetaMorph: a stack behind one directory, with a tag of as many values as planes. */
+static bool take_stk(struct tiff_planes *p, const struct tiff_file *t, uint64_t planes,
+                     struct sp_error *err) {
+    if (planes > UINT32_MAX || !tiff_planes_hide(p, t, planes))
+        return tiff_fail(t, 0, err, SP_ERR_UNSUPPORTED,
+                         "MetaMorph declares %" PRIu64
+                         " planes, but the file is shorter or packed; "
+                         "save it as OME-TIFF",
+                         planes);
+    import_warn(t->file->warnings,
+                "The planes of the MetaMorph stack are read as slices; its calibration is not "
+                "read, so the spacing is 1 unless the resolution tags give it.");
+    return take_slices(p, t, NULL, (uint32_t)planes, err);
+}
+
+/* Pages of one size. */
+
+static bool same_kind(const struct tiff_page *a, const struct tiff_page *b) {
+    return a->width == b->width && a->height == b->height && a->samples == b->samples &&
+           a->bits == b->bits && a->format == b->format;
+}
+
+static bool fits(const struct tiff_page *page) {
+    return page->width <= SP_DIM_MAX && page->height <= SP_DIM_MAX;
+}
+
+static bool is_larger(const struct tiff_page *a, const struct tiff_page *b) {
+    return (uint64_t)a->width * a->height > (uint64_t)b->width * b->height;
+}
+
+struct group { /* pages of one kind */
+    const struct tiff_page *page;
+    uint64_t count;
+};
+
+static unsigned list_groups(const struct tiff_file *t, struct group groups[GROUPS_MAX]) {
+    unsigned used = 0;
+    for (uint32_t i = 0; i < t->count; i++) {
+        const struct tiff_page *page = &t->pages[i];
+        unsigned g = 0;
+        while (g < used &&
+               !(same_kind(groups[g].page, page) && groups[g].page->is_reduced == page->is_reduced))
+            g++;
+        if (g == used && used < GROUPS_MAX)
+            groups[used++] = (struct group){ .page = page };
+        if (g < used)
+            groups[g].count++;
+    }
+    return used;
+}
+
+/* Chooses the pages that are the volume: those like the first page if it has others like it, which
+ * tifffile takes, too. Else those with most pixels, so that a thumbnail in front and the smaller
+ * levels of a slide do not count. Pages that do not fit, and reduced ones, come last. */
+static const struct tiff_page *find_main(const struct tiff_file *t) {
+    struct group groups[GROUPS_MAX] = { { .page = &t->pages[0] } };
+    const unsigned count = list_groups(t, groups);
+    const struct group *best = &groups[0];
+    if (best->count > 1 && fits(best->page) && !best->page->is_reduced)
+        return best->page;
+    for (unsigned g = 1; g < count; g++) {
+        const struct tiff_page *page = groups[g].page;
+        const int order =
+            (fits(page) - fits(best->page)) * 2 - (page->is_reduced - best->page->is_reduced);
+        const double pixels = (double)page->width * page->height * (double)groups[g].count;
+        if (order > 0 || (order == 0 && pixels > (double)best->page->width * best->page->height *
+                                                     (double)best->count))
+            best = &groups[g];
+    }
+    return best->page;
+}
+
+/* Lists the pages of the kind of `best`. Warns of the others: thumbnails, smaller levels of detail,
+ * labels of slides. Returns how many. */
+static uint32_t list_pages(const struct tiff_file *t, const struct tiff_page *best, uint32_t *out) {
+    const struct tiff_page *other = NULL;
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < t->count; i++)
+        if (same_kind(&t->pages[i], best) && t->pages[i].is_reduced == best->is_reduced)
+            out[count++] = i;
+        else if (!other || is_larger(&t->pages[i], other))
+            other = &t->pages[i];
+    if (other && !fits(other))
+        import_warn(t->file->warnings,
+                    "The largest image of the file, %" PRIu32 " x %" PRIu32
+                    " px, has more than %u px along an axis; a smaller one, %" PRIu32 " x %" PRIu32
+                    " px, was read.",
+                    other->width, other->height, SP_DIM_MAX, best->width, best->height);
+    else if (other && !other->is_reduced)
+        import_warn(t->file->warnings,
+                    "%" PRIu32 " of %" PRIu32 " pages, of %" PRIu32 " x %" PRIu32 " px with %u "
+                    "samples of %u bits, were left out: they differ from the others, of %" PRIu32
+                    " x %" PRIu32 " px.",
+                    t->count - count, t->count, other->width, other->height, other->samples,
+                    other->bits, best->width, best->height);
+    return count;
+}
+
+static bool take_pages(struct tiff_planes *p, const struct tiff_file *t, struct sp_error *err) {
+    struct lsm lsm;
+    struct tiff_tag planes;
+    uint32_t *pages = malloc(t->count * sizeof *pages);
+    if (!pages)
+        return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for pages");
+    const uint32_t count = list_pages(t, find_main(t), pages);
+    const bool ok = read_lsm(t, &lsm) ? take_lsm(p, t, &lsm, pages, count, err)
+                    : tiff_tag_find(t, &t->pages[0], TAG_STK_PLANES, &planes) && t->count == 1 &&
+                            planes.count > 1
+                        ? take_stk(p, t, planes.count, err)
+                        : take_slices(p, t, pages, count, err);
+    free(pages);
+    return ok;
+}
+
+/* The size of a pixel. */
+
+/* Pixels per inch or centimetre; without a unit they are only a ratio. For ImageJ they are pixels
+ * per its unit. */
+static void take_resolution(struct tiff_planes *p, const struct tiff_file *t,
+                            const struct tiff_page *page, bool is_imagej) {
+    double x = 0, y = 0, unit = 2;
+    tiff_tag_numbers(t, page, TAG_X_RESOLUTION, &x, 1);
+    tiff_tag_numbers(t, page, TAG_Y_RESOLUTION, &y, 1);
+    tiff_tag_numbers(t, page, TAG_RESOLUTION_UNIT, &unit, 1);
+    const double mm = is_imagej ? 1 : unit == 2 ? 25.4 : unit == 3 ? 10 : 0;
+    const bool is_sane =
+        isfinite(x) && isfinite(y) && x > 1e-9 && y > 1e-9 && x < 1e9 && y < 1e9 && mm > 0;
+    if (!is_sane)
+        return;
+    p->spacing[0] = mm / x;
+    p->spacing[1] = mm / y;
+    if (!is_imagej)
+        snprintf(p->unit, sizeof p->unit, "mm");
+}
+
+/* GeoTIFF 1.1: the size of a pixel, and the place of one. Rows go to the south. */
+static bool take_geography(struct tiff_planes *p, const struct tiff_file *t,
+                           const struct tiff_page *page) {
+    double scale[3] = { 0 }, tie[6] = { 0 }, keys[256], model = 0, raster = 1, linear = 0;
+    if (tiff_tag_numbers(t, page, TAG_PIXEL_SCALE, scale, 3) < 2 || !(scale[0] > 0) ||
+        !(scale[1] > 0) || !isfinite(scale[0]) || !isfinite(scale[1]))
+        return false;
+    const size_t count = tiff_tag_numbers(t, page, TAG_GEO_KEYS, keys, 256);
+    for (size_t i = 4; i + 3 < count; i += 4) {
+        double *key = keys[i] == 1024   ? &model
+                      : keys[i] == 1025 ? &raster
+                      : keys[i] == 3076 ? &linear
+                                        : NULL;
+        if (key && keys[i + 1] == 0)
+            *key = keys[i + 3];
+    }
+    for (int a = 0; a < 3; a++)
+        p->spacing[a] = scale[a] > 0 && isfinite(scale[a]) ? scale[a] : 0;
+    snprintf(p->unit, sizeof p->unit, "%s",
+             model == 2                                      ? "degrees"
+             : model == 1 && linear == 9002                  ? "ft"
+             : model == 1 && (linear == 0 || linear == 9001) ? "m"
+                                                             : "");
+    if (tiff_tag_numbers(t, page, TAG_TIEPOINT, tie, 6) != 6 || !isfinite(tie[3]) ||
+        !isfinite(tie[4]))
+        return true;
+    const double centre = raster == 2 ? 0 : 0.5; /* of a pixel, from its corner */
+    p->has_place = true;
+    p->origin[0] = tie[3] + (centre - tie[0]) * scale[0];
+    p->origin[1] = tie[4] - (centre - tie[1]) * scale[1];
+    p->origin[2] = isfinite(tie[5]) ? tie[5] : 0;
+    p->direction[0] = p->direction[2] = 1;
+    p->direction[1] = -1;
+    return true;
+}
+
+/* The number that GDAL writes where there is no sample. */
+static void take_missing(struct tiff_planes *p, const struct tiff_file *t,
+                         const struct tiff_page *page) {
+    struct tiff_tag tag;
+    if (!tiff_tag_find(t, page, TAG_NO_DATA, &tag))
+        return;
+    char *text = tiff_tag_text(t, page, TAG_NO_DATA), *end = text;
+    if (text)
+        p->missing = strtod(text, &end);
+    p->has_missing = end > text && isfinite(p->missing);
+    free(text);
+}
+
+/* Aperio writes "|MPP = 0.499": micrometres per pixel. */
+static void take_slide_scale(struct tiff_planes *p, const char *description) {
+    const char *scale =
+        strncmp(description, "Aperio", 6) == 0 ? strstr(description, "|MPP = ") : NULL;
+    const double size = scale ? strtod(scale + 7, NULL) : 0;
+    if (!(size > 0) || !isfinite(size))
+        return;
+    p->spacing[0] = p->spacing[1] = size;
+    snprintf(p->unit, sizeof p->unit, "um");
+}
+
+bool tiff_layout_find(struct tiff_planes *p, const struct tiff_file *t, const char *description,
+                      struct sp_error *err) {
+    const bool is_imagej = strncmp(description, "ImageJ=", 7) == 0;
+    const bool is_shaped = tiff_is_shaped(description);
+    return is_imagej   ? take_imagej(p, t, description, err)
+           : is_shaped ? tiff_shaped_parse(p, t, description, err)
+                       : take_pages(p, t, err);
+}
+
+void tiff_layout_place(struct tiff_planes *p, const struct tiff_file *t, const char *description) {
+    const bool is_imagej = strncmp(description, "ImageJ=", 7) == 0;
+    const uint32_t n = p->is_hidden || p->pages[0] == TIFF_NO_PAGE ? 0 : p->pages[0];
+    take_missing(p, t, &t->pages[n]);
+    if (!(p->spacing[0] > 0) && !take_geography(p, t, &t->pages[n]))
+        take_resolution(p, t, &t->pages[n], is_imagej);
+    take_slide_scale(p, description);
+}
