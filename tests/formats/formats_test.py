@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares what the daemon reads with independent readers: samples, spacing, origin, direction and names.
 
-  formats_test.py DUMP PYTHON DATA [dicom|rest]
+  formats_test.py DUMP PYTHON DATA [--write-page] [GROUP | PART …]
 
 DUMP is volume_dump, PYTHON an interpreter that has the readers (zarr, h5py, …; requirements.txt), DATA the folder of the
-real volumes. `dicom` runs the parts about DICOM, `rest` the others: two tests, which run at once. Where there is no sample, the independent library writes one. A missing reader or sample is a visible skip.
+real volumes. The groups `dicom`, `arrays` and `rest` are tests of their own, which run at once. Where there is no sample,
+the independent library writes one. A missing reader or sample is a visible skip. The tables of renderer/import/types.md
+are what the parts found; --write-page writes their rows, else they are compared.
 """
+import difflib
 import importlib.util
 import json
 import os
@@ -14,16 +17,22 @@ import subprocess
 import sys
 import tempfile
 
-if len(sys.argv) in (4, 5) and os.access(sys.argv[2], os.X_OK) and not os.environ.get('SPLATD_FORMATS_PYTHON'):
+if len(sys.argv) >= 4 and os.access(sys.argv[2], os.X_OK) and not os.environ.get('SPLATD_FORMATS_PYTHON'):
     os.environ['SPLATD_FORMATS_PYTHON'] = '1'
     os.execv(sys.argv[2], [sys.argv[2], *sys.argv])
 
+os.environ['HDF5_PLUGIN_PRELOAD'] = '::'  # of the readers: no plug-ins, such as those that netCDF4 brings
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-PARTS = {'zarr_part': ['numpy', 'zarr', 'numcodecs'], 'arrays_part': ['numpy', 'h5py', 'netCDF4'],
-         'tiff_part': ['numpy', 'tifffile'], 'medical_part': ['numpy', 'nibabel', 'pydicom'],
-         'dicom_frames_part': ['numpy', 'pydicom'],
+from table import Table  # noqa: E402
+
+PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'renderer', 'import', 'types.md')
+PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'zarr_part': ['numpy', 'zarr', 'numcodecs'],
+         'arrays_part': ['numpy', 'h5py', 'netCDF4', 'numcodecs'], 'tiff_part': ['numpy', 'tifffile'],
+         'medical_part': ['numpy', 'nibabel', 'pydicom'], 'dicom_frames_part': ['numpy', 'pydicom'],
          'volumes_part': ['numpy', 'nibabel', 'nrrd', 'mrcfile', 'SimpleITK'],
          'convert_part': ['numpy', 'nibabel', 'nrrd', 'zarr']}
+GROUPS = {'arrays': ['types_part', 'zarr_part', 'arrays_part', 'tiff_part'], 'dicom': [part for part in PARTS if part.startswith('dicom_')]}
+GROUPS['rest'] = [part for part in PARTS if part not in GROUPS['arrays'] + GROUPS['dicom']]
 
 
 class Tool:
@@ -32,6 +41,7 @@ class Tool:
     def __init__(self, dump, data, folder):
         self.dump_program, self.data, self.folder = dump, data, folder
         self.failed, self.checks, self.skipped = 0, 0, []
+        self.table = Table()
 
     def path(self, name):
         return os.path.join(self.folder, name)
@@ -66,6 +76,41 @@ class Tool:
         if done.returncode != 1 or not all(word in done.stdout for word in words):
             self.fail(source, f'expected an error with {words}, got: {done.stdout.strip()}')
 
+    def typed(self, form, kind, source, expected, **wanted):
+        """As equal(); adds the type in memory to the column `form` and the row `kind` (table.TYPES) of the page."""
+        before = self.failed
+        self.equal(source, expected, **wanted)
+        if self.failed == before:
+            self.table.add_type(form, kind, self.last_type)
+
+    def layout(self, form, layout, source, expected, result='read', **wanted):
+        """As equal(); adds a row of layouts to the page."""
+        before = self.failed
+        self.equal(source, expected, **wanted)
+        if self.failed == before:
+            self.table.add_layout(form, layout, result)
+
+    def layout_refused(self, form, layout, source, *words):
+        """As refused(); adds a row of layouts to the page."""
+        before = self.failed
+        self.refused(source, *words)
+        if self.failed == before:
+            self.table.add_layout(form, layout, f'refused: “{words[0]}”')
+
+    def check_page(self, write):
+        """Compares the rows of the formats that were tested with the page, or writes them."""
+        with open(PAGE, encoding='utf-8') as file:
+            page = file.read()
+        found = self.table.joined(page)
+        if write:
+            with open(PAGE, 'w', encoding='utf-8') as file:
+                file.write(found)
+            return
+        self.checks += 1
+        if page != found:
+            lines = difflib.unified_diff(page.splitlines(), found.splitlines(), 'page', 'found', lineterm='', n=0)
+            self.fail('renderer/import/types.md', 'differs from what was found; formats_test.py --write-page writes it:\n' + '\n'.join(lines))
+
     def fail(self, source, text):
         self.failed += 1
         print(f'{source}: {text}')
@@ -77,6 +122,7 @@ class Tool:
         if info is None:
             return
         self.checks += 1
+        self.last_type = info['type']
         expected = numpy.asarray(expected)
         if samples.shape != expected.shape:
             self.fail(source, f'dims {samples.shape[::-1]}, expected {expected.shape[::-1]}')
@@ -92,17 +138,20 @@ class Tool:
 
 
 def main():
-    dump, _, data, *group = sys.argv[1:]
+    dump, _, data = sys.argv[1:4]
+    wanted = [part for name in sys.argv[4:] if not name.startswith('--') for part in GROUPS.get(name, [name])]
     with tempfile.TemporaryDirectory(prefix='splat-formats-') as folder:
         tool = Tool(dump, data, folder)
         for part, modules in PARTS.items():
-            if group and part.startswith('dicom_') != (group == ['dicom']):
+            if wanted and part not in wanted:
                 continue
             missing = [m for m in modules if importlib.util.find_spec(m) is None]
             if missing:
                 tool.skipped.append(f'{part}: not installed: {", ".join(missing)} (deploy/test.sh installs them)')
                 continue
             importlib.import_module(part).check(tool)
+        if not any('not installed' in reason for reason in tool.skipped):
+            tool.check_page('--write-page' in sys.argv)
     for reason in tool.skipped:
         print(f'skipped: {reason}')
     print(f'{tool.checks} checks, {tool.failed} failed')
