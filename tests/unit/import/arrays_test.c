@@ -129,7 +129,7 @@ static void errors_list_the_arrays(void **state) {
     if (!SPLATD_HAS_NETCDF)
         skip();
     write_netcdf("a.nc");
-    load_error("a.nc:/w", SP_ERR_NOT_FOUND, "a.nc", "the file has x (3); v (2 x 2 x 3);");
+    load_error("a.nc:/w", SP_ERR_NOT_FOUND, "a.nc", "the file has x (3); v (2 x 2 x 3)");
     write_file("cut.nc", "CDF\1\0\0\0\0\0\0\0\12\0\0", 14);
     load_error("cut.nc", SP_ERR_FORMAT, "cut.nc: byte 16", "damaged or cut off");
     assert_int_equal(truncate(in_folder("a.nc"), 1024 + 24 + 20), 0);
