@@ -114,6 +114,8 @@ static bool take(struct dicom *d, struct import_header *header, struct sp_error 
         return false;
     if (!dicom_describe(source, source->file->fd, &source->image, why))
         return dicom_fail(source, SP_ERR_FORMAT, "", why, err);
+    if (source->image.note[0])
+        import_warn(source->file->warnings, "%s", source->image.note);
     return find_slices(d, header, err) && take_type(d, header, err) &&
            dicom_grid_take(&d->slices, source, header, &d->places, err) &&
            sp_grid_check(&header->grid, header->type, source->file->shown, &header->bytes, err);

@@ -35,6 +35,7 @@ struct dicom_frame {    /* what a file says about one of its images */
     double along[2][3]; /* directions of a row and of a column, unit length */
     double spacing[3];  /* between columns, rows and slices or frames [mm]; 0 = not known; that of
                            slices is negative where they go against the normal */
+    bool is_spaced;     /* the distance between slices is given, not only their thickness */
     double slope, intercept;
     double keys[DICOM_KEY_COUNT];
     uint32_t segment; /* its label; 0 = this is no segmentation */
@@ -74,7 +75,8 @@ struct dicom_image { /* what a file says about its images */
     bool is_in_patient; /* the positions are those of a patient, not of a device */
     enum dicom_colors colors;
     enum dicom_order order;
-    double frame_time;                /* [s] between frames in time; 0 = not known */
+    char note[160];    /* a sentence for the user on what the reader does not apply; "" = none */
+    double frame_time; /* [s] between frames in time; 0 = not known */
     uint64_t pixels_at, pixels_bytes; /* where they lie in the file; 0 = not known */
     struct dicom_frame first;         /* the first frame */
 };

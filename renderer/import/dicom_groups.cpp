@@ -112,6 +112,7 @@ void fill_spacing(const groups &in, dicom_frame &frame) {
     const gdcm::DataSet &set = measures.IsEmpty() ? in.file : measures;
     const double between = dicom_number(set, 0x0018, 0x0088);
     const double thick = dicom_number(set, 0x0018, 0x0050);
+    frame.is_spaced = std::isfinite(between) && between != 0;
     frame.spacing[2] = std::isfinite(between) && between != 0 ? between : thick > 0 ? thick : 0;
 }
 

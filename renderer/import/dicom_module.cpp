@@ -118,6 +118,18 @@ static bool read_header(const char *path, gdcm::Reader &reader, dicom_image *ima
     return true;
 }
 
+/* What a reader of the values or lengths must know. */
+static const char *note_of(const gdcm::DataSet &set, const dicom_image &image) {
+    const bool has_spacing =
+        !dicom_text(set, 0x0028, 0x0030).empty() || !dicom_text(set, 0x0018, 0x2010).empty();
+    if (!dicom_item(set, 0x0028, 0x3000).IsEmpty())
+        return "The values are those of the file: its modality lookup table is not applied.";
+    if (!has_spacing && image.first.spacing[0] > 0 && !dicom_text(set, 0x0018, 0x1164).empty())
+        return "Lengths are those on the detector (ImagerPixelSpacing): in the body they are "
+               "smaller.";
+    return "";
+}
+
 static bool describe(const char *path, dicom_image *image, char *why, size_t capacity) try {
     gdcm::Trace::WarningOff();
     gdcm::Trace::ErrorOff();
@@ -142,6 +154,7 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     describe_pixels(set, image);
     describe_order(set, image);
     dicom_fill_frames(set, *image, &image->first, 1);
+    dicom_copy(image->note, sizeof image->note, note_of(set, *image));
     const gdcm::DataSet all = dicom_item(set, 0x5200, 0x9229),
                         one = dicom_item(set, 0x5200, 0x9230);
     image->is_in_patient =

@@ -174,6 +174,16 @@ static void clean_bits(const struct dicom_image *image, uint8_t *numbers, size_t
     const uint64_t mask = bits < 64 ? (UINT64_C(1) << bits) - 1 : UINT64_MAX;
     if (image->is_float || (bits == 8 * bytes && shift == 0))
         return;
+    if (bytes == 2) { /* nearly all files */
+        uint16_t *n = (uint16_t *)(void *)numbers;
+        const unsigned unused = 16 - bits;
+        for (size_t i = 0; i < count; i++) {
+            const uint16_t top = (uint16_t)((n[i] >> shift) << unused);
+            n[i] =
+                image->is_signed ? (uint16_t)((int16_t)top >> unused) : (uint16_t)(top >> unused);
+        }
+        return;
+    }
     for (size_t i = 0; i < count; i++, numbers += bytes) {
         uint64_t number = 0;
         memcpy(&number, numbers, bytes); /* little endian */

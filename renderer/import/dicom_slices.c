@@ -126,9 +126,10 @@ static uint32_t last_of_grid(const struct dicom_slices *slices, double step) {
 }
 
 bool dicom_slices_fill_gaps(struct dicom_slices *slices) {
-    double step = fabs(slices->items[0].is.spacing[2]);
+    const struct dicom_frame *first = &slices->items[0].is;
+    double step = first->is_spaced ? fabs(first->spacing[2]) : INFINITY;
     for (uint32_t i = 1; i < slices->planes; i++)
-        if (i == 1 || slices->plane[i].place - slices->plane[i - 1].place < step)
+        if (slices->plane[i].place - slices->plane[i - 1].place < step)
             step = slices->plane[i].place - slices->plane[i - 1].place;
     const uint32_t last = slices->planes > 1 ? last_of_grid(slices, step) : 0;
     if (last < slices->planes)

@@ -11,7 +11,8 @@
 
 #include "import/dicom_slices.h"
 
-enum { FIELDS_MAX = SP_OTHER_FIELDS_MAX + 1, FIELD_KEYS = DICOM_KEY_OTHER + 1 };
+/* More fields than the list of other fields holds become steps; segments do not. */
+enum { LISTED_MAX = SP_OTHER_FIELDS_MAX + 1, FIELDS_MAX = 256, FIELD_KEYS = DICOM_KEY_OTHER + 1 };
 
 #define LABELS "labels"
 
@@ -130,12 +131,12 @@ static bool is_in_field(const struct dicom_slice *slice, const void *user) {
 /* Too many for the list of fields: they become steps, in the order of their keys. */
 static bool use_steps(const struct dicom_slices *slices, const struct dicom_source *source,
                       const struct fields *fields) {
-    if (fields->count <= FIELDS_MAX || slices->items[0].is.segment)
+    if (fields->count <= LISTED_MAX || slices->items[0].is.segment)
         return false;
     import_warn(source->file->warnings,
                 "The steps are different images of one place, such as directions of diffusion, "
                 "not times: there are more than %d of them.",
-                FIELDS_MAX);
+                LISTED_MAX);
     return true;
 }
 

@@ -37,19 +37,43 @@ static void mend_frame(struct dicom_frame *frame) {
     frame->unit[sizeof frame->unit - 1] = 0;
     frame->segment &= 0xffff;
     mend(&frame->is_placed);
+    mend(&frame->is_spaced);
 }
+
+/* The input changes these numbers, so that zeros are an image. */
+static const struct dicom_image usual = {
+    .series = "1",
+    .columns = 4,
+    .rows = 3,
+    .frames = 6,
+    .channels = 1,
+    .bytes = 2,
+    .bits = 12,
+    .high_bit = 11,
+    .is_in_patient = true,
+    .pixels_at = 8,
+    .pixels_bytes = 144,
+    .first = { .is_placed = true,
+               .along = { { 1, 0, 0 }, { 0, 1, 0 } },
+               .spacing = { 1, 1, 2 },
+               .slope = 1 },
+};
 
 static bool describe(const char *path, struct dicom_image *image, char *why, size_t capacity) {
     bool *const flags[] = { &image->is_signed, &image->is_float,     &image->is_bits,
                             &image->is_planar, &image->is_packed,    &image->is_swapped,
                             &image->is_labels, &image->is_in_patient };
-    memset(image, 0, sizeof *image);
+    unsigned char bytes[sizeof *image] = { 0 };
+    *image = usual;
     snprintf(why, capacity, "too short");
-    if (read_file(path, image, sizeof *image) < sizeof *image)
+    if (read_file(path, bytes, sizeof bytes) == 0)
         return false;
+    for (size_t i = 0; i < sizeof bytes; i++)
+        ((unsigned char *)image)[i] ^= bytes[i];
     image->series[sizeof image->series - 1] = 0;
     image->modality[sizeof image->modality - 1] = 0;
     image->description[sizeof image->description - 1] = 0;
+    image->note[sizeof image->note - 1] = 0;
     image->colors = (enum dicom_colors)((unsigned)image->colors % (DICOM_PALETTE + 1));
     image->order = (enum dicom_order)((unsigned)image->order % (DICOM_ORDER_TIMES + 1));
     for (size_t i = 0; i < sizeof flags / sizeof *flags; i++)
@@ -58,17 +82,21 @@ static bool describe(const char *path, struct dicom_image *image, char *why, siz
     return true;
 }
 
-/* The frames follow the image in the input; the first is that of the image. */
+/* The bytes behind those of the image change the frames, which are three places of two times. */
 static bool describe_frames(const char *path, struct dicom_frame *frames, uint32_t count, char *why,
                             size_t capacity) {
     struct dicom_image image;
     int fd = open(path, O_RDONLY | O_CLOEXEC);
     bool ok = describe(path, &image, why, capacity);
     for (uint32_t i = 0; ok && i < count; i++) {
+        unsigned char bytes[sizeof *frames] = { 0 };
         frames[i] = image.first;
-        if (pread(fd, &frames[i], sizeof *frames, (off_t)(sizeof image + i * sizeof *frames)) <
-            (ssize_t)sizeof *frames)
-            frames[i].slot = i;
+        frames[i].position[2] += 2 * (i % 3);
+        frames[i].keys[DICOM_KEY_PHASE] = i / 3;
+        frames[i].instance = i + 1;
+        if (pread(fd, bytes, sizeof bytes, (off_t)(sizeof image + i * sizeof bytes)) > 0)
+            for (size_t n = 0; n < sizeof bytes; n++)
+                ((unsigned char *)&frames[i])[n] ^= bytes[n];
         mend_frame(&frames[i]);
     }
     if (fd >= 0)

@@ -41,6 +41,51 @@ def save(d, name, syntax=ExplicitVRLittleEndian):
     pydicom.dcmwrite(name, d, implicit_vr=syntax.is_implicit_VR, little_endian=syntax.is_little_endian, force_encoding=True)
 
 
+def items(**members):
+    """A sequence of one item."""
+    item = pydicom.Dataset()
+    for name, value in members.items():
+        setattr(item, name, value)
+    return pydicom.Sequence([item])
+
+
+def group(position, **groups):
+    return items(PlanePositionSequence=items(ImagePositionPatient=position), **groups)[0]
+
+
+def enhanced():
+    """Frame n of time t and place k has the samples of slice k + 3 t, the slope k + 1 and the delay 250 t ms."""
+    d = image(0, 0, SERIES + '.12')
+    for name in ('ImagePositionPatient', 'ImageOrientationPatient', 'PixelSpacing', 'SliceThickness', 'RescaleSlope', 'RescaleIntercept'):
+        delattr(d, name)
+    order = [(1, 2), (0, 1), (1, 0), (0, 2), (0, 0), (1, 1)]
+    d.NumberOfFrames = len(order)
+    d.SharedFunctionalGroupsSequence = items(PlaneOrientationSequence=items(ImageOrientationPatient=[1, 0, 0, 0, 0, -1]),
+                                             PixelMeasuresSequence=items(PixelSpacing=[0.75, 0.5], SliceThickness=2))
+    d.PerFrameFunctionalGroupsSequence = pydicom.Sequence([group(
+        [-10, 5 + 2.5 * k, 30], PixelValueTransformationSequence=items(RescaleSlope=k + 1, RescaleIntercept=0, RescaleType='US'),
+        CardiacSynchronizationSequence=items(NominalCardiacTriggerDelayTime=250.0 * t)) for t, k in order])
+    d.PixelData = b''.join(pixels(k + 3 * t, 0).tobytes() for t, k in order)
+    return d
+
+
+def segments():
+    """Segment 1 in the first frame, 2 in the last; bit i of plane k is set if i is a multiple of k + 2. The plane between is left out."""
+    d = image(0, 0, SERIES + '.13')
+    for name in ('ImagePositionPatient', 'ImageOrientationPatient', 'PixelSpacing', 'SliceThickness', 'RescaleSlope', 'RescaleIntercept'):
+        delattr(d, name)
+    d.Rows, d.Columns, d.NumberOfFrames, d.Modality, d.SegmentationType = 3, 5, 2, 'SEG', 'BINARY'
+    d.BitsAllocated, d.BitsStored, d.HighBit = 1, 1, 0
+    d.SegmentSequence = pydicom.Sequence([items(SegmentNumber=n, SegmentLabel=name)[0] for n, name in ((1, 'left'), (2, 'right'))])
+    d.SharedFunctionalGroupsSequence = items(PlaneOrientationSequence=items(ImageOrientationPatient=[1, 0, 0, 0, 1, 0]),
+                                             PixelMeasuresSequence=items(PixelSpacing=[0.75, 0.5], SliceThickness=2, SpacingBetweenSlices=2))
+    d.PerFrameFunctionalGroupsSequence = pydicom.Sequence([group(
+        [0, 0, 2 * k], SegmentIdentificationSequence=items(ReferencedSegmentNumber=n)) for n, k in ((1, 0), (2, 2))])
+    bits = [i % (k + 2) == 0 for k in (0, 2) for i in range(15)]
+    d.PixelData = np.packbits(bits, bitorder='little').tobytes()
+    return d
+
+
 def main():
     for k in range(4):
         save(image(k, 0), f'series{k}.dcm')
@@ -70,6 +115,8 @@ def main():
     colors.BitsAllocated, colors.BitsStored, colors.HighBit = 8, 8, 7
     colors.PixelData = bytes(i % 251 for i in range(3 * ROWS * COLUMNS))
     save(colors, 'colors.dcm')
+    save(enhanced(), 'enhanced.dcm')
+    save(segments(), 'segments.dcm')
 
 
 main()
