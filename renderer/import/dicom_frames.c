@@ -137,6 +137,8 @@ bool dicom_frames_list(const struct dicom_source *source, struct dicom_slices *s
     if (!ok)
         return false;
     keep_stack(slices, source);
+    if (slices->count == 0)
+        return dicom_fail(source, SP_ERR_FORMAT, "", "no frame has a valid direction", err);
     slices->is_falling = slices->items[0].is.is_placed && is_falling(slices);
     return true;
 }

@@ -31,14 +31,17 @@ bool dicom_samples_type(const struct dicom_source *source, struct import_number 
              image->channels);
     if (image->channels < 1 || image->channels > 4 || (image->channels > 1) != is_color(image))
         return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
-    if ((image->colors == DICOM_YBR_FULL || image->colors == DICOM_YBR_422 ||
-         image->colors == DICOM_PALETTE) &&
-        (bytes > 2 || (bytes > 1 && image->colors != DICOM_PALETTE) || image->is_float))
+    const bool is_ybr = image->colors == DICOM_YBR_FULL || image->colors == DICOM_YBR_422;
+    if ((is_ybr || image->colors == DICOM_PALETTE) &&
+        (bytes > 2 || (is_ybr && image->channels != 3) ||
+         (bytes > 1 && image->colors != DICOM_PALETTE) || image->is_float))
         return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
                           "colours of this depth are not supported: they have 8 bits", err);
-    if (image->is_packed && image->is_bits)
+    if (image->is_bits && (image->is_packed || image->colors != DICOM_GRAY || bytes > 1))
         return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
-                          "compressed pixels of one bit are not supported", err);
+                          "pixels of one bit are supported only if they are neither compressed nor "
+                          "colours",
+                          err);
     if (image->is_packed && image->high_bit + 1 != image->bits)
         return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
                           "compressed pixels whose high bit is not the highest of the bits stored "
@@ -49,8 +52,7 @@ bool dicom_samples_type(const struct dicom_source *source, struct import_number 
                                       : image->is_signed ? IMPORT_SIGNED
                                                          : IMPORT_UNSIGNED,
                                       bytes };
-    if (image->colors == DICOM_PALETTE || image->colors == DICOM_YBR_FULL ||
-        image->colors == DICOM_YBR_422)
+    if (is_ybr || image->colors == DICOM_PALETTE)
         *number = (struct import_number){ IMPORT_UNSIGNED, 1 };
     return true;
 }
@@ -98,7 +100,8 @@ static bool is_like(const struct dicom_image *a, const struct dicom_image *b) {
     return a->columns == b->columns && a->rows == b->rows && a->channels == b->channels &&
            a->bytes == b->bytes && a->is_bits == b->is_bits && a->colors == b->colors &&
            a->is_float == b->is_float && a->is_signed == b->is_signed && a->bits >= 1 &&
-           a->bits <= 8 * a->bytes && a->high_bit < 8 * a->bytes;
+           a->bits <= 8 * a->bytes && a->high_bit < 8 * a->bytes &&
+           (!a->is_packed || (!a->is_bits && a->high_bit + 1 == a->bits));
 }
 
 static bool fail(const struct dicom_samples *s, const char *why, struct sp_error *err) {
