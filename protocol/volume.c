@@ -62,7 +62,7 @@ static bool set_anatomy(proto_json *volume, const struct sp_volume_info *info) {
 
 static proto_json *histogram(const struct sp_volume_info *info) {
     proto_json *object = proto_json_object(), *counts = proto_json_array();
-    bool ok = proto_json_set(object, "range", numbers(info->range, 2));
+    bool ok = proto_json_set(object, "range", numbers(info->data, 2));
     for (int i = 0; i < SP_HISTOGRAM_BINS && ok; i++)
         ok = proto_json_append_integer(counts, (int64_t)info->histogram[i]);
     if (!proto_json_set(object, "counts", counts) || !ok)
@@ -124,7 +124,7 @@ proto_json *proto_histogram_encode(const struct sp_volume_info *info, const char
     uint64_t samples;
     bool ok = proto_json_set_string(object, "volume", id) &&
               proto_json_set_string(object, "type", sp_type_name(info->type));
-    ok = proto_json_append(axes, axis("value", info->range, values)) && ok;
+    ok = proto_json_append(axes, axis("value", info->data, values)) && ok;
     if (joint)
         ok = proto_json_append(axes, axis("gradient", joint->gradients, SP_JOINT_GRADIENTS)) && ok;
     ok = proto_json_set(object, "axes", axes) && ok;
@@ -197,6 +197,14 @@ static bool set_texts(proto_json *volume, const char *key, const char *texts, in
         return proto_json_set(volume, key, array);
     proto_json_free(&array);
     return ok;
+}
+
+/* What the samples mean, and how a page begins to show them. */
+static bool set_meaning(proto_json *volume, const struct sp_volume_info *info) {
+    return (info->meaning == SP_MEANING_UNKNOWN ||
+            proto_json_set_string(volume, "meaning", sp_meaning_name(info->meaning))) &&
+           (!sp_volume_is_thick_stack(info) ||
+            proto_json_set_string(volume, "first_layout", "slices"));
 }
 
 /* What is not loaded of the file, and what the reader left out or changed. */
@@ -281,6 +289,7 @@ proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *i
               proto_json_set(volume, "origin", numbers(grid->origin, 3)) &&
               proto_json_set(volume, "direction", direction(grid)) &&
               proto_json_set_string(volume, "unit", info->unit) && set_anatomy(volume, info) &&
+              set_meaning(volume, info) &&
               proto_json_set_string(volume, "type", sp_type_name(info->type)) &&
               proto_json_set_integer(volume, "components", info->components) &&
               proto_json_set(volume, "range", numbers(info->range, 2)) &&

@@ -11,11 +11,11 @@
 
 /* Encodes {"id", "name", "source", "dims", "spacing", "origin", "direction" (3 rows), "unit",
  * "type", "components", "range", "nonfinite", "fields", "bytes"}, and "other_fields",
- * "other_vectors", "warnings" and "steps" unless they are empty. "fields" are the samples and then
- * the vectors, if there are any: {"name",
- * "components", "type", "range"}. A rectilinear grid also has "coordinates": per axis an array, or
- * null if the axis is evenly spaced. with_histogram adds "histogram": {"range", "counts"} with 256
- * bins. The daemon adds "state", "progress" and "memory". NULL when out of memory. Thread-safe. */
+ * "other_vectors", "warnings", "steps", "meaning" and "first_layout" unless they are empty.
+ * "fields" are the samples and then the vectors, if there are any: {"name", "components", "type",
+ * "range"}. A rectilinear grid also has "coordinates": per axis an array, or null if the axis is
+ * evenly spaced. with_histogram adds "histogram": {"range", "counts"} with 256 bins. The daemon
+ * adds "state", "progress" and "memory". NULL when out of memory. Thread-safe. */
 proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,
                                 bool with_histogram);
 

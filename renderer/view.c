@@ -9,6 +9,7 @@
 #include "sp/slice.h"
 #include "volume/anatomy.h"
 #include "volume/grid.h"
+#include "volume/missing.h"
 
 /* Half edges of the box of all voxels' cells, as world vectors, and its middle. */
 static struct sp_vec3 find_box(const struct sp_grid *grid, struct sp_vec3 half[3]) {
@@ -115,7 +116,7 @@ static void init_transfer_function(struct sp_transfer_function *tf,
         { 1, 0.5f, { 0.98f, 0.90f, 0.76f }, 0.28f }, { 2, 0.0f, { 1.00f, 0.96f, 0.88f }, 0.50f },
         { 2, 1.0f, { 1.00f, 1.00f, 1.00f }, 0.80f },
     };
-    double low = info->range[0], span = info->range[1] - low;
+    double low = sp_missing_data(info)[0], span = sp_missing_data(info)[1] - low;
     *tf = (struct sp_transfer_function){ .reference_length = smallest, .order = SP_TF_AUTO };
     if (!(span > 0) || !isfinite(span)) { /* one value alone, or no middle: show what there is */
         tf->point_count = 1;
@@ -189,7 +190,7 @@ void sp_channel_function(const struct sp_view *view, const struct sp_layer *chan
     double window[2];
     sp_slice_default_window(info, window);
     const double low = window[0] - window[1] / 2, high = window[0] + window[1] / 2;
-    const bool has_contrast = info->range[1] > info->range[0] && high > low;
+    const bool has_contrast = sp_missing_data(info)[1] > sp_missing_data(info)[0] && high > low;
     function->point_count = has_contrast ? 2 : 1;
     function->points[0].value = low;
     function->points[1].value = high;

@@ -27,7 +27,7 @@ static bool print_histogram(const struct sp_volume_info *info, struct sp_error *
     table_add(&table, "logarithm");
     for (int i = 0; i < ROWS; i++) {
         const double share = log1p((double)counts[i]) / log1p((double)most);
-        table_add(&table, "%.6g", info->range[0] + (info->range[1] - info->range[0]) * i / ROWS);
+        table_add(&table, "%.6g", info->data[0] + (info->data[1] - info->data[0]) * i / ROWS);
         table_add(&table, "%" PRIu64, counts[i]);
         table_add(&table, "%.*s", (int)lround(BAR * share), bar);
     }

@@ -43,7 +43,7 @@ bool sp_joint_histogram_count(const struct sp_volume *volume, struct sp_joint_hi
     uint64_t count = (uint64_t)dims[0] * dims[1] * dims[2];
     uint64_t parts = count < SP_JOINT_SAMPLES ? count : SP_JOINT_SAMPLES;
     struct sp_gradient_grid grid;
-    *h = (struct sp_joint_histogram){ .values = { info->range[0], info->range[1] } };
+    *h = (struct sp_joint_histogram){ .values = { info->data[0], info->data[1] } };
     double *magnitudes = malloc(parts * sizeof *magnitudes);
     if (!magnitudes)
         return sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for the histogram");
@@ -51,8 +51,9 @@ bool sp_joint_histogram_count(const struct sp_volume *volume, struct sp_joint_hi
     sp_gradient_grid_init(&grid, volume);
     for (uint64_t p = 0; p < parts; p++) {
         uint64_t at = sample_of_part(p, parts, count);
-        bool is_finite = isfinite(sp_sample(voxels, info->type, at));
-        magnitudes[p] = is_finite ? magnitude_at(&grid, at) : NAN;
+        double value = sp_sample(voxels, info->type, at);
+        bool is_data = value >= info->data[0] && value <= info->data[1];
+        magnitudes[p] = is_data ? magnitude_at(&grid, at) : NAN;
         if (isfinite(magnitudes[p]))
             h->gradients[1] = fmax(h->gradients[1], magnitudes[p]);
     }

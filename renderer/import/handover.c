@@ -92,6 +92,7 @@ void sp_handover_describe(const struct sp_handover_header *h, const struct sp_ha
     memcpy(info->steps.unit, h->time_unit, sizeof info->steps.unit);
     memcpy(info->unit, h->unit, sizeof info->unit);
     memcpy(info->anatomy, h->anatomy, sizeof info->anatomy);
+    info->meaning = (enum sp_meaning)h->meaning;
     memcpy(info->value_name, h->value_name, sizeof info->value_name);
     memcpy(info->vector_name, h->vector_name, sizeof info->vector_name);
     memcpy(info->value_unit, h->value_unit, sizeof info->value_unit);
@@ -152,6 +153,9 @@ static bool check_header(struct sp_handover_header *header, const char *place,
     if (!sp_anatomy_is_valid(header->anatomy))
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent unknown anatomical directions");
+    if (header->meaning >= SP_MEANING_COUNT)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent the unknown meaning %" PRIu32, header->meaning);
     if (header->steps < 1 || header->steps > SP_STEPS_MAX || header->step >= header->steps ||
         header->has_times > 1)
         return sp_fail(err, SP_ERR_CRASHED, place,

@@ -33,7 +33,7 @@
 
 enum {
     SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
-    SP_HANDOVER_VERSION = 13,
+    SP_HANDOVER_VERSION = 14,
 };
 
 enum sp_handover_kind {
@@ -68,6 +68,7 @@ struct sp_handover_header {
     uint32_t level, level_count; /* of detail: the one that is read, and how many there are; 0 and 0
                                     if there is one only */
     char anatomy[4];             /* as in struct sp_volume_info */
+    uint32_t meaning;            /* enum sp_meaning */
     uint32_t steps, step;        /* struct sp_steps */
     uint32_t has_times;          /* 0 or 1: `steps` float64 follow everything else */
     uint32_t kind, count, vertex_count, degree; /* struct sp_elements_shape; of elements the grid is

@@ -179,6 +179,7 @@ static bool say_header(struct job *job) {
     message.header.bytes = h->bytes;
     memcpy(message.header.unit, h->unit, sizeof h->unit);
     memcpy(message.header.anatomy, h->anatomy, sizeof h->anatomy);
+    message.header.meaning = h->meaning;
     memcpy(message.header.value_name, h->value_name, sizeof h->value_name);
     memcpy(message.header.vector_name, h->vector_name, sizeof h->vector_name);
     memcpy(message.header.value_unit, h->value_unit, sizeof h->value_unit);

@@ -12,6 +12,7 @@
 #include "classify/transfer.h"
 #include "light/kernels.h"
 #include "splat/exp2.h"
+#include "volume/missing.h"
 #include "volume/sample.h"
 
 /* Of the samples along a row. A place in a bin is the bin's begin, as that of its sum. */
@@ -69,9 +70,11 @@ static void find_places(const struct sp_light_cells *c, uint64_t first, size_t c
     case SP_TYPE_COUNT:
         break;
     }
-    for (size_t i = 0; c->info->nonfinite && i < count; i++)
-        if (!isfinite(sp_sample(c->voxels, c->info->type, first + i)))
+    for (size_t i = 0; sp_missing_are_holes(c->info) && i < count; i++) {
+        const double value = sp_sample(c->voxels, c->info->type, first + i);
+        if (!(value >= c->info->data[0] && value <= c->info->data[1]))
             place[i] = NAN;
+    }
 }
 
 static void load_places(const struct worker *w, uint64_t first, struct row *row) {

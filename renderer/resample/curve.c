@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "resample/curve.h"
 
+#include <math.h>
 #include <string.h>
 
 /* Values farther from the visible ones than this many times the span of these are moved there, so
@@ -103,6 +104,7 @@ void sp_curve_init(struct sp_curve *curve, const struct sp_transfer_function *tf
     }
     *curve =
         (struct sp_curve){ .base = low,
+                           .data = { -INFINITY, INFINITY },
                            .levels_per_unit = (CURVE_LEVEL_MAX - CURVE_LEVEL_MIN) / (high - low),
                            .integral = integral,
                            .tf = tf };

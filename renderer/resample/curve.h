@@ -22,6 +22,7 @@ enum {
 
 struct sp_curve {
     double base, levels_per_unit; /* level = CURVE_LEVEL_MIN + (value − base)·levels_per_unit */
+    double data[2]; /* real numbers outside of it are none, as those that are not finite */
     /* bin = level·bins_per_level + first_bin. Bin 0 is transparent, and so is what lies below. */
     float bins_per_level, first_bin;
     float above[4];   /* what values above all bins add per bin */

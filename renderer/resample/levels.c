@@ -9,6 +9,7 @@
 #include "resample/curve.h"
 #include "resample/ranges.h"
 #include "resample/visible.h"
+#include "volume/missing.h"
 #include "volume/sample.h"
 #include "volume/volume.h"
 
@@ -369,8 +370,12 @@ static bool fill_class(struct sp_samples_class *class, struct sp_samples *s,
     class->tf = *job->tf;
     class->axis = job->axis;
     class->made = ++cache->clock;
-    sp_curve_init(&class->curve, &class->tf, sp_volume_limits(sp_volume_info(job->volume)),
-                  class->curve.integral, job->pool);
+    const struct sp_volume_info *info = sp_volume_info(job->volume);
+    double limits[2];
+    sp_missing_limits(info, limits);
+    sp_curve_init(&class->curve, &class->tf, limits, class->curve.integral, job->pool);
+    if (sp_missing_are_there(info))
+        memcpy(class->curve.data, info->data, sizeof info->data);
     return sp_visible_find(s, class, job->pool, &job->interrupt) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }

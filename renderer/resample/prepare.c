@@ -10,6 +10,7 @@
 
 #include "resample/axes.h"
 #include "volume/grid.h"
+#include "volume/missing.h"
 
 bool sp_resample_draws(const struct sp_view *view) {
     if (sp_compositing_is_projection(view->compositing.mode))
@@ -362,7 +363,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
         return false;
     r->rounding = find_rounding(info->type, &r->curve);
     init_steep(r);
-    r->lowest = info->nonfinite ? CURVE_LEVEL_NONE : CURVE_LEVEL_MIN;
+    r->lowest = sp_missing_are_holes(info) ? CURVE_LEVEL_NONE : CURVE_LEVEL_MIN;
     for (unsigned a = 0; a < 3; a++)
         if (!init_axis(&r->axes[a], input, r->samples, a, level))
             return fail_memory(input->arena, err);

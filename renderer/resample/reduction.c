@@ -6,35 +6,39 @@
 #include <string.h>
 
 #include "sp/slice.h"
+#include "volume/missing.h"
 
 /* Sums over the histogram: the root mean square of max(value − zero, 0). */
 static double root_mean_square(const struct sp_volume_info *info, double zero) {
-    const double bin = info->range[1] / SP_HISTOGRAM_BINS - info->range[0] / SP_HISTOGRAM_BINS;
+    const double bin =
+        sp_missing_data(info)[1] / SP_HISTOGRAM_BINS - sp_missing_data(info)[0] / SP_HISTOGRAM_BINS;
     double sum = 0, count = 0;
     for (int b = 0; b < SP_HISTOGRAM_BINS; b++) {
-        double above = fmax((info->range[0] + (b + 0.5) * bin - zero) / bin, 0); /* [bins] */
+        double above =
+            fmax((sp_missing_data(info)[0] + (b + 0.5) * bin - zero) / bin, 0); /* [bins] */
         if (info->histogram[b] == 0)
             continue;
-        sum += (double)info->histogram[b] * (b == 0 && zero == info->range[0] ? 0 : above * above);
+        sum += (double)info->histogram[b] *
+               (b == 0 && zero == sp_missing_data(info)[0] ? 0 : above * above);
         count += (double)info->histogram[b];
     }
     return count > 0 && bin > 0 ? bin * sqrt(sum / count) : 0;
 }
 
 static double zero_of(const struct sp_view *view, const struct sp_volume_info *info) {
-    return isnan(view->compositing.zero) ? info->range[0] : view->compositing.zero;
+    return isnan(view->compositing.zero) ? sp_missing_data(info)[0] : view->compositing.zero;
 }
 
 /* The value at a share of the range, which may be wider than a double. */
 static double value_at(const struct sp_volume_info *info, double share) {
-    return info->range[0] * (1 - share) + info->range[1] * share;
+    return sp_missing_data(info)[0] * (1 - share) + sp_missing_data(info)[1] * share;
 }
 
 /* The upper end of the sums of max(value − zero, 0) along rays: known for the lowest value. */
 static double sum_end(const struct sp_view *view, const struct sp_volume_info *info) {
-    const double all = root_mean_square(info, info->range[0]);
+    const double all = root_mean_square(info, sp_missing_data(info)[0]);
     const double share = all > 0 ? root_mean_square(info, zero_of(view, info)) / all : 0;
-    return (info->range[1] - info->range[0]) * info->projected.sum * share;
+    return (sp_missing_data(info)[1] - sp_missing_data(info)[0]) * info->projected.sum * share;
 }
 
 /* The ends of the window that suits the volume and the mode. */
@@ -53,7 +57,7 @@ static void choose_ends(const struct sp_view *view, const struct sp_volume_info 
     } else {
         sp_slice_default_window(info, window);
         ends[0] = window[0] - window[1] / 2;
-        ends[1] = info->range[1];
+        ends[1] = sp_missing_data(info)[1];
     }
 }
 
@@ -87,7 +91,7 @@ static void find_ends(const struct sp_view *view, const struct sp_volume_info *i
 /* Values from which on nothing is left out: all that are finite. */
 static void show_all(struct sp_transfer_function *tf, const struct sp_volume_info *info) {
     tf->point_count = 1;
-    tf->points[0] = (struct sp_tf_point){ .value = info->range[0], .opacity = 0.5f };
+    tf->points[0] = (struct sp_tf_point){ .value = sp_missing_data(info)[0], .opacity = 0.5f };
 }
 
 /* Levels span a multiple of what the transfer function tells apart. It is wide enough that integers
@@ -95,7 +99,7 @@ static void show_all(struct sp_transfer_function *tf, const struct sp_volume_inf
 static void widen(const struct sp_volume_info *info, double ends[2]) {
     const double least_share = 1e-5;
     bool is_real = info->type == SP_FLOAT32 || info->type == SP_FLOAT64;
-    double least = least_share * (info->range[1] / 2 - info->range[0] / 2);
+    double least = least_share * (sp_missing_data(info)[1] / 2 - sp_missing_data(info)[0] / 2);
     double more = fmax(least, is_real ? 0 : 0.5) - (ends[1] / 2 - ends[0] / 2);
     if (more > 0) {
         ends[0] -= more;
@@ -106,7 +110,7 @@ static void widen(const struct sp_volume_info *info, double ends[2]) {
 void sp_reduction_transfer(const struct sp_view *view, const struct sp_volume_info *info,
                            struct sp_transfer_function *tf) {
     bool is_minimum = view->compositing.mode == SP_COMPOSITE_MINIMUM;
-    double ends[2] = { info->range[0], info->range[1] };
+    double ends[2] = { sp_missing_data(info)[0], sp_missing_data(info)[1] };
     memset(tf, 0, sizeof *tf);
     tf->reference_length = 1;
     tf->order = SP_TF_POST;
@@ -114,7 +118,7 @@ void sp_reduction_transfer(const struct sp_view *view, const struct sp_volume_in
         ends[0] = zero_of(view, info);
     else if (view->compositing.mode != SP_COMPOSITE_MEAN)
         find_ends(view, info, ends);
-    if (info->nonfinite || !(ends[1] > ends[0])) {
+    if (sp_missing_are_holes(info) || !(ends[1] > ends[0])) {
         show_all(tf, info);
         return;
     }
@@ -142,11 +146,11 @@ void sp_reduction_init(struct sp_reduction *r, const struct sp_view *view,
                                 .is_extreme =
                                     mode == SP_COMPOSITE_MAXIMUM || mode == SP_COMPOSITE_MINIMUM,
                                 .is_mean = mode == SP_COMPOSITE_MEAN,
-                                .leaves_out = info->nonfinite > 0,
+                                .leaves_out = sp_missing_are_holes(info),
                                 .sign = mode == SP_COMPOSITE_MINIMUM ? -1 : 1 };
     find_ends(view, info, r->ends);
     double ends[2] = { level_of(curve, r->ends[0]), level_of(curve, r->ends[1]) };
-    double zero = level_of(curve, r->is_mean ? info->range[0] : zero_of(view, info));
+    double zero = level_of(curve, r->is_mean ? sp_missing_data(info)[0] : zero_of(view, info));
     double shift = 0, span = ends[1] - ends[0]; /* position = (number + shift − ends[0])/span */
     if (r->is_extreme) {
         /* Rays begin with what looks like the end of the window that is not looked for, or, where

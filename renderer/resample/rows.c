@@ -44,7 +44,7 @@ static inline void write_narrow(const struct sp_rows_scaling *s, sp_wide_short x
 }
 
 /* Writes levels above CURVE_LEVEL_MIN, which may lie beyond those of the curve. Values that are not
- * finite have CURVE_LEVEL_NONE. */
+ * finite, or stand for missing data, have CURVE_LEVEL_NONE. */
 static inline void write_levels(sp_wide level, sp_wide_mask is_finite, uint16_t *out) {
     const sp_wide low = sp_wide_all(CURVE_LEVEL_MIN), high = sp_wide_all(CURVE_LEVEL_MAX);
     level = sp_wide_min(sp_wide_max(level + (CURVE_LEVEL_MIN + 0.5f), low), high);
@@ -61,8 +61,10 @@ static bool is_float_exact(const struct sp_curve *curve) {
 
 static inline void write_floats(const struct sp_curve *curve, const float *from, uint16_t *out) {
     sp_wide x = sp_wide_load(from);
-    sp_wide_mask is_finite = sp_wide_lt(sp_wide_abs(x), sp_wide_all(INFINITY));
-    write_levels((x - (float)curve->base) * (float)curve->levels_per_unit, is_finite, out);
+    const float low = nextafterf((float)curve->data[0], -INFINITY),
+                high = nextafterf((float)curve->data[1], INFINITY);
+    sp_wide_mask is_data = sp_wide_lt(sp_wide_all(low), x) & sp_wide_lt(x, sp_wide_all(high));
+    write_levels((x - (float)curve->base) * (float)curve->levels_per_unit, is_data, out);
 }
 
 /* Numbers that need the range of doubles. */
@@ -72,7 +74,8 @@ static inline void write_floats(const struct sp_curve *curve, const float *from,
         for (int l = 0; l < SP_WIDE; l++) {                                                        \
             double x = (double)(from)[l];                                                          \
             level[l] = (float)((x - (curve)->base) * (curve)->levels_per_unit);                    \
-            zero[l] = (float)(x - x); /* NaN if x is not finite */                                 \
+            const bool is_data = x >= (curve)->data[0] && x <= (curve)->data[1];                   \
+            zero[l] = is_data ? (float)(x - x) : NAN; /* NaN if x is not finite, too */            \
         }                                                                                          \
         write_levels(sp_wide_load(level), sp_wide_eq(sp_wide_load(zero), sp_wide_all(0)), out);    \
     } while (0)

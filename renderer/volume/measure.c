@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "base/parallel_for.h"
+#include "volume/missing.h"
 #include "volume/sample.h"
 #include "volume/volume.h"
 
@@ -19,14 +20,19 @@ enum { THREADS_MAX = 16 };           /* of sp_volume_threads() */
 struct partial { /* of one worker; merged by sums, minima and maxima, so order has no influence */
     double low, high;
     uint64_t finite;
+    struct sp_extreme extreme;
     uint64_t bins[SP_HISTOGRAM_BINS];
 };
 
 struct measure {
     const void *voxels;
     enum sp_type type;
-    double low, half_span; /* half: the span of float64 may overflow */
+    double low, high;
+    int side; /* of the extreme that is looked at: 0 = low, 1 = high */
     struct partial *partials;
+    unsigned workers;
+    struct sp_pool *pool;
+    uint64_t count;
 };
 
 unsigned sp_volume_threads(void) {
@@ -90,63 +96,121 @@ static void find_range(void *user, size_t begin, size_t end, unsigned worker) {
 static void fill_bins(void *user, size_t begin, size_t end, unsigned worker) {
     const struct measure *m = user;
     uint64_t *bins = m->partials[worker].bins;
-    double run[RUN], half_low = m->low * 0.5;
+    /* Half: the span of float64 may overflow. */
+    double run[RUN], half_low = m->low * 0.5, half_span = m->high * 0.5 - half_low;
     for (size_t at = begin; at < end; at += RUN) {
         size_t n = end - at < RUN ? end - at : RUN;
         sp_samples_widen(m->voxels, m->type, at, n, run);
         for (size_t i = 0; i < n; i++) {
-            if (!isfinite(run[i]))
+            if (!(run[i] >= m->low && run[i] <= m->high))
                 continue;
-            int bin = (int)((run[i] * 0.5 - half_low) / m->half_span * SP_HISTOGRAM_BINS);
+            int bin = (int)((run[i] * 0.5 - half_low) / half_span * SP_HISTOGRAM_BINS);
             bins[bin < SP_HISTOGRAM_BINS ? bin : SP_HISTOGRAM_BINS - 1]++;
         }
     }
+}
+
+/* Counts the samples of the value at one end, and finds its neighbour. */
+static void find_extreme(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct measure *m = user;
+    struct sp_extreme *e = &m->partials[worker].extreme;
+    const double sign = m->side ? -1 : 1, least = m->side ? -m->high : m->low;
+    double run[RUN], next = e->next;
+    uint64_t count = 0;
+    for (size_t at = begin; at < end; at += RUN) {
+        size_t n = end - at < RUN ? end - at : RUN;
+        sp_samples_widen(m->voxels, m->type, at, n, run);
+        for (size_t i = 0; i < n; i++) {
+            const double value = sign * run[i];
+            count += value == least;
+            next = value > least && value < next ? value : next;
+        }
+    }
+    e->next = next;
+    e->count += count;
+}
+
+static void count_bins(const struct measure *m, uint64_t histogram[SP_HISTOGRAM_BINS]) {
+    memset(histogram, 0, SP_HISTOGRAM_BINS * sizeof *histogram);
+    for (unsigned t = 0; t < m->workers; t++)
+        memset(m->partials[t].bins, 0, sizeof m->partials[t].bins);
+    sp_parallel_for(m->pool, m->count, GRAIN, fill_bins, (void *)m);
+    for (unsigned t = 0; t < m->workers; t++)
+        for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
+            histogram[b] += m->partials[t].bins[b];
+}
+
+/* Leaves out the value at one end if it stands for missing data. */
+static bool drop_extreme(struct measure *m, int side, struct sp_volume_info *info) {
+    if (!(m->high > m->low) || !sp_missing_is_likely(info->histogram, side))
+        return false;
+    m->side = side;
+    for (unsigned t = 0; t < m->workers; t++)
+        m->partials[t].extreme = (struct sp_extreme){ .next = INFINITY };
+    sp_parallel_for(m->pool, m->count, GRAIN, find_extreme, m);
+    struct sp_extreme e = { .value = side ? m->high : m->low,
+                            .far = side ? m->low : m->high,
+                            .next = INFINITY };
+    for (unsigned t = 0; t < m->workers; t++) {
+        e.count += m->partials[t].extreme.count;
+        e.next = fmin(e.next, m->partials[t].extreme.next);
+    }
+    e.next *= side ? -1 : 1;
+    if (!sp_missing_is(&e))
+        return false;
+    *(side ? &m->high : &m->low) = e.next;
+    count_bins(m, info->histogram);
+    sp_missing_note(info, e.value, e.count, m->count);
+    return true;
+}
+
+/* The range of all samples, and of those that stand for data; the histogram of the latter. */
+static void measure_values(struct measure *m, struct sp_volume_info *info) {
+    double low = INFINITY, high = -INFINITY;
+    uint64_t finite = 0;
+    for (unsigned t = 0; t < m->workers; t++)
+        m->partials[t] = (struct partial){ .low = INFINITY, .high = -INFINITY };
+    sp_parallel_for(m->pool, m->count, GRAIN, find_range, m);
+    for (unsigned t = 0; t < m->workers; t++) {
+        low = fmin(low, m->partials[t].low);
+        high = fmax(high, m->partials[t].high);
+        finite += m->partials[t].finite;
+    }
+    m->low = info->range[0] = finite ? low : 0;
+    m->high = info->range[1] = finite ? high : 0;
+    info->nonfinite = m->count - finite;
+    memset(info->histogram, 0, sizeof info->histogram);
+    if (m->high > m->low)
+        count_bins(m, info->histogram);
+    else
+        info->histogram[0] = finite; /* one value: all of it in the first bin */
+    const int values_max = 4;        /* that stand for missing data */
+    for (int i = 0; i < values_max && info->meaning != SP_MEANING_LABELS; i++)
+        if (!drop_extreme(m, 0, info) && !drop_extreme(m, 1, info))
+            break;
+    info->data[0] = m->low;
+    info->data[1] = m->high;
 }
 
 bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t count,
                        struct sp_error *err) {
     assert(info->type < SP_TYPE_COUNT);
     uint64_t blocks = count / GRAIN + 1;
-    unsigned threads = sp_volume_threads();
-    if (threads > blocks)
-        threads = (unsigned)blocks;
-    struct partial *partials = calloc(threads, sizeof *partials);
-    if (!partials)
+    struct measure m = {
+        .voxels = voxels, .type = info->type, .workers = sp_volume_threads(), .count = count
+    };
+    if (m.workers > blocks)
+        m.workers = (unsigned)blocks;
+    m.partials = calloc(m.workers, sizeof *m.partials);
+    if (!m.partials)
         return sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for the histogram");
-    struct sp_pool *pool = sp_pool_create(threads, err);
-    if (!pool) {
-        free(partials);
-        return false;
-    }
-    for (unsigned t = 0; t < threads; t++)
-        partials[t] = (struct partial){ .low = INFINITY, .high = -INFINITY };
-    struct measure m = { .voxels = voxels, .type = info->type, .partials = partials };
-    sp_parallel_for(pool, count, GRAIN, find_range, &m);
-
-    double low = INFINITY, high = -INFINITY;
-    uint64_t finite = 0;
-    for (unsigned t = 0; t < threads; t++) {
-        low = fmin(low, partials[t].low);
-        high = fmax(high, partials[t].high);
-        finite += partials[t].finite;
-    }
-    memset(info->histogram, 0, sizeof info->histogram);
-    info->nonfinite = count - finite;
-    info->range[0] = finite ? low : 0;
-    info->range[1] = finite ? high : 0;
-    m.low = info->range[0];
-    m.half_span = info->range[1] * 0.5 - info->range[0] * 0.5;
-    if (m.half_span > 0) {
-        sp_parallel_for(pool, count, GRAIN, fill_bins, &m);
-        for (unsigned t = 0; t < threads; t++)
-            for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
-                info->histogram[b] += partials[t].bins[b];
-    } else {
-        info->histogram[0] = finite; /* one value: all of it in the first bin */
-    }
-    sp_pool_destroy(&pool);
-    free(partials);
-    return true;
+    m.pool = sp_pool_create(m.workers, err);
+    if (m.pool)
+        measure_values(&m, info);
+    const bool ok = m.pool != NULL;
+    sp_pool_destroy(&m.pool);
+    free(m.partials);
+    return ok;
 }
 
 struct lengths {

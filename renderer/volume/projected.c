@@ -14,6 +14,7 @@
 #include <stdlib.h>
 
 #include "volume/grid.h"
+#include "volume/missing.h"
 #include "volume/sample.h"
 #include "volume/volume.h"
 
@@ -84,7 +85,8 @@ static void add_diagonals(struct walk *w, double x, double y, double z, double v
 
 static void walk_samples(struct walk *w, const struct sp_volume_info *info, const void *voxels) {
     const uint32_t *dims = info->grid.dims, *count = w->count;
-    const double low = info->range[0] / 2, span = info->range[1] / 2 - low; /* may overflow whole */
+    const double low = sp_missing_data(info)[0] / 2,
+                 span = sp_missing_data(info)[1] / 2 - low; /* may overflow whole */
     for (uint32_t k = 0; k < count[2]; k++)
         for (uint32_t j = 0; j < count[1]; j++) {
             const uint64_t row =
@@ -93,7 +95,7 @@ static void walk_samples(struct walk *w, const struct sp_volume_info *info, cons
                 const double value =
                     (sp_sample(voxels, info->type, row + (uint64_t)i * w->step[0]) / 2 - low) /
                     span;
-                if (!isfinite(value))
+                if (!(value >= 0 && value <= 1))
                     continue;
                 add(&w->rays[0][(size_t)k * count[1] + j], value, w->size[0][i]);
                 add(&w->rays[1][(size_t)i * count[2] + k], value, w->size[1][j]);
@@ -161,7 +163,7 @@ bool sp_volume_project(struct sp_volume_info *info, const void *voxels, struct s
     struct sp_projected *projected = &info->projected;
     double sums[2];
     *projected = (struct sp_projected){ .sum = 0 };
-    if (!(info->range[1] > info->range[0]))
+    if (!(sp_missing_data(info)[1] > sp_missing_data(info)[0]))
         return true;
     const bool ok = walk_init(&w, &info->grid) ||
                     sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for projections");

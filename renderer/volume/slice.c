@@ -11,6 +11,7 @@
 #include "sp/view.h"
 #include "volume/grid.h"
 #include "volume/interpolate.h"
+#include "volume/missing.h"
 
 static enum sp_type interpolated_type(enum sp_type type) {
     return type == SP_INT32 || type == SP_FLOAT64 ? SP_FLOAT64 : SP_FLOAT32;
@@ -261,8 +262,8 @@ void sp_slice_default_window(const struct sp_volume_info *info, double window[2]
     uint64_t total = 0, below = 0;
     for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
         total += info->histogram[b];
-    const double tail = 0.005 * (double)total,
-                 bin = info->range[1] / SP_HISTOGRAM_BINS - info->range[0] / SP_HISTOGRAM_BINS;
+    const double tail = 0.005 * (double)total, bin = sp_missing_data(info)[1] / SP_HISTOGRAM_BINS -
+                                                     sp_missing_data(info)[0] / SP_HISTOGRAM_BINS;
     int low = -1, high = SP_HISTOGRAM_BINS;
     for (int b = 0; b < SP_HISTOGRAM_BINS; b++) {
         below += info->histogram[b];
@@ -274,7 +275,7 @@ void sp_slice_default_window(const struct sp_volume_info *info, double window[2]
         }
     }
     low = low < 0 ? 0 : low;
-    window[0] = info->range[0] + bin * 0.5 * (low + high);
+    window[0] = sp_missing_data(info)[0] + bin * 0.5 * (low + high);
     window[1] = fmin(bin * (high - low), DBL_MAX / 4);
     if (!(window[1] > 0))
         window[1] = 1;

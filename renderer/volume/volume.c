@@ -120,6 +120,8 @@ static struct sp_volume *create(const struct sp_volume_info *info, void *voxels,
     volume->info = *info;
     if (volume->info.steps.count == 0)
         volume->info.steps.count = 1;
+    if (!(info->data[1] > info->data[0]))
+        memcpy(volume->info.data, info->range, sizeof info->range);
     volume->samples = memory;
     return volume;
 }

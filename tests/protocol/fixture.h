@@ -15,7 +15,7 @@ static inline struct sp_volume_info fixture_info(void) {
                                   .spacing = { 1, 1, 2.5 },
                                   .origin = { -10, 0, 0.125 },
                                   .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
-    info.range[1] = 255;
+    info.range[1] = info.data[1] = 255;
     for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
         info.histogram[b] = b < 40 ? 2000 : b > 100 && b < 160 ? 700 : b > 220 ? 90 : 10;
     info.voxel_bytes = 64 * 64 * 32;

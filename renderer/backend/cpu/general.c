@@ -9,6 +9,7 @@
 #include "tile/insert.h"
 #include "tile/order.h"
 #include "tile/post.h"
+#include "volume/missing.h"
 #include "volume/volume.h"
 
 enum {
@@ -394,7 +395,9 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
             d->post.to_camera[r][k] = (float)d->frame->camera.w.m[r][k];
-    sp_post_curve_init(&d->post.curve, &view->transfer_function, sp_volume_limits(info),
+    double limits[2];
+    sp_missing_limits(info, limits);
+    sp_post_curve_init(&d->post.curve, &view->transfer_function, limits,
                        sp_transfer_base(&d->frame->level->transfer), gradient.unit, integral);
     d->shading = NULL; /* pixels are shaded, not voxels */
     return true;

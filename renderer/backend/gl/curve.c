@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "tile/post.h"
+#include "volume/missing.h"
 #include "volume/volume.h"
 
 enum {
@@ -62,7 +63,8 @@ bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume, dou
     struct sp_gradient_grid gradient;
     sp_gradient_units_init(&gradient, info);
     float half = (float)(0.5 * thickness * gradient.unit);
-    const double *range = sp_volume_limits(info);
+    double range[2];
+    sp_missing_limits(info, range);
     const double made_for[4] = { range[0], range[1], base, gradient.unit };
     if (curve->buffer.name && memcmp(curve->made_for, made_for, sizeof made_for) == 0 &&
         curve->half == half && sp_transfer_function_equal(&curve->tf, tf))

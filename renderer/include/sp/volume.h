@@ -39,6 +39,15 @@ enum sp_type {
     SP_TYPE_COUNT
 };
 
+/* What samples mean, beyond their numbers; it decides how the first view shows them. */
+enum sp_meaning {
+    SP_MEANING_UNKNOWN,   /* amounts of something, as in most files */
+    SP_MEANING_LABELS,    /* numbers of categories, such as tissues; 0 = none of them */
+    SP_MEANING_STATISTIC, /* of a test: 0 = no effect, both signs count alike */
+    SP_MEANING_DISTANCE,  /* from a surface at 0, negative on one side: a level set */
+    SP_MEANING_COUNT
+};
+
 enum {
     SP_HISTOGRAM_BINS = 256,
     SP_UNIT_BYTES = 32,
@@ -72,8 +81,8 @@ struct sp_grid {
     const double *coordinates[3];
 };
 
-/* Between which numbers nearly all rays of a projection lie, as shares of the range of the samples:
- * 0 = range[0], 1 = range[1]. The upper ends are 0 where it is not known. */
+/* Between which numbers nearly all rays of a projection lie, as shares of the range of the data:
+ * 0 = data[0], 1 = data[1]. The upper ends are 0 where it is not known. */
 struct sp_projected {
     double maximum[2], mean[2];
     double sum; /* upper end of the sums above range[0], times length [world unit] */
@@ -121,7 +130,8 @@ struct sp_volume_info {
     uint64_t folded; /* points of a curvilinear grid that are not drawn, because their cells are
                         flat or turned inside out; their values are NaN */
     enum sp_type type;
-    uint32_t components; /* values per sample; always 1 */
+    enum sp_meaning meaning; /* as far as the file or its source says it */
+    uint32_t components;     /* values per sample; always 1 */
     /* Names of the samples and of the vectors in the file; "" = unknown. Samples that are the
      * lengths of the vectors are called "magnitude". */
     char value_name[SP_FIELD_BYTES], vector_name[SP_FIELD_BYTES];
@@ -143,10 +153,12 @@ struct sp_volume_info {
     char source[SP_SOURCE_BYTES]; /* what sp_volume_load() was called with */
     double range[2];              /* smallest and largest finite sample, or value of a point; {0, 0}
                                      if there is none */
+    double data[2];               /* the same without values that stand for missing data, such as
+                                     −9999, of which a warning tells; range[] if there are none */
     uint64_t nonfinite;           /* number of NaN and infinite samples or values; they are
                                      transparent */
-    /* Counts of finite samples. Bin b covers range[0] + (range[1] − range[0])·[b, b + 1)/256; the
-     * last bin includes range[1]. */
+    /* Counts of samples in data[]. Bin b covers data[0] + (data[1] − data[0])·[b, b + 1)/256; the
+     * last bin includes data[1]. */
     uint64_t histogram[SP_HISTOGRAM_BINS];
     struct sp_projected projected; /* of a grid */
     uint64_t voxel_bytes;          /* size of the sample array */
@@ -159,6 +171,10 @@ struct sp_volume; /* opaque, reference-counted */
 SP_API size_t sp_type_size(enum sp_type type);
 /* Returns the name that the protocol uses: "uint8", …, "float64". A constant string. */
 SP_API const char *sp_type_name(enum sp_type type);
+/* Returns "" for SP_MEANING_UNKNOWN, "labels", "statistic" or "distance". A constant string. */
+SP_API const char *sp_meaning_name(enum sp_meaning meaning);
+/* True if slices show more of the volume than an image of all of it: it has a few thick slices. */
+SP_API bool sp_volume_is_thick_stack(const struct sp_volume_info *info);
 
 /* The source of a file is PATH, PATH?field=NAME, PATH?vectors=NAME or PATH?level=N, or has several
  * of them, joined by '&'; vectors and field are the last two: PATH?vectors=NAME&field=NAME. Before
