@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "first/elements.h"
+#include "first/field.h"
 #include "first/frame.h"
+#include "first/labels.h"
 #include "first/transfer.h"
 #include "volume/sample.h"
 
@@ -58,6 +60,18 @@ static bool take_closer(struct sp_first_samples *samples, const struct sp_volume
     return sp_first_samples_take(samples, volume, box.low, box.high);
 }
 
+/* Chooses what is visible. True if values matter more than light. */
+static bool show(struct sp_view *view, const struct sp_volume *volume,
+                 const struct sp_first_samples *samples) {
+    if (sp_first_are_labels(volume) && sp_first_show_labels(volume, view))
+        return false;
+    const bool values_matter = sp_first_transfer(samples, &view->transfer_function);
+    if (!sp_first_is_distance(volume, samples))
+        return values_matter;
+    sp_first_show_distance(samples, view);
+    return false;
+}
+
 void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const char *id) {
     struct sp_first_samples samples;
     struct sp_transfer_function *tf = &view->transfer_function;
@@ -69,12 +83,12 @@ void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const 
     }
     if (!sp_first_samples_take(&samples, volume, NULL, NULL))
         return;
-    bool values_matter = sp_first_transfer(&samples, tf);
+    bool values_matter = show(view, volume, &samples);
     sp_first_extinction(&samples, tf, extinction);
-    if (is_missed(&samples, extinction)) {
+    if (tf->order != SP_TF_PRE && is_missed(&samples, extinction)) {
         if (!take_closer(&samples, volume, tf->points[0].value))
             return;
-        values_matter = sp_first_transfer(&samples, tf);
+        values_matter = show(view, volume, &samples);
         sp_first_extinction(&samples, tf, extinction);
     }
     if (values_matter) {

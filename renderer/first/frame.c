@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 enum { STEPS = 4096 };
+static const float faint = 1e-6f; /* the weight of haze, which does not decide how close */
 static const double tail = 0.001; /* share of the visible matter that may lie outside */
 static const double fill = 0.86;  /* of the image's height or width */
 
@@ -60,7 +61,7 @@ static bool cloud_init(struct cloud *c, const struct sp_first_samples *s,
     size_t total = 0;
     for (int b = 0; b < SP_FIRST_BINS; b++) {
         double opacity = 1 - exp(-extinction[b] * cell);
-        weight[b] = opacity > 0.002 ? (float)opacity : 0;
+        weight[b] = opacity > 0.002 ? (float)opacity : extinction[b] > 0 ? faint : 0;
         total += weight[b] > 0 ? s->histogram[b] : 0;
     }
     *c = (struct cloud){ .weight = malloc((total + 1) * sizeof(float)) };
@@ -101,6 +102,26 @@ static void find_ends(const float *values, const float *weight, size_t n, double
     ends[1] = scale > 0 ? low + last / scale : high;
 }
 
+/* How far from the middle all but a small share of the visible samples lie towards the camera,
+ * however faint they are: inside of a cloud, nothing is seen but haze. */
+static double find_front(const struct cloud *c) {
+    const double share = 0.002;
+    double low = INFINITY, high = -INFINITY;
+    size_t counts[STEPS] = { 0 }, beyond = 0;
+    for (size_t i = 0; i < c->count; i++) {
+        low = fmin(low, (double)c->at[2][i]);
+        high = fmax(high, (double)c->at[2][i]);
+    }
+    if (!(high > low))
+        return high;
+    for (size_t i = 0; i < c->count; i++)
+        counts[(int)(((double)c->at[2][i] - low) / (high - low) * (STEPS - 1))]++;
+    int last = STEPS - 1;
+    while (last > 0 && (double)(beyond += counts[last]) <= share * (double)c->count)
+        last--;
+    return low + (last + 1) * (high - low) / (STEPS - 1);
+}
+
 static struct sp_vec3 middle_of(const struct sp_first_samples *s) {
     double a[3], b[3];
     sp_first_position(s, (const uint32_t[3]){ 0, 0, 0 }, a);
@@ -127,6 +148,7 @@ void sp_first_frame(const struct sp_first_samples *s, const double extinction[SP
         middle = sp_vec3_add(middle, sp_vec3_scale(axes[i], centre[i]));
         half = i < 2 ? fmax(half, 0.5 * (ends[i][1] - ends[i][0])) : half;
     }
+    const double front = find_front(&c) - centre[2];
     double tangent = tan(0.5 * camera->fov_y * (M_PI / 180)) * fill;
     double cell = fmax(s->cell[0], fmax(s->cell[1], s->cell[2]));
     for (size_t i = 0; i < c.count; i++) { /* the distance at which this sample is just inside */
@@ -136,6 +158,7 @@ void sp_first_frame(const struct sp_first_samples *s, const double extinction[SP
     }
     find_ends(c.at[2], c.weight, c.count, ends[2]);
     double distance = fmax(ends[2][1], 0) + cell / tangent;
+    distance = fmax(distance, front + 0.25 * half); /* outside, with the haze before the eye */
     cloud_finish(&c);
     camera->height = 2 * (half + 0.5 * cell) / fill;
     for (int i = 0; i < 3; i++) {

@@ -152,17 +152,38 @@ static double seen_on_face(const uint64_t counts[SP_FIRST_BINS], int least) {
     return all > 0 ? seen / all : 0;
 }
 
-/* A scan that ends inside a body shows it on its last slice: a neck, a thigh. There is down. */
-static bool find_cut(const struct sp_first_samples *s, const double extinction[SP_FIRST_BINS],
-                     unsigned axis, int *side) {
-    double seen[2];
+/* The lowest bin of what is visible. */
+static int least_seen(const double extinction[SP_FIRST_BINS]) {
     int least = 0;
     while (least < SP_FIRST_BINS - 1 && !(extinction[least] > 0))
         least++;
-    for (int end = 0; end < 2; end++) /* also matter that is too thin to be visible */
-        seen[end] = seen_on_face(s->faces[2 * axis + (unsigned)end], least / 2);
+    return least;
+}
+
+/* True if the object is cut by one face across an axis, and not by the opposite one. */
+static bool is_cut(const struct sp_first_samples *s, const double extinction[SP_FIRST_BINS],
+                   unsigned axis, int side) {
+    const int least = least_seen(extinction);
+    const double seen = seen_on_face(s->faces[2 * axis + (unsigned)side], least);
+    return seen > 0.1 && seen_on_face(s->faces[2 * axis + (unsigned)!side], least) < 0.35 * seen;
+}
+
+/* A scan that ends inside a body shows it on its last slice: a neck, a thigh. There is down. If
+ * both ends show it, or none does, the broader end may tell: a skull ends in a dome. */
+static bool find_cut(const struct sp_first_samples *s, const double extinction[SP_FIRST_BINS],
+                     const struct shape *shape, unsigned axis, int *side) {
+    const double dome = 0.25, broad = 0.4;
+    double seen[2];
+    for (int end = 0; end < 2; end++)
+        seen[end] = /* also matter that is too thin to be visible */
+            seen_on_face(s->faces[2 * axis + (unsigned)end], least_seen(extinction) / 2);
     int most = seen[1] > seen[0];
-    if (seen[most] < 0.05 || seen[!most] > 0.35 * seen[most])
+    if (seen[most] >= 0.05 && seen[!most] <= 0.35 * seen[most]) {
+        *side = most;
+        return true;
+    }
+    most = shape->end[axis][1] > shape->end[axis][0];
+    if (shape->end[axis][most] < broad || shape->end[axis][!most] > dome)
         return false;
     *side = most;
     return true;
@@ -206,8 +227,10 @@ static struct sp_first_orientation orient_flat(const struct sp_first_samples *s,
     return o;
 }
 
-/* Up along an axis of the grid, and in front of it. */
+/* Up along an axis of the grid, and in front of it. A face that cuts the object is not shown: it is
+ * seen from its side, and a little from behind. */
 static struct sp_first_orientation orient_upright(const struct sp_first_samples *s,
+                                                  const double extinction[SP_FIRST_BINS],
                                                   const struct shape *shape, unsigned axis,
                                                   int foot) {
     unsigned right = axis == 0 ? 1 : 0, front = 3 - axis - right;
@@ -218,8 +241,10 @@ static struct sp_first_orientation orient_upright(const struct sp_first_samples 
         front = swap;
     }
     struct sp_first_orientation o = { .up = grid_axis(s, axis, foot ? -1 : 1) };
-    o.away = mix(grid_axis(s, right, 1), grid_axis(s, front, towards), o.up,
-                 (double[]){ 0.45, 0.82, 0.35 });
+    const double aside = is_cut(s, extinction, right, 1) ? -1 : 1;
+    const bool is_turned = is_cut(s, extinction, front, towards > 0);
+    o.away = mix(grid_axis(s, right, aside), grid_axis(s, front, is_turned ? -towards : towards),
+                 o.up, (double[]){ is_turned ? 0.82 : 0.45, is_turned ? 0.45 : 0.82, 0.35 });
     return o;
 }
 
@@ -251,6 +276,6 @@ struct sp_first_orientation sp_first_orient(const struct sp_first_samples *s,
     int foot = is_scan || !is_real(s->info->type); /* scans are stored from the head down */
     axis = 2;
     if (is_scan || !find_foot(&shape, &axis, &foot))
-        find_cut(s, extinction, axis, &foot);
-    return orient_upright(s, &shape, axis, foot);
+        find_cut(s, extinction, &shape, axis, &foot);
+    return orient_upright(s, extinction, &shape, axis, foot);
 }

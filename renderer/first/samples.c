@@ -38,13 +38,20 @@ static bool place_samples(struct sp_first_samples *s) {
     return true;
 }
 
+/* False for values that stand for missing data, too. */
+static bool is_data(const struct sp_first_samples *s, double value) {
+    return value >= s->info->data[0] && value <= s->info->data[1];
+}
+
 static void read_values(const struct sp_first_samples *s, const void *voxels, double *values) {
     const uint32_t *dims = s->info->grid.dims;
     for (uint32_t k = 0; k < s->count[2]; k++)
         for (uint32_t j = 0; j < s->count[1]; j++) {
             uint64_t row = (index_of(s, 2, k) * dims[1] + index_of(s, 1, j)) * dims[0];
-            for (uint32_t i = 0; i < s->count[0]; i++)
-                *values++ = sp_sample(voxels, s->info->type, row + index_of(s, 0, i));
+            for (uint32_t i = 0; i < s->count[0]; i++) {
+                const double value = sp_sample(voxels, s->info->type, row + index_of(s, 0, i));
+                *values++ = is_data(s, value) ? value : NAN;
+            }
         }
 }
 
@@ -68,8 +75,8 @@ static uint64_t count_fine(const double *values, size_t n, double low, double hi
  * constant value; they do not count. */
 static void find_range(struct sp_first_samples *s, const double *values, size_t n) {
     uint64_t fine[FINE_BINS], lowest = 0;
-    s->low = s->info->range[0];
-    s->high = s->info->range[1];
+    s->low = s->info->data[0];
+    s->high = s->info->data[1];
     for (size_t i = 0; i < n; i++)
         lowest += values[i] == s->low;
     double common = lowest * 2 > n ? s->low : NAN;
@@ -97,12 +104,41 @@ static void find_range(struct sp_first_samples *s, const double *values, size_t 
     }
 }
 
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Real numbers that are never negative and span many powers of ten, such as densities of galaxies
+ * and orbitals, have most of their structure in a small part of a linear range. Their bins have
+ * equal ratios, from the highest value down to where little more is to be seen. */
+static void find_log_range(struct sp_first_samples *s, const double *values, size_t n) {
+    const bool is_real = s->info->type == SP_FLOAT32 || s->info->type == SP_FLOAT64;
+    const double steep = 300, decades = 1e4;
+    const size_t few = 1024;
+    double *sorted = is_real && s->info->data[0] >= 0 ? malloc(n * sizeof *sorted) : NULL;
+    size_t count = 0;
+    for (size_t i = 0; sorted && i < n; i++)
+        if (values[i] > 0 && isfinite(values[i]))
+            sorted[count++] = values[i];
+    if (count >= few && count * 4 >= n) {
+        qsort(sorted, count, sizeof *sorted, compare);
+        const double top = sorted[count - 1 - count / 1000], middle = sorted[count / 2];
+        if (top > steep * middle && middle > 0) {
+            s->is_log = true;
+            s->high = fmin(s->info->data[1], 10 * top);
+            s->low = fmax(s->high / decades, sorted[count / 100]);
+        }
+    }
+    free(sorted);
+}
+
 /* A scanner leaves the corners outside of its circle at the lowest value. That is no measurement,
  * so it becomes NaN: true if every line along the last axis has that value throughout or not at
  * all, and most lines do not have it. */
 static bool drop_padding(const struct sp_first_samples *s, double *values) {
     size_t area = (size_t)s->count[0] * s->count[1], empty = 0, mixed = 0;
-    double lowest = s->info->range[0];
+    double lowest = s->info->data[0];
     for (size_t at = 0; at < area; at++) {
         uint32_t n = 0;
         for (uint32_t k = 0; k < s->count[2]; k++)
@@ -121,7 +157,9 @@ static bool drop_padding(const struct sp_first_samples *s, double *values) {
 static uint16_t bin_of(const struct sp_first_samples *s, double value) {
     if (!isfinite(value))
         return SP_FIRST_NONE;
-    double t = (value - s->low) / (s->high - s->low) * SP_FIRST_BINS;
+    double t = s->is_log ? log(fmax(value, s->low) / s->low) / log(s->high / s->low)
+                         : (value - s->low) / (s->high - s->low);
+    t *= SP_FIRST_BINS;
     return t < 0 ? 0 : t < SP_FIRST_BINS ? (uint16_t)t : SP_FIRST_BINS - 1;
 }
 
@@ -138,7 +176,7 @@ static void read_faces(struct sp_first_samples *s, const void *voxels, double pa
                                   choose(dims[b], dims[b] < SIDE ? dims[b] : SIDE, j) * stride[b] +
                                   choose(dims[c], dims[c] < SIDE ? dims[c] : SIDE, k) * stride[c];
                     double value = sp_sample(voxels, s->info->type, at);
-                    uint16_t bin = bin_of(s, value);
+                    uint16_t bin = is_data(s, value) ? bin_of(s, value) : SP_FIRST_NONE;
                     if (bin != SP_FIRST_NONE && value != padding)
                         s->faces[2 * a + (unsigned)side][bin]++;
                 }
@@ -146,22 +184,23 @@ static void read_faces(struct sp_first_samples *s, const void *voxels, double pa
 }
 
 static bool take(struct sp_first_samples *s, const void *voxels) {
-    if (!(s->info->range[1] > s->info->range[0]) || !place_samples(s))
+    if (!(s->info->data[1] > s->info->data[0]) || !place_samples(s))
         return false;
     size_t n = (size_t)s->count[0] * s->count[1] * s->count[2];
     double *values = calloc(n, sizeof *values);
     s->bins = malloc(n * sizeof *s->bins);
-    bool ok = values && s->bins && isfinite(s->info->range[1] - s->info->range[0]);
+    bool ok = values && s->bins && isfinite(s->info->data[1] - s->info->data[0]);
     if (ok) {
         read_values(s, voxels, values);
         bool is_padded = drop_padding(s, values);
         find_range(s, values, n);
+        find_log_range(s, values, n);
         for (size_t i = 0; i < n; i++) {
             s->bins[i] = bin_of(s, values[i]);
             if (s->bins[i] != SP_FIRST_NONE)
                 s->histogram[s->bins[i]]++;
         }
-        read_faces(s, voxels, is_padded ? s->info->range[0] : NAN);
+        read_faces(s, voxels, is_padded ? s->info->data[0] : NAN);
     }
     free(values);
     return ok;
@@ -188,6 +227,8 @@ void sp_first_samples_finish(struct sp_first_samples *samples) {
 }
 
 double sp_first_value(const struct sp_first_samples *samples, double bin) {
+    if (samples->is_log)
+        return samples->low * pow(samples->high / samples->low, bin / SP_FIRST_BINS);
     return samples->low + (samples->high - samples->low) * bin / SP_FIRST_BINS;
 }
 

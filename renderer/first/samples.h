@@ -29,6 +29,7 @@ struct sp_first_samples {
     double *along[3]; /* distance of these samples along their axis, world units; owned */
     double cell[3];   /* mean distance between them; world units */
     double low, high; /* nearly all values; low < high */
+    bool is_log;      /* bins have equal ratios: the values span many powers of ten; low > 0 */
     uint16_t *bins;   /* product(count), axis 0 fastest, [0, SP_FIRST_BINS) or NONE; owned */
     uint64_t histogram[SP_FIRST_BINS];
     /* Of the outermost samples of the volume: face 2·axis is the first layer, 2·axis + 1 the last.

@@ -5,12 +5,15 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "first/field.h"
+
 enum { BINS = SP_FIRST_BINS, CLASSES = 4 };
 
 /* The values of the volume in classes: class c holds the bins [cut[c], cut[c + 1]). Class 0 is
  * transparent. */
 struct classes {
     bool has_surroundings;
+    bool are_faint; /* the surroundings: they have many values, as the quiet parts of a field */
     unsigned cut[CLASSES + 1];
     double depth[CLASSES]; /* mean length of a line of sight in the class, world units */
     double hidden;         /* share of classes 1 and 2 that class 3 hides along a line of sight */
@@ -139,7 +142,7 @@ static void measure_lines(const struct sp_first_samples *s, unsigned axis,
             unsigned met[CLASSES] = { 0 };
             measure_line(s->bins + k * stride[d] + j * stride[b], stride[axis], s->count[axis],
                          class_of, lines, met);
-            for (int x = 1; x < CLASSES; x++) {
+            for (int x = 0; x < CLASSES; x++) {
                 lines->hits[x] += met[x] > 0;
                 c->depth[x] += met[x] * s->cell[axis];
             }
@@ -157,7 +160,7 @@ static void measure_classes(const struct sp_first_samples *s, struct classes *c)
     }
     for (unsigned axis = 0; axis < 3; axis++)
         measure_lines(s, axis, class_of, c, &lines);
-    for (int x = 1; x < CLASSES; x++)
+    for (int x = 0; x < CLASSES; x++)
         c->depth[x] /= lines.hits[x] ? (double)lines.hits[x] : 1;
     double middle = (double)lines.all[2], inner = (double)lines.all[1] + middle;
     c->hidden_middle = middle > 0 ? 1 - (double)lines.exposed[2] / middle : 0;
@@ -231,6 +234,7 @@ static void find_classes(const struct sp_first_samples *s, struct classes *c) {
     *c = (struct classes){ 0 };
     int top = find_surroundings(s);
     c->has_surroundings = top != FULL;
+    c->are_faint = top >= BINS / 16;
     split_histogram(s->histogram, 0, BINS, CLASSES, c->cut);
     if (top >= 0 && (int)c->cut[1] <= top)
         split_histogram(s->histogram, (unsigned)top + 1, BINS, CLASSES - 1, c->cut + 1);
@@ -283,7 +287,7 @@ static const float glow[7][3] = { { 0.36f, 0.26f, 0.80f }, { 0.58f, 0.34f, 0.86f
 /* How the classes look: colours, and the optical depth of a line of sight through the mean depth of
  * each class. */
 struct look {
-    const float (*colors)[3]; /* 7 */
+    const float (*colors)[3]; /* 7; NULL = those of a field */
     double depth[CLASSES];
     double shell;       /* the bin from which on values belong to a shell; 0 = there is none */
     double shell_depth; /* as classes.depth, and its optical depth */
@@ -295,7 +299,7 @@ static const double smooth = 0.42;
 
 static struct look choose_look(const struct classes *c) {
     if (c->roughness < smooth)
-        return (struct look){ glow, { 0, 0.9, 1.8, 6 }, 0, 0, 0 };
+        return (struct look){ NULL, { 0, 0.9, 1.8, 6 }, 0, 0, 0 };
     if (!c->has_surroundings)
         return (struct look){ warm, { 0, 0.5, 2, 8 }, 0, 0, 0 };
     return (struct look){ warm, { 0, 1.5, 5, 12 }, 0, 0, 0 };
@@ -340,6 +344,77 @@ static void add_points(const struct sp_first_samples *s, const struct classes *c
     add_point(s, tf, BINS, colors[6], o[3]);
 }
 
+enum { FIELD_POINTS = 17 };
+
+/* The opacity at a bin, given those at some of them. */
+static float opacity_at(const double bins[], const float opacity[], int n, double bin) {
+    int i = 1;
+    while (i < n - 1 && bins[i] < bin)
+        i++;
+    const double length = bins[i] - bins[i - 1];
+    const double share = length > 0 ? fmin(fmax((bin - bins[i - 1]) / length, 0), 1) : 1;
+    return (float)((1 - share) * (double)opacity[i - 1] + share * (double)opacity[i]);
+}
+
+/* A smooth field: colours tell equal steps of the value, and opacity rises with it. If the field
+ * fills the volume, all of it shows, the lowest class as a haze. */
+static void add_field(const struct sp_first_samples *s, struct classes *c, const struct look *look,
+                      struct sp_transfer_function *tf) {
+    const double length = tf->reference_length, haze = 0.35;
+    double depth[CLASSES];
+    float o[CLASSES];
+    memcpy(depth, look->depth, sizeof depth);
+    if (!c->has_surroundings) {
+        split_histogram(s->histogram, 0, BINS, CLASSES, c->cut);
+        measure_classes(s, c);
+        depth[0] = haze;
+    }
+    for (int x = 0; x < CLASSES; x++)
+        o[x] = clamp(opacity_for(depth[x], c->depth[x], length), 0, 0.85f);
+    for (int x = 1; x < CLASSES; x++) /* a rising value never becomes fainter */
+        o[x] = fmaxf(o[x], o[x - 1]);
+    const double first = c->has_surroundings ? c->cut[1] : 0;
+    const double bins[] = { first,
+                            c->has_surroundings ? first : 0.5 * c->cut[1],
+                            0.5 * (c->cut[1] + c->cut[2]),
+                            0.5 * (c->cut[2] + c->cut[3]),
+                            0.5 * (c->cut[3] + BINS),
+                            BINS };
+    const float opacity[] = { c->has_surroundings ? 0 : 0.5f * o[0],
+                              c->has_surroundings ? 0 : o[0],
+                              o[1],
+                              o[2],
+                              o[3],
+                              o[3] };
+    for (int i = 0; i < FIELD_POINTS; i++) {
+        const double share = (double)i / (FIELD_POINTS - 1), bin = first + share * (BINS - first);
+        float color[3];
+        sp_first_field_color(share, color);
+        add_point(s, tf, bin, color, opacity_at(bins, opacity, 6, bin));
+    }
+}
+
+/* Values beyond the data are marks of missing ones: the ends of the function become transparent. */
+static void hide_missing(const struct sp_volume_info *info, struct sp_transfer_function *tf) {
+    const double *data = info->data, *range = info->range, span = data[1] - data[0];
+    struct sp_tf_point *p = tf->points, first = p[0], last = p[tf->point_count - 1];
+    const double below = fmin(span, data[0] - range[0]) / 100,
+                 above = fmin(span, range[1] - data[1]) / 100;
+    if (tf->point_count + 2 > SP_TF_POINTS_MAX)
+        return;
+    if (above > 0 && last.value <= data[1]) {
+        p[tf->point_count] = last;
+        p[tf->point_count].opacity = 0;
+        p[tf->point_count++].value = data[1] + above;
+    }
+    if (below > 0 && first.value >= data[0] && first.opacity > 0) {
+        memmove(p + 1, p, tf->point_count++ * sizeof *p);
+        p[0] = first;
+        p[0].opacity = 0;
+        p[0].value = data[0] - below;
+    }
+}
+
 bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_function *tf) {
     const bool is_coarse = s->info->whole.dims[0] > 0;
     const double *spacing = is_coarse ? s->info->whole.spacing : s->info->grid.spacing;
@@ -350,8 +425,17 @@ bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_func
         look_inside(s, &c, &look);
     tf->reference_length = fmin(spacing[0], fmin(spacing[1], spacing[2]));
     tf->point_count = 0;
-    add_points(s, &c, &look, tf);
-    return look.colors == glow;
+    const bool is_field = !look.colors;
+    if (is_field && c.are_faint)
+        c.has_surroundings = false;
+    if (sp_first_is_signed(s))
+        sp_first_show_signed(s, tf);
+    else if (is_field)
+        add_field(s, &c, &look, tf);
+    else
+        add_points(s, &c, &look, tf);
+    hide_missing(s->info, tf);
+    return look.colors != warm;
 }
 
 void sp_first_extinction(const struct sp_first_samples *samples,
