@@ -296,7 +296,8 @@ static bool take_conventions(struct arrays *a, struct coordinates *c, struct imp
     for (unsigned d = 0; d < a->info.rank; d++)
         if (!take_coordinates(a, d, &c[d]))
             return sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory for coordinates");
-    if (!assign(a, c, err) || !take_dims(a, header, err) || !take_steps(a, c, header, err))
+    if (!assign(a, c, err) || !import_axes_choose(&a->axes, a->file, a->info.shape, header, err) ||
+        !take_dims(a, header, err) || !take_steps(a, c, header, err))
         return false;
     for (int axis = 0; axis < 3; axis++)
         factor[axis] = factor_of(a, c, axis); /* before any axis changes its coordinates */
@@ -320,7 +321,8 @@ bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_
                                a->info.number.size == 1) ||
              arrays_fail(a, err, SP_ERR_UNSUPPORTED,
                          "has %u dimensions; supported are t, c, z, y and x", a->info.rank);
-        ok = ok && take_dims(a, header, err) && take_steps(a, c, header, err);
+        ok = ok && import_axes_choose(&a->axes, a->file, a->info.shape, header, err) &&
+             take_dims(a, header, err) && take_steps(a, c, header, err);
         if (ok)
             take_element_size(a, header);
     }

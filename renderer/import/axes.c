@@ -4,6 +4,8 @@
 #include <string.h>
 #include <strings.h>
 
+#include "import/meaning.h"
+
 enum { COLORS_MIN = 3, COLORS_MAX = 4 };
 
 void import_axes_place(struct import_axes *axes, const int *space, unsigned count,
@@ -60,5 +62,32 @@ bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *
     if (count < 1 || count > 3)
         return false;
     import_axes_place(axes, space, count, names);
+    return true;
+}
+
+bool import_axes_choose(struct import_axes *axes, const struct import_file *file,
+                        const uint64_t *shape, struct import_header *header, struct sp_error *err) {
+    const enum import_as wanted = file->selection.as;
+    const bool has_both = axes->channel >= 0 && axes->time >= 0;
+    int *const from = axes->channel >= 0 ? &axes->channel
+                      : axes->time >= 0  ? &axes->time
+                                         : &axes->space[2];
+    const int dimension = *from;
+    const struct import_extra extra = {
+        .count = dimension < 0 ? 1 : shape[dimension],
+        .meaning = dimension == axes->time ? IMPORT_AS_TIME
+                   : axes->are_colors      ? IMPORT_AS_RGB
+                                           : IMPORT_AS_CHANNELS,
+        .no_vectors = true,
+        .are_parts = has_both,
+    };
+    enum import_as as;
+    if (wanted == IMPORT_AS_FILE || wanted == IMPORT_AS_LABELS)
+        return true;
+    if (!import_meaning_choose(file, &extra, header, &as, err))
+        return false;
+    *from = -1;
+    *(as == IMPORT_AS_TIME ? &axes->time : &axes->channel) = dimension;
+    axes->are_colors = as == IMPORT_AS_RGB;
     return true;
 }

@@ -27,4 +27,10 @@ bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *
 void import_axes_place(struct import_axes *axes, const int *space, unsigned count,
                        const char *const *names);
 
+/* Applies "?as=" of the source: the entries of the dimension of channels, or of time, or without
+ * both of the slowest dimension of space, are steps or channels. Without a choice nothing changes.
+ */
+bool import_axes_choose(struct import_axes *axes, const struct import_file *file,
+                        const uint64_t *shape, struct import_header *header, struct sp_error *err);
+
 #endif

@@ -152,6 +152,18 @@ std::string unit_of_file(const gdcm::DataSet &set) {
     return found == names.end() ? unit : found->second;
 }
 
+/* Values of a CT are Hounsfield units, but not those of an overview, whose beams add up many; nor,
+ * unless the file says so, those of an image that was derived from others. Of other modalities a
+ * "HU" is a mistake. */
+bool is_hounsfield(const groups &in, const std::string &modality, const std::string &type) {
+    const std::string kind = dicom_text(in.file, 0x0008, 0x0008);
+    const std::string flavour = dicom_text(in.find(0x0018, 0x9329), 0x0008, 0x9007);
+    const bool is_overview = kind.find("LOCALIZER") != std::string::npos ||
+                             flavour.find("LOCALIZER") != std::string::npos;
+    const bool is_derived = kind.compare(0, 7, "DERIVED") == 0;
+    return modality == "CT" && !is_overview && (type == "HU" || !is_derived);
+}
+
 /* Rescaled values, or else those of the real world, or else those of the file. */
 void fill_values(const groups &in, dicom_frame &frame) {
     const std::string modality = dicom_text(in.file, 0x0008, 0x0060);
@@ -190,9 +202,10 @@ void fill_values(const groups &in, dicom_frame &frame) {
     }
     if (is_dose || frame.unit[0])
         return;
-    if (!type.empty() && type != "US")
+    if (!type.empty() && type != "US" && type != "HU")
         dicom_copy(frame.unit, sizeof frame.unit, type);
-    else if (modality == "CT" && type.empty() && (is_scaled || world.IsEmpty()))
+    else if ((type == "HU" || (type.empty() && (is_scaled || world.IsEmpty()))) &&
+             is_hounsfield(in, modality, type))
         dicom_copy(frame.unit, sizeof frame.unit, "HU");
     else if (modality == "PT")
         dicom_copy(frame.unit, sizeof frame.unit, unit_of_file(in.file));

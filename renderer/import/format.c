@@ -182,11 +182,19 @@ void import_header_set_anatomy(struct import_header *header, const char letters[
 bool import_header_use_selection(struct import_header *header, const struct import_file *file,
                                  struct sp_error *err) {
     const struct import_selection *selection = &file->selection;
+    if (selection->as == IMPORT_AS_LABELS && header->elements.kind == SP_KIND_GRID &&
+        !header->has_vectors) {
+        header->meaning = SP_MEANING_LABELS;
+        header->used_as = true;
+    }
     if (selection->as != IMPORT_AS_FILE && !header->used_as)
         return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
                        "?as=%s: the file has no axis or components that can be read so; open it "
-                       "without ?as=",
-                       import_as_name(selection->as));
+                       "without ?as=%s",
+                       import_as_name(selection->as),
+                       header->elements.kind == SP_KIND_GRID && !header->has_vectors
+                           ? ", or with ?as=labels"
+                           : "");
     if (selection->series[0] && !header->used_series)
         return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
                        "?series=%.60s: only DICOM files have series; open it without ?series=",

@@ -100,6 +100,8 @@ static int describe_grid(image_bridge *bridge, int n, image_grid *grid, char *wh
     const std::string name = spec.get_string_attribute("openvdb:name");
     snprintf(grid->name, sizeof grid->name, "%s", name.c_str());
     grid->channels = spec.nchannels;
+    const std::string kind = spec.get_string_attribute("openvdb:class");
+    grid->is_level_set = kind == "level set" || spec.get_string_attribute("class") == "level set";
     grid->is_double = spec.format == OIIO::TypeDesc::DOUBLE;
     const bool is_linear = spec.getattribute("openvdb:indextoworld", OIIO::TypeMatrix44, matrix);
     grid->is_other = !is_linear || spec.tile_depth < 1 ||

@@ -27,6 +27,7 @@ struct image_grid {
     int channels;
     bool is_double;    /* float otherwise */
     bool is_other;     /* of another type, or not linear: it cannot be read */
+    bool is_level_set; /* distances from a surface at 0, negative inside */
     int first[3];      /* smallest index of the box, x fastest */
     int dims[3];       /* [voxels] */
     double rows[4][3]; /* world = index · the first three rows + the last one */

@@ -18,6 +18,7 @@
 #include <unistd.h>
 
 #include "import/derived.h"
+#include "import/meaning.h"
 #include "import/pattern.h"
 #include "import/samples.h"
 #include "volume/anatomy.h"
@@ -87,7 +88,10 @@ struct parsing {
     char *text; /* the start of the file; ends with 0 */
     size_t size;
     char *values[KEY_COUNT]; /* in `text`; NULL = not given */
-    unsigned dimensions;     /* 2 or 3 */
+    unsigned dimensions;     /* 2 to 4 */
+    unsigned channels;       /* side by side in the file */
+    unsigned images;         /* components that follow one another, in place of time steps */
+    enum import_as as;       /* of the channels, or of the fourth axis */
     char *list;              /* the lines after "ElementDataFile = LIST" */
 };
 
@@ -183,6 +187,41 @@ static bool is_true(const struct parsing *p, enum key key) {
     return value && (value[0] == 'T' || value[0] == 't' || value[0] == '1');
 }
 
+static bool find_number(const struct parsing *p, struct import_number *number);
+
+/* What the channels are, or else the fourth axis. Three real numbers are a vector, three or four
+ * bytes a colour. */
+static bool choose_meaning(struct parsing *p, uint64_t steps) {
+    long long channels = 1;
+    struct import_number number = { IMPORT_UNSIGNED, 0 };
+    struct sp_error later; /* take_type() reports an unknown type */
+    struct parsing quiet = *p;
+    quiet.err = &later;
+    if (p->values[CHANNELS] && !import_integer(p->values[CHANNELS], 1, CHANNELS_MAX, &channels))
+        return refuse(p, SP_ERR_FORMAT, CHANNELS, "must be in [1, %d]", CHANNELS_MAX);
+    find_number(&quiet, &number);
+    const bool has_both = channels > 1 && steps > 1, is_byte = number.size == 1;
+    const struct import_extra extra = { .count = channels > 1 ? (uint64_t)channels : steps,
+                                        .meaning = channels == 1 ? IMPORT_AS_TIME
+                                                   : channels == 3 && number.kind == IMPORT_FLOAT
+                                                       ? IMPORT_AS_VECTORS
+                                                   : is_byte && (channels == 3 || channels == 4)
+                                                       ? IMPORT_AS_RGB
+                                                       : IMPORT_AS_CHANNELS,
+                                        .are_parts = has_both };
+    if (!import_meaning_choose(p->file, &extra, p->header, &p->as, p->err))
+        return false;
+    const bool is_axis = channels == 1 && p->as != IMPORT_AS_TIME && p->as != IMPORT_AS_FILE;
+    const bool are_steps = channels > 1 && p->as == IMPORT_AS_TIME;
+    p->channels = (unsigned)channels;
+    p->images = is_axis ? (unsigned)steps : 1;
+    return import_header_use_steps(p->header, p->file,
+                                   is_axis     ? 1
+                                   : are_steps ? (uint64_t)channels
+                                               : steps,
+                                   p->err);
+}
+
 static bool take_dims(struct parsing *p) {
     double dims[4] = { 1, 1, 1, 1 };
     long long count;
@@ -200,7 +239,7 @@ static bool take_dims(struct parsing *p) {
             return refuse(p, SP_ERR_FORMAT, DIM_SIZE,
                           "axis %d has %g samples; it must be a whole number in [1, %u]", axis + 1,
                           dims[axis], SP_DIM_MAX);
-    if (!import_header_use_steps(p->header, p->file, (uint64_t)dims[3], p->err))
+    if (!choose_meaning(p, (uint64_t)dims[3]))
         return false;
     for (int axis = 0; axis < 3; axis++)
         p->header->grid.dims[axis] = (uint32_t)dims[axis];
@@ -258,7 +297,8 @@ static bool take_geometry(const struct parsing *p) {
 
 static uint64_t count_samples(const struct parsing *p) { /* of all time steps */
     const uint32_t *dims = p->header->grid.dims;
-    return (uint64_t)dims[0] * dims[1] * dims[2] * p->header->steps.count;
+    const bool are_channels = p->as == IMPORT_AS_TIME && p->channels > 1; /* the steps */
+    return (uint64_t)dims[0] * dims[1] * dims[2] * (are_channels ? 1 : p->header->steps.count);
 }
 
 static bool find_number(const struct parsing *p, struct import_number *number) {
@@ -301,30 +341,45 @@ static void widen_long(const struct parsing *p, uint64_t bytes) {
                 type);
 }
 
-/* Three floating-point numbers are a vector, three or four bytes a colour. */
 static bool take_type(const struct parsing *p) {
     struct import_samples *s = p->samples;
     struct import_conversion *c = p->conversion;
-    long long channels = 1;
     if (!find_number(p, &s->number))
         return false;
-    if (p->values[CHANNELS] && !import_integer(p->values[CHANNELS], 1, CHANNELS_MAX, &channels))
-        return refuse(p, SP_ERR_FORMAT, CHANNELS, "must be in [1, %d]", CHANNELS_MAX);
-    widen_long(p, count_samples(p) * (uint64_t)channels * s->number.size);
+    widen_long(p, count_samples(p) * p->channels * p->images * s->number.size);
     *c = import_conversion_of(s->number, p->file->warnings);
-    c->components = (unsigned)channels;
-    s->is_vectors = channels == 3 && s->number.kind == IMPORT_FLOAT;
+    c->components = p->channels;
+    s->is_vectors = p->as == IMPORT_AS_VECTORS;
+    s->is_planar = s->is_vectors && p->images > 1;
     if (s->is_vectors) {
         import_header_add_vectors(p->header, "");
         import_header_use_vectors(p->header, p->file->field);
         return true;
     }
-    if (channels > 1)
-        c->component = import_header_choose_component(p->header, p->file->field, c->components,
-                                                      s->number.size == 1 && channels <= 4);
+    if (p->channels > 1)
+        c->component =
+            p->as == IMPORT_AS_TIME
+                ? p->file->step
+                : import_meaning_choose_component(p->file, p->header, c->components, p->as, NULL);
     s->conversion = import_conversion_is_copy(c) ? NULL : c;
     p->header->type = c->type;
     return true;
+}
+
+/* Chooses one of the steps or images that follow one another in the file. */
+static bool take_block(const struct parsing *p) {
+    struct import_samples *s = p->samples;
+    if (s->is_planar) {
+        s->bytes *= 3;
+        return true;
+    }
+    if (p->images > 1)
+        return import_samples_choose_block(
+            s, p->images,
+            import_meaning_choose_component(p->file, p->header, p->images, p->as, NULL));
+    if (p->as == IMPORT_AS_TIME && p->channels > 1)
+        return true;
+    return import_samples_choose_block(s, p->header->steps.count, p->file->step);
 }
 
 static bool add_file(const struct parsing *p, const char *name) {
@@ -370,7 +425,10 @@ static bool take_files(const struct parsing *p) {
         return add_file(p, value);
     if (!(is_list ? take_list(p) : take_pattern(p, &pattern)))
         return false;
-    const uint64_t slices = p->header->grid.dims[2], steps = p->header->steps.count;
+    const uint64_t slices = p->header->grid.dims[2];
+    const uint64_t steps = p->images > 1                                ? p->images
+                           : p->channels > 1 && p->as == IMPORT_AS_TIME ? 1
+                                                                        : p->header->steps.count;
     const uint64_t count = p->samples->count;
     return count == slices * steps || count == steps ||
            refuse(p, SP_ERR_FORMAT, DATA_FILE,
@@ -410,7 +468,7 @@ static bool take_all(struct parsing *p) {
         return false;
     s->bytes = p->header->bytes / sp_type_size(p->header->type) * p->conversion->components *
                s->number.size;
-    if (!import_samples_choose_block(s, p->header->steps.count, p->file->step))
+    if (!take_block(p))
         return refuse(p, SP_ERR_FORMAT, DATA_FILE, "names files that hold no whole slices");
     return import_samples_check(s, p->err);
 }

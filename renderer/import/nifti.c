@@ -24,13 +24,7 @@
 #include "volume/volume.h"
 
 enum { COMPONENTS_MAX = 65536 };
-enum {
-    INTENT_DISPLACEMENT = 1006,
-    INTENT_VECTOR = 1007,
-    TYPE_RGB = 128,
-    TYPE_RGBA = 2304,
-    UNIT_MM = 2
-};
+enum { TYPE_RGB = 128, TYPE_RGBA = 2304, UNIT_MM = 2 };
 
 struct nifti {
     struct import_samples samples;
@@ -84,14 +78,8 @@ static bool check_dims(const struct import_file *file, struct nifti_fields *f,
                                SP_DIM_MAX);
         header->grid.dims[axis] = (uint32_t)count;
     }
-    static const char *const units[8] = { "", "s", "ms", "us", "Hz", "ppm", "rad/s", "" };
-    const double steps = f->dims[4];
-    if (!(steps >= 1 && trunc(steps) == steps))
-        return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim", "%g time steps", steps);
-    if (!import_header_use_steps(header, file, (uint64_t)fmin(steps, 1e9), err))
-        return false;
-    if (steps > 1)
-        import_header_use_interval(header, f->start, f->pixdim[4], units[f->time_units]);
+    if (!(f->dims[4] >= 1 && trunc(f->dims[4]) == f->dims[4]))
+        return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim", "%g time steps", f->dims[4]);
     for (int i = 5; i < 8; i++)
         if (!(f->dims[i] >= 1 && f->dims[i] <= COMPONENTS_MAX && trunc(f->dims[i]) == f->dims[i]))
             return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim",
@@ -101,6 +89,16 @@ static bool check_dims(const struct import_file *file, struct nifti_fields *f,
     return f->dims[5] <= COMPONENTS_MAX ||
            import_fail(err, SP_ERR_UNSUPPORTED, file->shown, at, "dim",
                        "%g components are too many; %d are supported", f->dims[5], COMPONENTS_MAX);
+}
+
+static bool take_steps(const struct import_file *file, const struct nifti_fields *f,
+                       struct import_header *header, struct sp_error *err) {
+    static const char *const units[8] = { "", "s", "ms", "us", "Hz", "ppm", "rad/s", "" };
+    if (!import_header_use_steps(header, file, (uint64_t)fmin(f->dims[4], 1e9), err))
+        return false;
+    if (f->dims[4] > 1)
+        import_header_use_interval(header, f->start, f->pixdim[4], units[f->time_units]);
+    return true;
 }
 
 static bool find_number(const struct import_file *file, const struct nifti_fields *f,
@@ -132,15 +130,6 @@ static bool find_number(const struct import_file *file, const struct nifti_field
                                                      : "unknown");
 }
 
-static bool is_colors(const struct nifti_fields *f) { /* SimpleITK calls colours a vector */
-    return f->datatype == 2 && f->intent == INTENT_VECTOR && (f->dims[5] == 3 || f->dims[5] == 4);
-}
-
-static bool is_vectors(const struct nifti_fields *f) {
-    return f->dims[5] == 3 && !is_colors(f) && f->datatype != 32 && f->datatype != 1792 &&
-           (f->intent == INTENT_VECTOR || f->intent == INTENT_DISPLACEMENT);
-}
-
 /* The components of a sample: colours, which alternate in the file, or images one after another.
  * Returns which of these images is read. */
 static unsigned choose_component(const struct import_file *file, const struct nifti_fields *f,
@@ -149,11 +138,15 @@ static unsigned choose_component(const struct import_file *file, const struct ni
     const unsigned images = (unsigned)f->dims[5];
     if (colors > 1) {
         n->conversion.components = colors;
-        n->conversion.component = import_header_choose_component(header, file->field, colors, true);
+        n->conversion.component =
+            import_meaning_choose_component(file, header, colors, f->as, NULL);
     } else if (images > 1) {
-        return import_header_choose_component(header, file->field, images, is_colors(f));
+        return import_meaning_choose_component(file, header, images, f->as,
+                                               nifti_component_names(file, f));
     } else {
-        import_name(header->value_name, f->intent_name);
+        import_name(header->value_name,
+                    f->intent_name[0] ? f->intent_name : import_intent_of(f->intent).name);
+        header->meaning = import_intent_of(f->intent).meaning;
     }
     return 0;
 }
@@ -208,7 +201,7 @@ static bool describe(const struct import_file *file, const struct nifti_fields *
     s->bytes = header->bytes / sp_type_size(header->type) * s->number.size;
     s->big_endian = f->is_swapped == (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
     s->rest = IMPORT_REST_IGNORED; /* some programs write more than they need */
-    if (is_vectors(f))
+    if (f->as == IMPORT_AS_VECTORS)
         return describe_vectors(file, f, n, header, err);
     const uint64_t images = (uint64_t)f->dims[5], steps = header->steps.count;
     const uint64_t image = choose_component(file, f, n, header);
@@ -269,9 +262,11 @@ static bool take(const struct import_file *file, struct nifti *n, struct import_
     n->samples.file = file;
     n->samples.field = "dim";
     import_header_init(header);
-    if (!nifti_header_read(file, &f, err) || !check_dims(file, &f, header, err))
+    if (!nifti_header_read(file, &f, err) || !check_dims(file, &f, header, err) ||
+        !nifti_choose_axes(file, &f, header, err) || !take_steps(file, &f, header, err))
         return false;
     nifti_place(file, &f, header);
+    nifti_place_vectors(&f, header);
     /* Programs that place a patient without a unit mean mm, and ANALYZE has no other unit. */
     const bool is_mm = f.units == 0 && (header->anatomy[0] || f.is_analyze);
     snprintf(header->unit, sizeof header->unit, "%s", units[is_mm ? UNIT_MM : f.units]);

@@ -5,7 +5,7 @@
 #ifndef SP_IMPORT_NIFTI_HEADER_H
 #define SP_IMPORT_NIFTI_HEADER_H
 
-#include "import/format.h"
+#include "import/meaning.h"
 
 enum { NIFTI_SINGLE_START = 4 }; /* bytes between a header and samples in one file, at least */
 
@@ -27,6 +27,8 @@ struct nifti_fields {
     double offset, slope, inter, start; /* start: the time of the first step */
     double quaternion[3], shift[3], rows[3][4];
     char intent_name[17];
+    enum import_as as; /* of the entries of dims[5], or of dims[4] if it is TIME */
+    bool are_fsl;      /* vectors lie along the axes of the grid, as FSL writes them */
 };
 
 /* True if the first four bytes of a file, unpacked, are those of a header in either byte order. */
@@ -39,5 +41,17 @@ bool nifti_header_read(const struct import_file *file, struct nifti_fields *fiel
  * axes right, anterior and superior; or not known. Warns of what contradicts itself. */
 void nifti_place(const struct import_file *file, const struct nifti_fields *fields,
                  struct import_header *header);
+
+/* Decides what the dimensions beyond the third are, and leaves steps in dims[4] and components in
+ * dims[5]. May read the samples. */
+bool nifti_choose_axes(const struct import_file *file, struct nifti_fields *fields,
+                       struct import_header *header, struct sp_error *err);
+
+/* Sets the axes of the vectors, once the grid is placed. */
+void nifti_place_vectors(const struct nifti_fields *fields, struct import_header *header);
+
+/* The names of the components; NULL = they have none. */
+const char *const *nifti_component_names(const struct import_file *file,
+                                         const struct nifti_fields *fields);
 
 #endif

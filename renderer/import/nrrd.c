@@ -14,6 +14,7 @@
 #include <string.h>
 
 #include "import/derived.h"
+#include "import/meaning.h"
 #include "import/nrrd_header.h"
 #include "import/pattern.h"
 #include "import/samples.h"
@@ -338,13 +339,15 @@ static unsigned take_values(const struct parsing *p) {
     const char *name = h->value[NRRD_CONTENT] ? h->value[NRRD_CONTENT] : "";
     *p->conversion = import_conversion_of(h->number, p->file->warnings);
     p->header->type = p->conversion->type;
+    p->header->used_as = h->used_as;
     if (h->vectors >= 0) {
         import_header_add_vectors(p->header, name);
         import_header_use_vectors(p->header, p->file->field);
     } else if (h->components >= 0 && h->sizes[h->components] > 1) {
-        return import_header_choose_component(p->header, p->file->field,
-                                              (unsigned)h->sizes[h->components],
-                                              h->role[h->components] == NRRD_COLOR);
+        return import_meaning_choose_component(
+            p->file, p->header, (unsigned)h->sizes[h->components],
+            h->role[h->components] == NRRD_COLOR ? IMPORT_AS_RGB : IMPORT_AS_CHANNELS,
+            h->role[h->components] == NRRD_COLOR ? NULL : h->names);
     } else {
         import_name(p->header->value_name, name);
     }

@@ -78,6 +78,8 @@ struct nrrd_header {
     enum nrrd_role role[NRRD_AXES_MAX];
     unsigned first, axes; /* axes: 2 or 3 */
     int time, vectors, components;
+    bool used_as;                  /* the source chose what an axis is */
+    const char *const *names;      /* of the components; NULL = they have none */
     uint64_t sizes[NRRD_AXES_MAX]; /* [1, SP_DIM_MAX] each */
     /* Per axis of the file, NAN = not given. */
     double spacing[NRRD_AXES_MAX], min[NRRD_AXES_MAX], max[NRRD_AXES_MAX];

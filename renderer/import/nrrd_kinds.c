@@ -6,6 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "import/meaning.h"
 #include "import/nrrd_header.h"
 
 #define REFUSE(code, field, ...) nrrd_fail(err, code, file, h, field, __VA_ARGS__)
@@ -68,6 +69,15 @@ static enum nrrd_role role_of_vector(const struct nrrd_header *h, unsigned axis,
     return size == 3 ? NRRD_VECTOR : NRRD_COMPONENT;
 }
 
+/* The entries of a matrix of three rows, which is symmetric or not, and may begin with a mask. */
+static const char *const *names_of_matrix(uint64_t size) {
+    static const char *const symmetric[] = { "mask", "xx", "xy", "xz", "yy", "yz", "zz" };
+    static const char *const all[] = {
+        "mask", "xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"
+    };
+    return size == 6 ? symmetric + 1 : size == 7 ? symmetric : size == 9 ? all + 1 : all;
+}
+
 static bool take_kind(const struct import_file *file, struct nrrd_header *h, unsigned axis,
                       const char *word, struct sp_error *err) {
     const uint64_t size = h->sizes[axis];
@@ -83,6 +93,8 @@ static bool take_kind(const struct import_file *file, struct nrrd_header *h, uns
         return REFUSE(SP_ERR_FORMAT, NRRD_KINDS,
                       "axis %u is of kind %.40s and has %" PRIu64 " samples instead of %u", axis,
                       word, size, kinds[i].size);
+    if (kinds[i].role == NRRD_COMPONENT && strncasecmp(word, "3D-", 3) == 0)
+        h->names = names_of_matrix(size);
     h->role[axis] = kinds[i].role == NRRD_VECTOR ? role_of_vector(h, axis, word) : kinds[i].role;
     return true;
 }
@@ -123,6 +135,48 @@ static void find_time(struct nrrd_header *h) {
         last--;
     const bool is_first = axis == 0 && directions && strncasecmp(directions, "none", 4) == 0;
     h->role[is_first ? axis : last] = NRRD_TIME;
+}
+
+/* What an axis without a place in space means. */
+static enum import_as as_of(enum nrrd_role role) {
+    return role == NRRD_TIME        ? IMPORT_AS_TIME
+           : role == NRRD_VECTOR    ? IMPORT_AS_VECTORS
+           : role == NRRD_COLOR     ? IMPORT_AS_RGB
+           : role == NRRD_COMPONENT ? IMPORT_AS_CHANNELS
+                                    : IMPORT_AS_FILE;
+}
+
+static enum nrrd_role role_of(enum import_as as) {
+    return as == IMPORT_AS_TIME      ? NRRD_TIME
+           : as == IMPORT_AS_VECTORS ? NRRD_VECTOR
+           : as == IMPORT_AS_RGB     ? NRRD_COLOR
+                                     : NRRD_COMPONENT;
+}
+
+/* The source may say what such an axis is: that of the components, or else that of the steps. */
+static bool apply_choice(const struct import_file *file, struct nrrd_header *h,
+                         struct sp_error *err) {
+    struct import_header header = { .used_as = false };
+    struct import_extra extra = { .count = 0 };
+    enum import_as as;
+    int chosen = -1;
+    for (unsigned axis = 0; axis < h->dimension; axis++) {
+        if (as_of(h->role[axis]) == IMPORT_AS_FILE || h->sizes[axis] < 2)
+            continue;
+        extra.are_parts = chosen >= 0;
+        if (chosen < 0 || h->role[axis] != NRRD_TIME)
+            chosen = (int)axis;
+    }
+    if (chosen >= 0) {
+        extra.count = h->sizes[chosen];
+        extra.meaning = as_of(h->role[chosen]);
+    }
+    if (!import_meaning_choose(file, &extra, &header, &as, err))
+        return false;
+    h->used_as = header.used_as;
+    if (chosen >= 0)
+        h->role[chosen] = role_of(as);
+    return true;
 }
 
 /* One axis at most has each other role. */
@@ -176,6 +230,8 @@ bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *h, stru
     if (h->value[NRRD_KINDS] && !parse_words(file, h, err))
         return false;
     find_time(h);
+    if (!apply_choice(file, h, err))
+        return false;
     h->axes = count_domains(h);
     if (h->axes < 2 || h->axes > 3)
         return REFUSE(SP_ERR_UNSUPPORTED, NRRD_DIMENSION,

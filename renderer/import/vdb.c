@@ -82,6 +82,8 @@ static bool place(const struct vdb *v, struct import_header *header, struct sp_e
             grid->origin[row] += v->grid.first[axis] * v->grid.rows[axis][row];
     }
     header->type = v->grid.is_double ? SP_FLOAT64 : SP_FLOAT32;
+    if (v->grid.is_level_set)
+        header->meaning = SP_MEANING_DISTANCE;
     return sp_grid_check(grid, header->type, v->file->shown, &header->bytes, err);
 }
 

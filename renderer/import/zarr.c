@@ -85,7 +85,8 @@ static void choose_channel(struct zarr *z, struct import_header *header) {
 
 static bool take(struct zarr *z, struct import_header *header, struct sp_error *err) {
     import_header_init(header);
-    if (!zarr_image_open(&z->image, z->store, z->file->field, err))
+    if (!zarr_image_open(&z->image, z->store, z->file->field, err) ||
+        !zarr_image_choose(&z->image, z->file, header, err))
         return false;
     z->conversion = import_conversion_of(z->image.levels[0].array.number, z->file->warnings);
     header->type = z->conversion.type;

@@ -396,6 +396,40 @@ bool zarr_image_open(struct zarr_image *image, const struct zarr_store *store, c
     return ok;
 }
 
+bool zarr_image_choose(struct zarr_image *image, const struct import_file *file,
+                       struct import_header *header, struct sp_error *err) {
+    const uint64_t *shape = image->levels[0].array.shape;
+    const int channel = image->axes.channel, time = image->axes.time;
+    if (!import_axes_choose(&image->axes, file, shape, header, err))
+        return false;
+    if (image->axes.channel == channel && image->axes.time == time)
+        return true;
+    if (image->axes.space[2] < 0 && image->level_count > 1 && channel < 0 && time < 0)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+                       "?as=%s: the image has levels of detail, whose z axis is one of space",
+                       import_as_name(file->selection.as));
+    image->levels[0].dims[2] = image->axes.space[2] < 0 ? 1 : image->levels[0].dims[2];
+    const uint64_t count = image->axes.channel < 0 ? 1 : shape[image->axes.channel];
+    if (count > ZARR_CHANNELS_MAX)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown, "?as=%s: more than %d channels",
+                       import_as_name(file->selection.as), ZARR_CHANNELS_MAX);
+    image->channels = (uint32_t)count;
+    image->steps = image->axes.time < 0 ? 1 : shape[image->axes.time];
+    image->interval = 0; /* that of the other axis is none of this one */
+    if (image->is_group)
+        return true;
+    image->name_count = 0;
+    if (!reserve_names(image, image->channels))
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for channels");
+    for (unsigned i = 0; i < image->channels; i++) {
+        char *name = image->names[image->name_count++];
+        name[0] = 0;
+        if (image->channels > 1)
+            snprintf(name, SP_FIELD_BYTES, "channel %u", i + 1);
+    }
+    return true;
+}
+
 void zarr_image_close(struct zarr_image *image) {
     free(image->levels);
     free(image->names);

@@ -37,6 +37,10 @@ struct zarr_image {
  * number type, and dims in [1, SP_DIM_MAX] or more: the caller checks them. */
 bool zarr_image_open(struct zarr_image *image, const struct zarr_store *store, const char *field,
                      struct sp_error *err);
+/* Applies "?as=" of the source: channels become steps, or steps channels. The image must be open.
+ */
+bool zarr_image_choose(struct zarr_image *image, const struct import_file *file,
+                       struct import_header *header, struct sp_error *err);
 void zarr_image_close(struct zarr_image *image);
 
 #endif

@@ -47,6 +47,11 @@ static void print_info(const struct sp_volume_info *info) {
     print_text("value_unit", info->value_unit);
     print_text("anatomy", info->anatomy);
     print_text("name", info->value_name);
+    print_text("meaning", sp_meaning_name(info->meaning));
+    print_text("vectors", info->vector_bytes == 0 ? ""
+                          : info->vector_name[0]  ? info->vector_name
+                                                  : "unnamed");
+    printf("\"thick\": %s,\n", sp_volume_is_thick_stack(info) ? "true" : "false");
     for (int i = 0; i < SP_OTHER_FIELDS_MAX && info->others[i][0]; i++) {
         char name[16];
         snprintf(name, sizeof name, "other%d", i);

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the numbers of a file mean: intents of NIfTI, components, ?as=, ?unit=, Hounsfield units."""
+import nibabel
+import nrrd
+import numpy
+import pydicom
+
+import dicom_files
+
+SHAPE = (7, 6, 5)  # x, y, z
+
+
+def field(seed, *more):
+    return numpy.random.default_rng(seed).normal(size=(*SHAPE, *more)).astype('f4')
+
+
+def directions(seed):
+    """Unit vectors, with some voxels outside of the brain."""
+    v = field(seed, 3)
+    v /= numpy.linalg.norm(v, axis=-1, keepdims=True)
+    v[0] = 0
+    return v.astype('f4')
+
+
+def write_nifti(tool, name, data, intent=None, affine=None, intent_name=''):
+    image = nibabel.Nifti1Image(data, numpy.diag([2, 2, 2, 1.0]) if affine is None else affine)
+    if intent is not None:
+        image.header.set_intent(intent, allow_unknown=True, name=intent_name)
+    path = tool.path(name)
+    nibabel.save(image, path)
+    return path
+
+
+def says(tool, source, **wanted):
+    """Members of the description."""
+    info, _ = tool.dump(source)
+    tool.checks += 1
+    for key, value in wanted.items():
+        got = [info[f'other{i}'] for i in range(16) if f'other{i}' in info] if info and key == 'others' else (info or {}).get(key)
+        if info and got != value:
+            tool.fail(source, f'{key} is {got!r}, expected {value!r}')
+
+
+def has_vectors(tool, source, expected, sep='?'):
+    """The vectors along the axes of the world, x, y, z, component."""
+    for i, name in enumerate('xyz'):
+        info, samples = tool.dump(f'{source}{sep}field={name}')
+        tool.checks += 1
+        if info is None:
+            continue
+        if not info['vectors'] or info['steps'] != 1:
+            tool.fail(source, f'has no vectors, but {info["steps"]} steps')
+        elif not numpy.allclose(samples.T, expected[..., i], atol=1e-6):
+            tool.fail(source, f'component {name} of the vectors differs')
+
+
+def check_nifti_vectors(tool):
+    v = directions(1)
+    turned = numpy.array([[0, -2, 0, 10], [2, 0, 0, -20], [0, 0, 2, 30], [0, 0, 0, 1.0]])
+    for name in ('a_V1.nii', 'a_V1.nii.gz', 'V3.nii'):
+        for affine in (numpy.diag([-2, 2, 2, 1.0]), numpy.diag([2, 2, 2, 1.0]), turned):
+            path = write_nifti(tool, name, v, affine=affine)
+            own = v.copy()
+            if numpy.linalg.det(affine) > 0:  # FSL's first axis points to the left
+                own[..., 0] *= -1
+            has_vectors(tool, path, own @ (affine[:3, :3] / 2).T)
+    has_vectors(tool, write_nifti(tool, 'unit.nii.gz', v), v)
+    says(tool, tool.path('unit.nii.gz') + '?as=time', steps=3, vectors='')
+    for intent in (1006, 1007):
+        path = write_nifti(tool, 'v.nii', field(2, 1, 3), intent)
+        has_vectors(tool, path, field(2, 1, 3)[..., 0, :])
+        path = write_nifti(tool, 'v4.nii', field(2, 3), intent)
+        has_vectors(tool, path, field(2, 3))
+    # Three volumes that are no directions stay steps.
+    path = write_nifti(tool, 'steps.nii', field(3, 3))
+    says(tool, path, steps=3, vectors='')
+    has_vectors(tool, path + '?as=vectors', field(3, 3), sep='&')
+    tool.equal(path + '?as=channels&field=component 2', field(3, 3)[..., 1].T, name='component 2')
+    says(tool, path + '?as=rgb', name='red', others=['green', 'blue'], steps=1)
+    tool.refused(write_nifti(tool, 'four.nii', field(3, 4)) + '?as=vectors', '4 numbers per voxel', 'time, rgb, channels or labels')
+    tool.refused(write_nifti(tool, 'one.nii', field(3)) + '?as=time', 'one number per voxel', 'labels')
+    says(tool, write_nifti(tool, 'five.nii', field(3, 1, 5)), steps=1, name='component 1')
+    says(tool, tool.path('five.nii') + '?as=time', steps=5)
+    says(tool, write_nifti(tool, 'both.nii', field(3, 2, 3)), steps=2, name='component 1')
+    tool.refused(tool.path('both.nii') + '?as=vectors', '3 numbers per voxel')
+
+
+def check_nifti_intents(tool):
+    for intent, name, meaning in (('t test', 't statistic', 'statistic'), ('z score', 'z score', 'statistic'), ('f test', 'F statistic', 'statistic'),
+                                  ('correlation', 'correlation', 'statistic'), ('p value', 'p value', ''), ('estimate', 'estimate', 'statistic'),
+                                  ('label', 'label', 'labels'), ('neuroname', 'neuroname', 'labels')):
+        says(tool, write_nifti(tool, 'i.nii', numpy.abs(field(4)).round(), intent), name=name, meaning=meaning)
+    says(tool, write_nifti(tool, 'i.nii', field(4), 'z score', intent_name='motor'), name='motor', meaning='statistic')
+    says(tool, write_nifti(tool, 'm.nii', field(4, 1, 6), 1005), name='xx', others=['xy', 'yy', 'xz', 'yz', 'zz'], steps=1)
+    tool.equal(tool.path('m.nii') + '?field=xz', field(4, 1, 6)[..., 0, 3].T)
+    says(tool, write_nifti(tool, 'dti_tensor.nii.gz', field(4, 6)), name='xx', others=['xy', 'xz', 'yy', 'yz', 'zz'], steps=1)
+    says(tool, write_nifti(tool, 'rgb.nii', numpy.zeros((*SHAPE, 1, 3), 'u1'), 2003), name='red', others=['green', 'blue'])
+    says(tool, write_nifti(tool, 'rgba.nii', numpy.zeros((*SHAPE, 1, 4), 'u1'), 2004), name='red', others=['green', 'blue', 'alpha'])
+    says(tool, write_nifti(tool, 'series.nii', field(4, 1, 4), 2001), steps=4)
+    says(tool, write_nifti(tool, 'labels.nii', numpy.zeros(SHAPE, 'i2')) + '?as=labels', meaning='labels')
+    says(tool, tool.path('labels.nii') + '?unit=um', unit='um')
+
+
+def write_meta(tool, name, data, channels=1, **more):
+    """x, y, z and maybe steps, then the channels."""
+    shape = data.shape[:-1] if channels > 1 else data.shape
+    kind = {'f4': 'MET_FLOAT', 'u1': 'MET_UCHAR', 'i2': 'MET_SHORT'}[data.dtype.str[1:]]
+    fields = {'ObjectType': 'Image', 'NDims': len(shape), 'BinaryData': True, 'DimSize': ' '.join(map(str, shape)), 'ElementNumberOfChannels': channels,
+              'ElementType': kind, **more, 'ElementDataFile': 'LOCAL'}
+    axes = list(range(len(shape) - 1, -1, -1)) + [len(shape)] * (channels > 1)
+    with open(tool.path(name), 'wb') as f:
+        f.write(''.join(f'{key} = {value}\n' for key, value in fields.items()).encode())
+        f.write(numpy.ascontiguousarray(data.transpose(axes)).tobytes())
+    return tool.path(name)
+
+
+def check_metaimage(tool):
+    v = field(5, 3)
+    has_vectors(tool, write_meta(tool, 'v.mha', v, 3), v)
+    says(tool, tool.path('v.mha'), unit='mm')
+    path = write_meta(tool, 'steps.mha', v)
+    says(tool, path, steps=3)
+    has_vectors(tool, path + '?as=vectors', v, sep='&')
+    tool.equal(path + '?as=channels&field=component 3', v[..., 2].T)
+    tool.equal(tool.path('v.mha') + '?as=rgb&field=green', v[..., 1].T)
+    says(tool, tool.path('v.mha') + '?as=time', steps=3)
+    tool.equal(tool.path('v.mha') + '?as=time', v[..., 2].T, step=2)
+    says(tool, write_meta(tool, 'rgb.mha', numpy.zeros((*SHAPE, 3), 'u1'), 3), name='red', others=['green', 'blue'])
+    tool.refused(write_meta(tool, 'two.mha', field(5, 2), 2) + '?as=rgb', '2 numbers per voxel', 'time, channels or labels')
+
+
+def check_nrrd(tool):
+    v = field(6, 3)
+    for first in (True, False):
+        data = numpy.moveaxis(v, -1, 0) if first else v
+        kinds = ['vector', *['space'] * 3] if first else [*['space'] * 3, 'vector']
+        for kind, readings in (('vector', ('', 'vectors')), ('list', ('vectors',)), ('RGB-color', ('vectors',))):
+            path = tool.path('v.nrrd')
+            nrrd.write(path, data, {'kinds': [kind if k == 'vector' else k for k in kinds]})
+            for reading in readings:
+                has_vectors(tool, path + (f'?as={reading}' if reading else ''), v, sep='&' if reading else '?')
+            says(tool, path + '?as=time', steps=3)
+            tool.equal(path + '?as=time', v[..., 1].T, step=1)
+            tool.equal(path + '?as=rgb&field=blue', v[..., 2].T)
+            tool.equal(path + '?as=channels&field=component 2', v[..., 1].T)
+    nrrd.write(tool.path('t.nrrd'), numpy.moveaxis(field(6, 7), -1, 0), {'kinds': ['3D-masked-symmetric-matrix', *['space'] * 3]})
+    says(tool, tool.path('t.nrrd'), name='mask', others=['xx', 'xy', 'xz', 'yy', 'yz', 'zz'])
+    tool.refused(tool.path('t.nrrd') + '?as=rgb', '7 numbers per voxel', 'time, channels or labels')
+
+
+def check_hounsfield(tool):
+    """Only CT, no overviews, and of derived images only those that say so."""
+    for unit, modality, kind, rescale in (('HU', 'CT', 'ORIGINAL\\PRIMARY\\AXIAL', ''), ('HU', 'CT', 'ORIGINAL\\PRIMARY\\AXIAL', 'HU'),
+                                          ('', 'CT', 'ORIGINAL\\PRIMARY\\LOCALIZER', 'HU'), ('', 'CT', 'ORIGINAL\\PRIMARY\\LOCALIZER', ''),
+                                          ('', 'CT', 'DERIVED\\SECONDARY\\OTHER', ''), ('HU', 'CT', 'DERIVED\\SECONDARY\\REFORMATTED', 'HU'),
+                                          ('', 'CT', 'ORIGINAL\\PRIMARY\\AXIAL', 'US'), ('MGML', 'CT', 'ORIGINAL\\PRIMARY\\AXIAL', 'MGML'),
+                                          ('', 'MR', 'ORIGINAL\\PRIMARY', 'HU'), ('', 'MR', 'ORIGINAL\\PRIMARY', '')):
+        path = dicom_files.enhanced(tool.path('hu.dcm'), dicom_files.stack(3), modality=modality)
+        data = pydicom.dcmread(path)
+        data.ImageType = kind.split('\\')
+        shared = data.SharedFunctionalGroupsSequence[0]
+        values = dicom_files.item(RescaleSlope=1, RescaleIntercept=-1024)
+        if rescale:
+            values.RescaleType = rescale
+        shared.PixelValueTransformationSequence = [values]
+        data.save_as(path)
+        says(tool, path, value_unit=unit)
+
+
+def check_missing(tool):
+    for mark in (-9999, 1e20):
+        data = field(7) * 10
+        data[:2] = mark
+        path = write_nifti(tool, 'm.nii', data)
+        tool.equal(path, data.T)  # they stay samples
+
+
+def check(tool):
+    for part in (check_nifti_vectors, check_nifti_intents, check_metaimage, check_nrrd, check_hounsfield, check_missing):
+        part(tool)
