@@ -2,6 +2,7 @@
 // The dialog "Open a volume": a browser of the daemon's data folder, recently opened volumes, the address of a remote
 // volume, and files of this computer.
 import { arranged, crumbs, joined, numberedSeries, parentOf, sizeText, withRecent } from '../core/files.js';
+import { READINGS, cleanUnit, parseReadings, rememberReading, withReading } from '../core/readings.js';
 import { t } from '../core/text.js';
 import { byId, icon, make, setText } from './dom.js';
 
@@ -30,6 +31,43 @@ class Recent {
   }
 }
 
+/** How files are read: the choice of the dialog, and what was chosen for a file before. */
+class Readings {
+  #storage;
+  #known;
+  #as = byId('open-as');
+  #unit = byId('open-unit');
+
+  constructor(storage) {
+    this.#storage = storage;
+    this.#known = parseReadings(storage.recallForever('readings'));
+    this.#as.replaceChildren(...['', 'file', ...READINGS].map((value) => make('option', { value, text: t(`open.as.${value || 'last'}`) })));
+  }
+
+  /** The next dialog begins without a choice. */
+  reset() {
+    this.#as.value = this.#unit.value = '';
+  }
+
+  /** What a file was read as, for its row. */
+  about(source) {
+    const { as, unit } = this.#known.get(source) ?? {};
+    return [as && t(`open.as.${as}`), unit].filter(Boolean).join(' · ');
+  }
+
+  /** The source with the choice of the dialog, or else the one of last time. */
+  apply(source) {
+    const known = this.#known.get(source) ?? { as: '', unit: '' };
+    const as = this.#as.value === 'file' ? '' : this.#as.value || known.as;
+    const unit = cleanUnit(this.#unit.value) || (this.#as.value === 'file' ? '' : known.unit);
+    return { source, as, unit };
+  }
+
+  remember({ source, as, unit }) {
+    this.#storage.rememberForever('readings', rememberReading(this.#known, source, { as, unit }));
+  }
+}
+
 /** What the beginning of a file tells, or else its format, and what it consists of; of a slice among others, that it opens all of them. */
 function about({ dims, type, format, contents, bytes }, isSlice) {
   const consists = isSlice ? t('open.series.slice') : contents && t(`kinds.${contents}`);
@@ -39,7 +77,7 @@ function about({ dims, type, format, contents, bytes }, isSlice) {
 const isDicom = ({ format }) => format === 'DICOM';
 
 class OpenDialog {
-  #app; #dialog; #list; #filter; #said; #recent;
+  #app; #dialog; #list; #filter; #said; #recent; #readings;
   #folder = '';
   #use; // what opened volumes are for, see app.openVolume()
   #entries = [];
@@ -52,6 +90,7 @@ class OpenDialog {
     this.#filter = byId('open-filter');
     this.#said = byId('open-said');
     this.#recent = new Recent(app.base);
+    this.#readings = new Readings(app.storage);
     this.#filter.addEventListener('input', () => this.#showEntries());
     this.#dialog.addEventListener('keydown', (event) => this.#key(event));
     byId('open-choose').addEventListener('click', () => byId('open-file').click());
@@ -75,6 +114,7 @@ class OpenDialog {
     byId('open-nothing').hidden = Boolean(may.browse);
     byId('open-upload').hidden = !may.upload;
     byId('open-remote').hidden = !may.remote;
+    this.#readings.reset();
     this.#showRecent();
     this.#showQuota();
     this.#dialog.showModal();
@@ -153,8 +193,9 @@ class OpenDialog {
     const rows = shown.map((entry) => {
       const isFolder = entry.kind === 'folder';
       const source = joined(this.#folder, entry.name);
-      return this.#row(entry.name, about(entry, isSeries && isDicom(entry)), { 'data-name': entry.name, 'data-kind': entry.kind }, isFolder ? icon('folder') : icon('box'),
-        () => (isFolder ? this.#enter(source) : this.open({ source, name: entry.name })));
+      const told = [about(entry, isSeries && isDicom(entry)), this.#readings.about(source)].filter(Boolean).join(' · ');
+      return this.#row(entry.name, told, { 'data-name': entry.name, 'data-kind': entry.kind }, isFolder ? icon('folder') : icon('box'),
+        () => (isFolder ? this.#enter(source) : this.#read(source, entry.name)));
     });
     const firstFile = shown.findIndex(({ kind }) => kind !== 'folder');
     const series = arranged(numberedSeries(this.#entries), this.#filter.value);
@@ -182,7 +223,7 @@ class OpenDialog {
 
   /** Numbered files as one time series. */
   #stepsRow({ name, count }) {
-    return this.#row(name, t('open.steps', { count }), { 'data-name': name, 'data-kind': 'steps' }, icon('box'), () => this.open({ source: joined(this.#folder, name), name }));
+    return this.#row(name, t('open.steps', { count }), { 'data-name': name, 'data-kind': 'steps' }, icon('box'), () => this.#read(joined(this.#folder, name), name));
   }
 
   get #buttons() { return [...this.#list.querySelectorAll('button')]; }
@@ -217,7 +258,13 @@ class OpenDialog {
     }
   }
 
-  /** Loads a source, and shows it once it is ready. */
+  /** Opens a file of the folder as the dialog says, and remembers it for this file. */
+  async #read(source, name) {
+    const reading = this.#readings.apply(source);
+    if (await this.open({ source: withReading(source, reading), name })) this.#readings.remember(reading);
+  }
+
+  /** Loads a source, and shows it once it is ready. Returns whether the daemon takes it. */
   async open({ source, name }) {
     try {
       this.#say(t('open.opening', { name }));
@@ -225,9 +272,11 @@ class OpenDialog {
       this.#recent.add({ source, name });
       this.#dialog.close();
       this.#app.openVolume(volume, this.#use);
+      return true;
     } catch (error) {
       this.#say(error.message, true);
       if (!this.#dialog.open) this.#app.notice.show(error.message, 'error', 'open');
+      return false;
     }
   }
 }

@@ -31,8 +31,10 @@ class Slices extends Emitter {
   #app;
   #cache = new SliceCache();
   #volume = null; // id
+  #begun = true; // the layout follows what the volume wants, once
   #home = null; // the volume's default camera, which tells what is up where the file does not
   #line = null; // {normal, from, to}: where moves along a normal began, and the position that the last one set
+  #before = null; // the layout before a volume began with slices
   grid = null;
   panes = new Map();
   lines = new SliceLines(this);
@@ -136,10 +138,28 @@ class Slices extends Emitter {
       this.grid = this.#home = null;
       for (const pane of this.panes.values()) pane.reset();
       this.#findHome(id);
+      this.#begun = false;
     }
+    if (!this.#begun && volume) this.#begin(volume);
     if (!this.grid && volume?.dims && viewer.kind === 'grid') this.grid = finestGrid(volume);
     this.update();
     this.emit('change');
+  }
+
+  /** Shows slices first where the volume wants that, unless this tab has shown it before; goes back afterwards. */
+  #begin({ id, first_layout: first }) {
+    const { layout, storage } = this.#app;
+    const key = `begun:${id}`;
+    this.#begun = true;
+    if (first === 'slices') {
+      if (storage.recall(key) || layout.current !== '3d') return;
+      storage.remember(key, '1');
+      layout.set('slices');
+      this.#before = '3d';
+    } else if (this.#before && layout.current === 'slices') {
+      layout.set(this.#before);
+      this.#before = null;
+    }
   }
 
   async #findHome(id) {
