@@ -67,6 +67,11 @@ static void reading(void **state) {
     oom_each_allocation("GET", path, "", 200);
     snprintf(path, sizeof path, "sessions/%s/visible", oom_session);
     oom_each_allocation("GET", path, "", 200);
+    static const char *const volumes[] = { "", "/engine", "/engine/view" };
+    for (size_t i = 0; i < sizeof volumes / sizeof *volumes; i++) {
+        snprintf(path, sizeof path, "sessions/%s/volumes%s", oom_session, volumes[i]);
+        oom_each_allocation("GET", path, "", 200);
+    }
     oom_each_allocation("GET", "volumes/engine/slice?axis=2&index=1&format=raw", "", 200);
     oom_each_allocation("GET", "volumes/engine/slice?axis=2&index=1", "", 200);
     snprintf(path, sizeof path, "sessions/%s/slice?axis=0&index=0&color=transfer", oom_session);
