@@ -149,7 +149,7 @@ bool sp_import_child_start_reader(struct sp_import_child *c, const char *program
         [SP_ARGUMENT_ROOT] = request->root,
         [SP_ARGUMENT_FOLDER] = request->folder,
         [SP_ARGUMENT_CPU_SECONDS] = seconds,
-        [SP_ARGUMENT_MODE] = request->serves_chunks ? SP_IMPORT_CHUNKS : "",
+        [SP_ARGUMENT_MODE] = request->mode,
         [SP_ARGUMENT_PATTERN] = request->pattern,
         [SP_ARGUMENT_STEP] = step,
         [SP_ARGUMENT_LEVEL] = level,

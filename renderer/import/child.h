@@ -15,8 +15,7 @@
 /* The open descriptors of the child, beside the standard ones. What it reads from comes last. */
 enum { SP_IMPORT_SOCKET = 3, SP_IMPORT_MEMORY = 4, SP_IMPORT_FILE = 5 };
 
-/* The arguments of splat-import. MODE is SP_IMPORT_CHUNKS if it reads chunks when they are asked
- * for; otherwise "". */
+/* The arguments of splat-import. MODE is one of those below, or "" to read all samples. */
 enum sp_import_argument {
     SP_ARGUMENT_PROGRAM,
     SP_ARGUMENT_PATH,
@@ -34,7 +33,8 @@ enum sp_import_argument {
     SP_ARGUMENT_FIELD,
     SP_ARGUMENT_COUNT
 };
-#define SP_IMPORT_CHUNKS "chunks"
+#define SP_IMPORT_CHUNKS "chunks" /* reads chunks, as they are asked for */
+#define SP_IMPORT_LIST "list"     /* lists series (sp/series.h) */
 
 /* What splat-import reads. All strings are borrowed and not NULL; "" = the reader chooses. */
 struct sp_import_request {
@@ -42,7 +42,7 @@ struct sp_import_request {
     const char *pattern; /* of a time series of files (numbered.h); "" = one file */
     const struct sp_source_parts *parts;
     uint32_t step;
-    bool serves_chunks;
+    const char *mode; /* "", SP_IMPORT_CHUNKS or SP_IMPORT_LIST */
 };
 
 struct sp_import_child {

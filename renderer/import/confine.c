@@ -71,38 +71,68 @@ static bool fail_outside(struct sp_error *err, const char *root, const char *pat
                    root);
 }
 
-int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
-                     uint64_t *size, struct sp_error *err) {
+/* Resolves a path and opens what it names without reading it. -1 with *err set. */
+static int open_unread(const char *root, const char *path, const char *shown, char real[PATH_MAX],
+                       bool may_be_root, struct stat *st, struct sp_error *err) {
     if (!realpath(path, real)) {
         fail_errno(err, errno, shown, "resolve the path");
         return -1;
     }
-    if (!sp_is_below(root, real)) {
+    if (!sp_is_below(root, real) && !(may_be_root && strcmp(root, real) == 0)) {
         fail_outside(err, root, path, real, shown);
         return -1;
     }
-    int path_fd = open_path(root, real);
-    if (path_fd < 0) {
+    int fd = open_path(root, real);
+    if (fd < 0) {
         if (errno == ELOOP)
             sp_fail(err, SP_ERR_DENIED, shown, "became a symbolic link while it was opened");
         else
             fail_errno(err, errno, shown, "open");
         return -1;
     }
-    struct stat st;
-    int fd = -1;
-    if (fstat(path_fd, &st) != 0) {
-        fail_errno(err, errno, shown, "look at the file");
-    } else if (!S_ISREG(st.st_mode)) {
-        sp_fail(err, SP_ERR_INVALID, shown, "is %s, not a regular file", kind_name(st.st_mode));
-    } else {
-        char self[40];
-        snprintf(self, sizeof self, "/proc/self/fd/%d", path_fd);
-        fd = open(self, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
-        if (fd < 0)
-            sp_fail(err, SP_ERR_IO, shown, "cannot open: %s", strerror(errno));
-        *size = (uint64_t)st.st_size;
-    }
-    close(path_fd);
+    if (fstat(fd, st) == 0)
+        return fd;
+    fail_errno(err, errno, shown, "look at the file");
+    close(fd);
+    return -1;
+}
+
+/* Opens for reading what `unread` refers to, which is closed. */
+static int open_read(int unread, int flags, const char *shown, struct sp_error *err) {
+    char self[40];
+    snprintf(self, sizeof self, "/proc/self/fd/%d", unread);
+    const int fd = open(self, O_RDONLY | O_CLOEXEC | flags);
+    if (fd < 0)
+        sp_fail(err, SP_ERR_IO, shown, "cannot open: %s", strerror(errno));
+    close(unread);
     return fd;
+}
+
+int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
+                     uint64_t *size, struct sp_error *err) {
+    struct stat st;
+    const int unread = open_unread(root, path, shown, real, false, &st, err);
+    if (unread < 0)
+        return -1;
+    if (!S_ISREG(st.st_mode)) {
+        sp_fail(err, SP_ERR_INVALID, shown, "is %s, not a regular file", kind_name(st.st_mode));
+        close(unread);
+        return -1;
+    }
+    *size = (uint64_t)st.st_size;
+    return open_read(unread, O_NONBLOCK | O_NOCTTY, shown, err);
+}
+
+int sp_open_confined_folder(const char *root, const char *path, const char *shown,
+                            char real[PATH_MAX], struct sp_error *err) {
+    struct stat st;
+    const int unread = open_unread(root, path, shown, real, true, &st, err);
+    if (unread < 0)
+        return -1;
+    if (!S_ISDIR(st.st_mode)) {
+        sp_fail(err, SP_ERR_INVALID, shown, "is not a folder");
+        close(unread);
+        return -1;
+    }
+    return open_read(unread, O_DIRECTORY, shown, err);
 }

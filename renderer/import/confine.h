@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Opens files below one folder only. The parent uses it for the requested file, the readers for
- * files that a header names.
+ * Opens files and folders below one folder only. The parent uses it for the requested file, the
+ * readers for files that a header names.
  */
 #ifndef SP_IMPORT_CONFINE_H
 #define SP_IMPORT_CONFINE_H
@@ -19,6 +19,10 @@
  * receives the resolved path, *size the file's size in bytes. */
 int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
                      uint64_t *size, struct sp_error *err);
+
+/* The same for a folder, which may be the root itself. SP_ERR_INVALID: not a folder. */
+int sp_open_confined_folder(const char *root, const char *path, const char *shown,
+                            char real[PATH_MAX], struct sp_error *err);
 
 /* True if `real` lies below `root`; both are resolved. */
 bool sp_is_below(const char *root, const char *real);

@@ -32,15 +32,32 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
     return dicom_is_file(start, size) || dicom_has_ending(shown);
 }
 
+/* Loads the module, and describes the file unless it is a folder. An image, or a DICOMDIR, is
+ * complete. */
+static bool open_source(struct dicom_source *source, struct sp_error *err) {
+    const struct import_file *file = source->file;
+    char why[SP_ERROR_TEXT] = "the file has no image";
+    source->call = import_module_load(file, DICOM_BRIDGE_MODULE, DICOM_BRIDGE_SYMBOL, "GDCM",
+                                      "libgdcm3.0", err);
+    if (!source->call)
+        return false;
+    return file->is_folder ||
+           (dicom_describe(source, file->fd, &source->image, why) &&
+            (source->image.is_directory ||
+             (source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why)))) ||
+           dicom_fail(source, SP_ERR_FORMAT, "", why, err);
+}
+
 static bool find_slices(struct dicom *d, struct import_header *header, struct sp_error *err) {
-    const struct dicom_source *source = &d->source;
+    struct dicom_source *source = &d->source;
     struct dicom_slices *slices = &d->slices;
-    const bool is_series = source->image.frames == 1 && source->image.series[0];
+    const bool is_series = source->image.frames <= 1; /* or a folder, or a DICOMDIR */
     if (is_series && !dicom_folder_list(source, slices, err))
         return false;
     if (slices->count == 0 && !dicom_frames_list(source, slices, err))
         return false;
     header->took_folder = is_series && slices->count > 1;
+    header->used_series = is_series;
     const bool is_sorted = dicom_slices_sort(slices) &&
                            (!slices->items[0].is.segment || dicom_slices_fill_gaps(slices));
     return (is_sorted ||
@@ -106,17 +123,12 @@ static bool take_type(struct dicom *d, struct import_header *header, struct sp_e
 
 static bool take(struct dicom *d, struct import_header *header, struct sp_error *err) {
     struct dicom_source *source = &d->source;
-    char why[SP_ERROR_TEXT];
     import_header_init(header);
-    source->call = import_module_load(source->file, DICOM_BRIDGE_MODULE, DICOM_BRIDGE_SYMBOL,
-                                      "GDCM", "libgdcm3.0", err);
-    if (!source->call)
+    if (!open_source(source, err) || !find_slices(d, header, err))
         return false;
-    if (!dicom_describe(source, source->file->fd, &source->image, why))
-        return dicom_fail(source, SP_ERR_FORMAT, "", why, err);
     if (source->image.note[0])
         import_warn(source->file->warnings, "%s", source->image.note);
-    return find_slices(d, header, err) && take_type(d, header, err) &&
+    return take_type(d, header, err) &&
            dicom_grid_take(&d->slices, source, header, &d->places, err) &&
            sp_grid_check(&header->grid, header->type, source->file->shown, &header->bytes, err);
 }
@@ -161,15 +173,21 @@ struct reading {
     const char *name; /* of the file that is open; NULL = none */
     char *unpacked;   /* owned; a frame */
     uint64_t shared;  /* pixels of several segments */
+    /* Slices whose pixels cannot be unpacked, while others can. */
+    bool *is_damaged; /* owned; of each plane */
+    uint32_t damaged;
+    char names[160];     /* of the first ones */
+    struct sp_error why; /* of the first one */
 };
 
 static bool read_slice(const struct dicom *d, const struct dicom_slice *slice, size_t pixels,
                        char *to, struct reading *r, struct sp_error *err) {
     if (!r->name || strcmp(r->name, slice->name) != 0) {
         dicom_samples_close(&r->samples);
-        r->name = slice->name;
+        r->name = NULL;
         if (!dicom_samples_open(&r->samples, &d->source, slice->name, err))
             return false;
+        r->name = slice->name;
     }
     struct import_conversion c = d->conversion;
     c.slope = slice->is.slope;
@@ -183,6 +201,42 @@ static bool read_slice(const struct dicom *d, const struct dicom_slice *slice, s
     return true;
 }
 
+/* Counts a slice that is damaged. False if it is an error: another one, or the only slice. */
+static bool pass_over(const struct dicom *d, const struct dicom_slice *slice, struct reading *r,
+                      const struct sp_error *why) {
+    char name[80];
+    if (why->code != SP_ERR_FORMAT || d->slices.are_together || r->damaged + 1 >= d->slices.planes)
+        return false;
+    if (r->damaged == 0)
+        r->why = *why;
+    dicom_slice_name(slice, name);
+    const size_t used = strlen(r->names);
+    if (used + strlen(name) + 8 < sizeof r->names)
+        snprintf(r->names + used, sizeof r->names - used, "%s%s", used ? ", " : "", name);
+    r->is_damaged[slice->plane] = true;
+    r->damaged++;
+    return true;
+}
+
+/* Gives damaged planes the smallest sample of the others, which mostly is the background. */
+static void fill_damaged(const struct dicom *d, const struct reading *r, size_t pixels,
+                         char *voxels) {
+    const enum sp_type type = d->conversion.type;
+    const size_t size = sp_type_size(type);
+    double least = INFINITY;
+    for (uint32_t plane = 0; plane < d->slices.planes; plane++)
+        for (size_t i = 0; i < pixels && !r->is_damaged[plane]; i++)
+            least = fmin(
+                least, import_widen(voxels + (plane * pixels + i) * size, import_number_of(type)));
+    for (uint32_t plane = 0; plane < d->slices.planes; plane++)
+        for (size_t i = 0; i < pixels && r->is_damaged[plane]; i++)
+            sp_sample_set(voxels + plane * pixels * size, type, i, least);
+    import_warn(d->source.file->warnings,
+                "%u %s damaged and shown as %.6g, the smallest value of the others: %s. %.80s.",
+                r->damaged, r->damaged > 1 ? "slices are" : "slice is", least, r->names,
+                r->why.text);
+}
+
 /* Planes without a slice stay 0. */
 static bool read_dicom(void *reader, void *voxels, float (*vectors)[3],
                        const struct import_progress *progress, struct sp_error *err) {
@@ -192,11 +246,16 @@ static bool read_dicom(void *reader, void *voxels, float (*vectors)[3],
     struct reading r = { .samples = { .fd = -1 } };
     (void)vectors;
     r.unpacked = malloc(pixels * d->conversion.components * d->conversion.number.size);
-    bool ok = r.unpacked ||
+    r.is_damaged = calloc(d->slices.planes, sizeof *r.is_damaged);
+    bool ok = (r.unpacked && r.is_damaged) ||
               sp_fail(err, SP_ERR_MEMORY, d->source.file->shown, "out of memory for the pixels");
     for (uint32_t i = 0; ok && i < d->slices.count; i++) {
         const struct dicom_slice *s = &d->slices.items[i];
-        ok = read_slice(d, s, pixels, (char *)voxels + s->plane * bytes, &r, err);
+        struct sp_error why;
+        ok = read_slice(d, s, pixels, (char *)voxels + s->plane * bytes, &r, &why) ||
+             pass_over(d, s, &r, &why);
+        if (!ok && err)
+            *err = why;
         import_report(progress, (s->plane + 1) * bytes);
     }
     if (ok && r.shared)
@@ -204,8 +263,22 @@ static bool read_dicom(void *reader, void *voxels, float (*vectors)[3],
                     "%" PRIu64 " voxels are in several segments; each has the label of the last "
                     "one. The fields are the segments one by one.",
                     r.shared);
+    if (ok && r.damaged)
+        fill_damaged(d, &r, pixels, voxels);
     dicom_samples_close(&r.samples);
+    free(r.is_damaged);
     free(r.unpacked);
+    return ok;
+}
+
+static bool list_series(const struct import_file *file, struct import_series_list *list,
+                        struct sp_error *err) {
+    struct dicom_source *source = calloc(1, sizeof *source);
+    if (!source)
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+    source->file = file;
+    const bool ok = open_source(source, err) && dicom_list_series(source, list, err);
+    free(source);
     return ok;
 }
 
@@ -214,4 +287,5 @@ const struct import_format import_dicom = { .name = "DICOM",
                                             .needs_module = true,
                                             .open = open_dicom,
                                             .read = read_dicom,
-                                            .close = close_dicom };
+                                            .close = close_dicom,
+                                            .list = list_series };

@@ -59,13 +59,17 @@ enum dicom_colors {
 enum dicom_order { DICOM_ORDER_PLACES, DICOM_ORDER_TIMES };
 
 struct dicom_image { /* what a file says about its images */
+    char id[68];     /* unique id of the file's images; "" = none */
     char series[68]; /* unique id of the series; "" = none */
+    bool has_number;
+    long number;       /* of the series in its study */
+    bool is_directory; /* the file is a DICOMDIR */
     char modality[20];
-    char description[68]; /* of the series */
-    uint32_t columns, rows, frames;
-    unsigned channels;    /* numbers per pixel */
-    unsigned bytes, bits; /* per number: in memory, and those that are used */
-    unsigned high_bit;    /* the highest of the bits that are used */
+    char description[68];           /* of the series, UTF-8 */
+    uint32_t columns, rows, frames; /* columns 0 = the file has no image */
+    unsigned channels;              /* numbers per pixel */
+    unsigned bytes, bits;           /* per number: in memory, and those that are used */
+    unsigned high_bit;              /* the highest of the bits that are used */
     bool is_signed, is_float;
     bool is_bits;       /* one bit per pixel, without a gap between rows or frames */
     bool is_planar;     /* each frame has its channels one after the other */

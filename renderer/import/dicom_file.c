@@ -43,7 +43,7 @@ bool dicom_fail(const struct dicom_source *source, enum sp_code code, const char
 }
 
 int dicom_open(const struct dicom_source *source, const char *name, struct sp_error *err) {
-    char path[PATH_MAX + NAME_MAX + 2], real[PATH_MAX];
+    char path[2 * PATH_MAX], real[PATH_MAX];
     uint64_t size;
     if (!*name)
         return source->file->fd;

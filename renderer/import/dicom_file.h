@@ -11,9 +11,10 @@
 enum { DICOM_PREFIX = 132 }; /* bytes that dicom_is_file() needs */
 
 struct dicom_source {
-    const struct import_file *file; /* that was opened */
+    const struct import_file *file; /* that was opened; may be a folder or a DICOMDIR */
     const struct dicom_bridge_functions *call;
-    struct dicom_image image; /* of this file */
+    char name[PATH_MAX];      /* of the file whose image follows, in the folder; "" = that one */
+    struct dicom_image image; /* of the first file of the volume */
 };
 
 /* True if the first bytes are those of a DICOM file. */

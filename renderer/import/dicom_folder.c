@@ -1,64 +1,266 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "import/dicom_folder.h"
 
-#include <dirent.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
+#include <strings.h>
 
-enum { FILES_MAX = 1 << 16 };
+enum { LIST = 160 }; /* bytes of a list of names in a warning or an error */
 
-static bool is_same_direction(const double a[3], const double b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > 0.9999;
+/* Appends to a list what fits, and then "…". */
+__attribute__((format(printf, 3, 4))) static void append(char *list, size_t size,
+                                                         const char *format, ...) {
+    static const char more[] = "…";
+    char item[128];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(item, sizeof item, format, args);
+    va_end(args);
+    const size_t used = strlen(list), ending = sizeof more - 1;
+    const bool is_full = used >= ending && strcmp(list + used - ending, more) == 0;
+    const char *comma = used > 0 ? ", " : "";
+    if (is_full)
+        return;
+    if (used + strlen(comma) + strlen(item) + 2 + ending < size)
+        snprintf(list + used, size - used, "%s%s", comma, item);
+    else
+        snprintf(list + used, size - used, "%s%s", comma, more);
 }
 
-/* A series may have other images, such as an overview, which are not part of the volume. */
-static bool belongs(const struct dicom_image *one, const struct dicom_image *other) {
-    const struct dicom_frame *a = &one->first, *b = &other->first;
-    return strcmp(one->series, other->series) == 0 && other->frames == 1 &&
-           one->columns == other->columns && one->rows == other->rows &&
-           one->channels == other->channels && one->bytes == other->bytes &&
-           one->is_signed == other->is_signed && one->is_float == other->is_float &&
-           a->is_placed == b->is_placed &&
-           (!a->is_placed || (is_same_direction(a->along[0], b->along[0]) &&
-                              is_same_direction(a->along[1], b->along[1])));
+/* What warnings call a file. */
+static const char *name_of(const struct dicom_source *source, const char *name) {
+    const char *slash = strrchr(source->file->shown, '/');
+    return *name ? name : slash ? slash + 1 : source->file->shown;
 }
 
-/* Adds a file of the folder if it is a slice of the series, and counts it if it is another image
- * of the series. False if there is no memory. */
-static bool take_file(const struct dicom_source *source, const char *name,
-                      struct dicom_slices *slices, unsigned *left_out) {
-    char why[SP_ERROR_TEXT];
-    uint8_t start[DICOM_PREFIX];
-    struct dicom_image image;
-    struct sp_error ignored;
-    int fd = dicom_open(source, name, &ignored);
-    if (fd < 0)
-        return true;
-    const ssize_t got = pread(fd, start, sizeof start, 0);
-    const bool is_image = got > 0 &&
-                          (dicom_is_file(start, (size_t)got) || dicom_has_ending(name)) &&
-                          dicom_describe(source, fd, &image, why);
-    const bool is_slice = is_image && belongs(&source->image, &image);
-    dicom_close(source, fd);
-    *left_out += is_image && !is_slice && strcmp(source->image.series, image.series) == 0;
-    return !is_slice || dicom_slices_add(slices, name, 0, &image.first);
+/* The choice of a series. */
+
+/* How well a series matches a text: its unique id, its number, its description, a part of that. */
+static int match(const struct dicom_image *image, const char *wanted) {
+    char number[24];
+    snprintf(number, sizeof number, "%ld", image->number);
+    return strcmp(image->series, wanted) == 0                 ? 4
+           : image->has_number && strcmp(number, wanted) == 0 ? 3
+           : strcasecmp(image->description, wanted) == 0      ? 2
+           : strcasestr(image->description, wanted) != NULL   ? 1
+                                                              : 0;
 }
 
-bool dicom_folder_list(const struct dicom_source *source, struct dicom_slices *slices,
-                       struct sp_error *err) {
+/* "NUMBER "DESCRIPTION" (n images)" */
+static void append_series(const struct dicom_scan *scan, uint32_t n, char list[LIST]) {
+    const struct dicom_stack *stack = &scan->stacks[n];
+    const struct dicom_image *image = &scan->images[stack->first].image;
+    char number[24] = "", description[72] = "";
+    if (image->has_number)
+        snprintf(number, sizeof number, "%ld ", image->number);
+    if (image->description[0])
+        snprintf(description, sizeof description, "\"%.40s\" ", image->description);
+    append(list, LIST, "%s%s(%u %s)", number, description, stack->frames,
+           stack->frames == 1 ? "image" : "images");
+}
+
+/* True if no earlier stack is of the same series and larger. */
+static bool is_main(const struct dicom_scan *scan, uint32_t n) {
+    for (uint32_t i = 0; i < scan->stack_count; i++)
+        if (i != n && dicom_is_same_series(dicom_scan_image(scan, i), dicom_scan_image(scan, n)) &&
+            dicom_scan_larger(scan, i, n) == i && (i < n || dicom_scan_larger(scan, n, i) == i))
+            return false;
+    return true;
+}
+
+static bool fail_unknown(const struct dicom_source *source, const struct dicom_scan *scan,
+                         struct sp_error *err) {
+    char list[LIST] = "";
+    for (uint32_t n = 0; n < scan->stack_count; n++)
+        if (is_main(scan, n))
+            append_series(scan, n, list);
+    return sp_fail(err, SP_ERR_NOT_FOUND, source->file->shown,
+                   "there is no series \"%.64s\"; there are: %s", source->file->selection.series,
+                   list);
+}
+
+/* The largest stack, or that of the series which the source names. */
+static bool choose_largest(const struct dicom_source *source, const struct dicom_scan *scan,
+                           uint32_t *chosen, struct sp_error *err) {
+    const char *wanted = source->file->selection.series;
+    int best = -1;
+    for (uint32_t n = 0; n < scan->stack_count; n++) {
+        const int matched = *wanted ? match(dicom_scan_image(scan, n), wanted) : 0;
+        if (matched > best || (matched == best && dicom_scan_larger(scan, *chosen, n) == n))
+            *chosen = n;
+        best = matched > best ? matched : best;
+    }
+    return !*wanted || best > 0 || fail_unknown(source, scan, err);
+}
+
+static bool choose(const struct dicom_source *source, const struct dicom_scan *scan,
+                   uint32_t *chosen, struct sp_error *err) {
     const struct import_file *file = source->file;
-    DIR *folder = opendir(file->folder);
-    unsigned left_out = 0;
-    bool ok = true;
-    if (!folder)
-        return sp_fail(err, SP_ERR_IO, file->shown, "cannot list the folder of the file");
-    for (const struct dirent *entry; ok && slices->count < FILES_MAX && (entry = readdir(folder));)
-        if (entry->d_name[0] != '.')
-            ok = take_file(source, entry->d_name, slices, &left_out);
-    closedir(folder);
-    if (left_out)
-        import_warn(file->warnings,
-                    "Left out %u other %s of the series, whose size, type or direction differs.",
-                    left_out, left_out > 1 ? "images" : "image");
-    return ok || sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the slices");
+    *chosen = 0;
+    if (scan->stack_count == 0)
+        return sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
+                       scan->damaged.count ? "there is no whole DICOM image in this folder: %.100s"
+                                           : "there is no DICOM image in this folder%s",
+                       scan->damaged.count ? scan->damaged.names[0] : "");
+    if (file->is_folder || source->image.is_directory)
+        return choose_largest(source, scan, chosen, err);
+    return !*file->selection.series || match(&source->image, file->selection.series) > 0 ||
+           sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
+                   "the file belongs to the series %.64s, not to \"%.64s\"; open the folder to "
+                   "choose another series",
+                   source->image.series, file->selection.series);
+}
+
+/* Warnings. */
+
+static void warn_of_series(const struct dicom_source *source, const struct dicom_scan *scan,
+                           uint32_t chosen) {
+    char shown[LIST] = "", others[LIST] = "";
+    unsigned count = 0;
+    if (*source->file->selection.series)
+        return;
+    for (uint32_t n = 0; n < scan->stack_count; n++)
+        if (is_main(scan, n) &&
+            !dicom_is_same_series(dicom_scan_image(scan, n), dicom_scan_image(scan, chosen))) {
+            append_series(scan, n, others);
+            count++;
+        }
+    append_series(scan, chosen, shown);
+    if (count > 0)
+        import_warn(source->file->warnings,
+                    "This is series %s, the largest of %u. The others are %s. ?series= chooses by "
+                    "number, description or UID.",
+                    shown, count + 1, others);
+}
+
+/* Other stacks of the same series. */
+static void warn_of_stacks(const struct dicom_source *source, const struct dicom_scan *scan,
+                           uint32_t chosen) {
+    char list[LIST] = "";
+    unsigned count = 0;
+    for (uint32_t i = 0; i < scan->count; i++) {
+        const struct dicom_found *found = &scan->images[i];
+        if (found->is_copy || found->stack == chosen ||
+            !dicom_is_same_series(&found->image, dicom_scan_image(scan, chosen)))
+            continue;
+        append(list, sizeof list, "%.60s", name_of(source, found->name));
+        count += found->image.frames;
+    }
+    if (count > 0)
+        import_warn(source->file->warnings,
+                    "Left out %u other %s of the series, whose size, type, spacing or direction "
+                    "differs: %s.",
+                    count, count > 1 ? "images" : "image", list);
+}
+
+static void warn_of_files(const struct dicom_source *source, const struct dicom_scan *scan) {
+    char copies[LIST] = "", damaged[LIST] = "";
+    for (uint32_t i = 0; i < scan->count; i++)
+        if (scan->images[i].is_copy)
+            append(copies, sizeof copies, "%.50s (of %.50s)", name_of(source, scan->images[i].name),
+                   name_of(source, scan->images[scan->images[i].copy_of].name));
+    for (uint32_t i = 0; i < scan->damaged.count; i++)
+        append(damaged, sizeof damaged, "%s", scan->damaged.names[i]);
+    if (scan->copies > 0)
+        import_warn(source->file->warnings, "Left out %u %s with the same SOPInstanceUID: %s.",
+                    scan->copies, scan->copies > 1 ? "copies" : "copy", copies);
+    if (scan->damaged.count > 0)
+        import_warn(source->file->warnings, "Left out %u damaged %s: %s.", scan->damaged.count,
+                    scan->damaged.count > 1 ? "files" : "file", damaged);
+    if (scan->is_bounded)
+        import_warn(source->file->warnings,
+                    "There are more files than the %u that were looked at; open the folder of one "
+                    "series.",
+                    scan->count);
+}
+
+/* The slices. */
+
+static int by_instance(const void *a, const void *b) {
+    const struct dicom_found *const *p = a, *const *q = b;
+    const long x = (*p)->image.first.instance, y = (*q)->image.first.instance;
+    return x != y ? (x > y) - (x < y) : (*p > *q) - (*p < *q);
+}
+
+static int by_group(const void *a, const void *b) {
+    const struct dicom_found *const *p = a, *const *q = b;
+    return strcmp((*p)->image.first.group, (*q)->image.first.group);
+}
+
+/* Images without a position lie above one another in the order of their numbers, or of their
+ * names. */
+static void order_unplaced(const struct dicom_source *source, struct dicom_found **found,
+                           uint32_t count) {
+    if (count < 2 || found[0]->image.first.is_placed)
+        return;
+    bool has_numbers = true;
+    qsort(found, count, sizeof *found, by_instance);
+    for (uint32_t i = 0; i < count; i++) {
+        found[i]->image.first.slot = i;
+        has_numbers &=
+            i == 0 || found[i]->image.first.instance != found[i - 1]->image.first.instance;
+    }
+    import_warn(source->file->warnings,
+                "The images have no position: they are shown in the order of their %s.",
+                has_numbers ? "instance numbers" : "names");
+}
+
+/* Numbers the kinds of images, in the order of their names; the module knows one file only. */
+static void rank_groups(struct dicom_found **found, uint32_t count) {
+    double rank = 0;
+    qsort(found, count, sizeof *found, by_group);
+    for (uint32_t i = 0; i < count; i++) {
+        struct dicom_frame *is = &found[i]->image.first;
+        rank += i > 0 && strcmp(is->group, found[i - 1]->image.first.group) != 0;
+        if (is->group[0] && !is->segment)
+            is->keys[DICOM_KEY_GROUP] = rank;
+    }
+}
+
+static bool add_slices(struct dicom_source *source, struct dicom_scan *scan, uint32_t chosen,
+                       struct dicom_slices *slices) {
+    struct dicom_found **found = malloc(scan->count * sizeof *found);
+    uint32_t count = 0;
+    bool ok = found != NULL;
+    for (uint32_t i = 0; ok && i < scan->count; i++)
+        if (!scan->images[i].is_copy && scan->images[i].stack == chosen)
+            found[count++] = &scan->images[i];
+    if (ok) {
+        rank_groups(found, count);
+        order_unplaced(source, found, count);
+    }
+    for (uint32_t i = 0; ok && i < count; i++) {
+        if (found[i]->image.bits > source->image.bits)
+            source->image.bits = found[i]->image.bits;
+        ok = dicom_slices_add(slices, found[i]->name, 0, &found[i]->image.first);
+    }
+    free(found);
+    return ok;
+}
+
+static bool take(struct dicom_source *source, struct dicom_scan *scan, struct dicom_slices *slices,
+                 struct sp_error *err) {
+    const bool is_named = !source->file->is_folder && !source->image.is_directory;
+    uint32_t chosen;
+    if (!choose(source, scan, &chosen, err))
+        return false;
+    if (!is_named)
+        warn_of_series(source, scan, chosen);
+    warn_of_stacks(source, scan, chosen);
+    warn_of_files(source, scan);
+    const struct dicom_found *first = &scan->images[scan->stacks[chosen].first];
+    source->image = first->image;
+    snprintf(source->name, sizeof source->name, "%s", first->name);
+    return first->image.frames > 1 || add_slices(source, scan, chosen, slices) ||
+           sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+}
+
+bool dicom_folder_list(struct dicom_source *source, struct dicom_slices *slices,
+                       struct sp_error *err) {
+    struct dicom_scan scan = { .count = 0 };
+    const bool ok = dicom_scan_read(source, &scan, err) && take(source, &scan, slices, err);
+    dicom_scan_finish(&scan);
+    return ok;
 }

@@ -109,9 +109,14 @@ static bool fail_memory(const struct dicom_source *source, struct sp_error *err)
 static bool describe_frames(const struct dicom_source *source, struct dicom_frame *frames,
                             struct sp_error *err) {
     char path[40], why[SP_ERROR_TEXT];
-    snprintf(path, sizeof path, "/proc/self/fd/%d", source->file->fd);
-    return source->call->describe_frames(path, frames, source->image.frames, why, sizeof why) ||
-           dicom_fail(source, SP_ERR_FORMAT, "", why, err);
+    const int fd = dicom_open(source, source->name, err);
+    if (fd < 0)
+        return false;
+    snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
+    const bool ok =
+        source->call->describe_frames(path, frames, source->image.frames, why, sizeof why);
+    dicom_close(source, fd);
+    return ok || dicom_fail(source, SP_ERR_FORMAT, source->name, why, err);
 }
 
 static bool check_count(const struct dicom_source *source, struct sp_error *err) {
@@ -126,13 +131,14 @@ bool dicom_frames_list(const struct dicom_source *source, struct dicom_slices *s
                        struct sp_error *err) {
     const uint32_t count = source->image.frames;
     if (count <= 1)
-        return dicom_slices_add(slices, "", 0, &source->image.first) || fail_memory(source, err);
+        return dicom_slices_add(slices, source->name, 0, &source->image.first) ||
+               fail_memory(source, err);
     if (!check_count(source, err))
         return false;
     struct dicom_frame *frames = calloc(count, sizeof *frames);
     bool ok = frames ? describe_frames(source, frames, err) : fail_memory(source, err);
     for (uint32_t i = 0; ok && i < count; i++)
-        ok = dicom_slices_add(slices, "", i, &frames[i]) || fail_memory(source, err);
+        ok = dicom_slices_add(slices, source->name, i, &frames[i]) || fail_memory(source, err);
     free(frames);
     if (!ok)
         return false;

@@ -7,8 +7,10 @@
 
 #include "base/vec.h"
 
-/* Slices lie evenly if each is within this share of the step of its place. */
-#define EVEN_SHARE 0.01
+/* Slices are shown evenly if each is within the first share of the step of its place, as most
+ * readers do; the second is worth a warning. */
+#define EVEN_SHARE 0.05
+#define EXACT_SHARE 0.002
 /* They lie above one another within this share of a pixel. */
 #define SHIFT_SHARE 0.05
 
@@ -87,19 +89,24 @@ static bool place_slices(const struct dicom_slices *slices, struct import_warnin
     const double step = sp_vec3_length(all) / (count - 1);
     double *places = malloc(count * sizeof *places);
     double *gaps = malloc(count * sizeof *gaps);
-    bool is_even = true;
+    double off = 0;
     *out = places;
     for (uint32_t i = 0; places && gaps && i < count; i++) {
         const struct sp_vec3 at = sp_vec3_from(slices->plane[i].position);
         places[i] = sp_vec3_dot(sp_vec3_sub(at, first), along);
-        is_even &= fabs(places[i] - i * step) <= EVEN_SHARE * step;
+        off = fmax(off, fabs(places[i] - i * step));
     }
     grid->spacing[2] = step;
     for (int row = 0; row < 3; row++)
         grid->direction[row][2] = along.v[row];
     if (places && gaps) {
         warn_of_shift(slices, grid, warnings);
-        if (!is_even) {
+        if (off > EXACT_SHARE * step && off <= EVEN_SHARE * step)
+            import_warn(warnings,
+                        "The slices are not quite even: they are up to %.3g mm (%.2g %% of the "
+                        "step) off, and are shown %.6g mm apart.",
+                        off, 100 * off / step, step);
+        if (off > EVEN_SHARE * step) {
             warn_of_gaps(slices, places, gaps, warnings);
             import_grid_place(grid, 2, places);
         }

@@ -61,6 +61,12 @@ double seconds_of(const std::string &text) {
     return days_of(year, month, day) * 86400 + hour * 3600 + minute * 60 + second;
 }
 
+/* A time of the file, with its date if there is one. */
+double clock_of(const gdcm::DataSet &file, uint16_t date, uint16_t time) {
+    const std::string day = dicom_text(file, 0x0008, date), text = dicom_text(file, 0x0008, time);
+    return text.empty() ? NAN : seconds_of((day.size() == 8 ? day : "20000101") + text);
+}
+
 bool copy_numbers(const numbers &from, size_t count, double *out) {
     if (from.size() < count)
         return false;
@@ -237,6 +243,14 @@ std::string flavour_of(const groups &in) {
         if (!name.empty())
             return name;
     }
+    const std::string type = dicom_text(in.file, 0x0008, 0x0008); /* "ORIGINAL\\PRIMARY\\M\\ND" */
+    size_t at = type.find('\\');
+    at = at == std::string::npos ? at : type.find('\\', at + 1);
+    if (at != std::string::npos) {
+        std::string name = type.substr(at + 1);
+        std::replace(name.begin(), name.end(), '\\', ' ');
+        return name;
+    }
     return dicom_text(in.find(0x0018, 0x9807), 0x0018, 0x9808); /* of ultrasound */
 }
 
@@ -273,6 +287,13 @@ void fill_time(const groups &in, dicom_frame &frame) {
     /* Of a file that is one slice. */
     set_key(frame, DICOM_KEY_PHASE, dicom_number(in.file, 0x0020, 0x0100));
     set_key(frame, DICOM_KEY_DELAY, dicom_number(in.file, 0x0018, 0x1060), 1e-3);
+    set_key(frame, DICOM_KEY_DELAY, dicom_number(in.file, 0x0054, 0x1300), 1e-3);
+    set_key(frame, DICOM_KEY_CLOCK, seconds_of(dicom_text(in.file, 0x0008, 0x002a)));
+    set_key(frame, DICOM_KEY_CLOCK, clock_of(in.file, 0x0022, 0x0032)); /* of the acquisition */
+    if (dicom_text(in.file, 0x0020, 0x0013).empty())
+        set_key(frame, DICOM_KEY_CLOCK, clock_of(in.file, 0x0023, 0x0033)); /* of the content */
+    if (dicom_text(in.file, 0x0018, 0x0081).empty() && std::isnan(frame.keys[DICOM_KEY_ECHO]))
+        set_key(frame, DICOM_KEY_PHASE, dicom_number(in.file, 0x0018, 0x0086)); /* echo number */
 }
 
 void fill_contrast(const groups &in, dicom_frame &frame) {

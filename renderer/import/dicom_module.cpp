@@ -9,6 +9,7 @@
 #include <gdcmReader.h>
 #include <gdcmTrace.h>
 
+#include "import/dicom_guard.h"
 #include "import/dicom_tags.h"
 
 static void explain(char *why, size_t capacity, const char *text) {
@@ -17,6 +18,27 @@ static void explain(char *why, size_t capacity, const char *text) {
 
 static unsigned whole(double number, unsigned otherwise) {
     return number >= 0 && number <= 0xffffffffu ? static_cast<unsigned>(number) : otherwise;
+}
+
+/* UTF-8 is kept; anything else is taken for Latin 1, which most other files have. */
+static std::string utf8_of(const std::string &text) {
+    std::string result;
+    bool is_utf8 = true;
+    for (size_t i = 0; i < text.size() && is_utf8; i++) {
+        const unsigned char c = static_cast<unsigned char>(text[i]);
+        size_t more = c < 0x80 ? 0 : c >= 0xc2 && c < 0xe0 ? 1 : c >= 0xe0 && c < 0xf0 ? 2 : 9;
+        is_utf8 = more < 9 && i + more < text.size();
+        for (; is_utf8 && more > 0; more--)
+            is_utf8 = (static_cast<unsigned char>(text[++i]) & 0xc0) == 0x80;
+    }
+    for (const char one : text) {
+        const unsigned char c = static_cast<unsigned char>(one);
+        if (is_utf8 || c < 0x80)
+            result += one;
+        else
+            (result += static_cast<char>(0xc0 | c >> 6)) += static_cast<char>(0x80 | (c & 0x3f));
+    }
+    return result;
 }
 
 static dicom_colors colors_of(const std::string &name, unsigned channels) {
@@ -58,7 +80,8 @@ static void describe_order(const gdcm::DataSet &set, dicom_image *image) {
     const double each = dicom_number(set, 0x0018, 0x1063) / 1000;
     const double rate = dicom_number(set, 0x0018, 0x0040);
     image->order = is_film(set) ? DICOM_ORDER_TIMES : DICOM_ORDER_PLACES;
-    image->frame_time = each > 0 ? each : rate > 0 ? 1 / rate : 0;
+    const double resolution = dicom_number(set, 0x0020, 0x0110) / 1000;
+    image->frame_time = each > 0 ? each : rate > 0 ? 1 / rate : resolution > 0 ? resolution : 0;
 }
 
 /* The element with the pixels. The stream stands at its value, 8 bytes after its tag (or 12, with a
@@ -142,12 +165,19 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     const gdcm::DataSet &set = reader.GetFile().GetDataSet();
     dicom_copy(image->series, sizeof image->series, dicom_text(set, 0x0020, 0x000e));
     dicom_copy(image->modality, sizeof image->modality, dicom_text(set, 0x0008, 0x0060));
-    dicom_copy(image->description, sizeof image->description, dicom_text(set, 0x0008, 0x103e));
+    dicom_copy(image->description, sizeof image->description,
+               utf8_of(dicom_text(set, 0x0008, 0x103e)));
+    dicom_copy(image->id, sizeof image->id, dicom_text(set, 0x0008, 0x0018));
+    const double number = dicom_number(set, 0x0020, 0x0011);
+    image->has_number = std::fabs(number) <= 0x7fffffff;
+    image->number = image->has_number ? static_cast<long>(number) : 0;
+    image->is_directory =
+        dicom_text(reader.GetFile().GetHeader(), 0x0002, 0x0002) == "1.2.840.10008.1.3.10";
     image->columns = whole(dicom_value<uint16_t>(set, 0x0028, 0x0011), 0);
     image->rows = whole(dicom_value<uint16_t>(set, 0x0028, 0x0010), 0);
     if (image->columns == 0 || image->rows == 0) {
-        explain(why, capacity, "the file has no image");
-        return false;
+        image->columns = 0;
+        return true;
     }
     const double frames = dicom_number(set, 0x0028, 0x0008);
     image->frames = frames >= 1 && frames <= 0xffffffffu ? static_cast<uint32_t>(frames) : 1;
@@ -184,7 +214,35 @@ static bool describe_frames(const char *path, dicom_frame *frames, uint32_t coun
     return false;
 }
 
+static bool guarded_describe(const char *path, dicom_image *image, char *why, size_t capacity) {
+    return dicom_guard([=] { return describe(path, image, why, capacity); }, why, capacity);
+}
+
+static bool guarded_frames(const char *path, dicom_frame *frames, uint32_t count, char *why,
+                           size_t capacity) {
+    return dicom_guard([=] { return describe_frames(path, frames, count, why, capacity); }, why,
+                       capacity);
+}
+
+static void *guarded_open(const char *path, char *why, size_t capacity) {
+    void *pixels = nullptr;
+    dicom_guard([&] { return (pixels = dicom_open_pixels(path, why, capacity)) != nullptr; }, why,
+                capacity);
+    return pixels;
+}
+
+static bool guarded_read(void *pixels, uint32_t frame, void *out, size_t size, char *why,
+                         size_t capacity) {
+    return dicom_guard([=] { return dicom_read_frame(pixels, frame, out, size, why, capacity); },
+                       why, capacity);
+}
+
+static bool guarded_palette(const char *path, dicom_palette *palette, char *why, size_t capacity) {
+    return dicom_guard([=] { return dicom_read_palette(path, palette, why, capacity); }, why,
+                       capacity);
+}
+
 extern "C" __attribute__((visibility("default")))
-const dicom_bridge_functions splat_dicom_bridge = { describe,           describe_frames,
-                                                    dicom_open_pixels,  dicom_read_frame,
-                                                    dicom_close_pixels, dicom_read_palette };
+const dicom_bridge_functions splat_dicom_bridge = { guarded_describe,   guarded_frames,
+                                                    guarded_open,       guarded_read,
+                                                    dicom_close_pixels, guarded_palette };

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "base/transfer.h"
 #include "volume/sample.h"
@@ -70,16 +71,31 @@ static uint64_t frame_bytes(const struct dicom_image *image) {
     return pixels_of(image) * image->channels * image->bytes;
 }
 
-/* GDCM does not notice that pixels are cut off, unless they are packed. */
-static bool check_size(const struct dicom_samples *s, char why[SP_ERROR_TEXT]) {
-    const struct dicom_image *image = &s->image;
+/* Packed pixels are a list of fragments, each a tag and a length, up to a delimiter. */
+static bool check_packed(const struct dicom_image *image, int fd, uint64_t size,
+                         char why[SP_ERROR_TEXT]) {
+    uint64_t at = image->pixels_at;
+    uint8_t item[8];
+    snprintf(why, SP_ERROR_TEXT, "the packed pixels have no end: the file is cut off");
+    while (at + sizeof item <= size && pread(fd, item, sizeof item, (off_t)at) == sizeof item) {
+        const uint64_t length = item[4] | item[5] << 8 | item[6] << 16 | (uint64_t)item[7] << 24;
+        if (memcmp(item, "\xfe\xff\xdd\xe0", 4) == 0)
+            return true;
+        if (memcmp(item, "\xfe\xff\x00\xe0", 4) != 0)
+            return false;
+        at += sizeof item + length;
+    }
+    return false;
+}
+
+bool dicom_samples_check(const struct dicom_image *image, int fd, char why[SP_ERROR_TEXT]) {
     const uint64_t needed = image->is_bits ? (pixels_of(image) * image->frames + 7) / 8
                                            : frame_bytes(image) * image->frames;
     struct stat st;
-    const uint64_t size = fstat(s->fd, &st) == 0 ? (uint64_t)st.st_size : 0;
+    const uint64_t size = fstat(fd, &st) == 0 ? (uint64_t)st.st_size : 0;
     const uint64_t has = image->pixels_at < size ? size - image->pixels_at : 0;
     if (image->is_packed)
-        return true;
+        return image->pixels_at == 0 || check_packed(image, fd, size, why);
     snprintf(why, SP_ERROR_TEXT, "the file has no pixels");
     if (image->pixels_at == 0)
         return false;
@@ -120,7 +136,7 @@ bool dicom_samples_open(struct dicom_samples *s, const struct dicom_source *sour
         return fail(s, why, err);
     if (!is_like(&s->image, &source->image))
         return fail(s, "the pixels differ in type or size from those of the other slices", err);
-    if (!check_size(s, why))
+    if (!dicom_samples_check(&s->image, s->fd, why))
         return fail(s, why, err);
     s->raw_bytes = (size_t)frame_bytes(&s->image);
     s->raw = malloc(s->raw_bytes);

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "import/dicom_slices.h"
+#include "import/dicom_times.h"
 
 /* More fields than the list of other fields holds become steps; segments do not. */
 enum { LISTED_MAX = SP_OTHER_FIELDS_MAX + 1, FIELDS_MAX = 256, FIELD_KEYS = DICOM_KEY_OTHER + 1 };
@@ -140,6 +140,19 @@ static bool use_steps(const struct dicom_slices *slices, const struct dicom_sour
     return true;
 }
 
+/* The field of the file that was opened, or else the first one. */
+static unsigned find_opened(const struct dicom_slices *slices, const struct dicom_source *source,
+                            const struct fields *fields) {
+    if (source->file->is_folder || source->image.frames > 1)
+        return 0;
+    for (uint32_t i = 0; i < slices->count; i++)
+        if (strcmp(slices->items[i].name, source->name) == 0)
+            for (unsigned n = 0; n < fields->count; n++)
+                if (is_same_field(fields, fields->slice[n], &slices->items[i]))
+                    return n;
+    return 0;
+}
+
 bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_source *source,
                              struct import_header *header, struct sp_error *err) {
     char names[FIELDS_MAX][SP_FIELD_BYTES];
@@ -153,7 +166,7 @@ bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_sou
         fields.count = FIELDS_MAX;
     qsort(fields.slice, fields.count, sizeof *fields.slice, by_keys);
     name_fields(&fields, names);
-    unsigned chosen = are_labels ? fields.count : 0;
+    unsigned chosen = are_labels ? fields.count : find_opened(slices, source, &fields);
     for (unsigned n = 0; n < fields.count; n++)
         if (strcmp(names[n], wanted) == 0)
             chosen = n;
@@ -208,60 +221,12 @@ static bool fail_uneven(const struct dicom_slices *slices, const struct dicom_so
         dicom_slice_name(a, first);
         dicom_slice_name(b, second);
         snprintf(text, sizeof text,
-                 "%s and %s show the same place (%.6g): a duplicate, or a series whose "
-                 "places have different numbers of times or echoes",
+                 "%s and %s show the same place (%.6g mm), other places have another number of "
+                 "images, and nothing tells which times they belong to",
                  first, second, slices->is_falling ? -b->place : b->place);
         return dicom_fail(source, SP_ERR_UNSUPPORTED, a->name, text, err);
     }
     return true;
-}
-
-struct phases {
-    const double *full; /* the phases that all planes have */
-    uint32_t count;
-};
-
-static bool is_in_full_phase(const struct dicom_slice *slice, const void *user) {
-    const struct phases *phases = user;
-    for (uint32_t i = 0; i < phases->count; i++)
-        if (phases->full[i] == slice->is.keys[DICOM_KEY_PHASE])
-            return true;
-    return false;
-}
-
-/* Leaves out times that do not have all places, such as the last one of a scan that was stopped.
- * Does nothing unless all slices have the number of their time. */
-static bool drop_incomplete(struct dicom_slices *slices, struct import_warnings *warnings) {
-    const struct dicom_slice *s = slices->items;
-    double *phases = malloc(slices->count * sizeof *phases);
-    uint32_t *numbers = calloc(slices->count, sizeof *numbers), count = 0, full = 0;
-    const bool has_memory = phases && numbers;
-    for (uint32_t i = 0; has_memory && i < slices->count; i++) {
-        const double phase = s[i].is.keys[DICOM_KEY_PHASE];
-        uint32_t n = 0;
-        if (isnan(phase) ||
-            (i > 0 && s[i - 1].plane == s[i].plane && s[i - 1].is.keys[DICOM_KEY_PHASE] == phase)) {
-            count = 0;
-            break;
-        }
-        while (n < count && phases[n] != phase)
-            n++;
-        phases[n] = phase;
-        numbers[n]++;
-        count += n == count;
-    }
-    for (uint32_t n = 0; n < count; n++)
-        if (numbers[n] == slices->planes)
-            phases[full++] = phases[n];
-    if (full > 0 && full < count) {
-        const struct phases kept = { phases, full };
-        dicom_slices_keep(slices, is_in_full_phase, &kept);
-        import_warn(warnings, "Left out %u %s that %s not have all slices.", count - full,
-                    count - full > 1 ? "times" : "time", count - full > 1 ? "do" : "does");
-    }
-    free(phases);
-    free(numbers);
-    return has_memory;
 }
 
 /* The number that a key of all slices of a step has, the smallest one where they differ. */
@@ -303,16 +268,15 @@ static bool take_times(struct dicom_slices *slices, const struct dicom_source *s
         snprintf(header->steps.unit, sizeof header->steps.unit, "%s", keys[i].unit);
         return true;
     }
-    if (source->image.frames > 1)
-        import_header_use_interval(header, 0, source->image.frame_time, "s");
+    import_header_use_interval(header, 0, source->image.frame_time, "s");
     return slices->times != NULL;
 }
 
 bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_source *source,
                             struct import_header *header, struct sp_error *err) {
     uint32_t steps = slices->are_together ? 1 : count_steps(slices);
-    if (steps == 0 && !drop_incomplete(slices, source->file->warnings))
-        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the times");
+    if (steps == 0 && !dicom_times_complete(slices, source, err))
+        return false;
     if (steps == 0)
         steps = count_steps(slices);
     if (steps == 0)

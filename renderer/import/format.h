@@ -17,6 +17,7 @@
 #include "bricks/chunks.h"
 #include "import/selection.h"
 #include "import/warnings.h"
+#include "sp/series.h"
 
 struct import_progress {
     void (*report)(void *user, uint64_t bytes_done);
@@ -26,10 +27,12 @@ struct import_progress {
 
 struct import_file {
     int fd;                           /* readable, at byte 0; owned by the caller */
+    bool is_folder;                   /* `fd` is a folder; for import_folder and import_dicom */
     uint64_t size;                    /* bytes */
     const char *shown;                /* the name in errors */
     const char *root;                 /* resolved; other files are opened only below this folder */
-    const char *folder;               /* resolved folder of this file; relative names start here */
+    const char *folder;               /* resolved: the folder itself, or that of the file; relative
+                                         names start here */
     const char *field, *vectors;      /* what to read; "" = the reader chooses */
     struct import_warnings *warnings; /* for import_warn(), at any time until close(); NULL = they
                                          are lost */
@@ -107,6 +110,11 @@ struct import_header {   /* result of open() */
     char other_vectors[SP_OTHER_VECTORS_MAX][SP_FIELD_BYTES]; /* the same */
 };
 
+struct import_series_list {
+    struct sp_series *items; /* SP_SERIES_MAX of them */
+    uint32_t count;
+};
+
 struct import_format {
     const char *name;
     bool needs_module; /* module.h */
@@ -138,17 +146,29 @@ struct import_format {
     /* Reads the time that a file of one step gives: false if it gives none. NULL = the format has
      * none. open() leaves it as the only one of header->steps.times. */
     bool (*read_time)(const struct import_file *file, double *time);
+    /* Lists the series of the file's folder (sp/series.h). NULL = the format has none. */
+    bool (*list)(const struct import_file *file, struct import_series_list *list,
+                 struct sp_error *err);
 };
 
 /* Finds the format of a file by its first bytes and its name. NULL with *err set. */
 const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *shown,
                                                struct sp_error *err);
 
+/* True if the bytes or the name are those of a format; with the name "" the bytes alone count. */
+bool import_format_is_known(const uint8_t *start, size_t size, const char *shown);
+
 /* True if a format that may suit the file needs a module. */
 bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown);
 
 /* Reads a remote hierarchy (remote.h); not in the list of file formats. */
 extern const struct import_format import_zarr_remote;
+
+/* Files of a folder beyond these are not looked at. */
+enum { IMPORT_FILES_MAX = 1 << 16 };
+
+/* What a folder stands for (folder.c); not in the list of file formats. */
+extern const struct import_format import_folder;
 
 /* The time series of the files that file->pattern names. */
 extern const struct import_format import_series;

@@ -22,6 +22,13 @@ bool import_format_needs_module(const uint8_t *start, size_t size, const char *s
     return needed;
 }
 
+bool import_format_is_known(const uint8_t *start, size_t size, const char *shown) {
+    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
+        if (formats[i]->probe(start, size, shown))
+            return true;
+    return false;
+}
+
 const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *shown,
                                                struct sp_error *err) {
     if (size == 0) {

@@ -28,6 +28,8 @@ size_t sp_handover_size(enum sp_handover_kind kind) {
     case SP_HANDOVER_READ:
     case SP_HANDOVER_CHUNK:
         return head + sizeof(struct sp_handover_read);
+    case SP_HANDOVER_SERIES:
+        return head + sizeof(struct sp_series);
     }
     return 0;
 }
@@ -238,6 +240,16 @@ static bool check_levels(const struct sp_handover_levels *levels, const char *pl
     return true;
 }
 
+static bool check_series(struct sp_series *series, const char *place, struct sp_error *err) {
+    unsigned char flag;
+    memcpy(&flag, &series->has_number, 1); /* reading another bool than 0 and 1 is undefined */
+    return (flag <= 1 && clean_text(series->uid, sizeof series->uid) &&
+            clean_text(series->description, sizeof series->description) &&
+            clean_text(series->modality, sizeof series->modality)) ||
+           sp_fail(err, SP_ERR_CRASHED, place,
+                   "the import process sent a series whose texts are not terminated");
+}
+
 bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *message,
                         const char *place, struct sp_error *err) {
     memset(message, 0, sizeof *message);
@@ -266,6 +278,8 @@ bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *mess
     if (message->kind == SP_HANDOVER_OPENING && !(message->share >= 0 && message->share <= 1))
         return sp_fail(err, SP_ERR_CRASHED, place, "the import process sent a share of %g",
                        message->share);
+    if (message->kind == SP_HANDOVER_SERIES)
+        return check_series(&message->series, place, err);
     if (message->kind == SP_HANDOVER_DONE)
         return check_done(&message->done, place, err);
     return true;

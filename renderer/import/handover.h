@@ -22,6 +22,10 @@
  *     copies the samples              ◄────  CHUNK    (or ERROR, of this chunk alone)
  *     …
  *
+ * For a list of the series of a folder (listing.c), the memfd stays empty:
+ *
+ *     checks every field              ◄────  SERIES …, DONE   (or ERROR)
+ *
  * A closed socket tells the child to stop. The parent trusts no message, because a hostile file may
  * have taken control of the child.
  */
@@ -29,7 +33,7 @@
 #define SP_IMPORT_HANDOVER_H
 
 #include "bricks/chunks.h"
-#include "sp/volume.h"
+#include "sp/series.h"
 
 enum {
     SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
@@ -46,6 +50,7 @@ enum sp_handover_kind {
     SP_HANDOVER_READ,
     SP_HANDOVER_CHUNK,
     SP_HANDOVER_OPENING,
+    SP_HANDOVER_SERIES,
 };
 
 /* Levels of detail in chunks: level 0 of these is the one of HEADER. */
@@ -106,6 +111,7 @@ struct sp_handover {
         struct sp_handover_error error;
         struct sp_handover_levels levels;
         struct sp_handover_read read; /* READ; CHUNK: the same that was asked for */
+        struct sp_series series;
     };
 };
 

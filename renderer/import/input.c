@@ -96,6 +96,12 @@ bool sp_import_input_open(struct sp_import_input *input, const struct sp_import_
         snprintf(input->folder, sizeof input->folder, "%s", place->root);
         return start_fetcher(input, place, importer, allowed, err);
     }
+    if (place->is_folder) {
+        input->fds[0] =
+            sp_open_confined_folder(place->root, place->path, place->path, input->folder, err);
+        input->count = 1;
+        return input->fds[0] >= 0;
+    }
     input->fds[0] =
         sp_open_confined(place->root, place->path, place->path, input->folder, &size, err);
     input->count = 1;

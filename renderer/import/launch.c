@@ -71,7 +71,8 @@ static bool start_child(struct import *im, struct sp_error *err) {
                                                .folder = im->input.folder,
                                                .pattern = im->place.series,
                                                .parts = &im->parts,
-                                               .step = im->options->step };
+                                               .step = im->options->step,
+                                               .mode = "" };
     im->has_holes = is_sparse(im->input.fds[0]);
     im->child = (struct sp_import_child){ .shown = im->place.path, .timeout_ms = im->timeout_ms };
     const bool ok = sp_import_child_start_reader(&im->child, im->importer, &request, im->scratch,

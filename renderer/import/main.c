@@ -42,6 +42,7 @@ struct job {
     struct import_warnings warnings;
     bool is_remote; /* remote.h */
     bool serves;    /* chunks, as they are asked for */
+    bool lists;     /* series */
 };
 
 static bool say(const struct sp_handover *message) {
@@ -85,7 +86,8 @@ static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_erro
         *rest = NULL;
     const char *readable[FOLDERS + 1] = { job->file.root };
     const size_t size = job->start_size > 0 ? (size_t)job->start_size : 0;
-    if (job->is_remote || import_format_needs_module(job->start, size, job->file.shown)) {
+    if (job->is_remote || job->file.is_folder ||
+        import_format_needs_module(job->start, size, job->file.shown)) {
         static const char *const known[] = { "/usr", "/lib",       "/lib64",
                                              "/opt", "/nix/store", "/etc/ld.so.cache" };
         size_t n = 1;
@@ -107,6 +109,8 @@ static const struct import_format *find_format(const struct job *job, struct sp_
     const struct import_file *file = &job->file;
     if (job->is_remote)
         return &import_zarr_remote;
+    if (job->file.is_folder)
+        return &import_folder;
     if (job->start_size < 0) {
         sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file");
         return NULL;
@@ -335,6 +339,33 @@ static void keep_holes(void *memory, size_t capacity) {
         madvise(memory, capacity, MADV_RANDOM);
 }
 
+static int say_done(const struct job *job) {
+    struct sp_handover done;
+    sp_handover_init(&done, SP_HANDOVER_DONE);
+    done.done.folded = job->folded;
+    memcpy(done.done.warnings, job->warnings.texts, sizeof done.done.warnings);
+    return say(&done) ? 0 : 1;
+}
+
+/* Lists the series of the folder; none if it has no known format. */
+static int list_series(struct job *job) {
+    struct sp_handover message;
+    struct sp_error err;
+    struct import_series_list list = { .items = calloc(SP_SERIES_MAX, sizeof *list.items) };
+    const struct import_format *format = find_format(job, &err);
+    bool ok = list.items || sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "out of memory");
+    if (ok && format && format->list)
+        ok = format->list(&job->file, &list, &err);
+    for (uint32_t i = 0; ok && i < list.count; i++) {
+        sp_handover_init(&message, SP_HANDOVER_SERIES);
+        message.series = list.items[i];
+        if (!say(&message)) /* the parent closed the socket */
+            exit(1);
+    }
+    free(list.items);
+    return ok ? say_done(job) : say_error(&err);
+}
+
 static int run(struct job *job) {
     struct sp_error err;
     struct import_header *header = &job->header;
@@ -380,11 +411,7 @@ static int run(struct job *job) {
     job->format->close(reader);
     if (!ok)
         return say_error(&err);
-    struct sp_handover done;
-    sp_handover_init(&done, SP_HANDOVER_DONE);
-    done.done.folded = job->folded;
-    memcpy(done.done.warnings, job->warnings.texts, sizeof done.done.warnings);
-    return say(&done) ? 0 : 1;
+    return say_done(job);
 }
 
 int main(int argc, char **argv) {
@@ -406,13 +433,15 @@ int main(int argc, char **argv) {
                                                 .unit = argv[SP_ARGUMENT_UNIT] },
                                  .vectors = argv[SP_ARGUMENT_VECTORS],
                                  .field = argv[SP_ARGUMENT_FIELD] },
-                       .serves = strcmp(argv[SP_ARGUMENT_MODE], SP_IMPORT_CHUNKS) == 0 };
+                       .serves = strcmp(argv[SP_ARGUMENT_MODE], SP_IMPORT_CHUNKS) == 0,
+                       .lists = strcmp(argv[SP_ARGUMENT_MODE], SP_IMPORT_LIST) == 0 };
     struct sp_error err;
     job.file.warnings = &job.warnings;
     job.is_remote = sp_address_is_remote(argv[SP_ARGUMENT_PATH]);
+    job.file.is_folder = S_ISDIR(st.st_mode);
     job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);
     if (!import_as_parse(argv[SP_ARGUMENT_AS], &job.file.selection.as, job.file.shown, &err) ||
         !enter_sandbox(&job, atoi(argv[SP_ARGUMENT_CPU_SECONDS]), &err))
         return say_error(&err);
-    return run(&job);
+    return job.lists ? list_series(&job) : run(&job);
 }

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "import/place.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -34,31 +33,19 @@ static bool find_metadata(int folder, char name[NAME_MAX + 1]) {
     return *name;
 }
 
-/* The file that stands for a folder: metadata, or else the first file in the order of numbers in
- * names, that of a series or a stack. */
-static bool pick_file(struct sp_import_place *p, struct sp_error *err) {
-    char first[NAME_MAX + 1] = "";
-    DIR *folder = opendir(p->path);
-    if (!folder)
+/* A hierarchy of Zarr is opened by its metadata; other folders are opened themselves. */
+static bool take_folder(struct sp_import_place *p, struct sp_error *err) {
+    char metadata[NAME_MAX + 1] = "";
+    const int folder = open(p->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (folder < 0)
         return sp_fail(err, SP_ERR_IO, p->path, "cannot list the folder: %s", strerror(errno));
-    const bool is_zarr = find_metadata(dirfd(folder), first);
-    for (const struct dirent *entry; !is_zarr && (entry = readdir(folder));) {
-        struct stat st;
-        const bool is_file = entry->d_name[0] != '.' &&
-                             fstatat(dirfd(folder), entry->d_name, &st, 0) == 0 &&
-                             S_ISREG(st.st_mode);
-        if (is_file && (!first[0] || strverscmp(entry->d_name, first) < 0))
-            snprintf(first, sizeof first, "%s", entry->d_name);
-    }
-    closedir(folder);
+    p->is_folder = !find_metadata(folder, metadata);
+    close(folder);
     const size_t length = strlen(p->path);
-    if (!first[0])
-        return sp_fail(err, SP_ERR_NOT_FOUND, p->path, "there is no file in this folder");
-    if (length + strlen(first) + 2 > sizeof p->path)
+    if (length + strlen(metadata) + 2 > sizeof p->path)
         return sp_fail(err, SP_ERR_INVALID, p->path, "the path is too long");
-    snprintf(p->path + length, sizeof p->path - length, "/%s", first);
-    if (!sp_numbered_pattern(first, p->series))
-        p->series[0] = 0;
+    if (!p->is_folder)
+        snprintf(p->path + length, sizeof p->path - length, "/%s", metadata);
     return true;
 }
 
@@ -103,7 +90,7 @@ static bool find_file(struct sp_import_place *p, struct sp_error *err) {
     snprintf(p->name, sizeof p->name, "%.*s", (int)(end - base), base);
     if (!is_there && strchr(base, '*') && strlen(base) <= NAME_MAX && may_list(p, base))
         return pick_numbered(p, base, err);
-    return !is_folder || !may_list(p, NULL) || pick_file(p, err);
+    return !is_folder || !may_list(p, NULL) || take_folder(p, err);
 }
 
 static bool find_root(struct sp_import_place *p, struct sp_error *err) {
@@ -113,12 +100,14 @@ static bool find_root(struct sp_import_place *p, struct sp_error *err) {
             return true;
         return sp_fail(err, SP_ERR_IO, root, "cannot resolve this folder: %s", strerror(errno));
     }
-    /* The folder of the file itself, after links are resolved. */
+    /* The folder, or that of the file, after links are resolved. */
     if (!realpath(p->path, p->root)) {
         if (errno == ENOENT || errno == ENOTDIR)
             return sp_fail(err, SP_ERR_NOT_FOUND, p->path, "there is no such file");
         return sp_fail(err, SP_ERR_IO, p->path, "cannot resolve the path: %s", strerror(errno));
     }
+    if (p->is_folder)
+        return true;
     char *slash = strrchr(p->root, '/');
     slash[slash == p->root] = 0;
     return true;

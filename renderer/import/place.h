@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The file that a source means: itself, the file that stands for a folder, or the first one of
- * numbered files.
+ * The file that a source means: itself, the metadata of a Zarr folder, or the first one of numbered
+ * files. What another folder stands for is decided by the importer (folder.c), which may read
+ * files.
  */
 #ifndef SP_IMPORT_PLACE_H
 #define SP_IMPORT_PLACE_H
@@ -17,9 +18,11 @@ struct sp_import_place {
     char root[PATH_MAX];       /* resolved; files are read only below it */
     const char *given_root;    /* borrowed; NULL = none */
     bool is_remote;            /* `path` is an address, and there is no file */
+    bool is_folder;            /* `path` is a folder */
 };
 
-/* Fills in everything from `path`. Without `root`, it is the folder of the file. */
+/* Fills in everything from `path`. Without `root`, it is the folder itself, or that of the
+ * file. */
 bool sp_import_place_find(struct sp_import_place *place, const char *root, struct sp_error *err);
 
 #endif

@@ -87,7 +87,7 @@ static bool spawn(struct reader *r, struct sp_error *err) {
                                                .pattern = p->place.series,
                                                .parts = &p->parts,
                                                .step = p->step,
-                                               .serves_chunks = true };
+                                               .mode = SP_IMPORT_CHUNKS };
     r->child = (struct sp_import_child){
         .shown = p->place.path, .timeout_ms = p->timeout_ms, .socket = -1, .memory = -1
     };

@@ -13,6 +13,7 @@
 #define SLICE {"axis","index","level","origin","normal","up","size","spacing","window","color",\
                        "format","step"}
 #define FILES { "path", "after", "limit" }
+#define FOLDER { "path" }
 /* clang-format on */
 
 static const struct srv_route routes[] = {
@@ -38,6 +39,7 @@ static const struct srv_route routes[] = {
     { SRV_PATCH, "/api/v1/uploads/{}", SRV_RIGHT_CONTROL, srv_patch_upload, NONE },
     { SRV_DELETE, "/api/v1/uploads/{}", SRV_RIGHT_CONTROL, srv_delete_upload, NONE },
     { SRV_GET, "/api/v1/files", SRV_RIGHT_CONTROL, srv_get_files, FILES },
+    { SRV_GET, "/api/v1/files/series", SRV_RIGHT_CONTROL, srv_get_series, FOLDER },
     { SRV_POST, "/api/v1/measure", SRV_RIGHT_VIEW, srv_post_measure, NONE },
     { SRV_POST, "/api/v1/render", SRV_RIGHT_RENDER, srv_post_render, IMAGE },
     { SRV_GET, "/api/v1/render/{}", SRV_RIGHT_RENDER, srv_get_render, SAVED_IMAGE },

@@ -46,6 +46,7 @@ srv_handler srv_options_uploads, srv_get_uploads, srv_post_upload, srv_get_uploa
     srv_delete_upload;                                           /* routes_uploads.c */
 srv_handler srv_patch_upload;                                    /* upload_body.c */
 srv_handler srv_get_files;                                       /* routes_files.c */
+srv_handler srv_get_series;                                      /* routes_series.c */
 srv_handler srv_get_volume_histogram, srv_get_session_histogram; /* routes_histogram.c */
 srv_handler srv_get_volume_slice, srv_get_session_slice;         /* routes_slice.c */
 srv_handler srv_get_session_visible;                             /* routes_visible.c */

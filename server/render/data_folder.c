@@ -174,6 +174,18 @@ static bool is_zarr_folder(int parent, const char *name) {
     return is_zarr;
 }
 
+/* True for a DICOM file whose name has no extension. */
+static bool is_bare_dicom(int folder, const char *name) {
+    char start[SRV_FORMAT_DICOM];
+    if (!srv_format_has_no_extension(name))
+        return false;
+    const int fd = openat(folder, name, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+    const ssize_t size = fd >= 0 ? read(fd, start, sizeof start) : -1;
+    if (fd >= 0)
+        close(fd);
+    return size > 0 && srv_format_is_dicom(start, (size_t)size);
+}
+
 static void show(const char *data, const char *folder, int fd, const char *name,
                  struct srv_page *page, unsigned *unlisted) {
     struct stat st;
@@ -183,7 +195,8 @@ static void show(const char *data, const char *folder, int fd, const char *name,
          (!stays_inside(data, folder, name) || fstatat(fd, name, &st, 0) != 0)))
         return;
     const bool is_zarr = S_ISDIR(st.st_mode) && is_zarr_folder(fd, name);
-    const bool is_file = S_ISREG(st.st_mode) && srv_format_extension(name);
+    const bool is_dicom = S_ISREG(st.st_mode) && is_bare_dicom(fd, name);
+    const bool is_file = is_dicom || (S_ISREG(st.st_mode) && srv_format_extension(name));
     if (!S_ISDIR(st.st_mode) && !is_file)
         return;
     if (!is_utf8(name)) {
@@ -194,11 +207,13 @@ static void show(const char *data, const char *folder, int fd, const char *name,
     struct srv_data_entry *entry = srv_page_slot(page, key);
     if (!entry)
         return;
-    *entry = (struct srv_data_entry){ .kind = is_zarr ? SP_KIND_GRID : SP_KIND_COUNT,
+    *entry = (struct srv_data_entry){ .kind = is_zarr || is_dicom ? SP_KIND_GRID : SP_KIND_COUNT,
                                       .is_folder = S_ISDIR(st.st_mode) && !is_zarr,
                                       .is_zarr = is_zarr,
                                       .size_bytes = is_file ? (uint64_t)st.st_size : 0,
-                                      .format = is_zarr ? "Zarr" : srv_format_of(name) };
+                                      .format = is_zarr    ? "Zarr"
+                                                : is_dicom ? "DICOM"
+                                                           : srv_format_of(name) };
     memcpy(entry->key, key, sizeof key);
 }
 
@@ -236,7 +251,8 @@ void srv_data_describe(const char *data, const char *path, struct srv_data_entry
     char real[PATH_MAX], bytes[SRV_FORMAT_PEEK];
     struct srv_format_peek peek;
     struct stat st;
-    if (entry->is_folder || !srv_data_resolve(data, path, NULL, real, NULL) ||
+    if (entry->is_folder || srv_format_has_no_extension(srv_data_name(entry)) ||
+        !srv_data_resolve(data, path, NULL, real, NULL) ||
         !follow(real, srv_data_name(entry), strlen(srv_data_name(entry))) || !is_in(real, data))
         return;
     /* Not blocking: a pipe may have taken the file's place. */

@@ -103,6 +103,18 @@ const char *srv_format_extension(const char *name) {
     return format && !is_folder(format) ? format->extension : NULL;
 }
 
+bool srv_format_has_no_extension(const char *name) {
+    const char *dot = strrchr(name, '.');
+    for (const char *c = dot ? dot + 1 : ""; *c; c++)
+        if (!isdigit((unsigned char)*c))
+            return false;
+    return true;
+}
+
+bool srv_format_is_dicom(const char *bytes, size_t size) {
+    return size >= SRV_FORMAT_DICOM && memcmp(bytes + SRV_FORMAT_DICOM - 4, "DICM", 4) == 0;
+}
+
 void srv_format_list(char list[SRV_FORMAT_LIST]) {
     size_t count = sizeof formats / sizeof *formats, used = 0;
     while (is_folder(&formats[count - 1])) /* an upload is a file */

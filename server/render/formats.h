@@ -19,6 +19,12 @@ const char *srv_format_of(const char *name);
  * folder is meant. A constant, so it is safe as a part of a path. */
 const char *srv_format_extension(const char *name);
 enum { SRV_FORMAT_LIST = 512 };
+/* True if a name has no extension, or one without letters: so do many DICOM files, "IM0001" or
+ * "1.2.840.113619.2". Their first bytes tell. */
+bool srv_format_has_no_extension(const char *name);
+enum { SRV_FORMAT_DICOM = 132 }; /* bytes for the next function */
+/* True if these first bytes of a file are those of DICOM, with a preamble. */
+bool srv_format_is_dicom(const char *bytes, size_t size);
 /* Writes the extensions of all files for a person: ".nrrd, .nhdr, … or .glb". */
 void srv_format_list(char list[SRV_FORMAT_LIST]);
 /* True if an open folder is a Zarr hierarchy with an image, by its metadata. A plate or well of

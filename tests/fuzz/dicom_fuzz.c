@@ -60,9 +60,10 @@ static const struct dicom_image usual = {
 };
 
 static bool describe(const char *path, struct dicom_image *image, char *why, size_t capacity) {
-    bool *const flags[] = { &image->is_signed, &image->is_float,     &image->is_bits,
-                            &image->is_planar, &image->is_packed,    &image->is_swapped,
-                            &image->is_labels, &image->is_in_patient };
+    bool *const flags[] = { &image->is_signed,   &image->is_float,      &image->is_bits,
+                            &image->is_planar,   &image->is_packed,     &image->is_swapped,
+                            &image->is_labels,   &image->is_in_patient, &image->has_number,
+                            &image->is_directory };
     unsigned char bytes[sizeof *image] = { 0 };
     *image = usual;
     snprintf(why, capacity, "too short");
@@ -70,6 +71,7 @@ static bool describe(const char *path, struct dicom_image *image, char *why, siz
         return false;
     for (size_t i = 0; i < sizeof bytes; i++)
         ((unsigned char *)image)[i] ^= bytes[i];
+    image->id[sizeof image->id - 1] = 0;
     image->series[sizeof image->series - 1] = 0;
     image->modality[sizeof image->modality - 1] = 0;
     image->description[sizeof image->description - 1] = 0;

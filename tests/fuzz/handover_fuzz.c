@@ -19,6 +19,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         abort();
     if (m.kind == SP_HANDOVER_OPENING && !(m.share >= 0 && m.share <= 1))
         abort();
+    if (m.kind == SP_HANDOVER_SERIES &&
+        (!memchr(m.series.uid, 0, sizeof m.series.uid) ||
+         !memchr(m.series.description, 0, sizeof m.series.description) ||
+         !memchr(m.series.modality, 0, sizeof m.series.modality)))
+        abort();
     for (int i = 0; m.kind == SP_HANDOVER_DONE && i < SP_WARNINGS_MAX; i++)
         if (!memchr(m.done.warnings[i], 0, SP_WARNING_BYTES) ||
             (i > 0 && m.done.warnings[i][0] && !m.done.warnings[i - 1][0]))

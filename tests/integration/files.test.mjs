@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The data folder as clients see it: listings, links, ids, and what happens to sessions when a volume is closed.
 import assert from 'node:assert/strict';
-import { mkdirSync, mkdtempSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
+import { copyFileSync, mkdirSync, mkdtempSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
@@ -91,6 +91,36 @@ test('what lies outside cannot be listed or loaded, and a link says that it lead
     assert.equal(answer.json.pointer, '/path');
     assert.match(answer.json.detail, /'out' is a symbolic link/);
   }
+});
+
+test('the DICOM series of a folder are listed and opened', async () => {
+  const dicom = (name) => path.join(import.meta.dirname, '../unit/import/dicom', name);
+  mkdirSync(at('study', 'a'), { recursive: true });
+  mkdirSync(at('study', 'b'));
+  for (let k = 0; k < 4; k++) copyFileSync(dicom(`series${k}.dcm`), at('study', 'a', `IM${k}`)); // without an extension
+  copyFileSync(dicom('rle.dcm'), at('study', 'b', '1.2.840.4'));
+  writeFileSync(at('study', 'readme.txt'), 'text');
+  const uid = '1.2.826.0.1.3680043.8.498.1';
+  const { status, json } = await daemon.json('/api/v1/files/series?path=study');
+  assert.equal(status, 200);
+  const sizes = json.series.map(({ bytes }) => bytes);
+  assert.ok(sizes.every((bytes) => bytes > 500));
+  assert.deepEqual(json.series, [
+    { source: `study?series=${uid}`, uid, modality: 'CT', images: 4, size: [16, 12], bytes: sizes[0] },
+    { source: `study?series=${uid}.4`, uid: `${uid}.4`, modality: 'CT', images: 1, size: [16, 12], bytes: sizes[1] },
+  ]);
+  const { json: opened } = await daemon.post('/api/v1/volumes', { source: json.series[1].source, name: 'the small one' });
+  assert.deepEqual((await daemon.loaded(opened.id)).dims, [16, 12, 1]);
+  const { json: whole } = await daemon.post('/api/v1/volumes', { source: 'study' });
+  const loaded = await daemon.loaded(whole.id);
+  assert.deepEqual(loaded.dims, [16, 12, 4]);
+  assert.match(loaded.warnings[0], /largest of 2/);
+  assert.deepEqual(names(await list('?path=study/a')), ['IM0', 'IM1', 'IM2', 'IM3']);
+  assert.deepEqual(names(await list('?path=study/b')), ['1.2.840.4']);
+  assert.deepEqual((await daemon.json('/api/v1/files/series?path=scans')).json, { series: [] });
+  for (const [where, code] of [['out', 404], ['absent', 404], ['/etc', 422], ['..', 404]])
+    assert.equal((await daemon.json(`/api/v1/files/series?path=${encodeURIComponent(where)}`)).status, code, where);
+  rmSync(at('study'), { recursive: true });
 });
 
 test('listing needs the role control and a data folder', async () => {

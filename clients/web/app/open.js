@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The dialog "Open a volume": a browser of the daemon's data folder, recently opened volumes, the address of a remote
 // volume, and files of this computer.
-import { arranged, crumbs, joined, numberedSeries, parentOf, sizeText, withRecent } from '../core/files.js';
+import { arranged, crumbs, filteredSeries, joined, mayBeStudy, numberedSeries, parentOf, sizeText, withRecent } from '../core/files.js';
 import { READINGS, cleanUnit, parseReadings, rememberReading, withReading } from '../core/readings.js';
 import { t } from '../core/text.js';
 import { byId, icon, make, setText } from './dom.js';
@@ -74,6 +74,17 @@ function about({ dims, type, format, contents, bytes }, isSlice) {
   return [...(dims ? [dims.join(' × ')] : [format, consists]), type, bytes === undefined ? '' : sizeText(bytes)].filter(Boolean).join(' · ');
 }
 
+/** Number and description of a DICOM series. */
+function nameOf({ number, description }) {
+  const name = number === undefined ? '' : t('open.series.number', { number });
+  return [name, description].filter(Boolean).join(' · ') || t('open.series.unnamed');
+}
+
+function aboutSeries({ modality, images, size, bytes }) {
+  const count = images === 1 ? t('open.series.image') : t('open.series.images', { count: images });
+  return [modality, count, size.join(' × '), sizeText(bytes)].filter(Boolean).join(' · ');
+}
+
 const isDicom = ({ format }) => format === 'DICOM';
 
 class OpenDialog {
@@ -81,6 +92,7 @@ class OpenDialog {
   #folder = '';
   #use; // what opened volumes are for, see app.openVolume()
   #entries = [];
+  #series = []; // DICOM series of the folder
   #asked = 0;
 
   constructor(app) {
@@ -156,6 +168,7 @@ class OpenDialog {
     const asked = ++this.#asked;
     this.#folder = folder;
     this.#filter.value = '';
+    this.#series = [];
     this.#showCrumbs();
     this.#say(t('open.reading'));
     try {
@@ -171,6 +184,7 @@ class OpenDialog {
         this.#showEntries();
       } while (after);
       this.#focus(focus);
+      if (mayBeStudy(folder, entries)) await this.#readSeries(folder, asked);
     } catch (error) {
       if (asked !== this.#asked) return;
       this.#entries = [];
@@ -178,6 +192,24 @@ class OpenDialog {
       this.#tellUnlisted(0);
       this.#say(error.message, true);
     }
+  }
+
+  async #readSeries(folder, asked) {
+    this.#say(t('open.series.reading'));
+    let complaint = '';
+    try {
+      const { series } = await this.#app.api.series(folder);
+      if (asked !== this.#asked) return;
+      this.#series = series;
+    } catch (error) {
+      if (asked !== this.#asked) return;
+      complaint = t('open.series.failed', { reason: error.message });
+    }
+    const { name } = document.activeElement?.dataset ?? {};
+    const wasFilter = document.activeElement === this.#filter;
+    this.#showEntries();
+    if (complaint) this.#say(complaint, true);
+    if (!wasFilter) this.#focus(name);
   }
 
   #showCrumbs() {
@@ -200,13 +232,13 @@ class OpenDialog {
     const firstFile = shown.findIndex(({ kind }) => kind !== 'folder');
     const series = arranged(numberedSeries(this.#entries), this.#filter.value);
     if (firstFile >= 0) rows.splice(firstFile, 0, ...series.map((entry) => this.#stepsRow(entry)));
-    const isFolderOfIt = isSeries && this.#folder && this.#entries.every((entry) => entry.kind === 'folder' || isDicom(entry));
-    if (isFolderOfIt && !this.#filter.value) rows.unshift(this.#seriesRow());
+    const listed = filteredSeries(this.#series, this.#filter.value);
+    rows.unshift(...listed.map((one) => this.#seriesRow(one)));
     this.#list.replaceChildren(...rows);
     const [first] = this.#buttons;
     if (first) first.tabIndex = 0;
     const { value } = this.#filter;
-    if (shown.length > 0) this.#say('');
+    if (rows.length > 0) this.#say('');
     else this.#say(this.#entries.length > 0 ? t('open.nomatch', { filter: value }) : t('open.empty'));
   }
 
@@ -215,10 +247,9 @@ class OpenDialog {
       make('span', { class: 'about', text: told })));
   }
 
-  /** The folder as one volume: the daemon opens the series of its first file. */
-  #seriesRow() {
-    const { name } = crumbs(this.#folder).at(-1);
-    return this.#row(t('open.series'), '', { 'data-kind': 'series' }, icon('box'), () => this.open({ source: this.#folder, name }));
+  #seriesRow(series) {
+    const name = nameOf(series);
+    return this.#row(name, aboutSeries(series), { 'data-name': name, 'data-kind': 'series' }, icon('box'), () => this.open({ source: series.source, name, named: true }));
   }
 
   /** Numbered files as one time series. */
@@ -264,12 +295,12 @@ class OpenDialog {
     if (await this.open({ source: withReading(source, reading), name })) this.#readings.remember(reading);
   }
 
-  /** Loads a source, and shows it once it is ready. Returns whether the daemon takes it. */
-  async open({ source, name }) {
+  /** Loads a source, and shows it once it is ready. Returns whether the daemon takes it. named: it gets this name instead of that of its file. */
+  async open({ source, name, named = false }) {
     try {
       this.#say(t('open.opening', { name }));
-      const volume = await this.#app.api.openVolume({ source });
-      this.#recent.add({ source, name });
+      const volume = await this.#app.api.openVolume(named ? { source, name } : { source });
+      this.#recent.add({ source, name, named });
       this.#dialog.close();
       this.#app.openVolume(volume, this.#use);
       return true;

@@ -79,6 +79,11 @@ export class Api {
     return this.#request('GET', `api/v1/files?${query}`);
   }
 
+  /** The DICOM series of a folder of the data folder: {series}. Takes seconds for thousands of files. */
+  series(path) {
+    return this.#request('GET', `api/v1/files/series?${new URLSearchParams({ path })}`);
+  }
+
   /** {uploads, bytes, bytes_max, bytes_free, uploads_free} */
   uploads() {
     return this.#request('GET', 'api/v1/uploads');

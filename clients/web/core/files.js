@@ -55,6 +55,19 @@ export function numberedSeries(entries) {
   return [...counts].filter(([, count]) => count > 1).map(([name, count]) => ({ name, count }));
 }
 
+/** True if a folder may be a DICOM study: it has DICOM files, or folders and nothing else. */
+export function mayBeStudy(folder, entries) {
+  if (entries.some(({ format }) => format === 'DICOM')) return true;
+  return folder !== '' && entries.length > 0 && entries.every(({ kind }) => kind === 'folder');
+}
+
+/** Series whose texts have all words of the filter. */
+export function filteredSeries(series, filter) {
+  const words = filter.toLowerCase().split(/\s+/).filter(Boolean);
+  const told = ({ number = '', description = '', modality = '' }) => `${number} ${description} ${modality}`.toLowerCase();
+  return series.filter((one) => words.every((word) => told(one).includes(word)));
+}
+
 /** The newest first, each source once, at most `max`. */
 export function withRecent(list, entry, max) {
   return [entry, ...list.filter(({ source }) => source !== entry.source)].slice(0, max);

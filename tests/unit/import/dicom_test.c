@@ -81,14 +81,22 @@ static void a_missing_slice_leaves_the_others_in_their_places(void **state) {
     check_slice(volume, 2, 3, -24);
     assert_string_equal(
         sp_volume_info(volume)->warnings[0],
-        "Left out 1 other image of the series, whose size, type or direction differs.");
+        "Left out 1 other image of the series, whose size, type, spacing or direction differs: "
+        "overview.dcm.");
+    assert_string_equal(sp_volume_info(volume)->warnings[1],
+                        "Left out 1 damaged file: broken.dcm: this is no DICOM file, or it is "
+                        "damaged.");
     assert_string_equal(
-        sp_volume_info(volume)->warnings[1],
+        sp_volume_info(volume)->warnings[2],
         "1 slice is missing at 10 mm, between b.dcm and IM4: the gap there is 5 mm, and "
         "others are 2.5 mm.");
     sp_volume_unref(&volume);
     copy("series3.dcm", "again.dcm");
-    load_error("IM4", SP_ERR_UNSUPPORTED, "", "show the same place (12.5): a duplicate");
+    volume = load("IM4");
+    assert_int_equal(sp_volume_info(volume)->grid.dims[2], 3);
+    assert_string_equal(sp_volume_info(volume)->warnings[1],
+                        "Left out 1 copy with the same SOPInstanceUID: again.dcm (of IM4).");
+    sp_volume_unref(&volume);
     for (int n = 0; n < 3; n++)
         remove(in_folder((const char *const[]){ "again.dcm", "z.dcm", "IM4" }[n]));
     remove(in_folder("b.dcm"));
@@ -126,7 +134,13 @@ static void slices_of_one_place_are_time_steps(void **state) {
         sp_volume_unref(&volume);
     }
     remove(in_folder("t3.dcm")); /* one place has two slices, the other one has one */
-    load_error("t0.dcm", SP_ERR_UNSUPPORTED, "", "different numbers of times or echoes");
+    load_error("t0.dcm", SP_ERR_UNSUPPORTED, "t0.dcm", "belongs to times that lack places");
+    struct sp_volume *volume = load("t1.dcm");
+    assert_int_equal(sp_volume_info(volume)->steps.count, 1);
+    assert_int_equal(sp_volume_info(volume)->grid.dims[2], 2);
+    assert_string_equal(sp_volume_info(volume)->warnings[2],
+                        "Left out 1 image of incomplete times that lack places: t0.dcm.");
+    sp_volume_unref(&volume);
     for (int n = 0; n < 3; n++)
         remove(in_folder((const char *const[]){ "t0.dcm", "t1.dcm", "t2.dcm" }[n]));
 }

@@ -75,7 +75,7 @@ static void wrong_sizes_are_refused(void **state) {
             assert_int_equal(err.code, SP_ERR_CRASHED);
     }
     assert_int_equal(sp_handover_size((enum sp_handover_kind)0), 0);
-    assert_int_equal(sp_handover_size((enum sp_handover_kind)10), 0);
+    assert_int_equal(sp_handover_size((enum sp_handover_kind)11), 0);
 }
 
 /* Sets each byte of a header to odd values. The message is refused, or its grid is valid. */

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// GDCM ends the process with abort() where an assertion of its own does not hold, as for most
+// files that are cut off. One damaged slice must not end the import of the others: a guarded call
+// returns instead. Objects that it had made are lost, which a process that lives for one import
+// can afford.
+#ifndef SP_IMPORT_DICOM_GUARD_H
+#define SP_IMPORT_DICOM_GUARD_H
+
+#include <cstddef>
+
+/* Returns run(user), or false with a reason in `why` if GDCM gave up. */
+bool dicom_survive(bool (*run)(void *user), void *user, char *why, size_t capacity);
+
+template <typename Call> bool dicom_guard(Call call, char *why, size_t capacity) {
+    return dicom_survive([](void *user) -> bool { return (*static_cast<Call *>(user))(); }, &call,
+                         why, capacity);
+}
+
+#endif

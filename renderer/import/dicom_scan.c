@@ -1,0 +1,321 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/dicom_scan.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "import/dicom_samples.h"
+#include "import/numbered.h"
+
+/* Of sub-folders. A study on a disc has patient, study, series and image below each other. */
+enum { DEPTH_MAX = 8, FOLDERS_MAX = 1 << 12 };
+/* Files that are no images, of one folder, whose names are compared with those of images. */
+enum { DOUBTS_MAX = 1 << 10 };
+
+#define SAME_SPACING 1e-3 /* share of the spacing */
+
+void dicom_scan_finish(struct dicom_scan *scan) {
+    for (uint32_t i = 0; i < scan->count; i++)
+        free(scan->images[i].name);
+    free(scan->images);
+    free(scan->stacks);
+    import_names_finish(&scan->damaged);
+    *scan = (struct dicom_scan){ .count = 0 };
+}
+
+/* Stacks. */
+
+bool dicom_is_same_series(const struct dicom_image *a, const struct dicom_image *b) {
+    return strcmp(a->series, b->series) == 0;
+}
+
+static bool is_same_direction(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > 0.9999;
+}
+
+static bool is_same_spacing(double a, double b) {
+    return fabs(a - b) <= SAME_SPACING * fmax(fabs(a), fabs(b));
+}
+
+static bool is_same_geometry(const struct dicom_frame *a, const struct dicom_frame *b) {
+    return a->is_placed == b->is_placed && is_same_spacing(a->spacing[0], b->spacing[0]) &&
+           is_same_spacing(a->spacing[1], b->spacing[1]) &&
+           (!a->is_placed || (is_same_direction(a->along[0], b->along[0]) &&
+                              is_same_direction(a->along[1], b->along[1])));
+}
+
+/* Without a series, only a position shows that two images belong together. */
+static bool belongs(const struct dicom_image *one, const struct dicom_image *other) {
+    return dicom_is_same_series(one, other) && (one->series[0] || one->first.is_placed) &&
+           one->frames == 1 && other->frames == 1 && one->columns == other->columns &&
+           one->rows == other->rows && one->channels == other->channels &&
+           one->bytes == other->bytes && one->is_signed == other->is_signed &&
+           one->is_float == other->is_float && is_same_geometry(&one->first, &other->first);
+}
+
+static void count_image(struct dicom_stack *stack, const struct dicom_found *found) {
+    const struct dicom_image *image = &found->image;
+    stack->frames += image->frames;
+    stack->bytes += found->bytes;
+    stack->samples += (uint64_t)image->columns * image->rows * image->frames;
+}
+
+/* Puts each image into its stack. Most follow one of the same stack. */
+static bool make_stacks(struct dicom_scan *scan) {
+    uint32_t last = 0;
+    scan->stacks = calloc(scan->count ? scan->count : 1, sizeof *scan->stacks);
+    for (uint32_t i = 0; scan->stacks && i < scan->count; i++) {
+        struct dicom_found *found = &scan->images[i];
+        uint32_t n = last;
+        if (found->is_copy)
+            continue;
+        if (scan->stack_count == 0 ||
+            !belongs(&scan->images[scan->stacks[n].first].image, &found->image))
+            for (n = 0; n < scan->stack_count; n++)
+                if (belongs(&scan->images[scan->stacks[n].first].image, &found->image))
+                    break;
+        if (n == scan->stack_count)
+            scan->stacks[scan->stack_count++].first = i;
+        found->stack = last = n;
+        count_image(&scan->stacks[n], found);
+    }
+    return scan->stacks != NULL;
+}
+
+uint32_t dicom_scan_larger(const struct dicom_scan *scan, uint32_t a, uint32_t b) {
+    const struct dicom_stack *p = &scan->stacks[a], *q = &scan->stacks[b];
+    if (p->frames != q->frames)
+        return p->frames > q->frames ? a : b;
+    if (p->samples != q->samples)
+        return p->samples > q->samples ? a : b;
+    return scan->images[q->first].image.number < scan->images[p->first].image.number ? b : a;
+}
+
+/* Copies. Some programs give all images one unique id, so copies have the same place and number,
+ * too. */
+
+static int compare_numbers(double a, double b) {
+    if (isnan(a) || isnan(b))
+        return isnan(a) - isnan(b);
+    return (a > b) - (a < b);
+}
+
+static int compare_images(const struct dicom_image *a, const struct dicom_image *b) {
+    const struct dicom_frame *p = &a->first, *q = &b->first;
+    int order = strcmp(a->id, b->id);
+    if (order == 0)
+        order = strcmp(a->series, b->series);
+    if (order == 0)
+        order = (p->instance > q->instance) - (p->instance < q->instance);
+    for (int i = 0; order == 0 && i < 3; i++)
+        order = compare_numbers(p->position[i], q->position[i]);
+    for (int i = 0; order == 0 && i < 6; i++)
+        order = compare_numbers(p->along[i / 3][i % 3], q->along[i / 3][i % 3]);
+    for (int key = 0; order == 0 && key < DICOM_KEY_COUNT; key++)
+        order = compare_numbers(p->keys[key], q->keys[key]);
+    if (order == 0)
+        order = (a->columns > b->columns) - (a->columns < b->columns);
+    return order ? order : (a->rows > b->rows) - (a->rows < b->rows);
+}
+
+/* Indices of images, copies beside each other: "a.dcm" before "a (copy).dcm", and the file that
+ * was opened before all others. */
+static int by_image(const void *a, const void *b, void *images) {
+    const struct dicom_found *all = images;
+    const uint32_t i = *(const uint32_t *)a, k = *(const uint32_t *)b;
+    const int order = compare_images(&all[i].image, &all[k].image);
+    const size_t n = i == 0 ? 0 : strlen(all[i].name), m = k == 0 ? 0 : strlen(all[k].name);
+    return order ? order : n != m ? (n > m) - (n < m) : (i > k) - (i < k);
+}
+
+/* Marks all copies of an image but the first. */
+static bool mark_copies(struct dicom_scan *scan) {
+    uint32_t *order = malloc((scan->count ? scan->count : 1) * sizeof *order);
+    if (!order)
+        return false;
+    for (uint32_t i = 0; i < scan->count; i++)
+        order[i] = i;
+    qsort_r(order, scan->count, sizeof *order, by_image, scan->images);
+    for (uint32_t i = 1; i < scan->count; i++) {
+        struct dicom_found *found = &scan->images[order[i]];
+        const struct dicom_found *before = &scan->images[order[i - 1]];
+        found->is_copy = found->image.id[0] && compare_images(&found->image, &before->image) == 0;
+        found->copy_of = before->is_copy ? before->copy_of : order[i - 1];
+        scan->copies += found->is_copy;
+    }
+    free(order);
+    return true;
+}
+
+/* Files. */
+
+static bool add_image(struct dicom_scan *scan, const char *name, int fd,
+                      const struct dicom_image *image) {
+    struct stat st;
+    if (scan->count == scan->capacity) {
+        const uint32_t wanted = scan->capacity ? 2 * scan->capacity : 256;
+        struct dicom_found *larger = realloc(scan->images, wanted * sizeof *larger);
+        if (!larger)
+            return false;
+        scan->images = larger;
+        scan->capacity = wanted;
+    }
+    struct dicom_found *found = &scan->images[scan->count];
+    *found = (struct dicom_found){ .name = strdup(name), .image = *image };
+    found->bytes = fstat(fd, &st) == 0 ? (uint64_t)st.st_size : 0;
+    scan->count += found->name != NULL;
+    return found->name != NULL;
+}
+
+static bool add_damaged(struct dicom_scan *scan, const char *name, const char *why) {
+    char text[SP_WARNING_BYTES];
+    snprintf(text, sizeof text, "%.100s: %.100s", name, why);
+    return import_names_append(&scan->damaged, text);
+}
+
+/* Gives the file that was opened its name in the folder. */
+static bool name_first(struct dicom_scan *scan, const char *name) {
+    char *copy = strdup(name);
+    if (copy) {
+        free(scan->images[0].name);
+        scan->images[0].name = copy;
+    }
+    return copy != NULL;
+}
+
+/* True if the file was opened by its name, whatever the name is here. */
+static bool is_opened(const struct dicom_source *source, int fd) {
+    struct stat own, other;
+    return !source->file->is_folder && fstat(source->file->fd, &own) == 0 &&
+           fstat(fd, &other) == 0 && own.st_dev == other.st_dev && own.st_ino == other.st_ino;
+}
+
+/* What is wrong with a file that may be a slice. */
+enum verdict { IS_IMAGE, IS_OTHER, IS_DAMAGED, IS_DOUBTFUL };
+
+static enum verdict judge(const struct dicom_source *source, const char *name, int fd,
+                          struct dicom_image *image, char why[SP_ERROR_TEXT]) {
+    uint8_t start[DICOM_PREFIX];
+    const ssize_t got = pread(fd, start, sizeof start, 0);
+    if (got <= 0) {
+        snprintf(why, SP_ERROR_TEXT, "the file is empty");
+        return dicom_has_ending(name) ? IS_DAMAGED : IS_DOUBTFUL;
+    }
+    if (!dicom_is_file(start, (size_t)got) && !dicom_has_ending(name)) {
+        snprintf(why, SP_ERROR_TEXT, "this is no DICOM file, or it is damaged");
+        return IS_DOUBTFUL;
+    }
+    if (!dicom_describe(source, fd, image, why))
+        return IS_DAMAGED;
+    if (image->columns == 0)
+        return IS_OTHER;
+    return dicom_samples_check(image, fd, why) ? IS_IMAGE : IS_DAMAGED;
+}
+
+/* Adds a file of the folder to the images or the damaged files. A file that has neither the bytes
+ * nor the name of a DICOM file comes to the doubts, with the reason. */
+static bool take_file(const struct dicom_source *source, const char *name, struct dicom_scan *scan,
+                      struct import_names *doubts) {
+    char why[SP_ERROR_TEXT];
+    struct dicom_image image;
+    struct sp_error ignored;
+    bool ok = true;
+    int fd = dicom_open(source, name, &ignored);
+    if (fd < 0)
+        return true;
+    if (is_opened(source, fd)) {
+        ok = source->image.is_directory || name_first(scan, name);
+    } else {
+        switch (judge(source, name, fd, &image, why)) {
+        case IS_IMAGE:
+            ok = add_image(scan, name, fd, &image);
+            break;
+        case IS_DAMAGED:
+            ok = add_damaged(scan, name, why);
+            break;
+        case IS_DOUBTFUL:
+            ok = doubts->count == DOUBTS_MAX || import_names_append(doubts, name);
+            break;
+        case IS_OTHER:
+            break;
+        }
+    }
+    dicom_close(source, fd);
+    return ok;
+}
+
+/* A file is a damaged slice if its name differs from that of an image in numbers only. */
+static bool resolve_doubts(struct dicom_scan *scan, const struct import_names *doubts) {
+    char pattern[NAME_MAX + 1];
+    bool ok = true;
+    for (uint32_t i = 0; ok && i < doubts->count; i++) {
+        bool is_alike = false;
+        if (!sp_numbered_pattern(doubts->names[i], pattern))
+            continue;
+        for (uint32_t k = 0; k < scan->count && !is_alike; k++)
+            is_alike = sp_numbered_matches(pattern, scan->images[k].name);
+        if (is_alike)
+            ok = add_damaged(scan, doubts->names[i], "this is no DICOM file, or it is damaged");
+    }
+    return ok;
+}
+
+/* Reads the files of one folder, "" or "SUB/FOLDER". */
+static bool read_folder(const struct dicom_source *source, const char *prefix,
+                        struct dicom_scan *scan) {
+    struct import_names files = { .count = 0 }, doubts = { .count = 0 };
+    char path[2 * PATH_MAX];
+    snprintf(path, sizeof path, "%s/%s", source->file->folder, prefix);
+    const uint32_t left = scan->count < IMPORT_FILES_MAX ? IMPORT_FILES_MAX - scan->count : 0;
+    bool ok = import_names_add(&files, path, prefix, false, left);
+    scan->is_bounded |= files.count == left;
+    import_names_sort(&files, 0);
+    for (uint32_t i = 0; ok && i < files.count; i++)
+        ok = take_file(source, files.names[i], scan, &doubts);
+    ok = ok && resolve_doubts(scan, &doubts);
+    import_names_finish(&files);
+    import_names_finish(&doubts);
+    return ok;
+}
+
+static unsigned depth_of(const char *path) {
+    unsigned depth = 0;
+    for (; *path; path++)
+        depth += *path == '/';
+    return depth;
+}
+
+/* Reads the files of all folders below, level by level. */
+static bool read_below(const struct dicom_source *source, struct dicom_scan *scan) {
+    struct import_names folders = { .count = 0 };
+    char path[2 * PATH_MAX];
+    bool ok = import_names_add(&folders, source->file->folder, "", true, FOLDERS_MAX);
+    import_names_sort(&folders, 0);
+    for (uint32_t i = 0; ok && i < folders.count; i++) {
+        const uint32_t first = folders.count;
+        snprintf(path, sizeof path, "%s/%s", source->file->folder, folders.names[i]);
+        ok = read_folder(source, folders.names[i], scan);
+        if (ok && depth_of(folders.names[i]) + 1 < DEPTH_MAX)
+            ok = import_names_add(&folders, path, folders.names[i], true, FOLDERS_MAX);
+        import_names_sort(&folders, first);
+    }
+    scan->is_bounded |= folders.count == FOLDERS_MAX;
+    import_names_finish(&folders);
+    return ok;
+}
+
+bool dicom_scan_read(const struct dicom_source *source, struct dicom_scan *scan,
+                     struct sp_error *err) {
+    const bool is_list = !source->file->is_folder && source->image.is_directory;
+    bool ok =
+        source->file->is_folder || is_list || add_image(scan, "", source->file->fd, &source->image);
+    ok = ok && read_folder(source, "", scan);
+    if (ok && (is_list || (source->file->is_folder && scan->count == 0)))
+        ok = read_below(source, scan);
+    return (ok && mark_copies(scan) && make_stacks(scan)) ||
+           sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+}

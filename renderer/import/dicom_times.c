@@ -1,0 +1,189 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/dicom_times.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { LIST = 140 }; /* bytes of the names in a warning */
+
+struct times {
+    const struct dicom_slices *slices;
+    uint32_t *time;       /* owned; of each slice, from 0 */
+    uint32_t *order;      /* owned; the slices in the order of their keys */
+    uint32_t *count;      /* owned; slices of each time, then of each plane */
+    uint32_t times, most; /* times; slices of the plane that has most */
+    bool drops_planes;    /* that lack times; else times that lack planes */
+};
+
+static bool create(struct times *t, const struct dicom_slices *slices) {
+    const uint32_t count = slices->count;
+    *t = (struct times){ .slices = slices,
+                         .time = calloc(count, sizeof *t->time),
+                         .order = calloc(count, sizeof *t->order),
+                         .count = calloc(count, sizeof *t->count) };
+    for (uint32_t i = 0, run = 1; t->order && i < count; i++) {
+        t->order[i] = i;
+        run = i > 0 && slices->items[i].plane == slices->items[i - 1].plane ? run + 1 : 1;
+        t->most = run > t->most ? run : t->most;
+    }
+    return t->time && t->order && t->count;
+}
+
+static void finish(struct times *t) {
+    free(t->time);
+    free(t->order);
+    free(t->count);
+}
+
+/* A key whose values are those of the times: as many as the fullest place has slices. */
+
+struct by_key {
+    const struct dicom_slice *items;
+    enum dicom_key key;
+};
+
+static int compare_keys(const void *a, const void *b, void *user) {
+    const struct by_key *by = user;
+    const double x = by->items[*(const uint32_t *)a].is.keys[by->key];
+    const double y = by->items[*(const uint32_t *)b].is.keys[by->key];
+    return (x > y) - (x < y);
+}
+
+static bool number_by_key(struct times *t, enum dicom_key key) {
+    const struct dicom_slice *s = t->slices->items;
+    struct by_key by = { s, key };
+    for (uint32_t i = 0; i < t->slices->count; i++)
+        if (isnan(s[i].is.keys[key]) ||
+            (i > 0 && s[i].plane == s[i - 1].plane && s[i].is.keys[key] == s[i - 1].is.keys[key]))
+            return false;
+    qsort_r(t->order, t->slices->count, sizeof *t->order, compare_keys, &by);
+    t->times = 0;
+    for (uint32_t i = 0; i < t->slices->count; i++) {
+        const bool is_next =
+            i == 0 || s[t->order[i]].is.keys[key] != s[t->order[i - 1]].is.keys[key];
+        t->times += is_next;
+        t->time[t->order[i]] = t->times - 1;
+    }
+    return t->times == t->most;
+}
+
+/* The order of the images: one time after the other, each with its places in the same order. */
+
+static int compare_numbers(const void *a, const void *b, void *items) {
+    const struct dicom_slice *p = (const struct dicom_slice *)items + *(const uint32_t *)a;
+    const struct dicom_slice *q = (const struct dicom_slice *)items + *(const uint32_t *)b;
+    const double x = p->is.keys[DICOM_KEY_CLOCK], y = q->is.keys[DICOM_KEY_CLOCK];
+    if (x < y || x > y)
+        return x < y ? -1 : 1;
+    return (p->is.instance > q->is.instance) - (p->is.instance < q->is.instance);
+}
+
+/* Where each plane comes in the first time; 0 = not there, which leaves the times unknown. */
+static bool find_ranks(const struct times *t, uint32_t *rank) {
+    const struct dicom_slices *slices = t->slices;
+    for (uint32_t i = 0; i < slices->planes; i++) {
+        const uint32_t plane = slices->items[t->order[i]].plane;
+        if (rank[plane])
+            return false;
+        rank[plane] = i + 1;
+    }
+    return true;
+}
+
+static bool number_by_order(struct times *t) {
+    const struct dicom_slices *slices = t->slices;
+    uint32_t *rank = t->count, before = 0;
+    memset(rank, 0, slices->count * sizeof *rank);
+    qsort_r(t->order, slices->count, sizeof *t->order, compare_numbers, slices->items);
+    if (!find_ranks(t, rank))
+        return false;
+    t->times = 1;
+    for (uint32_t i = 0; i < slices->count; i++) {
+        const uint32_t own = rank[slices->items[t->order[i]].plane];
+        t->times += own <= before;
+        before = own;
+        t->time[t->order[i]] = t->times - 1;
+    }
+    return t->times == t->most;
+}
+
+/* What is left out. */
+
+static uint32_t count_full(struct times *t, bool of_planes) {
+    const struct dicom_slices *slices = t->slices;
+    const uint32_t groups = of_planes ? slices->planes : t->times;
+    const uint32_t wanted = of_planes ? t->times : slices->planes;
+    uint32_t full = 0;
+    memset(t->count, 0, slices->count * sizeof *t->count);
+    for (uint32_t i = 0; i < slices->count; i++)
+        t->count[of_planes ? slices->items[i].plane : t->time[i]]++;
+    for (uint32_t i = 0; i < groups; i++)
+        full += t->count[i] == wanted;
+    return full;
+}
+
+static bool is_complete(const struct dicom_slice *slice, const void *user) {
+    const struct times *t = user;
+    const uint32_t i = (uint32_t)(slice - t->slices->items);
+    return t->drops_planes ? t->count[slice->plane] == t->times
+                           : t->count[t->time[i]] == t->slices->planes;
+}
+
+static void list_name(char list[LIST], const struct dicom_slice *slice) {
+    char name[80];
+    const size_t used = strlen(list);
+    dicom_slice_name(slice, name);
+    if (used + strlen(name) + 8 < LIST)
+        snprintf(list + used, LIST - used, "%s%s", used ? ", " : "", name);
+    else if (used && list[used - 1] != '.')
+        snprintf(list + used, LIST - used, ", ...");
+}
+
+static bool leave_out(struct times *t, struct dicom_slices *slices,
+                      const struct dicom_source *source, struct sp_error *err) {
+    const char *what = t->drops_planes ? "places that lack times" : "times that lack places";
+    char list[LIST] = "", text[SP_ERROR_TEXT];
+    const uint32_t before = slices->count;
+    snprintf(text, sizeof text, "the image belongs to %s, so it is incomplete: open another file",
+             what);
+    for (uint32_t i = 0; i < before; i++) {
+        const struct dicom_slice *s = &slices->items[i];
+        if (is_complete(s, t))
+            continue;
+        if (!source->file->is_folder && *s->name && strcmp(s->name, source->name) == 0)
+            return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
+        list_name(list, s);
+    }
+    dicom_slices_keep(slices, is_complete, t);
+    import_warn(source->file->warnings, "Left out %u %s of incomplete %s: %s.",
+                before - slices->count, before - slices->count > 1 ? "images" : "image", what,
+                list);
+    return dicom_slices_sort(slices) ||
+           sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+}
+
+bool dicom_times_complete(struct dicom_slices *slices, const struct dicom_source *source,
+                          struct sp_error *err) {
+    static const enum dicom_key keys[] = { DICOM_KEY_PHASE, DICOM_KEY_DELAY, DICOM_KEY_CLOCK };
+    struct times t;
+    bool ok = create(&t, slices), is_known = false;
+    if (!ok)
+        sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the times");
+    for (size_t i = 0; ok && !is_known && i < sizeof keys / sizeof *keys; i++)
+        is_known = number_by_key(&t, keys[i]);
+    is_known = is_known || (ok && number_by_order(&t));
+    if (is_known) {
+        /* A gap in space is worse than one in time. */
+        const uint32_t planes = count_full(&t, true) * t.times;
+        const uint32_t times = count_full(&t, false) * slices->planes;
+        t.drops_planes = 2 * times < planes;
+        if (t.drops_planes)
+            count_full(&t, true);
+        if (times > 0 || planes > 0)
+            ok = leave_out(&t, slices, source, err);
+    }
+    finish(&t);
+    return ok;
+}

@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Places that have different numbers of slices, as in a scan that was stopped.
+ */
+#ifndef SP_IMPORT_DICOM_TIMES_H
+#define SP_IMPORT_DICOM_TIMES_H
+
+#include "import/dicom_slices.h"
+
+/* Leaves out the times that lack places, or else the places that lack times, whichever leaves more,
+ * and warns of it. The slices are sorted before and after. Does nothing if nothing tells the
+ * times apart. Fails if the file that was opened would be left out, or without memory. */
+bool dicom_times_complete(struct dicom_slices *slices, const struct dicom_source *source,
+                          struct sp_error *err);
+
+#endif
