@@ -60,7 +60,7 @@ static void misbehaving_importers_are_errors(void **state) {
         { "error-ok", SP_ERR_CRASHED, "failed with code 0" },
         { "error-endless", SP_ERR_CRASHED, "error message that is not terminated" },
         { "error-escape", SP_ERR_FORMAT, "bad??[2Jfile" },
-        { "version", SP_ERR_CRASHED, "version 77 of the handover and this program version 13" },
+        { "version", SP_ERR_CRASHED, "version 77 of the handover and this program version 14" },
         { "magic", SP_ERR_CRASHED, "starts with 00000000" },
         { "type", SP_ERR_CRASHED, "sample type 12" },
         { "zero", SP_ERR_CRASHED, "dims[1] is 0" },

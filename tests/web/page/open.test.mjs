@@ -111,17 +111,19 @@ test('a folder of a DICOM series has one entry for all its files, and one withou
   await page.locator('#open-crumbs button', { hasText: 'old' }).click();
   await page.locator('#open-list [data-name="slices"]').click();
   await page.locator('[data-name="series3.dcm"]').waitFor();
-  assert.deepEqual(await entries(page), ['Open the series of this folder', ...SLICES.map((file) => path.basename(file))]);
+  await page.locator('#open-list [data-kind="series"]').waitFor();
+  assert.deepEqual(await entries(page), ['Series without a name', ...SLICES.map((file) => path.basename(file))]);
+  assert.match(await page.locator('#open-list [data-kind="series"] .about').textContent(), /^CT · 4 images · 16 × 12 · \d/);
   assert.match(await page.locator('[data-name="series0.dcm"] .about').textContent(), /^DICOM · opens its series · \d/);
   await shot(page, 'open-series');
   await page.fill('#open-filter', '3');
   assert.deepEqual(await entries(page), ['series3.dcm'], 'a filter looks for files');
   await page.fill('#open-filter', '');
   await page.locator('#open-list button').first().click();
-  await shows(page, 'slices');
+  await shows(page, 'Series without a name');
   assert.match(await page.locator('#volumes .pick[aria-current] .about').textContent(), /× 4 · int16$/);
   await page.click('#open-button');
-  await page.locator('#open-recent-list button', { hasText: 'slices' }).waitFor();
+  await page.locator('#open-recent-list button', { hasText: 'Series without a name' }).waitFor();
   assert.deepEqual(said, []);
 });
 
