@@ -465,9 +465,9 @@ static std::vector<std::string> names_of(const groups &in, const dicom_frame &fr
     return { flavour_of(in), dicom_text(in.find(0x0040, 0x9096), 0x0040, 0x9210), frame.group };
 }
 
-/* Names frames by what differs among them. */
+/* Names frames by what differs among them. A single one may differ from those of other files. */
 static void name_groups(const std::vector<std::vector<std::string>> &names, dicom_frame *frames) {
-    std::vector<bool> differs(names[0].size());
+    std::vector<bool> differs(names[0].size(), names.size() == 1);
     ranks known;
     for (const auto &other : names)
         for (size_t way = 0; way < other.size(); way++)
