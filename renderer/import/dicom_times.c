@@ -173,7 +173,8 @@ bool dicom_times_complete(struct dicom_slices *slices, const struct dicom_source
         sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the times");
     for (size_t i = 0; ok && !is_known && i < sizeof keys / sizeof *keys; i++)
         is_known = number_by_key(&t, keys[i]);
-    is_known = is_known || (ok && number_by_order(&t));
+    /* The number of a frame is only its place in the file. */
+    is_known = is_known || (ok && source->image.frames <= 1 && number_by_order(&t));
     if (is_known) {
         /* A gap in space is worse than one in time. */
         const uint32_t planes = count_full(&t, true) * t.times;
