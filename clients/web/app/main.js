@@ -29,6 +29,7 @@ import * as paths from './paths.js';
 import * as people from './people.js';
 import * as pick from './pick.js';
 import * as picture from './picture.js';
+import * as plates from './plates.js';
 import * as presets from './presets.js';
 import * as scaleBar from './scale_bar.js';
 import * as session from './session.js';
@@ -52,7 +53,7 @@ import * as zoomBox from './zoom_box.js';
 
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
-  kinds, frames, warp, status, stream, formats, connectionBanner, session, input, sheet, pick,
+  kinds, frames, warp, status, stream, formats, connectionBanner, session, input, plates, sheet, pick,
   orientation, scaleBar, views, zoomBox, walk, camera, clip,
   picture, time, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, channels, measures, edits,
   open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, colorBar, savedViews, inspect,

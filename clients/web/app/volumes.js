@@ -3,13 +3,17 @@
 import { contentsText } from '../core/kinds.js';
 import { volumesOf } from '../core/layers.js';
 import { t } from '../core/text.js';
-import { fullNameOf, nameOf, placeOf } from '../core/volume_names.js';
+import { fullNameOf, grouped, nameOf, placeOf } from '../core/volume_names.js';
 import { ask } from './ask.js';
 import { byId, icon, make, setText } from './dom.js';
 import { VolumeField } from './volume_field.js';
 import { VolumeInfo } from './volume_info.js';
 
 const LIST_MS = 500;
+const MANY = 8; // from this number on, rows have one line, and there is a filter
+const FAILED_SHOWN = 2; // more failed loads are folded
+const BELOW = 84; // px below the panel, as in style.css
+const LEAST = 0.34; // of the height of the window, which the list may have whatever is below it
 
 function describe(volume) {
   if (volume.state === 'failed') return t('volumes.failed', { reason: volume.reason || t('volumes.failed.noreason') });
@@ -41,6 +45,8 @@ function closeText(volume, volumes) {
 class VolumeList {
   #app; #info; #field;
   #list = byId('volumes');
+  #filter = byId('volumes-filter');
+  #isFolded = null; // whether the user folded the failed loads; null = the user did not choose
   #shown = ''; // what the list shows, as text
   #timer = null; // of the next refresh
   #unknown = ''; // volumes that the view names and the list lacks
@@ -53,6 +59,12 @@ class VolumeList {
     this.#info = new VolumeInfo(app, byId('volume-info'));
     this.#field = new VolumeField(app);
     byId('volume-info').before(this.#field.root);
+    this.#filter.addEventListener('input', () => this.#refill());
+    this.#filter.addEventListener('keydown', (event) => {
+      if (event.key === 'Enter') this.#list.querySelector('.pick:not(:disabled)')?.click();
+    });
+    byId('panel-body').addEventListener('toggle', () => this.#fit(), { capture: true });
+    window.addEventListener('resize', () => this.#fit());
   }
 
   get #current() { return this.#app.viewer.view?.volume; }
@@ -104,7 +116,22 @@ class VolumeList {
     const shown = JSON.stringify([this.#current, volumes.map((v) => [v.id, v.name, v.source, describe(v), v.progress, v.may_close])]);
     if (shown === this.#shown) return;
     this.#shown = shown;
-    this.#rebuild(volumes);
+    this.#refill();
+  }
+
+  #refill() {
+    this.#rebuild(this.#app.connection.volumes);
+    this.#fit();
+  }
+
+  /** Gives the list the height that the rest of the panel leaves. */
+  #fit() {
+    const body = byId('panel-body');
+    const { height } = body.getBoundingClientRect();
+    const inner = body.lastElementChild.getBoundingClientRect().bottom - body.firstElementChild.getBoundingClientRect().top;
+    const rest = inner - this.#list.offsetHeight;
+    const most = Math.max(height, window.innerHeight - body.getBoundingClientRect().top - BELOW);
+    this.#list.style.maxHeight = `${Math.round(Math.max(LEAST * window.innerHeight, most - rest))}px`;
   }
 
   /** Scrolls the list to the current volume. */
@@ -119,7 +146,13 @@ class VolumeList {
   #rebuild(volumes) {
     const focused = document.activeElement?.closest?.('#volumes button')?.dataset.id;
     const { scrollTop } = this.#list;
-    this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, volumes)));
+    const isMany = volumes.length >= MANY;
+    this.#filter.hidden = !isMany;
+    this.#list.toggleAttribute('data-many', isMany);
+    const { open, failed } = grouped(volumes, isMany ? this.#filter.value : '');
+    const entries = (some) => some.map((volume) => this.#entry(volume, volumes));
+    this.#list.replaceChildren(...entries(open), ...(failed.length ? [this.#failures(failed, entries(failed))] : []));
+    if (volumes.length && !this.#list.childElementCount) this.#list.append(make('li', { class: 'about', text: t('volumes.nomatch') }));
     this.#list.scrollTop = scrollTop;
     for (const button of this.#list.querySelectorAll('button')) if (focused && button.dataset.id === focused) button.focus();
   }
@@ -132,6 +165,29 @@ class VolumeList {
       item.append(make('button', { class: 'close', 'data-id': `close:${volume.id}`, 'aria-label': label, title: label, press }, icon('x')));
     }
     return item;
+  }
+
+  /** The group of the loads that failed: they can be removed at once. */
+  #failures(volumes, entries) {
+    const mine = volumes.filter((volume) => volume.may_close);
+    const isOpen = !(this.#isFolded ?? volumes.length > FAILED_SHOWN);
+    const fold = make('details', { class: 'fold', open: isOpen }, make('summary', { text: t('volumes.failures', { count: volumes.length }) }), make('ul', {}, ...entries));
+    fold.addEventListener('toggle', () => { if (fold.open !== isOpen) this.#isFolded = !fold.open; });
+    const remove = make('button', { class: 'link', 'data-id': 'failures', text: t('volumes.failures.remove'), press: () => this.#remove(mine) });
+    return make('li', { class: 'failures' }, fold, ...(mine.length > 1 ? [remove] : []));
+  }
+
+  /** Removes failed loads from the list. */
+  async #remove(volumes) {
+    const { api, notice } = this.#app;
+    for (const { id, name } of volumes) {
+      try {
+        await api.closeVolume(id);
+      } catch (error) {
+        if (error.status !== 404) notice.show(t('volumes.close.failed', { name: name || id, reason: error.message }), 'error');
+      }
+    }
+    this.#read();
   }
 
   /** True if others see the volume: in this session or in another one. */

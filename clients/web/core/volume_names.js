@@ -13,6 +13,19 @@ export function placeOf(volume, volumes) {
   return folder && same.every((other) => folderOf(other.source) !== folder) ? folder : volume.id;
 }
 
+/** The volumes whose names, ids or sources have all words of a filter: {open: ready ones first, then those that load; failed}. */
+export function grouped(volumes, filter = '') {
+  const words = filter.toLowerCase().split(/\s+/).filter(Boolean);
+  const found = volumes.filter(({ name = '', id, source = '' }) => {
+    const text = `${name} ${id} ${source}`.toLowerCase();
+    return words.every((word) => text.includes(word));
+  });
+  const of = (...states) => found.filter(({ state }) => states.includes(state));
+  const failed = of('failed');
+  const loading = of('loading');
+  return { open: [...found.filter((volume) => !failed.includes(volume) && !loading.includes(volume)), ...loading], failed };
+}
+
 /** The name with what tells it apart, for a line of text. */
 export function fullNameOf(volume, volumes) {
   const place = placeOf(volume, volumes);

@@ -2,7 +2,7 @@
 // Names of volumes that share the name of their files.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { fullNameOf, nameOf, placeOf } from '../../../clients/web/core/volume_names.js';
+import { fullNameOf, grouped, nameOf, placeOf } from '../../../clients/web/core/volume_names.js';
 
 const volume = (id, name, source) => ({ id, name, source });
 
@@ -17,4 +17,17 @@ test('equal names are told apart by the folder, or else by the id', () => {
   assert.deepEqual(volumes.map((v) => placeOf(v, volumes)), ['2024', '2025/jan', 'head-3']);
   const twins = [volume('a', 'head', 'x/head.nrrd'), volume('b', 'head', 'x/head.vti'), volume('c', 'head', undefined)];
   assert.deepEqual(twins.map((v) => fullNameOf(v, twins)), ['head (a)', 'head (b)', 'head (c)']);
+});
+
+test('a filter finds words in names, ids and sources; failed loads are a group of their own, and open volumes come first', () => {
+  const volumes = [
+    { ...volume('a', 'head', '2024/head.nrrd'), state: 'failed' }, { ...volume('b', 'Foot', 'x/foot.nrrd'), state: 'loading' },
+    { ...volume('c', 'Übung *1*', 'x/u.nrrd'), state: 'ready' }, { ...volume('d', 'head', '2025/head.nrrd'), state: 'ready' },
+  ];
+  const ids = (filter) => Object.values(grouped(volumes, filter)).map((group) => group.map(({ id }) => id).join(''));
+  assert.deepEqual(ids(''), ['cdb', 'a']);
+  assert.deepEqual(ids('HEAD 2025'), ['d', '']);
+  assert.deepEqual(ids('head'), ['d', 'a']);
+  assert.deepEqual(ids('übung *'), ['c', '']);
+  assert.deepEqual(ids('nothing'), ['', '']);
 });

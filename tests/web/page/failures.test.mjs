@@ -244,8 +244,8 @@ test('the page works below a path of a reverse proxy and on a phone', async (con
 });
 
 test('a long list of volumes scrolls inside the panel and shows the current one', async (context) => {
-  const volumes = Array.from({ length: 30 }, (_, i) => volume(`v${i}`));
-  const { page } = await setUp(context, { volumes }, { address: (d) => `${d.url}&volume=v20`, page: { viewport: { width: 1280, height: 800 } } });
+  const volumes = [...['x', 'y', 'z'].map((id) => volume(id, { state: 'failed', reason: `no ${id}`, may_close: true })), ...Array.from({ length: 30 }, (_, i) => volume(`v${i}`))];
+  const { page, daemon } = await setUp(context, { volumes }, { address: (d) => `${d.url}&volume=v20`, page: { viewport: { width: 1280, height: 800 } } });
   const current = page.locator('#volumes [aria-current][data-id="v20"]');
   await current.waitFor();
   assert.ok(await current.evaluate((button) => {
@@ -254,6 +254,29 @@ test('a long list of volumes scrolls inside the panel and shows the current one'
   }));
   await shot(page, 'volumes-many');
   compare((await boxOf(page.locator('#transfer'))).y, '<', 500);
+  const rows = () => page.evaluate(() => {
+    const list = document.getElementById('volumes').getBoundingClientRect();
+    return [...document.querySelectorAll('#volumes .pick')].filter((pick) => pick.checkVisibility() && pick.getBoundingClientRect().bottom <= list.bottom && pick.getBoundingClientRect().top >= list.top).length;
+  });
+  const before_ = await rows();
+  compare(before_, '>=', 7);
+  await page.evaluate(() => { for (const fold of document.querySelectorAll('#panel-body > details')) fold.open = false; });
+  await resize(page, { width: 1280, height: 1300 });
+  await until(page, 'more rows', `() => document.getElementById('volumes').offsetHeight > 500`);
+  compare(await rows(), '>', before_, 'the list takes what the panel leaves');
+
+  assert.equal(await page.locator('#volumes > li').first().innerText().then((text) => text.split('\n')[0]), 'v0', 'open volumes come first');
+  assert.ok(await page.locator('#volumes [data-id="x"]').isHidden(), 'failed loads are folded');
+  await page.click('#volumes .failures summary');
+  await page.locator('#volumes .about', { hasText: 'no y' }).waitFor();
+  await page.fill('#volumes-filter', 'V2');
+  assert.equal(await page.locator('#volumes .pick').count(), 11);
+  await page.fill('#volumes-filter', 'nothing');
+  await page.locator('#volumes', { hasText: 'No volume matches' }).waitFor();
+  await page.fill('#volumes-filter', '');
+  await page.click('#volumes [data-id="failures"]');
+  await page.locator('#volumes .failures').waitFor({ state: 'detached' });
+  assert.deepEqual(daemon.volumes.map(({ id }) => id).filter((id) => !id.startsWith('v')), []);
 });
 
 test('a volume without a finite number says why the picture is empty', async (context) => {

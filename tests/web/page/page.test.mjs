@@ -4,7 +4,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { boxOf, camera, difference, drag, firstFrame, openPage, pixels, rest, share, shot, touch, unfold, until, visit } from '../support/browser.mjs';
+import { boxOf, camera, difference, drag, firstFrame, openPage, pixels, pressPlates, rest, share, shot, touch, unfold, until, visit } from '../support/browser.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
 
 const VOLUMES = ['--volume', 'demo:phantom?size=64', '--volume', 'demo:engine?size=64'];
@@ -51,6 +51,15 @@ test('the page loads with an image that is not empty, is sharp at rest, and logs
   await shot(page, 'help');
   await page.keyboard.press('Escape');
   await page.locator('#help').waitFor({ state: 'hidden' });
+
+  const before_ = await camera(page);
+  const { x, y, width } = await boxOf(page.locator('.scale-text'));
+  await drag(page, [x + width / 2, y + 5], [x - 150, y - 60]);
+  compare(away(before_.position, (await camera(page)).position), '>', 0.1 * depth(before_), 'a drag that begins on the scale turns the picture');
+  await page.keyboard.press('v'); // the bar of the mode
+  const { count, kept } = await pressPlates(page);
+  compare(count, '>', 5);
+  assert.deepEqual(kept, []);
   assert.deepEqual(said, []);
 });
 

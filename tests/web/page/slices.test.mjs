@@ -7,7 +7,7 @@ import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { boxOf, checkAxe, difference, drag, firstFrame, NEEDS_AXE, pixels, resize, rest, share, shot, until, visit } from '../support/browser.mjs';
+import { boxOf, checkAxe, difference, drag, firstFrame, NEEDS_AXE, pixels, pressPlates, resize, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { BIN, startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
@@ -52,6 +52,11 @@ test('wheel, keys, slider and number go through the slices; the crosshair links 
   assert.equal(await page.inputValue('#slices-mode'), 'orthogonal', 'the panel says what the panes show');
   const start = await position(page);
 
+  const { count, kept } = await pressPlates(page);
+  compare(count, '>', 5);
+  assert.deepEqual(kept, []);
+  await page.click('#slices-reset');
+  await settled(page);
   await page.mouse.move(...await middleOf(page, 'axial'));
   for (let i = 0; i < 12; i += 1) await page.mouse.wheel(0, 100);
   await until(page, 'other slices', (s) => Math.abs(s.view.slices.position[2] - 31.5) > 5);

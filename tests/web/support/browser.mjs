@@ -233,6 +233,43 @@ export async function drag(page, [x0, y0], [x1, y1], { button = 'left', steps = 
   await page.mouse.up({ button });
 }
 
+/**
+ * Presses both buttons and turns the wheel on whatever lies above the pictures: labels, bars and messages. Returns {count: of places, kept:
+ * the names of those that keep a part of it from the picture below, although they are no controls}.
+ */
+export async function pressPlates(page) {
+  const places = await page.evaluate(() => {
+    const PICTURES = '#screen, #screen-b, .slice';
+    const CONTROLS = 'button, input, select, a, [role="slider"], [role="separator"], [tabindex], .cube path, .knob';
+    window.reached = [];
+    for (const picture of document.querySelectorAll(PICTURES)) {
+      for (const type of ['pointerdown', 'wheel']) picture.addEventListener(type, ({ button }) => window.reached.push(type === 'wheel' ? type : button));
+    }
+    const found = new Map();
+    for (const element of document.querySelectorAll(':is(main, #tools, #messages, #status) *')) {
+      const box = element.getBoundingClientRect();
+      const [x, y] = [box.left + box.width / 2, box.top + box.height / 2].map(Math.round);
+      const top = element.checkVisibility({ checkVisibilityCSS: true }) && box.width > 0 && document.elementFromPoint(x, y);
+      const isBesidePanel = top && document.elementsFromPoint(x, y).some((below) => below.matches(PICTURES));
+      if (isBesidePanel && !top.matches(PICTURES) && (!top.closest(CONTROLS) || top.closest('main') === top)) found.set(`${x} ${y}`, { x, y, name: top.id || top.className || top.tagName });
+    }
+    return [...found.values()];
+  });
+  const kept = [];
+  for (const { x, y, name } of places) {
+    await page.mouse.move(x, y);
+    for (const button of ['left', 'right']) {
+      await page.mouse.down({ button });
+      await page.mouse.up({ button });
+    }
+    await page.mouse.wheel(0, 1);
+    await settle(page);
+    const reached = await page.evaluate(() => window.reached.splice(0));
+    if (String([...new Set(reached)].sort()) !== '0,2,wheel') kept.push(`${name}: ${reached}`);
+  }
+  return { count: places.length, kept };
+}
+
 /** Sends touches by the DevTools protocol: a list of moments, each a list of points. */
 export async function touch(page, moments) {
   const cdp = await page.context().newCDPSession(page);

@@ -225,6 +225,9 @@ export class MockDaemon {
       const path = this.paths.find((one) => one.id === url.pathname.split('/')[4]);
       if (path) this.#watch(path, response);
       else problem(404, 'there is no such path');
+    } else if (/^\/api\/v1\/volumes\/[^/]+$/.test(url.pathname) && request.method === 'DELETE') {
+      this.volumes = this.volumes.filter(({ id }) => id !== decodeURIComponent(url.pathname.split('/').at(-1)));
+      reply(204);
     } else if (/^\/api\/v1\/volumes\/[^/]+$/.test(url.pathname) && request.method === 'GET') {
       const volume = this.volumes.find((one) => one.id === decodeURIComponent(url.pathname.split('/')[4]));
       if (volume) reply(200, volume);
