@@ -406,29 +406,61 @@ static void read_sheets(const struct sp_resample_open_tile *t, struct sp_resampl
         read_sheet(t, block, k);
 }
 
-/* Adds what a channel shows to a mixture: optical depths, and colours times optical depth. `shown`
- * has a bit for each part of the mixture that is not empty. */
-static inline void add_channel(const struct work *work, struct work *mixture, unsigned *shown) {
+/* What all channels show in an interval. */
+struct mixture {
+    struct work work;          /* colours times optical depth, until they are mixed */
+    sp_wide brightness[PARTS]; /* largest components of the colours times optical depth */
+    unsigned shown;            /* a bit for each part that is not empty */
+};
+
+static inline sp_wide largest(const sp_wide color[3]) {
+    return sp_wide_max(sp_wide_max(color[0], color[1]), color[2]);
+}
+
+static inline void add_channel(const struct work *work, struct mixture *mixture) {
     for (int k = 0; k < work->count; k++) {
         const struct interval *in = &work->parts[k];
         const int i = in->begin / SP_WIDE;
-        struct interval *to = &mixture->parts[i];
-        if (!(*shown >> i & 1))
+        struct interval *to = &mixture->work.parts[i];
+        if (!(mixture->shown >> i & 1)) {
             *to = (struct interval){ .begin = in->begin };
-        *shown |= 1u << i;
+            mixture->brightness[i] = sp_wide_all(0);
+        }
+        mixture->shown |= 1u << i;
         to->depth += in->depth;
+        mixture->brightness[i] += in->depth * largest(in->color);
         for (int c = 0; c < 3; c++)
             to->color[c] += in->depth * in->color[c];
     }
 }
 
-/* Composites the interval behind sheet n − 2 of all channels of block b that show something there:
- * a mixture of materials. Returns false if all pixels are opaque. */
+/* Mixes the channels. Extinctions add up. Colours add up as light does, so red and green give
+ * yellow: the mixture has the hue of their sum by extinction, and their mean brightness. A mean of
+ * the colours themselves would be grey. */
+static inline void mix_channels(const struct sp_resample *r, struct mixture *mixture) {
+    const sp_wide least = sp_wide_all(1e-20f);
+    for (int i = 0; i < PARTS; i++) {
+        struct interval *in = &mixture->work.parts[mixture->work.count];
+        if (!(mixture->shown >> i & 1))
+            continue;
+        *in = mixture->work.parts[i];
+        const sp_wide scale = mixture->brightness[i] *
+                              sp_wide_inverse(sp_wide_max(in->depth, least)) *
+                              sp_wide_inverse(sp_wide_max(largest(in->color), least));
+        in->opacity = 1 - transmit(r, in->depth);
+        for (int c = 0; c < 3; c++)
+            in->color[c] *= scale;
+        mixture->work.count++;
+    }
+}
+
+/* Composites the interval behind sheet n − 2 of all channels of block b that show something there.
+ * Returns false if all pixels are opaque. */
 static bool add_mixture(const struct sp_resample_open_tile *first,
                         const struct sp_resample_batch *batch, int n, int b) {
     struct sp_resample_block *block = &first->scratch->blocks[b];
-    struct work work, mixture = { .t = NULL };
-    unsigned shown = 0;
+    struct work work;
+    struct mixture mixture = { .shown = 0 };
     bool is_alive = true;
     for (const struct sp_resample_open_tile *t = first; t; t = t->next, batch++) {
         struct sp_resample_block *own = &t->scratch->blocks[b];
@@ -436,24 +468,14 @@ static bool add_mixture(const struct sp_resample_open_tile *first,
             continue;
         read_sheets(t, own, n + t->shift);
         is_alive = find_interval(t, own, block->light, n + t->shift - 2, &work);
-        add_channel(&work, &mixture, &shown);
+        add_channel(&work, &mixture);
     }
-    mixture.t = first;
-    mixture.block = block;
-    mixture.start = work.start;
-    mixture.width = work.width;
-    for (int i = 0; i < PARTS; i++) {
-        struct interval *in = &mixture.parts[mixture.count];
-        if (!(shown >> i & 1))
-            continue;
-        *in = mixture.parts[i];
-        const sp_wide inverse = sp_wide_inverse(sp_wide_max(in->depth, sp_wide_all(1e-20f)));
-        in->opacity = 1 - transmit(first->r, in->depth);
-        for (int c = 0; c < 3; c++)
-            in->color[c] *= inverse;
-        mixture.count++;
-    }
-    composite_interval(&mixture);
+    mixture.work.t = first;
+    mixture.work.block = block;
+    mixture.work.start = work.start;
+    mixture.work.width = work.width;
+    mix_channels(first->r, &mixture);
+    composite_interval(&mixture.work);
     return is_alive;
 }
 

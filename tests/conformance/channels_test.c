@@ -132,7 +132,8 @@ static void draw(const struct test_renderer *renderer, const struct rig *rig, in
         fail_msg("%s: %s", err.place, err.text);
 }
 
-/* The ground truth: extinctions add up, and colours mix by extinction. */
+/* The ground truth: extinctions add up, and colours add up as light does: the mixture has the hue
+ * of their sum by extinction and their mean brightness. */
 struct marcher {
     const struct sp_view *view;
     int count;
@@ -140,9 +141,14 @@ struct marcher {
     struct sp_transfer_function functions[FIELDS];
 };
 
-/* Adds a field's extinction, and its colour times extinction. False where nothing is kept. */
+static double largest(const double color[3]) {
+    return fmax(fmax(color[0], color[1]), color[2]);
+}
+
+/* Adds a field's extinction, and its colour and brightness times extinction. False where nothing is
+ * kept. */
 static bool add_field(const struct marcher *m, int i, const double world[3], const double ahead[3],
-                      double sums[4]) {
+                      double sums[5]) {
     double index[3], gradient[3] = { 0 }, color[3], opacity;
     if (!test_interpolant_find(&m->fields[i], world, index))
         return false;
@@ -155,6 +161,7 @@ static bool add_field(const struct marcher *m, int i, const double world[3], con
     for (int c = 0; c < 3; c++)
         sums[c] += extinction * color[c];
     sums[3] += extinction;
+    sums[4] += extinction * largest(color);
     return true;
 }
 
@@ -164,7 +171,7 @@ static void march(void *user, const double eye[3], const double ahead[3], double
     double light = 1;
     memset(rgba, 0, 4 * sizeof *rgba);
     for (double l = from + step / 2; l < to && light > 1e-6; l += step) {
-        double world[3], sums[4] = { 0 };
+        double world[3], sums[5] = { 0 };
         for (int r = 0; r < 3; r++)
             world[r] = eye[r] + l * ahead[r];
         for (int i = 0; i < m->count; i++)
@@ -173,7 +180,7 @@ static void march(void *user, const double eye[3], const double ahead[3], double
             continue;
         const double alpha = 1 - exp(-sums[3] * step);
         for (int c = 0; c < 3; c++)
-            rgba[c] += light * alpha * sums[c] / sums[3];
+            rgba[c] += light * alpha * sums[c] / fmax(largest(sums), 1e-30) * sums[4] / sums[3];
         light *= 1 - alpha;
     }
     rgba[3] = 1 - light;
@@ -224,11 +231,13 @@ static const struct {
     const char *name;
     void (*change)(struct sp_view *view);
     double floor; /* dB, half a decibel below what was measured */
-} rows[] = { { "plain", plain, 66.9 },
+} rows[] = {      /* additive colours are brighter than their mean, and so is the difference */
+             { "plain", plain, 66.3 },
              { "lit", lit, 53.5 },
-             { "slabs", slabs, 71.1 },
-             { "clipped", clipped, 68.7 },
-             { "steep", steep, 63.4 } };
+             { "slabs", slabs, 70.4 },
+             { "clipped", clipped, 68.0 },
+             { "steep", steep, 63.4 }
+};
 
 enum { ROWS = sizeof rows / sizeof *rows };
 
@@ -339,6 +348,33 @@ static void what_is_hidden_or_transparent_changes_nothing(void **state) {
     make_view(rig, 0, 2, &view);
     view.layers[0].visible = false;
     assert_true(isinf(compare(&renderer, rig, 1, &alone, 0, &view)));
+    test_renderer_close(&renderer);
+}
+
+/* Two pure colours in one place give their sum, as light does, and not a grey of half brightness.
+ */
+static void red_and_green_give_yellow(void **state) {
+    struct rig *rig = *state;
+    struct test_renderer renderer;
+    struct test_image image;
+    struct sp_view view;
+    float brightest[3] = { 0 };
+    open_best(&renderer);
+    make_view(rig, 0, 1, &view);
+    struct sp_layer *layer = add_channel(&view, 0);
+    for (int p = 0; p < 2; p++) {
+        memcpy(view.transfer_function.points[p].color, (float[3]){ 1, 0, 0 }, 3 * sizeof(float));
+        memcpy(layer->points[p].color, (float[3]){ 0, 1, 0 }, 3 * sizeof(float));
+        view.transfer_function.points[p].opacity = layer->points[p].opacity = p ? 0.9f : 0;
+    }
+    draw(&renderer, rig, 0, &view, &image);
+    for (size_t k = 0; k < (size_t)64 * 64; k++)
+        for (int c = 0; c < 3; c++)
+            brightest[c] = fmaxf(brightest[c], (float)image.rgba[4 * k + c]);
+    assert_compare(brightest[0], >=, 0.95);
+    assert_compare(brightest[1], >=, 0.95);
+    assert_compare(brightest[2], <=, 0.01);
+    test_image_finish(&image);
     test_renderer_close(&renderer);
 }
 
@@ -470,6 +506,7 @@ int main(void) {
         cmocka_unit_test(the_same_volume_twice_is_twice_as_dense),
         cmocka_unit_test(what_is_hidden_or_transparent_changes_nothing),
         cmocka_unit_test(colors_of_projections_add_up),
+        cmocka_unit_test(red_and_green_give_yellow),
         cmocka_unit_test(edits_cut_channels),
         cmocka_unit_test(a_channel_has_a_default_function),
         cmocka_unit_test(channels_that_cannot_be_mixed_are_refused),

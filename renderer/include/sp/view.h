@@ -175,11 +175,10 @@ enum sp_layer_type {
     SP_LAYER_GAUSSIANS, /* a trained scene (Kerbl et al. 2023) */
     SP_LAYER_GEOMETRY,  /* triangles */
     /* Another volume on the grid of the view's volume, such as another field of its file, with a
-     * transfer function of its own. Both fill the same space: their extinctions add up, and colours
-     * mix by extinction; in a projection, colours add up. Needs compositing.mode sheet or slab with
-     * order post, or a projection; occlusion and shadow have no effect, and edits of type part are
-     * refused.
-     */
+     * transfer function of its own. Both fill the same space: their extinctions add up, and their
+     * colours add up as light does, with the mean brightness; in a projection, colours add up.
+     * Needs compositing.mode sheet or slab with order post, or a projection; occlusion and shadow
+     * have no effect, and edits of type part are refused. */
     SP_LAYER_CHANNEL
 };
 enum { SP_LAYER_TYPES = SP_LAYER_CHANNEL + 1 };
