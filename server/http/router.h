@@ -18,7 +18,7 @@ enum srv_method {
     SRV_DELETE = 16,
     SRV_OPTIONS = 32
 };
-enum { SRV_PARAM_BYTES = 160, SRV_QUERY_NAMES = 12 };
+enum { SRV_PARAM_BYTES = 160, SRV_QUERY_NAMES = 13 };
 
 struct srv_request;
 struct srv_reply;

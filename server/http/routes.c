@@ -12,6 +12,8 @@
 #define LIST { "format" }
 #define SLICE {"axis","index","level","origin","normal","up","size","spacing","window","color",\
                        "format","step"}
+#define SESSION_SLICE {"axis","index","level","origin","normal","up","size","spacing","window",\
+                       "color","format","step","channel"}
 #define FILES { "path", "after", "limit" }
 #define FOLDER { "path" }
 /* clang-format on */
@@ -72,7 +74,8 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/sessions/{}/histogram", SRV_RIGHT_SESSION, srv_get_session_histogram,
       AXES },
     { SRV_GET, "/api/v1/sessions/{}/visible", SRV_RIGHT_SESSION, srv_get_session_visible, NONE },
-    { SRV_GET, "/api/v1/sessions/{}/slice", SRV_RIGHT_SESSION, srv_get_session_slice, SLICE },
+    { SRV_GET, "/api/v1/sessions/{}/slice", SRV_RIGHT_SESSION, srv_get_session_slice,
+      SESSION_SLICE },
     { SRV_POST, "/api/v1/sessions/{}/measure", SRV_RIGHT_SESSION, srv_post_session_measure, NONE },
     { SRV_GET, "/api/v1/sessions/{}/measures", SRV_RIGHT_SESSION, srv_get_session_measures, LIST },
     { SRV_POST, "/api/v1/sessions/{}/measures", SRV_RIGHT_SESSION_CONTROL,

@@ -225,6 +225,19 @@ static void reply_colored(struct srv_request *request, struct slice_request *wan
     reply_from(request, wanted, srv_volume_fingerprint(volume), reply);
 }
 
+/* True if the view of a session has a layer that shows this volume as a channel. */
+static bool has_channel(const proto_json *session, const char *id) {
+    const proto_json *layers = proto_json_get(session, "layers");
+    for (size_t i = 0; i < proto_json_size(layers); i++) {
+        const proto_json *layer = proto_json_at(layers, i);
+        const char *type = proto_json_string(proto_json_get(layer, "type"));
+        const char *own = proto_json_string(proto_json_get(layer, "id"));
+        if (type && own && strcmp(type, "channel") == 0 && strcmp(own, id) == 0)
+            return true;
+    }
+    return false;
+}
+
 /* `session`: the view of the session. */
 static void reply_slice(struct srv_request *request, const char *id, const proto_json *session,
                         struct srv_reply *reply) {
@@ -234,7 +247,12 @@ static void reply_slice(struct srv_request *request, const char *id, const proto
         reply_refused(reply, &err);
         return;
     }
-    struct srv_volume *volume = srv_acquire_step(request, id, session, reply);
+    const char *channel = session ? srv_request_query(request, "channel") : NULL;
+    if (channel && !has_channel(session, channel)) {
+        srv_reply_problem(reply, 404, NULL, "channel: the view has no channel \"%.60s\"", channel);
+        return;
+    }
+    struct srv_volume *volume = srv_acquire_step(request, channel ? channel : id, session, reply);
     if (!volume)
         return;
     wanted.volume = srv_volume_voxels(volume);

@@ -2,7 +2,7 @@
 // The section "Channels": the volume and other volumes on its grid in one picture, each with a colour and a window of its own. Channels are
 // layers of the view (layers.js), so undo and redo are those of the layers.
 import {
-  OPACITY, channelSources, channelsLeft, colorOf, moveEnd, nextColor, paint, rampOf, whyNoChannels, windowOf,
+  channelSources, channelsLeft, colorOf, moveEnd, nextColor, paint, rampOf, signalWindow, whyNoChannels, windowOf,
 } from '../core/channels.js';
 import { showsVolume, isChannel } from '../core/layers.js';
 import { isProjection } from '../core/projection.js';
@@ -108,18 +108,17 @@ class Channels {
     const { layers, transfer, viewer } = this.#app;
     const shown = this.#view.volume;
     const ids = await this.#load(sources);
-    const [own, ...windows] = (await Promise.all([shown, ...ids].map((id) => this.volumes.ask(id)))).map((known) => known?.window);
+    const [own, ...windows] = (await Promise.all([shown, ...ids].map((id) => this.volumes.ask(id)))).map((known) => known && signalWindow(known.histogram, known.window));
     if (!ids.length || viewer.view?.volume !== shown || !layers.isEditable) return;
-    const opacity = isProjection(viewer.view) ? OPACITY.projection : OPACITY.shaded;
     const used = this.list.filter(({ index }) => index >= 0).map(({ color }) => color);
     const take = () => {
       const color = nextColor(used);
       used.push(color);
       return color;
     };
-    const points = isAll ? rampOf(own ?? transfer.range, take(), opacity) : null;
+    const points = isAll ? rampOf(own ?? transfer.range, take()) : null;
     if (!isAll) used.push(colorOf(transfer.points));
-    layers.addChannels(ids.map((id, i) => ({ id, points: rampOf(windows[i] ?? [0, 1], take(), opacity) })), points, performance.now());
+    layers.addChannels(ids.map((id, i) => ({ id, points: rampOf(windows[i] ?? [0, 1], take()) })), points, performance.now());
     if (isAll) this.#fit();
   }
 
@@ -132,7 +131,7 @@ class Channels {
 }
 
 class ChannelsSection {
-  #app; #channels; #details; #body; #list; #all; #source; #sourceRow; #progress; #said;
+  #app; #channels; #details; #body; #list; #all; #source; #sourceRow; #progress; #said; #maximum;
   #selected = '';
   #key = '';
   #sources = [];
@@ -153,8 +152,12 @@ class ChannelsSection {
     this.#sourceRow = make('div', { class: 'row' }, make('label', { for: 'channels-add', text: t('channels.add') }), this.#source);
     this.#progress = make('progress', { max: 1, hidden: true, 'aria-label': t('channels.all') });
     this.#said = make('p', { class: 'about', role: 'status' });
-    this.#body.append(this.#list, this.#said, this.#progress, make('div', { class: 'buttons' }, this.#all), this.#sourceRow);
+    this.#maximum = make('button', {
+      id: 'channels-maximum', text: t('channels.maximum'), title: t('channels.maximum.title'), 'aria-pressed': 'false', press: ({ timeStamp }) => this.#toggleMaximum(timeStamp),
+    });
+    this.#body.append(this.#list, this.#said, this.#progress, make('div', { class: 'buttons' }, this.#all, this.#maximum), this.#sourceRow);
     app.connection.on('volumes', () => app.transfer.plan());
+    app.channels = this.#channels;
   }
 
   /** The other fields of the file that the view can still show. */
@@ -190,6 +193,13 @@ class ChannelsSection {
     layers.remove(layers.list.findIndex((layer) => isChannel(layer) && layer.id === key), time);
     this.show();
     this.#list.querySelector('.layer-pick').focus();
+  }
+
+  /** Changes between the shaded mixture and the maximum along each ray, which microscopists are used to. */
+  #toggleMaximum(time) {
+    const { viewer } = this.#app;
+    if (!viewer.mayChange()) return;
+    viewer.change({ compositing: isProjection(viewer.view) ? { mode: 'sheet' } : { mode: 'maximum', colors: 'transfer_function' } }, time);
   }
 
   #select(key) {
@@ -255,6 +265,8 @@ class ChannelsSection {
     this.#said.hidden = !text;
     const mayAdd = !progress && !why && !isFull;
     this.#all.hidden = this.#fields.length === 0;
+    this.#maximum.hidden = this.#channels.list.length < 2;
+    setAttribute(this.#maximum, 'aria-pressed', isProjection(viewer.view));
     this.#all.disabled = !mayAdd;
     this.#sourceRow.hidden = this.#sources.length === 0;
     this.#source.disabled = !mayAdd;

@@ -60,14 +60,14 @@ export class BoxRows {
   #row(axis) {
     const name = make('span', { class: 'name' });
     const unit = make('span', { class: 'unit' });
-    const [numbers, sliders] = ['number', 'range'].map((type) => [0, 1].map((corner) => make('input', {
-      type, 'data-axis': axis, 'data-corner': corner, ...(type === 'range' ? { min: 0, max: 1, step: 0.01 } : { step: 'any' }),
+    const [numbers, sliders] = ['number', 'range'].map((type) => [0, 1].map((end) => make('input', {
+      type, 'data-axis': axis, 'data-end': end, ...(type === 'range' ? { min: 0, max: 1, step: 0.01 } : { step: 'any' }),
     })));
-    for (const corner of [0, 1]) {
-      const move = (fraction, time) => this.#state.setBox(moveFace(this.#state.box, corner, axis, fraction), time);
-      sliders[corner].addEventListener('input', ({ timeStamp }) => move(sliders[corner].valueAsNumber, timeStamp));
-      numbers[corner].addEventListener('change', ({ timeStamp }) => {
-        const value = numbers[corner].valueAsNumber;
+    for (const end of [0, 1]) {
+      const move = (fraction, time) => this.#state.setBox(moveFace(this.#state.box, this.#cornerAt(axis, end), axis, fraction), time);
+      sliders[end].addEventListener('input', ({ timeStamp }) => move(this.#along(axis, sliders[end].valueAsNumber), timeStamp));
+      numbers[end].addEventListener('change', ({ timeStamp }) => {
+        const value = numbers[end].valueAsNumber;
         if (Number.isFinite(value)) move(this.#state.fraction(axis, value), timeStamp);
         this.show();
       });
@@ -78,6 +78,13 @@ export class BoxRows {
     return { row, name, unit, numbers, sliders, axis };
   }
 
+  /** True if the coordinates of the world descend along one of the volume's axes. Fields and sliders show rising ranges all the same. */
+  #isDown(axis) { return this.#state.coordinate(axis, 0) > this.#state.coordinate(axis, 1); }
+  /** The corner of the box at the lower (0) or upper (1) end of the range. */
+  #cornerAt(axis, end) { return this.#isDown(axis) ? 1 - end : end; }
+  /** The fraction of the volume at a place of a slider, and the reverse. */
+  #along(axis, fraction) { return this.#isDown(axis) ? 1 - fraction : fraction; }
+
   show() {
     const { box } = this.#state;
     for (const { row, name, unit, numbers, sliders, axis } of this.#rows) {
@@ -86,15 +93,16 @@ export class BoxRows {
       row.title = t('clip.axis.title', { name: names.label });
       setText(name, names.name);
       setText(unit, this.#state.unit);
-      for (const corner of [0, 1]) {
-        const fraction = box[corner][axis];
-        const value = this.#state.coordinate(axis, fraction);
+      for (const end of [0, 1]) {
+        const corner = this.#cornerAt(axis, end);
+        const value = this.#state.coordinate(axis, box[corner][axis]);
+        const place = this.#along(axis, box[corner][axis]);
         const label = t('clip.end', { name: names.label, end: corner === 0 ? names.low : names.high });
-        for (const input of [numbers[corner], sliders[corner]]) input.setAttribute('aria-label', label);
-        if (document.activeElement !== numbers[corner]) numbers[corner].value = String(value);
-        sliders[corner].value = fraction;
-        sliders[corner].setAttribute('aria-valuetext', this.#state.withUnit(value));
-        sliders[corner].parentElement.style.setProperty(corner === 0 ? '--low' : '--high', fraction);
+        for (const input of [numbers[end], sliders[end]]) input.setAttribute('aria-label', label);
+        if (document.activeElement !== numbers[end]) numbers[end].value = String(value);
+        sliders[end].value = place;
+        sliders[end].setAttribute('aria-valuetext', this.#state.withUnit(value));
+        sliders[end].parentElement.style.setProperty(end === 0 ? '--low' : '--high', place);
       }
     }
   }

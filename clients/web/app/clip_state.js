@@ -141,7 +141,7 @@ export class ClipState extends Emitter {
     const { world, sign, isExact } = this.volumeBox ? axisOf(this.volumeBox, axis) : { world: axis, sign: 1, isExact: true };
     const [low, high] = [-sign, sign].map((way) => this.#orientation.name(world, way));
     if (anatomy) {
-      const letters = [-sign, sign].map((way) => this.#orientation.letter(world, way));
+      const letters = (isExact ? [-1, 1] : [-sign, sign]).map((way) => this.#orientation.letter(world, way)); // as the coordinates rise
       return { name: letters.join('–'), label: t('clip.between', { low, high }), low, high };
     }
     const own = isExact ? 'xyz'[world] : String(axis + 1);

@@ -38,6 +38,7 @@ import * as status from './status.js';
 import * as slices from './slices.js';
 import * as statusPanel from './status_panel.js';
 import * as stream from './stream.js';
+import * as theme from './theme.js';
 import * as time from './time.js';
 import * as transfer from './transfer.js';
 import * as transferFiles from './transfer_files.js';
@@ -53,7 +54,7 @@ import * as zoomBox from './zoom_box.js';
 
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
-  kinds, frames, warp, status, stream, formats, connectionBanner, session, input, plates, sheet, pick,
+  theme, kinds, frames, warp, status, stream, formats, connectionBanner, session, input, plates, sheet, pick,
   orientation, scaleBar, views, zoomBox, walk, camera, clip,
   picture, time, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, channels, measures, edits,
   open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, colorBar, savedViews, inspect,

@@ -4,8 +4,10 @@
 // For tools: toWorld(x, y) and toPane(world) convert between CSS px of the pane and the world; `plane` is {origin, right, down, normal};
 // layer(draw) adds lines above the picture. A mode (modes.js) with `panes: {down, move, up, hover, double, cancel, key, cursor}` gets the
 // pointer of all panes; its functions are called as (at, event, pane).
+import { OPACITY, windowOf } from '../core/channels.js';
+import { colorOfStops } from '../core/color_maps.js';
 import { numberText } from '../core/lengths.js';
-import { paintSlice, valueAt } from '../core/slice_image.js';
+import { paintChannels, paintSlice, shadesOf, valueAt } from '../core/slice_image.js';
 import { SliceLoader } from '../core/slice_loader.js';
 import { directionName, fitPane, imageTransform, mainAxis, paneOf, pixelAt, reachAlong, sliceQuery } from '../core/slices.js';
 import { t } from '../core/text.js';
@@ -18,6 +20,14 @@ const WHEEL_STEP = 0.0015;
 const NOTCH = 40; // px of wheel per slice
 const EDGES = ['left', 'right', 'top', 'bottom'];
 
+/** What a channel adds to a slice: its colours, as bright as its points are opaque. Samples outside of the volume count as the lowest value. */
+function lightOf({ points, slice }) {
+  const [low, high] = windowOf(points);
+  const stops = points.map(({ value, color, opacity }) => [value, color.map((part) => part * Math.min(1, opacity / OPACITY))]);
+  const width = Math.max(high - low, Number.MIN_VALUE);
+  return { values: slice.values, window: { center: (low + high) / 2, width }, shades: shadesOf((at) => colorOfStops(stops, low + at * width)) };
+}
+
 export class Pane {
   #slices; #modes; #loader; #canvas; #context; #svg; #lines; #letters; #read; #slider; #number; #total; #place; #problem;
   #layers = new Set();
@@ -26,7 +36,9 @@ export class Pane {
   #slice = null;
   #key = ''; // of the slice that was asked for last
   #shownKey = null;
-  #painted = null; // {canvas, slice, window}
+  #painted = null; // {canvas, slice, key}
+  #channels = new Map(); // by id: {loader, slice, key, shades} of the channels beside the volume
+  #load;
   #isPlanned = false;
   #hovered = null;
   #step = 1;
@@ -53,8 +65,9 @@ export class Pane {
     const foot = make('div', { class: 'slice-foot' }, this.#number, this.#total, this.#place);
     body.append(this.#canvas, this.#svg, ...Object.values(this.#letters), this.#read, foot, this.#slider, this.#problem);
     body.dataset.kind = id;
+    this.#load = { cache, load: (query, signal) => slices.load(query, signal), fail: (error) => this.#fail(error) };
     this.#loader = new SliceLoader({
-      cache, load: (query, signal) => slices.load(query, signal), show: (slice, key) => this.#take(slice, key), fail: (error) => this.#fail(error),
+      ...this.#load, show: (slice, key) => this.#take(slice, key),
     });
     new ResizeObserver(() => this.#measure()).observe(body);
     this.#listen();
@@ -130,6 +143,8 @@ export class Pane {
   /** Forgets the picture, because there is another volume. */
   reset() {
     this.#loader.stop();
+    for (const { loader } of this.#channels.values()) loader.stop();
+    this.#channels.clear();
     this.#slice = this.#painted = this.#view = null;
     this.#key = '';
     this.#shownKey = null;
@@ -161,7 +176,30 @@ export class Pane {
     return { query, key: `${this.#slices.volumeKey}?${new URLSearchParams(query)}` };
   }
 
+  /** Wants the slices of the channels beside the volume. */
+  #wantChannels(channels) {
+    for (const [id, { loader }] of this.#channels) {
+      if (channels.some((channel) => channel.id === id)) continue;
+      loader.stop();
+      this.#channels.delete(id);
+    }
+    for (const { id } of channels) {
+      if (!id) continue;
+      if (!this.#channels.has(id)) {
+        const channel = { slice: null, key: '', loader: new SliceLoader({ ...this.#load, show: (slice) => { channel.slice = slice; this.update(); } }) };
+        this.#channels.set(id, channel);
+      }
+      const channel = this.#channels.get(id);
+      const { query, key } = this.#request(this.plane);
+      const wanted = { query: { ...query, channel: id }, key: `${key}&channel=${id}` };
+      if (wanted.key === channel.key) continue;
+      channel.key = wanted.key;
+      channel.loader.want(wanted);
+    }
+  }
+
   #want() {
+    this.#wantChannels(this.#slices.channels);
     const wanted = this.#request(this.plane);
     if (wanted.key === this.#key) return;
     this.#key = wanted.key;
@@ -201,13 +239,18 @@ export class Pane {
     const { meta, values } = this.#slice;
     const window = this.#slices.window;
     const known = this.#painted;
-    if (known?.slice !== this.#slice || known.window.center !== window.center || known.window.width !== window.width) {
+    const channels = this.#slices.channels.map(({ id, points }) => ({ points, slice: id ? this.#channels.get(id)?.slice : this.#slice }));
+    const key = channels.length ? JSON.stringify(channels.map(({ points, slice }) => [points, slice?.meta])) : `${window.center} ${window.width} ${this.#slices.shades.key}`;
+    const isMixed = channels.some(({ slice }, i) => slice && known?.channels?.[i] !== slice);
+    if (known?.slice !== this.#slice || known.key !== key || isMixed) {
       const canvas = known?.canvas ?? new OffscreenCanvas(1, 1);
       if (canvas.width !== meta.shape[0] || canvas.height !== meta.shape[1]) [canvas.width, canvas.height] = meta.shape;
       const image = new ImageData(...meta.shape);
-      paintSlice(values, window, new Uint32Array(image.data.buffer));
+      const pixels = new Uint32Array(image.data.buffer);
+      if (channels.length) paintChannels(channels.filter(({ slice }) => String(slice?.meta.shape) === String(meta.shape)).map(lightOf), pixels);
+      else paintSlice(values, window, pixels, this.#slices.shades.values);
       canvas.getContext('2d').putImageData(image, 0, 0);
-      this.#painted = { canvas, slice: this.#slice, window: { ...window } };
+      this.#painted = { canvas, slice: this.#slice, key, channels: channels.map(({ slice }) => slice) };
     }
     const { zoom } = this.view;
     const ratio = width / this.#size[0];
@@ -293,6 +336,7 @@ export class Pane {
     const place = this.plane.axis !== null && isInside ? this.#slices.grid.nearest(world) : world;
     const value = this.valueAt(place);
     const at = place.map((part) => numberText(this.#slices.grid.round(part))).join(', ');
+    if (this.#hovered) this.#slices.tellValue(value === null ? '' : this.#slices.valueText(value));
     setText(this.#read, value === null ? t('slices.outside') : t('slices.value', {
       value: this.#slices.valueText(value), place: at, unit: this.#slices.unit }).trim());
   }
@@ -315,6 +359,7 @@ export class Pane {
     canvas.addEventListener('pointerleave', () => {
       this.#hovered = null;
       this.#tell();
+      this.#slices.tellValue('');
     });
     let rest = 0;
     canvas.addEventListener('wheel', (event) => {

@@ -6,9 +6,10 @@ import { t } from '../core/text.js';
 import { place } from './pointer.js';
 
 const OFFER_MS = 12000;
+const REST_MS = 200;
 
 export function install(app) {
-  const { connection, viewer, screen, notice, prompts, shortcuts } = app;
+  const { connection, viewer, screen, notice, prompts, shortcuts, status } = app;
   let pointer = null;
 
   function show({ position, value, opacity }) {
@@ -38,6 +39,24 @@ export function install(app) {
       notice.show(error.message, 'error');
     }
   });
+  // The status line tells the value where the pointer rests.
+  let timer = 0;
+  let asked = 0;
+  const tell = async (at) => {
+    const own = ++asked;
+    try {
+      const { position, value } = await connection.call('pick', screen.pickAt(at));
+      if (own === asked) status.setValue(position && Number.isFinite(value) ? dataText(value, app.transfer.range, app.transfer.unit) : '');
+    } catch { /* the next rest of the pointer asks again */ }
+  };
+  const hover = (event) => {
+    clearTimeout(timer);
+    asked += 1;
+    status.setValue('');
+    const isOver = event.type === 'pointermove' && event.pointerType === 'mouse' && event.buttons === 0;
+    if (isOver && connection.isLive && viewer.kind === 'grid') timer = window.setTimeout(tell, REST_MS, place(screen.element, event));
+  };
+  for (const type of ['pointermove', 'pointerleave', 'pointerdown', 'wheel']) screen.element.addEventListener(type, hover, { passive: true });
   const forget = () => {
     notice.hide('pick');
     prompts.hide('pick');

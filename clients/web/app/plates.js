@@ -5,7 +5,7 @@ import { byId } from './dom.js';
 
 const PICTURES = '#screen, #screen-b, .slice';
 const PLATES = '#scale-bar, #color-bar, #status, #mode-bar, #notice, .prompt, .slice-foot, .slice-problem';
-const CONTROLS = 'button, input';
+const CONTROLS = ':is(button,input)';
 const TYPES = ['pointerdown', 'pointermove', 'dblclick', 'contextmenu', 'wheel'];
 
 /** True if an event belongs to the picture below. The wheel has no meaning for handles and sliders, so it always does. */

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Slices" of the panel.
+import { MAP_NAMES } from '../core/color_maps.js';
 import { mainAxis } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { make, setText } from './dom.js';
@@ -40,6 +41,9 @@ export function installSection({ panel, slices, viewer, layout }) {
   const shownRow = make('div', { class: 'buttons', id: 'slices-planes', role: 'group', 'aria-label': t('slices.in3d.planes'), title: t('slices.in3d.planes'), 'data-pointer': '/slices/planes' }, ...shown);
   const places = [0, 1, 2].map(() => make('input', { type: 'number', step: 'any' }));
   const values = FIELDS.map(([name, label]) => make('input', { id: `slices-${name}`, type: 'number', step: 'any', 'aria-label': t(label) }));
+  const colors = make('select', { id: 'slices-colors', title: t('slices.colors.title') }, ...['grey', 'transfer', ...MAP_NAMES.filter((name) => name !== 'grey')].map((value) => (
+    make('option', { value, text: ['grey', 'transfer'].includes(value) ? t(`slices.colors.${value}`) : t(`map.${value}`) }))));
+  colors.addEventListener('change', () => { slices.colors = colors.value; });
   const align = make('button', { id: 'slices-align', text: t('slices.align'), title: t('slices.align.title'), press: ({ timeStamp }) => slices.alignWithView(timeStamp) });
   const reset = make('button', { id: 'slices-reset', text: t('slices.reset'), title: t('slices.reset.title'), press: ({ timeStamp }) => slices.reset(timeStamp) });
   const row = (label, pointer, ...controls) => make('div', { class: 'row', 'data-pointer': pointer },
@@ -50,6 +54,7 @@ export function installSection({ panel, slices, viewer, layout }) {
     row(t('slices.in3d'), '/slices/in_3d', inPicture), shownRow,
     row(t('slices.position'), '/slices/position', together(places)),
     row(t('slices.window'), '/slices/window', together(values)),
+    row(t('slices.colors'), '/slices/colors', colors),
     make('div', { class: 'buttons', 'data-pointer': '/slices/normal' }, align, reset));
   body.append(controls);
 
@@ -72,6 +77,7 @@ export function installSection({ panel, slices, viewer, layout }) {
     // Panes show three slices where the session has none.
     mode.options[MODES.indexOf('none')].hidden = slices.areShown;
     mode.value = slices.areShown && shared.mode === 'none' ? 'orthogonal' : shared.mode;
+    colors.value = slices.colors;
     inPicture.checked = shared.in_3d && shared.mode !== 'none';
     shownRow.hidden = shared.mode === 'oblique' || !slices.grid;
     if (!shownRow.hidden) showPlanes(slices, shownRow, shown);

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The status line: figures of the last second.
 import { detailPercent, shortageOf } from '../core/detail.js';
+import { contentsText, kindOf } from '../core/kinds.js';
+import { numberText, unitName } from '../core/lengths.js';
 import { t } from '../core/text.js';
-import { byId } from './dom.js';
+import { nameOf } from '../core/volume_names.js';
+import { byId, setText } from './dom.js';
 
 const WINDOW_MS = 1000;
 const REFRESH_MS = 250;
@@ -24,13 +27,14 @@ export function shortBytes(n) {
 }
 
 export function install(app) {
-  const { connection, screen, frames } = app;
+  const { connection, screen, frames, viewer } = app;
   const status = new StatusLine(byId('status'), screen);
   connection.on('state', ({ state }) => status.setState(state));
   connection.on('notification', ({ method, params }) => {
     if (method === 'stream.stats') status.setStats(params);
   });
   frames.on('drawn', ({ frame, latency }) => status.drew(frame, latency));
+  for (const [source, event] of [[viewer, 'view'], [connection, 'volumes']]) source.on(event, () => status.setVolume(viewer.volume));
   app.status = status;
 }
 
@@ -74,6 +78,19 @@ class StatusLine {
     this.#isLive = state === 'live';
     if (!this.#isLive) this.#frames = [];
   }
+
+  /** Shows which volume the picture is of: its file, how many samples it has, and how far apart they are. */
+  setVolume(volume) {
+    const { dims, spacing } = volume?.whole ?? volume ?? {};
+    const isGrid = kindOf(volume) === 'grid';
+    setText(this.#fields.get('file'), volume ? nameOf(volume) : '');
+    this.#fields.get('file').parentElement.title = volume?.source ?? '';
+    setText(this.#fields.get('dims'), volume ? (isGrid && dims ? dims.join(' × ') : contentsText(volume)) : '');
+    setText(this.#fields.get('spacing'), isGrid && spacing ? `${spacing.map((part) => numberText(Number(part.toPrecision(4)))).join(' × ')} ${unitName(volume.unit) || t('status.nounit')}` : '');
+  }
+
+  /** Shows the value under the pointer; '' = none. */
+  setValue(text) { setText(this.#fields.get('value'), text); }
 
   /** Shows the number of participants, and the holder of control if it is not this page. */
   setParticipants({ count, holder, mayChange }) {

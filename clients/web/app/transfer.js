@@ -17,6 +17,7 @@ import { t } from '../core/text.js';
 import { nextFrame } from './animation.js';
 import { Curve } from './curve.js';
 import { byId, setText } from './dom.js';
+import { onTheme } from './theme.js';
 import { PointColor } from './transfer_color.js';
 import { paintCurve, paintStrip } from './transfer_paint.js';
 
@@ -64,7 +65,7 @@ class Transfer {
     this.#color = new PointColor(this, this.#curve);
     window.addEventListener('keydown', (event) => this.#keys(event));
     window.addEventListener('pagehide', () => this.#keep());
-    window.matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => this.plan());
+    onTheme(() => this.plan());
     byId('transfer').addEventListener('toggle', () => this.plan());
   }
 

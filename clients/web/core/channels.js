@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Channels: other volumes on the grid of the view's volume, such as the other fields of a microscope's file, each with points of its own
 // (core/transfer.js). Nothing here changes its arguments.
+import { backgroundEnd, percentile } from './histogram.js';
 import { kindOf } from './kinds.js';
 import { hasChannels, isChannel, isBelowLimit } from './layers.js';
 import { EXTENT_MIN, OPACITY_MAX, tidy } from './transfer.js';
@@ -11,8 +12,8 @@ export const CHANNELS_MAX = 7;
 export const CHANNEL_POINTS_MAX = 32;
 /** The colours of microscopists, from the first channel on. */
 export const COLORS = Object.freeze([[0, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 0], [1, 0, 0], [0, 0.35, 1], [1, 1, 1], [1, 0.5, 0]]);
-/** The opacity at the upper end of a new window. Projections do not add up along a ray, so they need more to be bright. */
-export const OPACITY = Object.freeze({ shaded: 0.5, projection: 0.95 });
+/** The opacity at the upper end of a new window: full brightness, because the window leaves the background out. */
+export const OPACITY = 0.95;
 
 const gridOf = ({ dims, spacing, coordinates, origin, direction, whole }) => JSON.stringify([whole?.dims ?? dims, whole?.spacing ?? spacing, coordinates, origin, direction]);
 
@@ -25,9 +26,18 @@ const isColor = (a, b) => a.every((part, i) => Math.abs(part - b[i]) < 0.02);
 export const nextColor = (used) => COLORS.find((color) => !used.some((other) => isColor(color, other))) ?? COLORS.at(-1);
 
 /** Points of one colour from transparent at `low` to an opacity at `high`. */
-export const rampOf = ([low, high], color, /** @type {number} */ opacity = OPACITY.shaded) => tidy([
+export const rampOf = ([low, high], color, /** @type {number} */ opacity = OPACITY) => tidy([
   { value: low, color, opacity: 0 }, { value: Math.max(high, low + EXTENT_MIN, low + Math.abs(low) * 1e-8), color, opacity },
 ]);
+
+const BRIGHTEST = 0.999; // of the signal lies below the upper end of a new window
+
+/** The window [low, high] of a new channel: the signal above the peak of the background. Without a histogram, or without a background: `usual`. */
+export function signalWindow(histogram, usual) {
+  const low = histogram ? backgroundEnd(histogram) : null;
+  const high = low === null ? null : percentile(histogram, BRIGHTEST, low);
+  return high > low && low < histogram.range[1] ? [low, high] : usual;
+}
 
 /** The window of points: the values of the first and of the last one. */
 export const windowOf = (points) => [points[0].value, points.at(-1).value];

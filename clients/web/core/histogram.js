@@ -44,6 +44,29 @@ export function percentile(histogram, part, above = -Infinity) {
   return range[1];
 }
 
+/** The share of the samples between two values, by whole bins. */
+export function shareBetween(histogram, from, to) {
+  const { range, counts } = histogram;
+  const width = widthOf(histogram);
+  const [inside, all] = counts.reduce(([sum, total], count, i) => {
+    const middle = range[0] + width * (i + 0.5);
+    return [sum + (middle >= from && middle <= to ? count : 0), total + count];
+  }, [0, 0]);
+  return all > 0 ? inside / all : 0;
+}
+
+/** Where the values of a signal begin: above the fullest bin, which is the background, and its noise. Null if more than half of the samples lie below that bin. */
+export function backgroundEnd(histogram) {
+  const { range, counts } = histogram;
+  const width = widthOf(histogram);
+  const at = counts.indexOf(Math.max(...counts));
+  const sum = (some) => some.reduce((a, b) => a + b, 0);
+  const below = counts.slice(0, at);
+  if (sum(below) > 0.5 * sum(counts)) return null;
+  const spread = below.reduce((all, count, i) => all + count * (at - i) ** 2, 0) / (sum(below) + counts[at] / 2 || 1); // of the lower half: the upper one may be signal
+  return range[0] + width * (at + 1 + 4 * Math.sqrt(spread));
+}
+
 /** The root mean square of max(value − zero, 0), as the daemon counts it for the window of a sum. */
 export function meanAbove(histogram, zero) {
   const { range, counts } = histogram;

@@ -19,14 +19,41 @@ export function readSlice(header, bytes) {
 /** The value at a pixel of a slice; NaN outside of the volume. */
 export const valueAt = ({ meta, values }, { column, row }) => values[row * meta.shape[0] + column];
 
-/** Writes the values as RGBA of little-endian 32-bit pixels: grey in the window {center, width}; NaN is transparent. */
-export function paintSlice(values, { center, width }, pixels) {
+const SHADES = 256;
+
+/** The colours of the values of a window from its lower end to its upper one, as RGBA of little-endian 32-bit pixels. colorAt(t): red, green and blue at t in [0, 1]. */
+export const shadesOf = (colorAt) => Uint32Array.from({ length: SHADES }, (_, i) => {
+  const [red, green, blue] = colorAt(i / (SHADES - 1)).map((part) => Math.round(255 * Math.min(1, Math.max(0, part))));
+  return (0xff000000 | blue << 16 | green << 8 | red) >>> 0;
+});
+
+/** The shades of grey. */
+export const GREYS = shadesOf((at) => [at, at, at]);
+
+/** Adds the light of several channels [{values, window: {center, width}, shades}, …], all of one size. NaN adds nothing. */
+export function paintChannels(channels, pixels) {
+  const bytes = new Uint8ClampedArray(pixels.buffer, pixels.byteOffset, 4 * pixels.length);
+  pixels.fill(0xff000000);
+  for (const { values, window: { center, width }, shades } of channels) {
+    const factor = SHADES / width;
+    const offset = (width / 2 - center) * factor;
+    const parts = new Uint8Array(shades.buffer);
+    for (let i = 0; i < values.length; i++) {
+      const value = values[i] * factor + offset;
+      const at = 4 * (value > 0 ? value >= SHADES - 1 ? SHADES - 1 : value | 0 : 0);
+      for (let c = 0; c < 3; c++) bytes[4 * i + c] += parts[at + c];
+    }
+  }
+}
+
+/** Writes the values as RGBA of little-endian 32-bit pixels: shades of the window {center, width}; NaN is transparent. */
+export function paintSlice(values, { center, width }, pixels, shades = GREYS) {
   const factor = 256 / width;
   const offset = (width / 2 - center) * factor;
   for (let i = 0; i < values.length; i++) {
     const value = values[i] * factor + offset;
     const grey = value <= 0 ? 0 : value >= 255 ? 255 : value | 0;
-    pixels[i] = value === value ? 0xff000000 | grey << 16 | grey << 8 | grey : 0;
+    pixels[i] = value === value ? shades[grey] : 0;
   }
 }
 

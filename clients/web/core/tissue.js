@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Transfer functions by kind of data. CT presets are in Hounsfield units, which scaleOf() finds in the values of the file; the
 // others follow percentiles of the histogram. Opacities refer to the smallest spacing.
-import { peak, percentile, threshold } from './histogram.js';
+import { peak, percentile, shareBetween, threshold } from './histogram.js';
 import { t } from './text.js';
 import { OPACITY_MAX } from './transfer.js';
 
@@ -27,20 +27,24 @@ const CT = {
   'ct-vessels': [[130, 0, MUSCLE], [180, 0.12, BLOOD], [320, 0.45, [0.92, 0.25, 0.15]], [480, 0.35, [0.95, 0.6, 0.35]], [700, 0.3, BONE], [1600, 0.5, WHITE]],
 };
 
-/** How Hounsfield units lie in the values of a volume: {at(HU) → value, note}. unit: of the values, if the file states it. */
+/** The Hounsfield units of the tissue that each kind shows. */
+const TISSUE = { 'ct-bone': [250, 3000], 'ct-soft': [-150, 200], 'ct-lung': [-950, -500], 'ct-vessels': [130, 700] };
+const LEAST_SHARE = 0.001; // of the samples
+
+/** How Hounsfield units lie in the values of a volume: {at(HU) → value, note, isCt}; isCt: the values are such units. unit: of the values, if the file states it. */
 export function scaleOf(histogram, unit = '') {
   const [low, high] = histogram.range;
-  if (HOUNSFIELD.test(unit) || (low <= -200 && high >= 200)) return { at: (hu) => hu, note: t('kind.note.hu') };
+  if (HOUNSFIELD.test(unit) || (low <= -200 && high >= 200)) return { at: (hu) => hu, note: t('kind.note.hu'), isCt: true };
   // Scanners without negative numbers store HU + 1024 or HU + 1000. Soft tissue, the peak between −150 and 150 HU, decides.
   const tissue = low > -200 && low < 400 && high > 1400 && high < 6000 ? peak(histogram, 850, 1180) : null;
   if (tissue !== null) {
     const offset = Math.abs(tissue - 1040) <= Math.abs(tissue - 1016) ? 1024 : 1000;
-    return { at: (hu) => hu + offset, note: t('kind.note.offset', { offset }) };
+    return { at: (hu) => hu + offset, note: t('kind.note.offset', { offset }), isCt: true };
   }
   const air = peak(histogram, low, low + (high - low) / 3);
   const dense = percentile(histogram, 0.995, threshold(histogram));
   const span = Math.max(dense - air, (high - low) / 100);
-  return { at: (hu) => air + (hu - AIR) / (DENSE - AIR) * span, note: t('kind.note.none') };
+  return { at: (hu) => air + (hu - AIR) / (DENSE - AIR) * span, note: t('kind.note.none'), isCt: false };
 }
 
 const point = (value, opacity, color) => ({ value, opacity: Math.min(opacity, OPACITY_MAX), color });
@@ -82,10 +86,12 @@ export function presetOf(kind, histogram, unit = '') {
   const { range } = histogram;
   if (!(range[1] > range[0])) return { points: [point(range[0], 0.1, WHITE)], map: null, note: t('kind.note.equal') };
   if (CT[kind]) {
-    const { at, note } = scaleOf(histogram, unit);
-    return { points: rising(CT[kind].map(([hu, opacity, color]) => point(at(hu), opacity, color)), range), map: null, note };
+    const { at, note, isCt } = scaleOf(histogram, unit);
+    const [from, to] = TISSUE[kind];
+    const lacks = isCt && shareBetween(histogram, at(from), at(to)) < LEAST_SHARE;
+    return { points: rising(CT[kind].map(([hu, opacity, color]) => point(at(hu), opacity, color)), range), map: null, note: lacks ? t('kind.note.lacks', { from, to }) : note };
   }
-  const note = t('kind.note.histogram');
+  const note = HOUNSFIELD.test(unit) ? t('kind.note.ct') : t('kind.note.histogram');
   const place = { mr, microscopy, simulation }[kind];
   return { points: rising(place(histogram), range), map: kind === 'simulation' ? 'viridis' : null, note };
 }

@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
   CHANNELS_MAX, COLORS, addChannels, channelSources, channelsLeft, colorOf, fade, isSameGrid, moveEnd, moveWindow, nextColor, opacityOf, paint,
-  patchForChannels, rampOf, whyNoChannels, windowOf,
+  patchForChannels, rampOf, signalWindow, whyNoChannels, windowOf,
 } from '../../../clients/web/core/channels.js';
 import { allows, choose, matters, whyIdle } from '../../../clients/web/core/choices.js';
 import { addSurface, isSameLayers, showVolumeAlone, showsOthers } from '../../../clients/web/core/layers.js';
@@ -14,7 +14,8 @@ const channel = (id, more = {}) => ({ type: 'channel', visible: true, id, color:
 const grid = (id, more = {}) => ({ id, state: 'ready', dims: [4, 4, 4], spacing: [1, 1, 1], origin: [0, 0, 0], direction: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], ...more });
 
 test('a window, a colour and an opacity change the points of a channel', () => {
-  const ramp = rampOf([10, 20], GREEN);
+  assert.equal(opacityOf(rampOf([10, 20], GREEN)), 0.95, 'a new channel is as bright as it can be');
+  const ramp = rampOf([10, 20], GREEN, 0.5);
   assert.deepEqual(ramp, [{ value: 10, color: GREEN, opacity: 0 }, { value: 20, color: GREEN, opacity: 0.5 }]);
   assert.deepEqual(windowOf(moveEnd(ramp, 0, 15, 1)), [15, 20]);
   assert.deepEqual(windowOf(moveEnd(ramp, 0, 25, 1)), [25, 26], 'an end pushes the other one');
@@ -92,4 +93,12 @@ test('channels belong to the volume beside other layers', () => {
   assert.ok(isSameLayers([channel('a')], [channel('a', { points: rampOf([0, 10 + 1e-9], GREEN) })]));
   assert.ok(!isSameLayers([channel('a')], [channel('a', { points: rampOf([0, 11], GREEN) })]));
   assert.ok(!isSameLayers([channel('a')], [channel('a', { points: [] })]));
+});
+
+test('the window of a new channel leaves out the background', () => {
+  const counts = Array.from({ length: 256 }, (_, i) => Math.round(1e6 * Math.exp(-((i - 10) ** 2) / 8)) + (i > 10 && i < 200 ? 20 : 0));
+  const [low, high] = signalWindow({ range: [0, 2560], counts }, [0, 1]);
+  assert.ok(low > 150 && low < 250 && high > 1900 && high <= 2000, `${low} – ${high}`);
+  assert.deepEqual(signalWindow(null, [3, 4]), [3, 4]);
+  assert.deepEqual(signalWindow({ range: [0, 1], counts: [1, 1, 1, 9] }, [3, 4]), [3, 4], 'no background');
 });

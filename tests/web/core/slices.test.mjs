@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { anatomyOf, frameOf } from '../../../clients/web/core/orientation.js';
-import { paintSlice, readSlice, valueAt } from '../../../clients/web/core/slice_image.js';
+import { paintChannels, paintSlice, readSlice, shadesOf, valueAt } from '../../../clients/web/core/slice_image.js';
 import {
   Grid, cutLine, directionName, finestGrid, fitPane, imageTransform, moveAlong, obliquePlane, orthogonalPlanes, paneOf, pixelAt, reachAlong, sliceQuery, turnNormal,
 } from '../../../clients/web/core/slices.js';
@@ -158,7 +158,19 @@ test('values become grey in a window, and what is not a number stays transparent
   const pixels = new Uint32Array(6);
   paintSlice(slice.values, { center: 50, width: 100 }, pixels);
   assert.deepEqual([...pixels].map((px) => [px & 255, px >>> 24]), [[0, 255], [0, 255], [127, 255], [128, 255], [255, 255], [0, 0]]);
+  paintSlice(slice.values, { center: 50, width: 100 }, pixels, shadesOf((at) => [1, at, 0]));
+  assert.deepEqual([...pixels].map((px) => [px & 255, px >>> 8 & 255, px >>> 16 & 255]), [[255, 0, 0], [255, 0, 0], [255, 127, 0], [255, 128, 0], [255, 255, 0], [0, 0, 0]]);
   for (const header of [null, '{}', '{"shape":[3,2],"type":"float64","endianness":"little"}', '{"shape":[3,2],"type":"float32","endianness":"big"}']) {
     assert.throws(() => readSlice(header, bytes), /not a slice/);
   }
+});
+
+test('the light of channels adds up: red and green give yellow', () => {
+  const pixels = new Uint32Array(3);
+  const window = { center: 50, width: 100 };
+  paintChannels([
+    { values: new Float32Array([0, 100, 100]), window, shades: shadesOf((at) => [at, 0, 0]) },
+    { values: new Float32Array([100, 100, NaN]), window, shades: shadesOf((at) => [0, at, 0]) },
+  ], pixels);
+  assert.deepEqual([...pixels].map((px) => [px & 255, px >>> 8 & 255, px >>> 16 & 255, px >>> 24]), [[0, 255, 0, 255], [255, 255, 0, 255], [255, 0, 0, 255]]);
 });

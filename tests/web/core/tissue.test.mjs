@@ -2,9 +2,10 @@
 // Histograms, and presets by kind of data that are placed by them.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { logHeights, peak, percentile, readHistogram, threshold } from '../../../clients/web/core/histogram.js';
+import { backgroundEnd, logHeights, peak, percentile, readHistogram, threshold } from '../../../clients/web/core/histogram.js';
 import { KINDS, presetOf, scaleOf } from '../../../clients/web/core/tissue.js';
 import { compare } from '../../support/compare.mjs';
+import '../support/texts.mjs';
 
 /** A histogram of 256 bins with peaks [[value, count], …] over a flat base. */
 function histogramOf(range, peaks, base = 3) {
@@ -87,4 +88,23 @@ test('bone is above soft tissue, and the air stays transparent', () => {
   }
   assert.equal(presetOf('ct-bone', histogram).points[0].value, 150);
   assert.equal(presetOf('simulation', histogram).map, 'viridis');
+});
+
+test('a preset says that the volume lacks its tissue, or that its values are Hounsfield units', () => {
+  const abdomen = histogramOf([-1024, 3071], [[-1000, 1e6], [40, 1e6]], 0);
+  assert.match(presetOf('ct-lung', abdomen, 'HU').note, /hardly any values .* \(-950 to -500 HU\)/);
+  assert.match(presetOf('ct-bone', abdomen, 'HU').note, /hardly any/);
+  assert.match(presetOf('ct-soft', abdomen, 'HU').note, /are Hounsfield/);
+  assert.match(presetOf('ct-lung', histogramOf([-1024, 3071], [[-1000, 1e6], [-800, 1e5]], 0), 'HU').note, /are Hounsfield/);
+  assert.match(presetOf('mr', abdomen, 'HU').note, /presets for CT/);
+  assert.match(presetOf('mr', abdomen).note, /histogram/);
+});
+
+test('a signal begins above the peak of the background and its noise', () => {
+  const noise = Array.from({ length: 256 }, (_, i) => Math.round(1e5 * Math.exp(-((i - 20) ** 2) / 32)));
+  const low = backgroundEnd({ range: [0, 256], counts: noise.map((count, i) => count + (i > 20 ? 50 : 0)) });
+  compare(low, '>', 32);
+  compare(low, '<', 45);
+  compare(backgroundEnd({ range: [0, 256], counts: [1e6, ...Array(255).fill(10)] }), '<=', 2, 'a background without noise');
+  assert.equal(backgroundEnd({ range: [0, 256], counts: Array.from({ length: 256 }, (_, i) => i) }), null, 'the brightest values are no background');
 });

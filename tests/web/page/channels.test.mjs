@@ -89,7 +89,8 @@ test('all channels of a file are mixed with one click, and have colours and wind
   assert.deepEqual(await Promise.all(names.map((name) => colorIn(rowOf(page, name)).inputValue())), ['#00ff00', '#ff00ff', '#00ffff']);
   const view = await viewOf(page);
   assert.deepEqual(view.layers.map(({ type, visible }) => [type, visible]), [['volume', true], ['channel', true], ['channel', true]]);
-  for (const points of [view.transfer_function.points, view.layers[1].points]) assert.deepEqual(points.map(({ opacity }) => opacity), [0, 0.5]);
+  for (const points of [view.transfer_function.points, view.layers[1].points]) assert.deepEqual(points.map(({ opacity }) => opacity), [0, 0.95]);
+  for (const [{ value }] of [view.transfer_function.points, view.layers[1].points]) compare(value, '>', 0, 'the window begins above the background');
   assert.ok(await page.locator('#channels-all').isHidden(), 'there is no other field');
   assert.ok(await page.locator('#channels-hint').isVisible(), 'the picture says what cannot be mixed');
   for (const id of ['occlusion', 'shadow']) assert.ok(await page.locator(`#${id}`).isDisabled(), id);
@@ -102,6 +103,24 @@ test('all channels of a file are mixed with one click, and have colours and wind
   const counts = await countColors(page);
   for (const name of ['rGb', 'Rgb']) compare(counts[name] ?? 0, '>', 1000, `pixels of ${name}: ${JSON.stringify(counts)}`);
   assert.equal(counts.rGB ?? 0, 0, 'the shell is hidden');
+  await page.click('#channels-maximum');
+  await until(page, 'the maximum', (s) => s.view.compositing.mode === 'maximum' && s.view.compositing.colors === 'transfer_function');
+  await page.click('#channels-maximum');
+  await until(page, 'the mixture', (s) => s.view.compositing.mode === 'sheet');
+  await page.click('#layout-four');
+  await until(page, 'both channels in a slice', () => {
+    const canvas = document.querySelector('#pane-axial canvas');
+    if (document.querySelector('#pane-axial .pane-body').dataset.state !== 'newest') return false;
+    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+    let [red, green] = [0, 0];
+    for (let i = 0; i < data.length; i += 4) {
+      if (data[i] > 150 && data[i + 1] < 50) red += 1;
+      if (data[i + 1] > 150 && data[i] < 50) green += 1;
+    }
+    return red > 100 && green > 100;
+  });
+  await page.click('#layout-3d');
+  await rest(page);
   await slide(page, 'spots', 'low', 'End');
   await slide(page, 'spots', 'low', 'Home');
   await slide(page, 'spots', 'high', 'ArrowLeft');
@@ -133,7 +152,7 @@ test('the controls of a channel: numbers, opacity and the curve; undo takes all 
   await page.fill('#channel-high', '140');
   await page.press('#channel-high', 'Enter');
   await page.press('#channel-opacity', 'ArrowLeft');
-  compare(Math.max(...(await channelsIn(page))[1].points.map(({ opacity }) => opacity)), '<', 0.5);
+  compare(Math.max(...(await channelsIn(page))[1].points.map(({ opacity }) => opacity)), '<', 0.95);
   await page.locator('.channel-details summary').click();
   await page.locator('.channel-details [data-part="add"]').click();
   assert.equal((await valuesOf(1)).length, 3);

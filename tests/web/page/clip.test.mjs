@@ -6,6 +6,7 @@ import { compare } from '../../support/compare.mjs';
 import { lit, writeBlock } from '../support/block.mjs';
 import { boxOf, drag, firstFrame, openPage, pixels, rest, share, shot, touch, until, visitMock } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
+import { volume } from '../support/mock-daemon.mjs';
 import { close } from '../support/numbers.mjs';
 
 const PHONE = { viewport: { width: 390, height: 700 }, deviceScaleFactor: 1, isMobile: true, hasTouch: true };
@@ -44,8 +45,8 @@ async function withBlock(context, options = DESK) {
   return opened;
 }
 
-const slider = (axis, corner) => `#clip .pair input[data-axis="${axis}"][data-corner="${corner}"]`;
-const number = (axis, corner) => `#clip .range input[data-axis="${axis}"][data-corner="${corner}"]`;
+const slider = (axis, corner) => `#clip .pair input[data-axis="${axis}"][data-end="${corner}"]`;
+const number = (axis, corner) => `#clip .range input[data-axis="${axis}"][data-end="${corner}"]`;
 const handle = (page, name) => page.locator(`#clip-handles [aria-label="${name}"]`);
 const middleOf = async (locator) => {
   const { x, y, width, height } = await boxOf(locator);
@@ -113,6 +114,17 @@ test('planes are added, moved, turned to the viewer, flipped, switched off and o
   assert.equal(fewer.clip.planes.length, 7);
   await shot(page, 'clip-planes');
   assert.deepEqual(it.said, []);
+});
+
+test('the ranges of the box ascend, also where an axis of the volume descends', async (context) => {
+  const flipped = volume('flipped', { direction: [[-1, 0, 0], [0, 1, 0], [0, 0, 1]], origin: [63, 0, 0] });
+  const { page, patch } = await visitMock(context, browser, { change: { volumes: [flipped] } });
+  await page.locator('#clip summary').click();
+  const ends = [await page.inputValue(number(0, 0)), await page.inputValue(number(0, 1))].map(Number);
+  compare(ends[0], '<', ends[1]);
+  await page.focus(slider(0, 0));
+  assert.deepEqual(await patch(() => page.keyboard.press('ArrowRight')), { clip: { box: [[0, 0, 0], [0.99, 1, 1]] } }, 'the lower end is the far face of the grid');
+  compare(Number(await page.inputValue(number(0, 0))), '>', ends[0]);
 });
 
 test('names and numbers are anatomical and in millimetres', async (context) => {

@@ -163,3 +163,21 @@ test('controls are at least 24 px high and wide for a mouse, and 44 px for a fin
   await shot(phone.page, 'phone-everything');
   for (const { said } of [mouse, phone]) assert.deepEqual(said, []);
 });
+
+test('the theme of the user wins over that of the system, and a reload keeps it; the status line begins with the volume', async (context) => {
+  const { page } = await setUp(context, { colorScheme: 'dark' });
+  const ground = () => page.evaluate(() => getComputedStyle(document.getElementById('panel')).backgroundColor);
+  const dark = await ground();
+  await page.selectOption('#theme', 'light');
+  const light = await ground();
+  assert.notEqual(light, dark);
+  await page.emulateMedia({ colorScheme: 'light' });
+  await page.emulateMedia({ colorScheme: 'dark' });
+  await page.reload();
+  await rest(page);
+  assert.equal(await ground(), light);
+  await page.selectOption('#theme', 'system');
+  assert.equal(await ground(), dark);
+  const told = await page.locator('#status dl').innerText();
+  assert.match(told, /^file\s+phantom\s+samples\s+32 × 32 × 32\s+spacing\s+1 × 1 × 1 \(no unit\)/);
+});

@@ -287,7 +287,7 @@ test('every rendering option can be drawn, and parts hidden by a plane, a box or
   await page.locator('#planes input[role="switch"]').click();
   await rest(page);
   await changes(page, async () => {
-    await page.focus('.pair input[data-axis="2"][data-corner="1"]');
+    await page.focus('.pair input[data-axis="2"][data-end="1"]');
     for (let i = 0; i < 5; i += 1) await page.keyboard.press('PageDown');
   });
   const half = lit(await pixels(page));
@@ -345,6 +345,7 @@ test('V shows the value under the cursor', async (context) => {
   const { page, said } = await setUp(context);
   await page.focus('#screen');
   await page.mouse.move(450, 300);
+  await page.locator('#status [data-key="value"] dd', { hasText: /\d/ }).waitFor(); // it rests
   await page.keyboard.press('v');
   await page.locator('.prompt[data-id="pick"] p', { hasText: /^Value -?[\d.]+ at -?[\d.]+, -?[\d.]+, -?[\d.]+/ }).waitFor();
   await page.mouse.move(890, 10);
