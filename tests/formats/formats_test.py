@@ -31,6 +31,7 @@ PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'zarr_p
          'medical_part': ['numpy', 'nibabel', 'pydicom'], 'dicom_frames_part': ['numpy', 'pydicom'],
          'volumes_part': ['numpy', 'nibabel', 'nrrd', 'mrcfile', 'SimpleITK'],
          'meaning_part': ['numpy', 'nibabel', 'nrrd', 'pydicom'],
+         'reports_part': ['numpy'],
          'dicom_folder_part': ['numpy', 'pydicom'],
          'convert_part': ['numpy', 'nibabel', 'nrrd', 'zarr']}
 GROUPS = {'arrays': ['types_part', 'zarr_part', 'arrays_part', 'tiff_part'], 'dicom': [part for part in PARTS if part.startswith('dicom_')]}
