@@ -99,7 +99,7 @@ def check_frames(r):
     r.grid(path('04-dicom-nm-negative-spacing'), dims, ramp_of, spacing, (1, 2, 10), numpy.diag([1, 1, -1]))
     r.grid(path('05-dicom-enhanced-slopes'), dims, lambda x, y, z: ramp_of(x, y, z) * (z + 1), spacing, (5, 6, 0))
     for step in (0, 1):
-        r.grid(path('07-dicom-enhanced-times'), dims, lambda x, y, z: 2 * (ramp_of(x, y, z) + 480 * step) - 100, spacing, (5, 6, 0), step=step, steps=2)
+        r.grid(path('07-dicom-enhanced-times'), dims, scaled, spacing, (5, 6, 0), step=step, steps=2)
     r.grid(path('08-dicom-sc-multiframe'), dims, ramp_of, (0.3, 0.3, 0.3))
     r.grid(path('50-dicom-rtdose'), dims, lambda x, y, z: 0.001 * ramp_of(x, y, z), (0.7, 0.5, 2.5), (1, 2, 3))
 
