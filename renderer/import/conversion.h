@@ -28,7 +28,7 @@ struct import_conversion {
     double missing[IMPORT_MISSING_MAX];
     bool has_range; /* so do numbers outside of this range */
     double range[2];
-    struct import_warnings *warnings; /* says what is lost; NULL = nobody hears of it */
+    struct import_warnings *warnings; /* says what is lost; NULL = no warnings */
 };
 
 /* Reads numbers of this kind as they are: slope 1, offset 0, one component. Warns of complex

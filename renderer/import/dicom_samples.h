@@ -20,8 +20,8 @@ struct dicom_samples {
     size_t raw_bytes;
 };
 
-/* How numbers of this image are in memory, and how many a pixel has. Fails for types that are not
- * supported. */
+/* How memory holds the numbers of this image, and their count per pixel. Fails for types that are
+ * not supported. */
 bool dicom_samples_type(const struct dicom_source *source, struct import_number *number,
                         unsigned *channels, struct sp_error *err);
 

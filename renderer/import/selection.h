@@ -2,7 +2,7 @@
  *
  * What the query of a source says about its file: "PATH?series=3&as=time&unit=mm". A reader that
  * honours `series` or `as` says so in its header; otherwise the load fails, because a choice
- * without effect would be a wrong picture without a word.
+ * without effect would give a wrong image without a warning.
  */
 #ifndef SP_IMPORT_SELECTION_H
 #define SP_IMPORT_SELECTION_H

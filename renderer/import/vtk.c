@@ -42,7 +42,7 @@ void vtk_close(void *volume) {
     free(v);
 }
 
-/* Makes room for one more of `count` items. NULL with *err set if there are `most`. */
+/* Enlarges the array for one more of `count` items. NULL with *err set if there are `most`. */
 static void *grow(const struct vtk_volume *v, void *items, size_t count, size_t size, size_t most,
                   const char *what, struct sp_error *err) {
     if (count == most) {

@@ -245,7 +245,7 @@ static bool is_apart(const struct box *a, const struct box *b) {
     return false;
 }
 
-/* Replaces a box by up to six parts of it that lie outside of `piece`. False if there is no room.
+/* Replaces a box by up to six parts of it that lie outside of `piece`. False if the list is full.
  */
 static bool cut(struct boxes *boxes, size_t i, const struct box *piece) {
     struct box rest = boxes->list[i];

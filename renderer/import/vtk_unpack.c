@@ -41,7 +41,7 @@ struct vtk_unpacker {
     z_stream z;
     lzma_stream lzma;
     char *whole, *unpacked; /* of LZ4: the packed and the unpacked block; owned */
-    size_t whole_bytes, at; /* bytes that `whole` has room for; what was taken of `unpacked` */
+    size_t whole_bytes, at; /* size of `whole`; what was taken of `unpacked` */
     uint8_t in[VTK_CHUNK];
 };
 

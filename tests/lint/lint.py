@@ -89,6 +89,7 @@ THIRD_PARTY = [
     (r'assimp/', {'renderer/import'}),
     (r'OpenImageIO/', {'renderer/import', 'renderer/encode'}),
     (r'gdcm', {'renderer/import'}),
+    (r'lz4|lzma', {'renderer/import'}),
     (r'expat', {'renderer/import'}),
     (r'blosc', {'renderer/import'}),
     (r'hdf5|netcdf', {'renderer/import'}),

@@ -54,11 +54,11 @@ export function findMap(given, gap) {
     if (!range) continue;
     const points = opacityPoints(given, stops, range);
     if (!isSame(tidy(merge(points, stops, range, gap)), given)) continue;
-    shapes = [shape, ...shapes.filter((other) => other !== shape)]; // the first one to try while somebody edits
+    shapes = [shape, ...shapes.filter((other) => other !== shape)]; // tried first after the next edit
     return { points, map: { ...map, range } };
   }
   return null;
 }
 
-/** The points with one colour that differs too little to be seen, so that nobody finds a map in them. */
+/** The points with one colour that differs too little to be seen, so that findMap() finds no map in them. */
 export const withoutMap = ([first, ...rest]) => [{ ...first, color: first.color.map((part, k) => (k ? part : part + (part > 0.5 ? -2e-4 : 2e-4))) }, ...rest];
