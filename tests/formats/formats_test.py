@@ -29,7 +29,7 @@ PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'ren
 PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'zarr_part': ['numpy', 'zarr', 'numcodecs'],
          'arrays_part': ['numpy', 'h5py', 'netCDF4', 'numcodecs'], 'tiff_part': ['numpy', 'tifffile'],
          'medical_part': ['numpy', 'nibabel', 'pydicom'], 'dicom_frames_part': ['numpy', 'pydicom'],
-         'volumes_part': ['numpy', 'nibabel', 'nrrd', 'mrcfile', 'SimpleITK'],
+         'volumes_part': ['numpy', 'nibabel', 'nrrd', 'mrcfile', 'SimpleITK', 'h5py', 'netCDF4'],
          'meaning_part': ['numpy', 'nibabel', 'nrrd', 'pydicom'],
          'reports_part': ['numpy'],
          'dicom_folder_part': ['numpy', 'pydicom'],

@@ -9,7 +9,9 @@ import struct
 import warnings
 import zlib
 
+import h5py
 import mrcfile
+import netCDF4
 import nibabel
 import nrrd
 import numpy
@@ -418,11 +420,24 @@ def check_gipl(tool):
             like_itk(tool, tool.path(f'g.{ending}'), unit='mm')
 
 
+def check_minc(tool):
+    """Not read; without the scales of its slices the array would be wrong."""
+    with h5py.File(tool.path('two.mnc'), 'w') as file:
+        file['minc-2.0/image/0/image'] = values('i2')
+    tool.refused(tool.path('two.mnc'), 'mnc2nii')
+    with netCDF4.Dataset(tool.path('one.mnc'), 'w', format='NETCDF3_CLASSIC') as file:
+        for name, size in zip(('zspace', 'yspace', 'xspace'), SHAPE):
+            file.createDimension(name, size)
+        file.createVariable('rootvariable', 'i4')
+        file.createVariable('image', 'i2', ('zspace', 'yspace', 'xspace'))[:] = values('i2')
+    tool.refused(tool.path('one.mnc'), 'mnc2nii')
+
+
 def check(tool):
     warnings.simplefilter('ignore')
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
     for part in (check_nrrd_types, check_nrrd_layouts, check_nrrd_headers, check_metaimage, check_nifti_types, check_nifti_shapes,
-                 check_nifti_scales, check_nifti_places, check_nifti_offsets, check_analyze, check_mrc, check_gipl):
+                 check_nifti_scales, check_nifti_places, check_nifti_offsets, check_analyze, check_mrc, check_gipl, check_minc):
         part(tool)
         for name in os.listdir(tool.folder):
             path = tool.path(name)
