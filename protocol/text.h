@@ -18,5 +18,9 @@
 bool proto_text_is_plain(const char *text);
 /* Replaces each hidden character by one space, in place: the text never becomes longer. */
 void proto_text_clean(char *text);
+/* Makes UTF-8 text comparable for a search, in place: small letters, and no accents of Latin
+ * letters, however they are encoded ("GRO\u0308SSE" and "grösse" become "grosse"). Bytes that are
+ * not UTF-8 stay. The text never becomes longer. */
+void proto_text_fold(char *text);
 
 #endif
