@@ -52,6 +52,7 @@ struct srv_daemon {
     struct srv_work_queue *disk;
     struct srv_work_queue *measuring; /* parts of volumes */
     struct srv_work_queue *listing;   /* series of folders */
+    struct srv_work_queue *searching; /* the data folder */
     struct srv_uploads *uploads;      /* NULL = --upload-bytes is 0 */
     double
         ran_ms; /* plus srv_clock_ms(): for how long daemons have run with this store; constant */
@@ -367,6 +368,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->disk = d->disk;
     o->measuring = d->measuring;
     o->listing = d->listing;
+    o->searching = d->searching;
     o->uploads = d->uploads;
     o->metrics = d->metrics;
     if (!srv_cors_check_origins(c->allow_origin, err) ||
@@ -459,6 +461,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     if ((d->disk = srv_work_queue_create(NULL, err)) &&
         (d->measuring = srv_work_queue_create("the measuring thread", err)) &&
         (d->listing = srv_work_queue_create("the listing thread", err)) &&
+        (d->searching = srv_work_queue_create("the search thread", err)) &&
         (d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
         open_store(d, err) && start_tokens(d, err) && start_uploads(d, err) &&
         (d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, err) &&
@@ -522,6 +525,8 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_work_queue_stop(d->measuring);
     if (d->listing)
         srv_work_queue_stop(d->listing);
+    if (d->searching)
+        srv_work_queue_stop(d->searching);
     if (d->catalog)
         srv_catalog_stop(d->catalog);
     if (d->streams)
@@ -552,6 +557,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_work_queue_destroy(&d->disk);
     srv_work_queue_destroy(&d->measuring);
     srv_work_queue_destroy(&d->listing);
+    srv_work_queue_destroy(&d->searching);
     srv_uploads_destroy(&d->uploads);
     srv_metrics_destroy(&d->metrics);
     free(d);

@@ -43,6 +43,7 @@ struct srv_http_options {
     struct srv_work_queue *disk;      /* for work that waits for a disk */
     struct srv_work_queue *measuring; /* for measurements that take time */
     struct srv_work_queue *listing;   /* for lists of the series of a folder */
+    struct srv_work_queue *searching; /* for searches of the data folder */
     struct srv_uploads *uploads;      /* NULL = there are none */
     struct srv_metrics *metrics;
     /* Why other backends were refused at startup; owned by the caller. */

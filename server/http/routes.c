@@ -14,7 +14,7 @@
                        "format","step"}
 #define SESSION_SLICE {"axis","index","level","origin","normal","up","size","spacing","window",\
                        "color","format","step","channel"}
-#define FILES { "path", "after", "limit" }
+#define FILES { "path", "after", "limit", "find" }
 #define FOLDER { "path" }
 /* clang-format on */
 

@@ -1,20 +1,27 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The data folder for a browser of files (render/data_folder.h). The disk thread reads it.
+ * The data folder for a browser of files: the disk thread lists a folder (render/data_folder.h),
+ * the search thread looks for names in and below one (render/data_search.h).
  */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/clock.h"
 #include "common/work_queue.h"
 #include "http/paging.h"
 #include "http/routes.h"
 #include "render/data_folder.h"
+#include "render/data_search.h"
+
+/* Limits of a search. */
+enum { SEARCHES_MAX = 16, SEARCH_MS = 2000, SEARCH_NAMES = 100000 };
 
 struct listing {
     struct srv_work work;
     struct srv_request *request;
     struct srv_page page;
+    char *find; /* of a search: the text, behind the path; NULL = a list */
     char path[];
 };
 
@@ -46,6 +53,13 @@ static proto_json *encode_entry(void *user, const void *item) {
     return json;
 }
 
+static void reply_failure(struct srv_request *request, const struct sp_error *err) {
+    if (err->code == SP_ERR_IO)
+        srv_reply_problem(&request->reply, 503, NULL, "%s", err->text);
+    else
+        srv_reply_error(&request->reply, err);
+}
+
 static void run_listing(struct srv_work *work) {
     struct listing *listing = (struct listing *)work;
     struct srv_request *request = listing->request;
@@ -62,20 +76,93 @@ static void run_listing(struct srv_work *work) {
         srv_reply_json(&request->reply, 200, json);
     } else {
         free(listing->page.items);
-        if (err.code == SP_ERR_IO)
-            srv_reply_problem(&request->reply, 503, NULL, "%s", err.text);
-        else
-            srv_reply_error(&request->reply, &err);
+        reply_failure(request, &err);
     }
     free(listing);
     srv_request_complete(request);
 }
 
+/* An entry with "folder" and, if it stands for several files, "files". */
+static proto_json *encode_hit(const struct srv_data_hit *hit) {
+    proto_json *json = encode_entry(NULL, &hit->entry);
+    bool ok = proto_json_set_string(json, "folder", hit->folder);
+    if (hit->files > 1)
+        ok = proto_json_set_integer(json, "files", hit->files) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+static proto_json *encode_search(const struct srv_data_search *search) {
+    static const char *const cuts[] = { "", "limit", "time", "names" };
+    proto_json *json = proto_json_object(), *entries = proto_json_array();
+    bool ok = true;
+    for (unsigned i = 0; ok && i < search->count; i++)
+        ok = proto_json_append(entries, encode_hit(&search->hits[i]));
+    ok = proto_json_set(json, "entries", entries) && ok;
+    ok = proto_json_set_integer(json, "unlisted", search->unlisted) && ok;
+    ok = proto_json_set_integer(json, "unread", search->unread) && ok;
+    if (search->cut != SRV_DATA_CUT_NONE)
+        ok = proto_json_set_string(json, "cut", cuts[search->cut]) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+static void run_search(struct srv_work *work) {
+    struct listing *listing = (struct listing *)work;
+    struct srv_request *request = listing->request;
+    struct srv_data_search search = {
+        .data = srv_catalog_data(request->app->catalog),
+        .text = listing->find,
+        .hits = listing->page.items,
+        .hits_max = listing->page.max - 1, /* a page has room for one item more */
+        .names_max = SEARCH_NAMES,
+        .end_ms = srv_clock_ms() + SEARCH_MS,
+    };
+    struct sp_error err;
+    if (srv_data_search(&search, listing->path, &err)) {
+        for (unsigned i = 0; i < search.count; i++)
+            if (search.hits[i].files == 1)
+                srv_data_describe(search.data, search.hits[i].folder, &search.hits[i].entry);
+        srv_reply_json(&request->reply, 200, encode_search(&search));
+    } else {
+        reply_failure(request, &err);
+    }
+    srv_data_search_finish(&search);
+    free(listing->page.items);
+    free(listing);
+    srv_request_complete(request);
+}
+
+/* True if a search with these query parameters may begin. */
+static bool check_search(struct srv_request *request, const char *find, struct srv_reply *reply) {
+    struct sp_error err;
+    if (!srv_data_search_check(find, &err)) {
+        srv_reply_problem(reply, 400, NULL, "?find= %s", err.text);
+        return false;
+    }
+    if (srv_request_query(request, "after")) {
+        srv_reply_problem(reply, 422, NULL,
+                          "?after= cannot be used with ?find=: a search has one page");
+        return false;
+    }
+    if (srv_work_queue_count(request->app->searching) >= SEARCHES_MAX) {
+        srv_reply_problem(reply, 503, NULL, "%d searches wait already; try again later",
+                          SEARCHES_MAX);
+        return false;
+    }
+    return true;
+}
+
 void srv_get_files(struct srv_request *request, struct srv_reply *reply) {
     const char *path = srv_request_query(request, "path");
-    size_t size = strlen(path ? path : "") + 1;
+    const char *find = srv_request_query(request, "find");
+    const size_t path_size = strlen(path ? path : "") + 1, find_size = strlen(find ? find : "") + 1;
+    const size_t item = find ? sizeof(struct srv_data_hit) : sizeof(struct srv_data_entry);
     struct srv_page page;
-    if (!srv_paging_begin(request, sizeof(struct srv_data_entry), &page, reply))
+    if ((find && !check_search(request, find, reply)) ||
+        !srv_paging_begin(request, item, &page, reply))
         return;
     if (!srv_catalog_data(request->app->catalog)) {
         srv_reply_problem(reply, 403, NULL,
@@ -83,14 +170,19 @@ void srv_get_files(struct srv_request *request, struct srv_reply *reply) {
         free(page.items);
         return;
     }
-    struct listing *listing = malloc(sizeof *listing + size);
+    struct listing *listing = malloc(sizeof *listing + path_size + find_size);
     if (!listing) {
         free(page.items);
         srv_reply_problem(reply, 503, NULL, "out of memory for a list");
         return;
     }
-    *listing = (struct listing){ .work = { .run = run_listing }, .request = request, .page = page };
-    memcpy(listing->path, path ? path : "", size);
+    *listing = (struct listing){ .work = { .run = find ? run_search : run_listing },
+                                 .request = request,
+                                 .page = page,
+                                 .find = find ? listing->path + path_size : NULL };
+    memcpy(listing->path, path ? path : "", path_size);
+    if (find)
+        memcpy(listing->find, find, find_size);
     srv_request_suspend(request);
-    srv_work_queue_add(request->app->disk, &listing->work);
+    srv_work_queue_add(find ? request->app->searching : request->app->disk, &listing->work);
 }

@@ -186,27 +186,21 @@ static bool is_bare_dicom(int folder, const char *name) {
     return size > 0 && srv_format_is_dicom(start, (size_t)size);
 }
 
-static void show(const char *data, const char *folder, int fd, const char *name,
-                 struct srv_page *page, unsigned *unlisted) {
+enum srv_data_sight srv_data_look(const char *data, const char *folder, int fd, const char *name,
+                                  struct srv_data_entry *entry) {
     struct stat st;
-    char key[NAME_MAX + 2];
-    if (name[0] == '.' || fstatat(fd, name, &st, AT_SYMLINK_NOFOLLOW) != 0 ||
-        (S_ISLNK(st.st_mode) &&
-         (!stays_inside(data, folder, name) || fstatat(fd, name, &st, 0) != 0)))
-        return;
+    if (name[0] == '.' || fstatat(fd, name, &st, AT_SYMLINK_NOFOLLOW) != 0)
+        return SRV_DATA_NOTHING;
+    const bool is_link = S_ISLNK(st.st_mode);
+    if (is_link && (!stays_inside(data, folder, name) || fstatat(fd, name, &st, 0) != 0))
+        return SRV_DATA_NOTHING;
     const bool is_zarr = S_ISDIR(st.st_mode) && is_zarr_folder(fd, name);
     const bool is_dicom = S_ISREG(st.st_mode) && is_bare_dicom(fd, name);
     const bool is_file = is_dicom || (S_ISREG(st.st_mode) && srv_format_extension(name));
     if (!S_ISDIR(st.st_mode) && !is_file)
-        return;
-    if (!is_utf8(name)) {
-        ++*unlisted;
-        return;
-    }
-    snprintf(key, sizeof key, "%c%s", S_ISDIR(st.st_mode) && !is_zarr ? '/' : ':', name);
-    struct srv_data_entry *entry = srv_page_slot(page, key);
-    if (!entry)
-        return;
+        return SRV_DATA_NOTHING;
+    if (!is_utf8(name))
+        return SRV_DATA_UNLISTABLE;
     *entry = (struct srv_data_entry){ .kind = is_zarr || is_dicom ? SP_KIND_GRID : SP_KIND_COUNT,
                                       .is_folder = S_ISDIR(st.st_mode) && !is_zarr,
                                       .is_zarr = is_zarr,
@@ -214,35 +208,51 @@ static void show(const char *data, const char *folder, int fd, const char *name,
                                       .format = is_zarr    ? "Zarr"
                                                 : is_dicom ? "DICOM"
                                                            : srv_format_of(name) };
-    memcpy(entry->key, key, sizeof key);
+    snprintf(entry->key, sizeof entry->key, "%c%s", entry->is_folder ? '/' : ':', name);
+    return is_link ? SRV_DATA_LINK : SRV_DATA_ENTRY;
+}
+
+DIR *srv_data_open(const char *data, const char *path, char real[PATH_MAX], struct sp_error *err) {
+    const struct wanted wanted = { "/path", "folder" };
+    if (!srv_data_check_relative(path, wanted.pointer, err) ||
+        !resolve(data, path, wanted, real, err))
+        return NULL;
+    int fd = open_folder(real);
+    DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
+    if (folder)
+        return folder;
+    const int error = errno;
+    if (fd >= 0)
+        close(fd);
+    if (error == ENOTDIR)
+        sp_fail(err, SP_ERR_INVALID, "/path", "is a file, not a folder");
+    else if (error == ENOENT)
+        fail_missing(wanted, err);
+    else if (error == EACCES)
+        sp_fail(err, SP_ERR_DENIED, "/path", "the daemon's user may not read the folder");
+    else
+        sp_fail(err, error == ENOMEM ? SP_ERR_MEMORY : SP_ERR_IO, "/path",
+                "cannot read the folder: %s", strerror(error));
+    return NULL;
 }
 
 bool srv_data_list(const char *data, const char *path, struct srv_page *page, unsigned *unlisted,
                    struct sp_error *err) {
     char real[PATH_MAX];
-    const struct wanted wanted = { "/path", "folder" };
-    if (!srv_data_check_relative(path, wanted.pointer, err) ||
-        !resolve(data, path, wanted, real, err))
+    DIR *folder = srv_data_open(data, path, real, err);
+    if (!folder)
         return false;
-    int fd = open_folder(real);
-    DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
-    if (!folder) {
-        int error = errno;
-        if (fd >= 0)
-            close(fd);
-        if (error == ENOTDIR)
-            return sp_fail(err, SP_ERR_INVALID, "/path", "is a file, not a folder");
-        if (error == ENOENT)
-            return fail_missing(wanted, err);
-        if (error == EACCES)
-            return sp_fail(err, SP_ERR_DENIED, "/path",
-                           "the daemon's user may not read the folder");
-        return sp_fail(err, error == ENOMEM ? SP_ERR_MEMORY : SP_ERR_IO, "/path",
-                       "cannot read the folder: %s", strerror(error));
-    }
     *unlisted = 0;
-    for (struct dirent *entry; (entry = readdir(folder));)
-        show(data, real, fd, entry->d_name, page, unlisted);
+    for (struct dirent *item; (item = readdir(folder));) {
+        struct srv_data_entry entry;
+        const enum srv_data_sight sight =
+            srv_data_look(data, real, dirfd(folder), item->d_name, &entry);
+        struct srv_data_entry *slot =
+            sight >= SRV_DATA_ENTRY ? srv_page_slot(page, entry.key) : NULL;
+        if (slot)
+            *slot = entry;
+        *unlisted += sight == SRV_DATA_UNLISTABLE;
+    }
     closedir(folder);
     return true;
 }

@@ -10,6 +10,7 @@
 #ifndef SRV_RENDER_DATA_FOLDER_H
 #define SRV_RENDER_DATA_FOLDER_H
 
+#include <dirent.h>
 #include <limits.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -50,6 +51,21 @@ struct srv_data_entry {
  * folder), SP_ERR_IO. */
 bool srv_data_list(const char *data, const char *path, struct srv_page *page, unsigned *unlisted,
                    struct sp_error *err);
+
+/* Opens a folder, and resolves its path. The caller closes it. NULL with the errors of
+ * srv_data_list(). */
+DIR *srv_data_open(const char *data, const char *path, char real[PATH_MAX], struct sp_error *err);
+
+enum srv_data_sight {
+    SRV_DATA_NOTHING, /* neither a folder nor a loadable file, hidden, or led outside by a link */
+    SRV_DATA_UNLISTABLE, /* its name is not UTF-8 */
+    SRV_DATA_ENTRY,
+    SRV_DATA_LINK, /* an entry by a symbolic link that stays inside */
+};
+/* Looks at a name of an open folder, `fd`, whose resolved path is `folder`; fills *entry if it can
+ * be listed. Blocks. */
+enum srv_data_sight srv_data_look(const char *data, const char *folder, int fd, const char *name,
+                                  struct srv_data_entry *entry);
 
 /* Reads dims, type and kind from the beginning of a file that srv_data_list() found, if its format
  * has them there. Blocks. */

@@ -98,6 +98,14 @@ const char *srv_format_of(const char *name) {
     return format ? format->name : NULL;
 }
 
+bool srv_format_has_steps(const char *format) {
+    static const char *const slices[] = { "DICOM", "TIFF", "PNG", "JPEG" };
+    for (size_t i = 0; i < sizeof slices / sizeof *slices; i++)
+        if (strcmp(format, slices[i]) == 0)
+            return false;
+    return true;
+}
+
 const char *srv_format_extension(const char *name) {
     const struct format *format = find(name);
     return format && !is_folder(format) ? format->extension : NULL;

@@ -18,6 +18,9 @@ const char *srv_format_of(const char *name);
 /* Returns the extension of such a name with its dot, in lower case (".nrrd"); NULL = as above, or a
  * folder is meant. A constant, so it is safe as a part of a path. */
 const char *srv_format_extension(const char *name);
+/* True for a format, as srv_format_of() names it, whose numbered files are the steps of a time
+ * series; those of others are the slices of one volume. */
+bool srv_format_has_steps(const char *format);
 enum { SRV_FORMAT_LIST = 512 };
 /* True if a name has no extension, or one without letters: so do many DICOM files, "IM0001" or
  * "1.2.840.113619.2". Their first bytes tell. */

@@ -123,11 +123,52 @@ test('the DICOM series of a folder are listed and opened', async () => {
   rmSync(at('study'), { recursive: true });
 });
 
+test('a search finds names below a folder, with their folders', async () => {
+  const odd = ['a*b.nrrd', 'with space.nrrd', 'why?.nrrd', '100% & #1.nrrd', 'Übung.nrrd', 'x?level=1.nrrd'];
+  mkdirSync(at('find', 'deep', 'größe & co'), { recursive: true });
+  mkdirSync(at('find', '.hidden'));
+  for (const name of odd) writeFileSync(at('find', 'deep', 'größe & co', name), nrrd());
+  for (const name of ['.hidden/why?.nrrd', 'deep/.why?.nrrd', 'deep/why?.txt']) writeFileSync(at('find', name), nrrd());
+  for (let i = 1; i < 4; i++) writeFileSync(at('find', `step${i}.nrrd`), nrrd());
+  symlinkSync('../../../outside', at('find', 'deep', 'way out'));
+  symlinkSync('../..', at('find', 'deep', 'way up'));
+  const search = (text, more = '') => list(`?path=find&find=${encodeURIComponent(text)}${more}`);
+  const place = 'find/deep/größe & co';
+  for (const [text, name] of [['A*B', odd[0]], ['H SPACE', odd[1]], ['why?', odd[2]], ['100%', odd[3]], ['#1', odd[3]], ['übung', odd[4]], ['UBUNG', odd[4]], ['?level=1', odd[5]]]) {
+    const { status, json } = await search(text);
+    assert.equal(status, 200, text);
+    assert.deepEqual(json, {
+      entries: [{ name, kind: 'volume', bytes: nrrd().length, format: 'NRRD', dims: [4, 4, 4], type: 'uint8', contents: 'grid', folder: place }], unlisted: 0, unread: 0,
+    });
+    const { json: opened } = await daemon.post('/api/v1/volumes', { source: `${place}/${name}` });
+    assert.equal((await daemon.loaded(opened.id)).state, 'ready', name);
+    assert.equal((await daemon.fetch(`/api/v1/volumes/${opened.id}`, { method: 'DELETE' })).status, 204);
+  }
+  assert.deepEqual((await search('GRÖSSE')).json.entries, []);
+  assert.deepEqual((await search('größe')).json.entries, [{ name: 'größe & co', kind: 'folder', folder: 'find/deep' }]);
+  assert.deepEqual((await search('secret')).json.entries, [], 'outside');
+  assert.deepEqual((await search('step')).json.entries, [{ name: 'step*.nrrd', kind: 'volume', bytes: 3 * nrrd().length, format: 'NRRD', folder: 'find', files: 3 }]);
+  assert.deepEqual(names(await search('step2')), ['step2.nrrd']);
+  const cut = await search('nrrd', '&limit=2');
+  assert.deepEqual([cut.json.entries.length, cut.json.cut, cut.json.next], [2, 'limit', undefined]);
+  for (const [query, status, detail] of [['find=', 400, /must have 1 to 255 characters/], ['find=%20', 400, /not only spaces/], [`find=${'x'.repeat(256)}`, 400, /1 to 255/],
+    ['find=a&after=b', 422, /has one page/], ['find=a&limit=0', 400, /limit/], ['find=a&path=out', 404, /leads out/], ['find=a&path=absent', 404, /no such folder/],
+    ['find=a&path=/etc', 422, /must be relative/], ['find=a&path=bad.nrrd', 422, /is a file/]]) {
+    const answer = await list(`?${query}`);
+    assert.equal(answer.status, status, query);
+    assert.match(answer.json.detail, detail, query);
+  }
+  rmSync(at('find'), { recursive: true });
+});
+
 test('listing needs the role control and a data folder', async () => {
   const tokens = path.join(folder, 'tokens');
   writeFileSync(tokens, 'render-token-render-token role=render name=r\ncontrol-token-control role=control name=c\n', { mode: 0o600 });
   const other = await Daemon.start(['--token-file', tokens]);
-  assert.equal((await other.json('/api/v1/files', { token: 'render-token-render-token' })).status, 403);
+  for (const query of ['', '?find=a']) assert.equal((await other.json(`/api/v1/files${query}`, { token: 'render-token-render-token' })).status, 403);
+  assert.match((await other.json('/api/v1/files?find=a', { token: 'control-token-control' })).json.detail, /--data DIR/);
+  const { tokens: joins } = (await other.post('/api/v1/sessions', {}, { token: 'control-token-control' })).json;
+  for (const token of Object.values(joins ?? {})) assert.equal((await other.json('/api/v1/files?find=a', { token })).status, 403);
   const none = await other.json('/api/v1/files', { token: 'control-token-control' });
   assert.equal(none.status, 403);
   assert.match(none.json.detail, /--data DIR/);
