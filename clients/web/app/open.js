@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The dialog "Open a volume": a browser of the daemon's data folder, recently opened volumes, the address of a remote
 // volume, and files of this computer.
-import { arranged, crumbs, filteredSeries, joined, mayBeStudy, numberedSeries, parentOf, sizeText, withRecent } from '../core/files.js';
+import { arranged, below, crumbs, filteredSeries, joined, mayBeStudy, numberedSeries, parentOf, searched, sizeText, withRecent } from '../core/files.js';
 import { READINGS, cleanUnit, parseReadings, rememberReading, withReading } from '../core/readings.js';
 import { t } from '../core/text.js';
 import { byId, icon, make, setText } from './dom.js';
 
 const RECENT_MAX = 6;
+const SEARCH_DELAY_MS = 200;
 
 /** Recently opened volumes of this browser; where storage is forbidden, of this page. */
 class Recent {
@@ -87,12 +88,72 @@ function aboutSeries({ modality, images, size, bytes }) {
 
 const isDicom = ({ format }) => format === 'DICOM';
 
+/** What a search of sub-folders says besides its finds. */
+function aboutSearch({ isRunning = false, complaint = '', entries = [], unread = 0, cut }) {
+  if (complaint) return t('open.find.failed', { reason: complaint });
+  if (isRunning) return t('open.find.running');
+  if (cut === 'limit' && entries.length === 0) return t('open.find.cut.here');
+  const skipped = unread === 1 ? t('open.find.unread.one') : t('open.find.unread', { count: unread });
+  return [cut && t(`open.find.cut.${cut}`, { count: entries.length }), unread > 0 && skipped].filter(Boolean).join(' ');
+}
+
+/** Searches of sub-folders, one at a time: of those asked for meanwhile the last one. */
+class Search {
+  #api; #show;
+  #wanted = null; // {folder, text}
+  #timer = 0;
+  #isBusy = false;
+
+  /** show(found): what is known of the search that was asked for: {isRunning}, {complaint} or {entries, unread, cut}. */
+  constructor(api, show) {
+    this.#api = api;
+    this.#show = show;
+  }
+
+  /** Searches soon, when no other key follows. text '' = nothing. */
+  ask(folder, text) {
+    if (this.#wanted ? this.#wanted.folder === folder && this.#wanted.text === text : !text) return;
+    this.cancel();
+    if (text) {
+      this.#wanted = { folder, text };
+      this.#timer = setTimeout(() => this.#run(), SEARCH_DELAY_MS);
+    }
+    this.#show({ isRunning: Boolean(text) });
+  }
+
+  cancel() {
+    clearTimeout(this.#timer);
+    this.#wanted = null;
+  }
+
+  async #run() {
+    if (this.#isBusy) return; // it goes on below
+    this.#isBusy = true;
+    for (let asked = null; this.#wanted && this.#wanted !== asked;) {
+      asked = this.#wanted;
+      const found = await this.#find(asked);
+      if (this.#wanted === asked) this.#show(found);
+    }
+    this.#isBusy = false;
+  }
+
+  async #find({ folder, text }) {
+    try {
+      const { entries, unread, cut } = await this.#api.findFiles(folder, text);
+      return { entries: below(folder, entries), unread, cut };
+    } catch (error) {
+      return { complaint: error.message };
+    }
+  }
+}
+
 class OpenDialog {
-  #app; #dialog; #list; #filter; #said; #recent; #readings;
+  #app; #dialog; #list; #filter; #said; #recent; #readings; #search;
   #folder = '';
   #use; // what opened volumes are for, see app.openVolume()
   #entries = [];
   #series = []; // DICOM series of the folder
+  #found = {}; // what the filter finds in sub-folders, see Search
   #asked = 0;
 
   constructor(app) {
@@ -103,7 +164,14 @@ class OpenDialog {
     this.#said = byId('open-said');
     this.#recent = new Recent(app.base);
     this.#readings = new Readings(app.storage);
-    this.#filter.addEventListener('input', () => this.#showEntries());
+    this.#search = new Search(app.api, (found) => {
+      this.#found = found;
+      this.#refresh();
+    });
+    this.#filter.addEventListener('input', () => {
+      this.#showEntries();
+      this.#searchBelow();
+    });
     this.#dialog.addEventListener('keydown', (event) => this.#key(event));
     byId('open-choose').addEventListener('click', () => byId('open-file').click());
     byId('open-file').addEventListener('change', ({ target }) => {
@@ -169,6 +237,8 @@ class OpenDialog {
     this.#folder = folder;
     this.#filter.value = '';
     this.#series = [];
+    this.#search.cancel();
+    this.#found = {};
     this.#showCrumbs();
     this.#say(t('open.reading'));
     try {
@@ -183,6 +253,7 @@ class OpenDialog {
         this.#entries = entries;
         this.#showEntries();
       } while (after);
+      this.#searchBelow();
       this.#focus(focus);
       if (mayBeStudy(folder, entries)) await this.#readSeries(folder, asked);
     } catch (error) {
@@ -205,11 +276,22 @@ class OpenDialog {
       if (asked !== this.#asked) return;
       complaint = t('open.series.failed', { reason: error.message });
     }
-    const { name } = document.activeElement?.dataset ?? {};
-    const wasFilter = document.activeElement === this.#filter;
-    this.#showEntries();
+    this.#refresh();
     if (complaint) this.#say(complaint, true);
-    if (!wasFilter) this.#focus(name);
+  }
+
+  /** Shows the entries again; the focus stays. */
+  #refresh() {
+    const { activeElement: focused } = document;
+    const isRow = this.#list.contains(focused);
+    this.#showEntries();
+    if (isRow) this.#focus(focused.dataset.name);
+  }
+
+  /** Looks in sub-folders for what the filter says. */
+  #searchBelow() {
+    const hasFolders = this.#entries.some(({ kind }) => kind === 'folder');
+    this.#search.ask(this.#folder, hasFolders ? searched(this.#filter.value) : '');
   }
 
   #showCrumbs() {
@@ -234,17 +316,30 @@ class OpenDialog {
     if (firstFile >= 0) rows.splice(firstFile, 0, ...series.map((entry) => this.#stepsRow(entry)));
     const listed = filteredSeries(this.#series, this.#filter.value);
     rows.unshift(...listed.map((one) => this.#seriesRow(one)));
+    rows.push(...(this.#found.entries ?? []).map((entry) => this.#foundRow(entry)));
     this.#list.replaceChildren(...rows);
     const [first] = this.#buttons;
     if (first) first.tabIndex = 0;
     const { value } = this.#filter;
-    if (rows.length > 0) this.#say('');
+    const told = this.#found.isRunning && rows.length > 0 ? '' : aboutSearch(this.#found);
+    if (told || rows.length > 0) this.#say(told, Boolean(this.#found.complaint));
     else this.#say(this.#entries.length > 0 ? t('open.nomatch', { filter: value }) : t('open.empty'));
   }
 
-  #row(name, told, data, picture, press) {
+  /** place: the folder of a find in a sub-folder. */
+  #row(name, told, data, picture, press, place = '') {
     return make('li', {}, make('button', { ...data, tabindex: '-1', press }, picture, make('span', { class: 'name', text: name, title: name }),
-      make('span', { class: 'about', text: told })));
+      make('span', { class: 'about', text: told }), ...(place ? [make('span', { class: 'place', text: place, title: place })] : [])));
+  }
+
+  #foundRow(entry) {
+    const { name, place, files = 1, bytes } = entry;
+    const isFolder = entry.kind === 'folder';
+    const source = joined(entry.folder, name);
+    const together = t(isDicom(entry) ? 'open.find.dicom' : 'open.steps', { count: files });
+    const told = [files > 1 ? `${together} · ${sizeText(bytes)}` : about(entry, false), this.#readings.about(source)].filter(Boolean).join(' · ');
+    return this.#row(name, told, { 'data-name': joined(place, name), 'data-kind': entry.kind }, isFolder ? icon('folder') : icon('box'),
+      () => (isFolder ? this.#enter(source) : this.#read(source, name)), place);
   }
 
   #seriesRow(series) {

@@ -33,11 +33,25 @@ export function crumbs(folder) {
   return names.map((name, i) => ({ name, path: names.slice(0, i + 1).join('/') }));
 }
 
+/** Small letters without accents: texts of names are compared like this, here and by the daemon. */
+const folded = (text) => text.normalize('NFD').replaceAll(/[\u0300-\u036f]/g, '').toLowerCase();
+
+const wordsOf = (filter) => folded(filter).split(/\s+/).filter(Boolean);
+
+/** What the daemon is asked to find for a filter; '' = nothing. */
+export const searched = (filter) => filter.slice(0, 255).split(/\s+/).filter(Boolean).join(' ');
+
+/** Found entries that lie below a folder, each with its `place` there. */
+export function below(folder, entries) {
+  return entries.filter((entry) => entry.folder !== folder)
+    .map((entry) => ({ ...entry, place: folder ? entry.folder.slice(folder.length + 1) : entry.folder }));
+}
+
 /** Entries whose names have all words of the filter, in natural order: folders first, 2 before 10. */
 export function arranged(entries, filter, compare = new Intl.Collator(undefined, { numeric: true, sensitivity: 'base' }).compare) {
-  const words = filter.toLowerCase().split(/\s+/).filter(Boolean);
+  const words = wordsOf(filter);
   return entries
-    .filter(({ name }) => words.every((word) => name.toLowerCase().includes(word)))
+    .filter(({ name }) => words.every((word) => folded(name).includes(word)))
     .sort((a, b) => (a.kind === b.kind ? compare(a.name, b.name) : a.kind === 'folder' ? -1 : 1));
 }
 
@@ -63,8 +77,8 @@ export function mayBeStudy(folder, entries) {
 
 /** Series whose texts have all words of the filter. */
 export function filteredSeries(series, filter) {
-  const words = filter.toLowerCase().split(/\s+/).filter(Boolean);
-  const told = ({ number = '', description = '', modality = '' }) => `${number} ${description} ${modality}`.toLowerCase();
+  const words = wordsOf(filter);
+  const told = ({ number = '', description = '', modality = '' }) => folded(`${number} ${description} ${modality}`);
   return series.filter((one) => words.every((word) => told(one).includes(word)));
 }
 

@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { ApiError } from '../../../clients/web/core/api.js';
-import { arranged, crumbs, numberedSeries, parentOf, sizeText, withRecent } from '../../../clients/web/core/files.js';
+import { arranged, below, crumbs, numberedSeries, parentOf, searched, sizeText, withRecent } from '../../../clients/web/core/files.js';
 import { Upload, refusalText } from '../../../clients/web/core/upload.js';
 import '../support/texts.mjs';
 
@@ -166,6 +166,11 @@ test('sizes, paths, filters and recent files', () => {
   const entries = [{ name: 'scan10.nrrd', kind: 'volume' }, { name: 'Scan2.nrrd', kind: 'volume' }, { name: 'z', kind: 'folder' }];
   assert.deepEqual(arranged(entries, '').map(({ name }) => name), ['z', 'Scan2.nrrd', 'scan10.nrrd']);
   assert.deepEqual(arranged(entries, 'SCAN 2').map(({ name }) => name), ['Scan2.nrrd']);
+  assert.deepEqual(arranged([{ name: 'GRO\u0308SSE.nrrd' }, { name: 'gross.nrrd' }], 'grösse').map(({ name }) => name), ['GRO\u0308SSE.nrrd'], 'accents make no difference');
+  assert.deepEqual([searched('  a \t b '), searched(' '), searched('x'.repeat(300)).length], ['a b', '', 255]);
+  const finds = [{ name: 'x', folder: 'a' }, { name: 'x', folder: 'a/b/c' }];
+  assert.deepEqual(below('a', finds).map(({ place }) => place), ['b/c']);
+  assert.deepEqual(below('', finds).map(({ place }) => place), ['a', 'a/b/c']);
   assert.deepEqual(withRecent([{ source: 'a' }, { source: 'b' }], { source: 'b' }, 2), [{ source: 'b' }, { source: 'a' }]);
 });
 

@@ -127,6 +127,43 @@ test('a folder of a DICOM series has one entry for all its files, and one withou
   assert.deepEqual(said, []);
 });
 
+test('the filter finds names in sub-folders, with their folders; they open', async (context) => {
+  const { page, said } = await open(context);
+  const odd = path.join(folder, 'scans', 'old', 'rück & blick');
+  mkdirSync(odd);
+  context.after(() => rmSync(odd, { recursive: true }));
+  for (const name of ['why? 100% *#1.nrrd', 'Übung.nrrd']) writeFileSync(path.join(odd, name), cube(16));
+  const found = () => page.locator('#open-list li').evaluateAll((rows) => rows.map((row) => [...row.querySelectorAll('.name, .place')].map((part) => part.textContent)));
+  const settled = () => page.waitForFunction(() => !document.getElementById('open-said').textContent.startsWith('Looking'));
+  await page.click('#open-button');
+  await page.locator('#open-list [data-name="scans"]').waitFor();
+  await page.fill('#open-filter', 'head');
+  await page.locator('#open-list .place').first().waitFor();
+  assert.deepEqual(await found(), [['head*.nrrd', 'scans']]);
+  await page.fill('#open-filter', '*');
+  await page.locator('[data-name="scans/old/rück & blick/why? 100% *#1.nrrd"]').waitFor();
+  await page.fill('#open-filter', 'Series');
+  await page.locator('[data-name="scans/old/slices/series0.dcm"]').waitFor();
+  assert.deepEqual(await found(), [['series0.dcm', 'scans/old/slices']]);
+  assert.match(await page.locator('[data-name="scans/old/slices/series0.dcm"] .about').textContent(), /^opens its series: 4 DICOM files match · \d/);
+  if (!NEEDS_AXE.skip) await checkAxe(page);
+  await shot(page, 'open-search');
+  await page.fill('#open-filter', 'no such name');
+  await page.locator('#open-said', { hasText: 'No name contains “no such name”, neither here nor in sub-folders.' }).waitFor();
+  await page.fill('#open-filter', 'blick');
+  await page.locator('#open-list [data-kind="folder"]').click();
+  await page.locator('#open-crumbs [aria-current]', { hasText: 'rück & blick' }).waitFor();
+  assert.equal(await page.inputValue('#open-filter'), '');
+  await page.locator('#open-crumbs button', { hasText: 'scans' }).click();
+  await page.locator('#open-list [data-name="old"]').waitFor();
+  await page.fill('#open-filter', 'why? 100%');
+  await page.locator('#open-list .place', { hasText: /^old\/rück & blick$/ }).waitFor();
+  await settled();
+  await page.keyboard.press('Enter');
+  await shows(page, 'why? 100% *#1');
+  assert.deepEqual(said, []);
+});
+
 test('another field of the file is loaded and shown under the same camera', async (context) => {
   const { page, said } = await open(context);
   await page.click('#open-button');
