@@ -137,23 +137,28 @@ static bool fail_choice(const struct arrays *a, const char *text, struct sp_erro
                    "%s", text_and_list);
 }
 
-/* MINC files are HDF5 (version 2) or NetCDF (version 1). The values of their slices are scaled by
- * other arrays, and their places are attributes of others, so the array alone would be wrong. */
-static bool is_minc(const struct arrays *a) {
+/* MINC files are HDF5 (version 2) or NetCDF (version 1), those of VTKHDF are HDF5. Attributes and
+ * other arrays say how their samples are scaled and where they lie, so the array alone would be
+ * wrong. */
+static const char *refusal_of(const struct arrays *a) {
     struct array_info info;
-    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
+    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
         if (strncmp(info.name, "/minc-2.0/", 10) == 0 ||
             (a->is_netcdf && strcmp(info.name, "rootvariable") == 0))
-            return true;
-    return false;
+            return "MINC files are not supported; convert the file to NIfTI, for example with "
+                   "mnc2nii";
+        if (strncmp(info.name, "/VTKHDF/", 8) == 0)
+            return "VTKHDF files are not supported; save the data with ParaView or VTK as .vti, "
+                   ".vtu or .vtp";
+    }
+    return NULL;
 }
 
 static bool choose(struct arrays *a, struct sp_error *err) {
     const char *field = a->file->field;
-    if (is_minc(a))
-        return arrays_fail(a, err, SP_ERR_UNSUPPORTED,
-                           "MINC files are not supported; convert the file to NIfTI, for example "
-                           "with mnc2nii");
+    const char *refusal = refusal_of(a);
+    if (refusal)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, a->file->shown, "%s", refusal);
     const unsigned least = least_rank(a);
     struct array_info info;
     unsigned found = 0;

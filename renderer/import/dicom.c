@@ -45,7 +45,8 @@ static bool open_source(struct dicom_source *source, struct sp_error *err) {
            (dicom_describe(source, file->fd, &source->image, why) &&
             (source->image.is_directory ||
              (source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why)))) ||
-           dicom_fail(source, SP_ERR_FORMAT, "", why, err);
+           dicom_fail(source, source->image.is_tiled ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT, "", why,
+                      err);
 }
 
 static bool find_slices(struct dicom *d, struct import_header *header, struct sp_error *err) {

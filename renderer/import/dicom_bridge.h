@@ -76,6 +76,8 @@ struct dicom_image { /* what a file says about its images */
     bool is_packed;     /* the pixels are compressed */
     bool is_swapped;    /* their byte order is not that of this machine */
     bool is_labels;     /* the frames are segments, each pixel in it or not */
+    bool is_tiled;      /* the frames are tiles of one large image, as of a microscope */
+    double tiled[2];    /* columns and rows of this image; NaN = not known */
     bool is_in_patient; /* the positions are those of a patient, not of a device */
     enum dicom_colors colors;
     enum dicom_order order;

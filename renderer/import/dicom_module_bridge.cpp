@@ -141,12 +141,38 @@ static bool read_header(const char *path, gdcm::Reader &reader, dicom_image *ima
     return true;
 }
 
+/* Slides of a microscope, and segmentations of them. An image that is one whole tile is none. */
+static void describe_tiles(const gdcm::DataSet &set, dicom_image *image) {
+    static const char slides[] = "1.2.840.10008.5.1.4.1.1.77.1.6";
+    image->tiled[0] = dicom_value<uint32_t>(set, 0x0048, 0x0006);
+    image->tiled[1] = dicom_value<uint32_t>(set, 0x0048, 0x0007);
+    const bool is_part = image->tiled[0] > image->columns || image->tiled[1] > image->rows;
+    const bool is_slide = dicom_text(set, 0x0008, 0x0016) == slides ||
+                          dicom_text(set, 0x0020, 0x9311).rfind("TILED_", 0) == 0;
+    image->is_tiled = is_part || (is_slide && image->frames > 1);
+}
+
+/* True if the values of the real world are in a table. */
+static bool has_world_table(const gdcm::DataSet &set) {
+    const gdcm::DataSet all = dicom_item(set, 0x5200, 0x9229),
+                        one = dicom_item(set, 0x5200, 0x9230);
+    for (const gdcm::DataSet &part : { set, all, one }) {
+        const gdcm::DataSet mapping = dicom_item(part, 0x0040, 0x9096);
+        if (!dicom_values<double>(mapping, 0x0040, 0x9212).empty())
+            return true;
+    }
+    return false;
+}
+
 /* What a reader of the values or lengths must know. */
 static const char *note_of(const gdcm::DataSet &set, const dicom_image &image) {
     const bool has_spacing =
         !dicom_text(set, 0x0028, 0x0030).empty() || !dicom_text(set, 0x0018, 0x2010).empty();
     if (!dicom_item(set, 0x0028, 0x3000).IsEmpty())
         return "The values are those of the file: its modality lookup table is not applied.";
+    if (has_world_table(set))
+        return "The values are not those of the real world, which the file has as a lookup table: "
+               "it is not applied.";
     if (!has_spacing && image.first.spacing[0] > 0 && !dicom_text(set, 0x0018, 0x1164).empty())
         return "Lengths are those on the detector (ImagerPixelSpacing): in the body they are "
                "smaller.";
@@ -183,6 +209,7 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     image->frames = frames >= 1 && frames <= 0xffffffffu ? static_cast<uint32_t>(frames) : 1;
     describe_pixels(set, image);
     describe_order(set, image);
+    describe_tiles(set, image);
     dicom_fill_frames(set, *image, &image->first, 1);
     dicom_copy(image->note, sizeof image->note, note_of(set, *image));
     const gdcm::DataSet all = dicom_item(set, 0x5200, 0x9229),

@@ -88,12 +88,25 @@ static bool check_packed(const struct dicom_image *image, int fd, uint64_t size,
     return false;
 }
 
+static bool refuse_tiles(const struct dicom_image *image, char why[SP_ERROR_TEXT]) {
+    char size[48] = "";
+    if (image->tiled[0] >= 1 && image->tiled[1] >= 1)
+        snprintf(size, sizeof size, " of %.0f x %.0f px", image->tiled[0], image->tiled[1]);
+    snprintf(why, SP_ERROR_TEXT,
+             "%" PRIu32 " tiles of a whole-slide image%s are not joined; export the part of "
+             "interest as TIFF, PNG or JPEG",
+             image->frames, size);
+    return false;
+}
+
 bool dicom_samples_check(const struct dicom_image *image, int fd, char why[SP_ERROR_TEXT]) {
     const uint64_t needed = image->is_bits ? (pixels_of(image) * image->frames + 7) / 8
                                            : frame_bytes(image) * image->frames;
     struct stat st;
     const uint64_t size = fstat(fd, &st) == 0 ? (uint64_t)st.st_size : 0;
     const uint64_t has = image->pixels_at < size ? size - image->pixels_at : 0;
+    if (image->is_tiled)
+        return refuse_tiles(image, why);
     if (image->is_packed)
         return image->pixels_at == 0 || check_packed(image, fd, size, why);
     snprintf(why, SP_ERROR_TEXT, "the file has no pixels");

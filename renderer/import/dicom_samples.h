@@ -25,7 +25,7 @@ struct dicom_samples {
 bool dicom_samples_type(const struct dicom_source *source, struct import_number *number,
                         unsigned *channels, struct sp_error *err);
 
-/* Checks that the pixels of an open file are not cut off. */
+/* Checks that the pixels of an open file are not cut off, and not tiles of a larger image. */
 bool dicom_samples_check(const struct dicom_image *image, int fd, char why[SP_ERROR_TEXT]);
 
 /* Opens a file of the folder; "" is the file that was opened. Its image must be like that of the
