@@ -139,7 +139,8 @@ static bool read_define(struct parser *p) {
         if (!read_number(p, &value))
             return false;
         if (!(value >= 1 && value <= 3.0 * SP_DIM_MAX && trunc(value) == value))
-            return fail_at(p, SP_ERR_FORMAT, "a size must be a whole number from 1 on");
+            return fail_at(p, SP_ERR_FORMAT,
+                           "a size of Lattice must be a whole number of at least 1");
         if (is_lattice)
             a->dims[i] = (uint32_t)value;
         else
@@ -154,7 +155,9 @@ static bool read_parameters(struct parser *p) {
     int depth = 0;
     do {
         if (!next(p))
-            return fail_at(p, SP_ERR_FORMAT, "the Parameters do not end");
+            return fail_at(
+                p, SP_ERR_FORMAT,
+                "the file ends inside of Parameters: a closing brace is missing, or it is cut off");
         depth += is_token(p, "{") - is_token(p, "}");
         if (is_token(p, "BoundingBox") && depth == 1) {
             for (int i = 0; i < 6; i++)
@@ -188,7 +191,7 @@ static bool read_type(struct parser *p, struct field *f) {
         if (strlen(known[i].name) == length && strncmp(p->token, known[i].name, length) == 0) {
             f->number = known[i].number;
             return (f->components >= 1 && f->components <= 16) ||
-                   fail_at(p, SP_ERR_UNSUPPORTED, "1 to 16 components are supported");
+                   fail_at(p, SP_ERR_UNSUPPORTED, "the number of components is outside [1, 16]");
         }
     return fail_at(p, SP_ERR_UNSUPPORTED,
                    "the type is not supported; supported are byte, short, ushort, int, uint, float "
@@ -200,7 +203,7 @@ static bool read_section(struct parser *p, struct field *f) {
     char *end;
     f->section = p->token[0] == '@' ? (unsigned)strtoul(p->token + 1, &end, 10) : 0;
     if (f->section < 1 || f->section > SECTIONS_MAX || *end)
-        return fail_at(p, SP_ERR_FORMAT, "expected the number of a section, from @1 on");
+        return fail_at(p, SP_ERR_FORMAT, "expected the number of a section, @1 or higher");
     if (p->at >= p->size || p->text[p->at] != '(')
         return true;
     double bytes = 0;
@@ -352,7 +355,9 @@ static bool read_numbers(const struct amira *a, const struct field *f, double *o
             continue;
         }
         ok = pread(a->file->fd, bytes, f->number.size, (off_t)at) == (ssize_t)f->number.size ||
-             import_fail(err, SP_ERR_FORMAT, a->file->shown, at, f->name, "cannot read");
+             import_fail(
+                 err, SP_ERR_FORMAT, a->file->shown, at, f->name,
+                 "cannot read the numbers: the file became shorter, or its disk or network fails");
         if (a->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
             import_swap_numbers(bytes, f->number, 1);
         out[i] = ok ? import_widen(bytes, f->number) : 0;
@@ -441,7 +446,7 @@ static bool check_packing(const struct amira *a, const struct field *f, struct s
     if (f->packing != PACK_RUNS || (f->number.size == 1 && f->components == 1))
         return true;
     return import_fail(err, SP_ERR_UNSUPPORTED, a->file->shown, f->at, f->name,
-                       "HxByteRLE is supported for single bytes");
+                       "HxByteRLE is supported for the type byte only; save the field without it");
 }
 
 static bool take(struct amira *a, struct import_header *header, struct sp_error *err) {

@@ -158,12 +158,14 @@ static bool assign(struct arrays *a, const struct coordinates *c, struct sp_erro
             axes->channel = rest[i];
         else if (a->info.shape[rest[i]] > 1)
             return arrays_fail(a, err, SP_ERR_UNSUPPORTED,
-                               "has more dimensions than x, y, z, time and one of fields");
+                               "the array has more dimensions than x, y, z, time and one of "
+                               "fields; save parts of it");
     }
     for (unsigned i = 0; i < count && axes->space[0] < 0; i++)
         axes->space[0] = rest[i]; /* of length 1 */
     return axes->space[0] >= 0 || axes->space[1] >= 0 || axes->space[2] >= 0 ||
-           arrays_fail(a, err, SP_ERR_UNSUPPORTED, "has no dimension of space");
+           arrays_fail(a, err, SP_ERR_UNSUPPORTED,
+                       "the array has no dimension of space, such as x, y or z");
 }
 
 /* The extent of a dimension, in its coordinates or else its indices. */
@@ -320,7 +322,8 @@ bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_
         ok = import_axes_guess(&a->axes, a->info.rank, a->info.shape, names,
                                a->info.number.size == 1) ||
              arrays_fail(a, err, SP_ERR_UNSUPPORTED,
-                         "has %u dimensions; supported are t, c, z, y and x", a->info.rank);
+                         "the array has %u dimensions; supported are t, c, z, y and x",
+                         a->info.rank);
         ok = ok && import_axes_choose(&a->axes, a->file, a->info.shape, header, err) &&
              take_dims(a, header, err) && take_steps(a, c, header, err);
         if (ok)

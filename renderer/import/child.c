@@ -51,11 +51,13 @@ static bool open_channels(struct sp_import_child *c, const char *scratch, int *c
         return sp_fail(err, SP_ERR_IO, scratch ? scratch : c->shown,
                        "cannot create shared memory: %s", strerror(errno));
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0)
-        return sp_fail(err, SP_ERR_IO, c->shown, "cannot create a socket: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, c->shown, "cannot talk to the import process: %s",
+                       strerror(errno));
     c->socket = raise_fd(pair[0]);
     *child_socket = raise_fd(pair[1]);
     return (c->socket >= 0 && *child_socket >= 0) ||
-           sp_fail(err, SP_ERR_IO, c->shown, "cannot pass descriptors: %s", strerror(errno));
+           sp_fail(err, SP_ERR_IO, c->shown, "cannot hand the file to the import process: %s",
+                   strerror(errno));
 }
 
 /* The variables that the loader and the sanitizers need, and where certificates are; none that a
@@ -115,7 +117,8 @@ bool sp_import_child_start(struct sp_import_child *c, const char *program, char 
     bool ok = open_channels(c, scratch, &child_socket, err);
     for (unsigned i = 0; ok && i < count; i++)
         if ((fds[i] = raise_fd(fds[i])) < 0)
-            ok = sp_fail(err, SP_ERR_IO, c->shown, "cannot pass descriptors: %s", strerror(errno));
+            ok = sp_fail(err, SP_ERR_IO, c->shown, "cannot hand the file to the import process: %s",
+                         strerror(errno));
     if (ok) {
         passed[0] = child_socket;
         passed[1] = c->memory;
@@ -277,7 +280,8 @@ bool sp_import_child_provide(struct sp_import_child *c, uint64_t bytes, enum sp_
                        "cannot allocate %" PRIu64 " bytes for the samples: %s", bytes,
                        strerror(failed));
     if (kind == SP_IMPORT_SEALED && fcntl(c->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
-        return sp_fail(err, SP_ERR_IO, c->shown, "cannot seal shared memory: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, c->shown, "cannot protect the samples from changes: %s",
+                       strerror(errno));
     sp_handover_init(&go, SP_HANDOVER_GO);
     go.bytes = bytes;
     return sp_import_child_send(c, &go) || sp_import_child_fail_ended(c, err);

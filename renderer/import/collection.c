@@ -26,7 +26,8 @@ bool collection_probe(const uint8_t *start, size_t size, const char *shown) {
 static bool add(struct collection *c, const struct import_file *file, double time, const char *name,
                 struct sp_error *err) {
     if (c->count == SP_STEPS_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown, "more than %u files", SP_STEPS_MAX);
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+                       "the list has more than %u files, the limit", SP_STEPS_MAX);
     if (!isfinite(time) || !*name)
         return sp_fail(err, SP_ERR_FORMAT, file->shown,
                        *name ? "the time of file %.80s is not a number" : "a file has no name%s",
@@ -136,7 +137,7 @@ static bool read_json(const struct import_file *file, const char *text, size_t s
     if (!root)
         sp_fail(err, SP_ERR_FORMAT, file->shown, "line %d: %s", why.line, why.text);
     else if (!ok)
-        sp_fail(err, SP_ERR_FORMAT, file->shown, "has no list \"files\"");
+        sp_fail(err, SP_ERR_FORMAT, file->shown, "the list \"files\" is missing");
     json_array_foreach(files, i, entry) {
         const char *name = json_string_value(json_object_get(entry, "name"));
         const json_t *time = json_object_get(entry, "time");
@@ -182,10 +183,10 @@ bool collection_read(const struct import_file *file, struct collection *c, struc
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the list");
     const ssize_t got = pread(file->fd, text, file->size, 0);
     const bool is_json = ends_with(file->shown, ".series");
-    const bool ok = got < 0
-                        ? sp_fail(err, SP_ERR_IO, file->shown, "cannot read: %s", strerror(errno))
-                    : is_json ? read_json(file, text, (size_t)got, c, err)
-                              : read_xml(file, text, (size_t)got, c, err);
+    const bool ok =
+        got < 0 ? sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file: %s", strerror(errno))
+        : is_json ? read_json(file, text, (size_t)got, c, err)
+                  : read_xml(file, text, (size_t)got, c, err);
     free(text);
     return ok && sort(file, c, err);
 }

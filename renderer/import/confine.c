@@ -103,7 +103,7 @@ static int open_read(int unread, int flags, const char *shown, struct sp_error *
     snprintf(self, sizeof self, "/proc/self/fd/%d", unread);
     const int fd = open(self, O_RDONLY | O_CLOEXEC | flags);
     if (fd < 0)
-        sp_fail(err, SP_ERR_IO, shown, "cannot open: %s", strerror(errno));
+        sp_fail(err, SP_ERR_IO, shown, "cannot open the folder: %s", strerror(errno));
     close(unread);
     return fd;
 }

@@ -148,7 +148,8 @@ static bool take_names(struct csv *c, struct sp_error *err) {
         return false;
     for (c->text.at = start; !last; c->count++) {
         if (c->count == COLUMNS_MAX)
-            return refuse(c, NULL, err, "more than %d columns", COLUMNS_MAX);
+            return refuse(c, NULL, err, "the file has more than %d columns, the limit",
+                          COLUMNS_MAX);
         if (!take_field(c, c->names[c->count], &last, err))
             return false;
         c->name_of[c->count] = c->names[c->count];
@@ -235,14 +236,14 @@ static bool take_row(struct csv *c, double row[COLUMNS_MAX], struct sp_error *er
     bool last = false;
     for (unsigned i = 0; i < c->count; i++) {
         if (last)
-            return refuse(c, NULL, err, "%u fields instead of %u", i, c->count);
+            return refuse(c, NULL, err, "the row has %u fields instead of %u", i, c->count);
         if (!take_field(c, field, &last, err))
             return false;
         row[i] = field[0] ? strtod(field, &end) : NAN;
         if (field[0] && *end && is_used(&c->columns, (int)i))
             return refuse(c, c->names[i], err, "\"%s\" is not a number", field);
     }
-    return last || refuse(c, NULL, err, "more than %u fields", c->count);
+    return last || refuse(c, NULL, err, "the row has more than %u fields", c->count);
 }
 
 struct reading {
@@ -264,7 +265,11 @@ static bool read_part(struct csv *c, const struct sp_elements *e, size_t part,
     c->line = c->parts[part].line;
     for (size_t i = part * PART; i < end && i < e->shape.count; i++, c->line++) {
         if (!find_line(c, &failed, err))
-            return failed ? false : refuse(c, NULL, err, "the file ends early");
+            return failed
+                       ? false
+                       : refuse(
+                             c, NULL, err,
+                             "the file ends before its last row: it was changed while it was read");
         if (!take_row(c, row, err))
             return false;
         import_columns_take(&c->columns, row, e, (uint32_t)i);

@@ -101,7 +101,7 @@ static bool choose(const struct dicom_source *source, const struct dicom_scan *s
     *chosen = 0;
     if (scan->stack_count == 0)
         return sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
-                       scan->damaged.count ? "there is no whole DICOM image in this folder: %.100s"
+                       scan->damaged.count ? "no DICOM image in this folder can be read: %.255s"
                                            : "there is no DICOM image in this folder%s",
                        scan->damaged.count ? scan->damaged.names[0] : "");
     if (file->is_folder || source->image.is_directory)
@@ -167,8 +167,8 @@ static void warn_of_files(const struct dicom_source *source, const struct dicom_
         import_warn(source->file->warnings, "Left out %u %s with the same SOPInstanceUID: %s.",
                     scan->copies, scan->copies > 1 ? "copies" : "copy", copies);
     if (scan->damaged.count > 0)
-        import_warn(source->file->warnings, "Left out %u damaged %s: %s.", scan->damaged.count,
-                    scan->damaged.count > 1 ? "files" : "file", damaged);
+        import_warn(source->file->warnings, "Left out %u %s that cannot be read: %s.",
+                    scan->damaged.count, scan->damaged.count > 1 ? "files" : "file", damaged);
     if (scan->is_bounded)
         import_warn(source->file->warnings,
                     "There are more files than the %u that were looked at; open the folder of one "

@@ -121,8 +121,8 @@ static bool describe_frames(const struct dicom_source *source, struct dicom_fram
 
 static bool check_count(const struct dicom_source *source, struct sp_error *err) {
     char text[SP_ERROR_TEXT];
-    snprintf(text, sizeof text, "%" PRIu32 " frames; the limit is %d", source->image.frames,
-             FRAMES_MAX);
+    snprintf(text, sizeof text, "the file has %" PRIu32 " frames; the limit is %d",
+             source->image.frames, FRAMES_MAX);
     return source->image.frames <= FRAMES_MAX ||
            dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
 }

@@ -306,7 +306,7 @@ bool dicom_samples_read(struct dicom_samples *s, uint32_t frame, void *out, stru
     const size_t pixels = pixels_of(image);
     unsigned first_bit;
     if (frame >= image->frames)
-        return fail(s, "the file has fewer frames than before", err);
+        return fail(s, "the file was changed while it was read: it has fewer frames now", err);
     if (image->colors == DICOM_YBR_422 && !image->is_packed) {
         if (!read_raw(s, frame, &first_bit, err))
             return false;

@@ -165,7 +165,9 @@ static bool open_as_file(struct folder *f, const struct import_file *folder, con
     f->file.fd = open_file(folder, name, f->real, &f->file.size);
     const ssize_t got = f->file.fd >= 0 ? pread(f->file.fd, start, sizeof start, 0) : -1;
     if (got < 0)
-        return sp_fail(err, SP_ERR_IO, f->shown, "cannot read the file");
+        return sp_fail(
+            err, SP_ERR_IO, f->shown,
+            "cannot read the file: the file became shorter, or its disk or network fails");
     if (sp_numbered_pattern(name, f->pattern)) {
         f->file.pattern = f->pattern;
         f->inner = &import_series;

@@ -41,7 +41,7 @@ bool import_header_use_steps(struct import_header *header, const struct import_f
                              uint64_t count, struct sp_error *err) {
     if (count > SP_STEPS_MAX)
         return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
-                       "%" PRIu64 " time steps; a series has up to %u", count, SP_STEPS_MAX);
+                       "the file has %" PRIu64 " time steps; the limit is %u", count, SP_STEPS_MAX);
     header->steps.count = (uint32_t)count;
     return file->step < count ||
            sp_fail(err, SP_ERR_NOT_FOUND, file->shown,

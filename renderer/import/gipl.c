@@ -61,9 +61,10 @@ static bool take_number(const struct import_file *file, const uint8_t *bytes,
             *number = known[i].number;
             return true;
         }
-    return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "image type",
-                       "samples of type %d are not supported%s", code,
-                       code == 1 ? "; these are bits" : "");
+    return import_fail(
+        err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "image type",
+        "samples of type %d are not supported%s; save the image with 8, 16 or 32 bits", code,
+        code == 1 ? "; these are bits" : "");
 }
 
 static bool take_grid(const struct import_file *file, const uint8_t *bytes,

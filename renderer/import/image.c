@@ -36,8 +36,9 @@ static bool take_type(struct image *m, struct import_header *header, struct sp_e
     const struct image_page *page = &m->page;
     if (page->width < 1 || page->height < 1 || page->width > (int)SP_DIM_MAX ||
         page->height > (int)SP_DIM_MAX)
-        return sp_fail(err, SP_ERR_FORMAT, m->file->shown, "%d x %d px, outside [1, %u]",
-                       page->width, page->height, SP_DIM_MAX);
+        return sp_fail(err, SP_ERR_FORMAT, m->file->shown,
+                       "the image has %d x %d px; each side must be in [1, %u]", page->width,
+                       page->height, SP_DIM_MAX);
     if (page->floating || page->is_signed || page->bytes > 2 || page->channels < 1 ||
         page->channels > 4)
         return sp_fail(err, SP_ERR_UNSUPPORTED, m->file->shown,
@@ -63,7 +64,8 @@ static bool take(struct image *m, struct import_header *header, struct sp_error 
     const char *format = got > 0 ? format_of(start, (size_t)got) : NULL;
     import_header_init(header);
     if (!format)
-        return import_fail(err, SP_ERR_FORMAT, m->file->shown, 0, NULL, "this is no PNG or JPEG");
+        return import_fail(err, SP_ERR_FORMAT, m->file->shown, 0, NULL,
+                           "the file is neither PNG nor JPEG");
     m->call = import_module_load(m->file, IMAGE_BRIDGE_MODULE, IMAGE_BRIDGE_SYMBOL, "OpenImageIO",
                                  "libopenimageio2.4", err);
     if (!m->call)

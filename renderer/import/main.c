@@ -112,7 +112,8 @@ static const struct import_format *find_format(const struct job *job, struct sp_
     if (job->file.is_folder)
         return &import_folder;
     if (job->start_size < 0) {
-        sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file");
+        sp_fail(err, SP_ERR_IO, file->shown,
+                "cannot read the file: the file became shorter, or its disk or network fails");
         return NULL;
     }
     return *file->pattern
@@ -285,7 +286,7 @@ static int read_chunks(struct job *job, void *reader, const struct sp_handover_l
     struct sp_error err;
     void *memory = mmap(NULL, capacity, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
     if (memory == MAP_FAILED) {
-        sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot map the shared memory: %s",
+        sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot use the memory for the samples: %s",
                 strerror(errno));
         return say_error(&err);
     }
@@ -314,7 +315,8 @@ static int serve(struct job *job, void *reader) {
     if (job->format->levels)
         levels->count = job->format->levels(reader, levels->level, BRICK_LEVELS_MAX);
     if (!levels->count) {
-        sp_fail(&err, SP_ERR_UNSUPPORTED, job->file.shown, "it is not stored in chunks");
+        sp_fail(&err, SP_ERR_UNSUPPORTED, job->file.shown,
+                "this file is not stored in chunks, so it is loaded as a whole only");
         return say_error(&err);
     }
     struct sp_chunk_source source = { .levels = levels->count,
@@ -405,7 +407,7 @@ static int run(struct job *job) {
         ok = read_all(job, reader, memory, &err);
         munmap(memory, capacity);
     } else {
-        sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot map the shared memory: %s",
+        sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot use the memory for the samples: %s",
                 strerror(errno));
     }
     job->format->close(reader);

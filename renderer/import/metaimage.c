@@ -128,7 +128,7 @@ static bool read_text(struct parsing *p) {
         return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory");
     const ssize_t got = pread(p->file->fd, p->text, p->size, 0);
     if (got < 0)
-        return import_fail(p->err, SP_ERR_IO, p->file->shown, 0, NULL, "cannot read: %s",
+        return import_fail(p->err, SP_ERR_IO, p->file->shown, 0, NULL, "cannot read the file: %s",
                            strerror(errno));
     p->size = (size_t)got;
     p->text[p->size] = 0;

@@ -65,7 +65,7 @@ static bool check_dims(const struct import_file *file, struct nifti_fields *f,
     const uint64_t at = f->layout->dims;
     if (!(f->dims[0] >= 1 && f->dims[0] <= 7))
         return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim",
-                           "%g dimensions, outside [1, 7]", f->dims[0]);
+                           "%g dimensions are outside [1, 7]", f->dims[0]);
     for (int i = (int)f->dims[0] + 1; i < 8; i++)
         f->dims[i] = 1;
     for (int i = 3; i < 8; i++)
@@ -79,7 +79,10 @@ static bool check_dims(const struct import_file *file, struct nifti_fields *f,
         header->grid.dims[axis] = (uint32_t)count;
     }
     if (!(f->dims[4] >= 1 && trunc(f->dims[4]) == f->dims[4]))
-        return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim", "%g time steps", f->dims[4]);
+        return import_fail(
+            err, SP_ERR_FORMAT, file->shown, at, "dim",
+            "the file declares %g time steps; they must be a whole number of at least 1",
+            f->dims[4]);
     for (int i = 5; i < 8; i++)
         if (!(f->dims[i] >= 1 && f->dims[i] <= COMPONENTS_MAX && trunc(f->dims[i]) == f->dims[i]))
             return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim",
@@ -88,7 +91,7 @@ static bool check_dims(const struct import_file *file, struct nifti_fields *f,
     f->dims[5] *= f->dims[6] * f->dims[7];
     return f->dims[5] <= COMPONENTS_MAX ||
            import_fail(err, SP_ERR_UNSUPPORTED, file->shown, at, "dim",
-                       "%g components are too many; %d are supported", f->dims[5], COMPONENTS_MAX);
+                       "%g components are more than %d, the limit", f->dims[5], COMPONENTS_MAX);
 }
 
 static bool take_steps(const struct import_file *file, const struct nifti_fields *f,
@@ -209,7 +212,7 @@ static bool describe(const struct import_file *file, const struct nifti_fields *
     s->conversion = import_conversion_is_copy(c) ? NULL : c;
     return import_samples_choose_block(s, images * steps, image * steps + file->step) ||
            import_fail(err, SP_ERR_FORMAT, file->shown, f->layout->dims, "dim",
-                       "the samples of all dimensions are too many");
+                       "all samples together are too many: a dimension is wrong");
 }
 
 /* The file of the samples has the name of the header with another ending. */

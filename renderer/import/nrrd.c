@@ -186,7 +186,7 @@ static bool take_list(const struct parsing *p) {
     if (at + length != stop)
         return import_fail(p->err, SP_ERR_FORMAT, p->file->shown,
                            (uint64_t)(at + length - p->text->text), "data file",
-                           "a byte 0 in a name");
+                           "a file name contains a byte of value 0");
     while (*at) {
         size_t line = strcspn(at, "\n"), n = line;
         while (n > 0 && (at[n - 1] == '\r' || at[n - 1] == ' '))

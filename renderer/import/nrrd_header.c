@@ -70,8 +70,8 @@ static bool load_text(const struct import_file *file, struct nrrd_header *h, str
         if (r < 0 && errno == EINTR)
             continue;
         if (r < 0)
-            return import_fail(err, SP_ERR_IO, file->shown, h->size, NULL, "cannot read: %s",
-                               strerror(errno));
+            return import_fail(err, SP_ERR_IO, file->shown, h->size, NULL,
+                               "cannot read the file: %s", strerror(errno));
         if (r == 0)
             break;
         h->size += (size_t)r;

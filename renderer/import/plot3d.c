@@ -171,7 +171,7 @@ static bool open_flow(struct plot3d *p, struct sp_error *err) {
     return (p->flow.blocks == p->grid.blocks &&
             memcmp(p->flow.dims, p->grid.dims, 12 * (size_t)p->grid.blocks) == 0) ||
            import_fail(err, SP_ERR_FORMAT, p->flow_name, 0, NULL,
-                       "the dimensions of the flow are not those of the grid");
+                       "this flow has other dimensions than its grid; it belongs to another grid");
 }
 
 static void close_plot3d(void *reader) {
@@ -243,7 +243,9 @@ static bool read_numbers(const struct part *p, uint64_t at, uint64_t count,
     for (uint64_t done = 0; done < count;) {
         size_t n = count - done < most ? (size_t)(count - done) : most;
         if (!read_at(p, at + done * size, run.bytes, n * size))
-            return import_fail(err, SP_ERR_IO, p->shown, at + done * size, NULL, "cannot read");
+            return import_fail(
+                err, SP_ERR_IO, p->shown, at + done * size, NULL,
+                "cannot read the numbers: the file became shorter, or its disk or network fails");
         if (p->form.big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
             import_swap(run.bytes, size, n);
         import_vectors_put(out, done, run.bytes, n);

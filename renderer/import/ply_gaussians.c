@@ -34,8 +34,9 @@ static bool find_harmonics(const struct ply *ply, const struct ply_element *e,
         if (3 * (sp_harmonics_count(*degree) - 1) == n)
             break;
     return 3 * (sp_harmonics_count(*degree) - 1) == n ||
-           import_fail(err, SP_ERR_FORMAT, ply->file->shown, ply->begin, e->name,
-                       "%u properties f_rest_*; spherical harmonics have 0, 9, 24 or 45", n);
+           import_fail(
+               err, SP_ERR_FORMAT, ply->file->shown, ply->begin, e->name,
+               "the file has %u properties f_rest_*; spherical harmonics need 0, 9, 24 or 45", n);
 }
 
 static bool use_gaussians(const struct ply *ply, const struct ply_element *vertex, uint32_t degree,

@@ -48,11 +48,12 @@ static bool add_face(struct faces *f, uint64_t number, const double *items, uint
                      struct sp_error *err) {
     for (uint64_t i = 0; i < count; i++)
         if (!(items[i] >= 0 && items[i] < (double)f->vertices))
-            return fail_face(f->ply, number, err, "a vertex does not exist in face");
+            return fail_face(f->ply, number, err, "a vertex number is not in the file, in face");
     for (uint64_t i = 2; i < count; i++, f->triangles++) {
         uint32_t corners[3] = { (uint32_t)items[0], (uint32_t)items[i - 1], (uint32_t)items[i] };
         if (f->out && f->triangles == f->capacity)
-            return fail_face(f->ply, number, err, "the file has changed at face");
+            return fail_face(f->ply, number, err,
+                             "the file was changed while it was read, at face");
         if (f->out)
             memcpy(f->out[f->triangles], corners, sizeof corners);
         if (!f->build || f->is_out_of_memory)
@@ -62,7 +63,7 @@ static bool add_face(struct faces *f, uint64_t number, const double *items, uint
         f->is_out_of_memory = !import_mesh_triangle(f->build, corners);
     }
     return f->triangles <= SP_ELEMENTS_MAX ||
-           fail_face(f->ply, number, err, "too many triangles from face");
+           fail_face(f->ply, number, err, "the mesh has too many triangles, from face");
 }
 
 static bool read_faces(struct faces *f, struct sp_error *err) {

@@ -45,8 +45,8 @@ static const uint8_t *take(struct ply_rows *r, size_t n, const char *property,
         if (got < 0 && errno == EINTR)
             continue;
         if (got < 0)
-            import_fail(err, SP_ERR_IO, r->ply->file->shown, r->at, NULL, "cannot read: %s",
-                        strerror(errno));
+            import_fail(err, SP_ERR_IO, r->ply->file->shown, r->at, NULL,
+                        "cannot read the file: %s", strerror(errno));
         else if (got == 0)
             cut_off(r, property, err);
         if (got <= 0)

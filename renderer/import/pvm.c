@@ -137,7 +137,7 @@ static bool read_file(const struct import_file *file, struct pvm *pvm, struct sp
         if (got < 0 && errno == EINTR)
             continue;
         if (got <= 0)
-            return import_fail(err, SP_ERR_IO, file->shown, at, NULL, "cannot read: %s",
+            return import_fail(err, SP_ERR_IO, file->shown, at, NULL, "cannot read the file: %s",
                                got < 0 ? strerror(errno) : "the file became shorter");
         at += (size_t)got;
     }

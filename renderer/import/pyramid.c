@@ -49,10 +49,10 @@ static bool check(void *user, struct sp_error *err) {
     const struct reader *r = user;
     const char *shown = r->pyramid->place.path;
     if (r->is_cancelled && r->is_cancelled(r->user))
-        return sp_fail(err, SP_ERR_CANCELLED, shown, "cancelled");
+        return sp_fail(err, SP_ERR_CANCELLED, shown, "loading was cancelled");
     return sp_clock_ms() < r->deadline_ms ||
-           sp_fail(err, SP_ERR_TIMEOUT, shown, "reading took longer than %.3g s",
-                   r->limit_ms / 1000.0);
+           sp_fail(err, SP_ERR_TIMEOUT, shown,
+                   "reading a chunk took longer than the limit of %.3g s", r->limit_ms / 1000.0);
 }
 
 static void set_limit(struct reader *r, int ms) {

@@ -333,14 +333,14 @@ static json_t *parse(const struct import_file *file, struct sp_error *err) {
     ssize_t got = pread(file->fd, text, file->size, 0);
     json_error_t why = { .position = 0 };
     if (got < 0)
-        sp_fail(err, SP_ERR_IO, file->shown, "cannot read: %s", strerror(errno));
+        sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file: %s", strerror(errno));
     else if (!(root = json_loadb(text, (size_t)got, JSON_REJECT_DUPLICATES, &why)))
         import_fail(err, SP_ERR_FORMAT, file->shown,
                     (uint64_t)(why.position < 0 ? 0 : why.position), NULL, "line %d, column %d: %s",
                     why.line, why.column, reason_of(&why));
     free(text);
     if (root && !json_is_object(root)) {
-        import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "must be a JSON object");
+        import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "the sidecar must be a JSON object");
         json_decref(root);
         root = NULL;
     }

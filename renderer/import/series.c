@@ -66,7 +66,9 @@ static bool open_step(struct series *s, struct import_header *header, struct sp_
     uint8_t start[1024];
     const ssize_t size = pread(s->file.fd, start, sizeof start, 0);
     if (size < 0)
-        return sp_fail(err, SP_ERR_IO, s->shown, "cannot read the file");
+        return sp_fail(
+            err, SP_ERR_IO, s->shown,
+            "cannot read the file: the file became shorter, or its disk or network fails");
     s->inner = import_format_find(start, (size_t)size, s->shown, err);
     if (s->inner == &import_collection)
         return sp_fail(err, SP_ERR_UNSUPPORTED, s->shown, "a step cannot be a series of its own");

@@ -51,8 +51,8 @@ static bool unpack(struct spz *s, void *out, size_t n, struct sp_error *err) {
             if (got < 0 && errno == EINTR)
                 continue;
             if (got < 0)
-                return import_fail(err, SP_ERR_IO, s->file->shown, s->at, NULL, "cannot read: %s",
-                                   strerror(errno));
+                return import_fail(err, SP_ERR_IO, s->file->shown, s->at, NULL,
+                                   "cannot read the file: %s", strerror(errno));
             s->at += (uint64_t)got;
             s->z.next_in = s->in;
             s->z.avail_in = (unsigned)got;
@@ -105,7 +105,8 @@ static bool take_header(struct spz *s, struct sp_error *err) {
     if (!unpack(s, b, sizeof b, err))
         return false;
     if (word(b) != 0x5053474e)
-        return import_fail(err, SP_ERR_FORMAT, shown, 0, "magic", "is not that of an SPZ file");
+        return import_fail(err, SP_ERR_FORMAT, shown, 0, "magic",
+                           "the file does not begin like an SPZ file");
     s->version = word(b + 4);
     s->count = word(b + 8);
     s->degree = b[12];

@@ -143,7 +143,8 @@ static bool read_stack(void *reader, void *voxels, float (*vectors)[3],
         if (!one)
             return false;
         bool ok = is_same(&header, &s->slice) || /* it was when the header was made */
-                  sp_fail(err, SP_ERR_IO, s->slices.names[n], "the file has changed");
+                  sp_fail(err, SP_ERR_IO, s->slices.names[n],
+                          "the file was changed while it was read; load it again");
         ok = ok && s->inner->read(one, (char *)voxels + n * s->slice.bytes, vectors, &rest, err);
         close_slice(s, one, &slice);
         if (!ok)

@@ -77,7 +77,7 @@ static bool read_file(struct import_stream *s, void *out, size_t n, size_t *got,
             return sp_fail(err, SP_ERR_IO, s->shown,
                            "cannot write the samples: the disk is full or fails");
         if (r < 0)
-            return import_fail(err, SP_ERR_IO, s->shown, s->at, NULL, "cannot read: %s",
+            return import_fail(err, SP_ERR_IO, s->shown, s->at, NULL, "cannot read the file: %s",
                                strerror(errno));
         if (r == 0)
             break;
@@ -89,8 +89,8 @@ static bool read_file(struct import_stream *s, void *out, size_t n, size_t *got,
 
 bool import_stream_seek(struct import_stream *s, uint64_t byte, struct sp_error *err) {
     if (lseek(s->fd, (off_t)byte, SEEK_SET) < 0)
-        return import_fail(err, SP_ERR_IO, s->shown, byte, NULL, "cannot seek: %s",
-                           strerror(errno));
+        return import_fail(err, SP_ERR_IO, s->shown, byte, NULL,
+                           "cannot read from this byte on: %s", strerror(errno));
     s->at = byte;
     return true;
 }

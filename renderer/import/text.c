@@ -28,7 +28,7 @@ int import_text_fill(struct import_text *t, struct sp_error *err) {
             got = pread(t->file->fd, t->window, sizeof t->window, (off_t)t->at);
         while (got < 0 && errno == EINTR);
         if (got < 0) {
-            import_fail(err, SP_ERR_IO, t->file->shown, t->at, NULL, "cannot read: %s",
+            import_fail(err, SP_ERR_IO, t->file->shown, t->at, NULL, "cannot read the file: %s",
                         strerror(errno));
             return -2;
         }

@@ -91,7 +91,7 @@ static bool take_palette(struct tiff *t, uint32_t n, struct sp_error *err) {
     if (ok &&
         tiff_tag_numbers(&t->pages, &t->page, TAG_COLORS, values, COLORS * count) != COLORS * count)
         ok = tiff_fail(&t->pages, n, err, SP_ERR_FORMAT,
-                       "the page has a palette without %zu colours", count);
+                       "the palette of the page does not have %zu colours", count);
     for (size_t i = 0; ok && i < COLORS * count; i++)
         most = fmax(most, values[i]);
     for (size_t i = 0; ok && i < COLORS * count; i++) /* old programs write 8 bits */
@@ -365,7 +365,9 @@ static bool read_hidden(const struct reading *r, uint32_t n, uint32_t first, uin
     for (size_t done = 0; done < size;) {
         const ssize_t got = pread(t->file->fd, r->rows + done, size - done, (off_t)(at + done));
         if (got <= 0)
-            return import_fail(r->err, SP_ERR_IO, t->file->shown, at + done, NULL, "cannot read");
+            return import_fail(
+                r->err, SP_ERR_IO, t->file->shown, at + done, NULL,
+                "cannot read the pixels: the file became shorter, or its disk or network fails");
         done += (size_t)got;
     }
     if (t->pages.is_big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__) && !is_packed(page))

@@ -100,7 +100,7 @@ static struct tiff_bridge *open_file(int fd, char *why, size_t capacity) {
                              size_of, NULL, NULL);
     if (b->tiff)
         return b;
-    fail(b, "libtiff cannot open the file", why, capacity);
+    fail(b, "the file cannot be opened", why, capacity);
     close_file(b);
     return NULL;
 }
@@ -137,7 +137,7 @@ static bool use_page(struct tiff_bridge *b, uint64_t page, char *why, size_t cap
         return true;
     b->page = 0;
     if (!TIFFSetSubDirectory(b->tiff, page))
-        return fail(b, "libtiff cannot read the directory", why, capacity);
+        return fail(b, "the directory of a page cannot be read", why, capacity);
     TIFFGetFieldDefaulted(b->tiff, TIFFTAG_COMPRESSION, &compression);
     TIFFGetFieldDefaulted(b->tiff, TIFFTAG_PHOTOMETRIC, &photometric);
     if (!TIFFIsCODECConfigured(compression))
@@ -218,7 +218,7 @@ static bool read_rows(struct tiff_bridge *b, uint64_t page, unsigned plane, uint
         return false;
     const bool ok = TIFFIsTiled(b->tiff) ? read_tiles(b, plane, first, count, row_bytes, out)
                                          : read_strips(b, plane, first, count, row_bytes, out);
-    return (ok && !b->is_damaged) || fail(b, "libtiff cannot unpack the samples", why, capacity);
+    return (ok && !b->is_damaged) || fail(b, "the samples cannot be unpacked", why, capacity);
 }
 
 /* The module's only symbol. */

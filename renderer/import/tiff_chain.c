@@ -167,7 +167,9 @@ static bool take_entries(struct chain *c, uint64_t first, uint64_t count) {
         uint64_t at = first + i * bytes;
         size_t n = (size_t)(count - i < 64 ? count - i : 64) * bytes;
         if (i % 64 == 0 && pread(c->file->fd, part, n, (off_t)at) != (ssize_t)n)
-            return import_fail(c->err, SP_ERR_IO, c->file->shown, at, "directory", "cannot read");
+            return import_fail(
+                c->err, SP_ERR_IO, c->file->shown, at, "directory",
+                "cannot read the file: the file became shorter, or its disk or network fails");
         const uint8_t *b = part + i % 64 * bytes;
         unsigned tag = (unsigned)decode(b, 2, c->big_endian);
         for (int f = 0; f < FIELD_COUNT; f++)
@@ -402,14 +404,14 @@ static bool follow(struct chain *c, struct tiff_file *t) {
     struct tiff_page *page;
     if (!read_number(c, at, word, &next))
         return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "first directory",
-                           "the file is cut off");
+                           "the file ends before its first directory: it is cut off");
     while (next != 0) {
         at = next;
         c->page = t->count;
         c->page_at = at;
         if (t->count == TIFF_PAGES_MAX)
             return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
-                               "more than %d pages", TIFF_PAGES_MAX);
+                               "the file has more than %d pages, the limit", TIFF_PAGES_MAX);
         if (!read_number(c, at, count_bytes, &entries) || entries > 65535 ||
             !read_number(c, at + count_bytes + entries * entry_bytes, word, &next))
             return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
@@ -436,7 +438,8 @@ bool tiff_file_open(struct tiff_file *t, const struct import_file *file, struct 
     uint8_t magic[4];
     *t = (struct tiff_file){ .file = file };
     if (pread(file->fd, magic, 4, 0) != 4)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "magic", "the file is cut off");
+        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "magic",
+                           "the file ends in its header: it is cut off");
     struct chain *c = calloc(1, sizeof *c);
     if (!c)
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for directories");

@@ -123,7 +123,7 @@ static void take_pixels(struct ome *o, const char **list) {
     p->steps = (uint32_t)whole(o, list, "SizeT", 1);
     p->channels = (uint32_t)(channels / o->samples);
     if (channels % o->samples != 0)
-        fail(o, SP_ERR_FORMAT, "SizeC is no multiple of the channels of a page");
+        fail(o, SP_ERR_FORMAT, "SizeC is not a multiple of the channels of a page");
     take_spacing(o, list);
     p->interval = interval ? strtod(interval, NULL) : 0;
     if (!isfinite(p->interval) || p->interval < 0)
@@ -200,7 +200,7 @@ static void start_element(void *user, const char *element, const char **list) {
     struct ome *o = user;
     const char *name = plain(element), *file_name = attribute(list, "FileName");
     if (++o->depth > DEPTH_MAX) {
-        fail(o, SP_ERR_FORMAT, "too many nested elements");
+        fail(o, SP_ERR_FORMAT, "the description has too many nested elements");
     } else if (strcmp(name, "OME") == 0) {
         snprintf(o->own, sizeof o->own, "%s",
                  attribute(list, "UUID") ? attribute(list, "UUID") : "");
@@ -248,7 +248,7 @@ static void start_doctype(void *user, const char *name, const char *system, cons
     (void)system;
     (void)public;
     (void)has_subset;
-    fail(user, SP_ERR_FORMAT, "a document type is not supported");
+    fail(user, SP_ERR_FORMAT, "the description has a document type, which is not supported");
 }
 
 bool tiff_is_ome(const char *description) {
@@ -260,7 +260,7 @@ bool tiff_is_ome(const char *description) {
 static bool finish(struct ome *o) {
     struct tiff_planes *p = o->planes;
     if (!p->pages)
-        fail(o, SP_ERR_FORMAT, "there is no Pixels element");
+        fail(o, SP_ERR_FORMAT, "the description has no element Pixels");
     if (o->failed)
         return false;
     if (!o->has_blocks) { /* all planes are here, in their order */

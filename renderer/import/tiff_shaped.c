@@ -127,7 +127,7 @@ bool tiff_shaped_parse(struct tiff_planes *p, const struct tiff_file *tiff, cons
     json_t *json = json_loads(description, 0, &why);
     if (!json_is_object(json)) {
         json_decref(json);
-        return tiff_fail(tiff, 0, err, SP_ERR_FORMAT, "the description of tifffile is no JSON: %s",
+        return tiff_fail(tiff, 0, err, SP_ERR_FORMAT, "the description of tifffile is not JSON: %s",
                          why.text);
     }
     const char *axes = json_string_value(json_object_get(json, "axes"));

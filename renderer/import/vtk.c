@@ -46,7 +46,8 @@ void vtk_close(void *volume) {
 static void *grow(const struct vtk_volume *v, void *items, size_t count, size_t size, size_t most,
                   const char *what, struct sp_error *err) {
     if (count == most) {
-        sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, "more than %zu %s", most, what);
+        sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, "the file has more than %zu %s, the limit",
+                most, what);
         return NULL;
     }
     if (count & (count - 1)) /* the capacity is the next power of two */

@@ -15,7 +15,9 @@ enum { BLOCKS_MAX = 1 << 16 };
 bool vtk_xml_add_name(struct vtk_xml_names *names, const char *file, const char *title,
                       const struct import_file *source, struct sp_error *err) {
     if (names->count == BLOCKS_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, source->shown, "more than %d blocks", BLOCKS_MAX);
+        return sp_fail(err, SP_ERR_UNSUPPORTED, source->shown,
+                       "the file has more than %d blocks, the limit; open the files of the blocks",
+                       BLOCKS_MAX);
     if (names->count % 64 == 0) {
         struct vtk_xml_block *larger =
             realloc(names->blocks, (names->count + 64) * sizeof *names->blocks);

@@ -56,7 +56,8 @@ static bool place_image(const struct vtk_volume *v, struct sp_grid *grid, struct
         const double length = hypot(hypot(d[axis], d[3 + axis]), d[6 + axis]);
         if (!(fabs(length - 1) < 1e-2))
             return import_fail(err, SP_ERR_FORMAT, v->file->shown, v->grid_at, "Direction",
-                               "axis %d has length %g instead of 1", axis, length);
+                               "the vector of axis %d has the length %g instead of 1", axis,
+                               length);
         grid->spacing[axis] = v->image.spacing[axis];
         for (int row = 0; row < 3; row++) /* removes the rounding of the written digits */
             grid->direction[row][axis] = d[3 * row + axis] / length;
@@ -86,7 +87,7 @@ static bool read_coordinates(struct vtk_volume *v, struct sp_error *err) {
                 return false;
             if (!e)
                 return import_fail(err, SP_ERR_FORMAT, file->shown, v->grid_at, "Coordinates",
-                                   "%u arrays instead of three", axis);
+                                   "there are %u arrays instead of three", axis);
             struct vtk_array a = e->array;
             a.count = p->dims[axis];
             double *numbers =

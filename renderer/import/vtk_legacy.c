@@ -190,7 +190,7 @@ static bool begin_section(struct vtk_legacy *l, const char *keyword, int section
         return false;
     return l->points <= SP_VOXELS_MAX ||
            import_fail(l->err, SP_ERR_FORMAT, l->file->shown, l->grid_at, "DIMENSIONS",
-                       "more than %" PRIu64 " voxels", SP_VOXELS_MAX);
+                       "the grid has more than %" PRIu64 " voxels, the limit", SP_VOXELS_MAX);
 }
 
 static bool take_points(struct vtk_legacy *l, const char *keyword) {

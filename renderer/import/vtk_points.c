@@ -35,7 +35,7 @@ static bool check_positions(const struct vtk_volume *v, struct sp_error *err) {
         const struct vtk_entry *e = vtk_find_entry(v, &v->pieces[p], VTK_POSITIONS, 0, NULL);
         if (v->pieces[p].count && !e)
             return import_fail(err, SP_ERR_FORMAT, v->file->shown, v->grid_at, "Points",
-                               "are missing");
+                               "the points are missing");
     }
     return true;
 }

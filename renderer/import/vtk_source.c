@@ -20,8 +20,8 @@ static bool fetch(struct vtk_source *s, void *out, size_t n, size_t *got, struct
         if (r < 0 && errno == EINTR)
             continue;
         if (r < 0)
-            return import_fail(err, SP_ERR_IO, s->file->shown, s->at, NULL, "cannot read: %s",
-                               strerror(errno));
+            return import_fail(err, SP_ERR_IO, s->file->shown, s->at, NULL,
+                               "cannot read the file: %s", strerror(errno));
         if (r == 0)
             break;
         *got += (size_t)r;
@@ -89,7 +89,7 @@ bool vtk_source_pull(struct vtk_source *s, void *out, size_t n, struct sp_error 
         got = s->ready - s->used < n - done ? s->ready - s->used : n - done;
         if (got == 0 && s->at < s->end)
             return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
-                               "the text is not base64, and values are missing");
+                               "the data is not base64 text, or ends too early");
         if (got == 0)
             return cut_off(s, err);
         memcpy((char *)out + done, s->out + s->used, got);

@@ -447,7 +447,7 @@ static void XMLCALL start_doctype(void *user, const char *name, const char *syst
     (void)system;
     (void)public;
     (void)internal;
-    refuse(user, SP_ERR_FORMAT, NULL, "a document type is not accepted");
+    refuse(user, SP_ERR_FORMAT, NULL, "the file has a document type, which is not supported");
 }
 
 /* Parsing. */
@@ -482,8 +482,8 @@ static bool parse(struct xml *x) {
         if (got < 0 && errno == EINTR)
             continue;
         if (got < 0)
-            return import_fail(x->err, SP_ERR_IO, x->file->shown, fed, NULL, "cannot read: %s",
-                               strerror(errno));
+            return import_fail(x->err, SP_ERR_IO, x->file->shown, fed, NULL,
+                               "cannot read the file: %s", strerror(errno));
         fed += (uint64_t)got;
         last = got == 0;
         if (!check_chunk(x, XML_ParseBuffer(x->parser, (int)got, last), fed))
@@ -501,7 +501,7 @@ static bool find_appended(struct xml *x) {
         i++;
     if (i >= n || start[i] != '_')
         return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->appended_at, "AppendedData",
-                           "does not begin with an underscore");
+                           "the data does not begin with an underscore");
     x->appended_at += (uint64_t)i + 1;
     return true;
 }

@@ -194,7 +194,8 @@ static bool parse_v2(struct zarr_array *a, const struct zarr_node *node, struct 
     take_fill(a, json_object_get(metadata, "fill_value"));
     if (json_array_size(filters) > 0)
         return zarr_node_fail(
-            node, err, SP_ERR_UNSUPPORTED, "/filters", "the filter \"%.40s\" is not supported",
+            node, err, SP_ERR_UNSUPPORTED, "/filters",
+            "the filter \"%.40s\" is not supported; write the array without filters",
             json_string_value(json_object_get(json_array_get(filters, 0), "id"))
                 ? json_string_value(json_object_get(json_array_get(filters, 0), "id"))
                 : "?");
@@ -239,8 +240,9 @@ static bool take_shards(struct zarr_array *a, const struct zarr_node *node, cons
         a->shard[d] = a->chunk[d] / inner[d];
         a->chunk[d] = inner[d];
         if (a->shard[d] > SHARD_MAX / count)
-            return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/codecs/sharding_indexed",
-                                  "a shard has more than %d chunks", SHARD_MAX);
+            return zarr_node_fail(
+                node, err, SP_ERR_UNSUPPORTED, "/codecs/sharding_indexed",
+                "a shard has more than %d chunks, the limit; write smaller shards", SHARD_MAX);
         count *= a->shard[d];
     }
     a->is_sharded = true;
@@ -280,13 +282,14 @@ static bool take_codecs(struct zarr_array *a, const struct zarr_node *node, cons
                    take_codecs(a, node, json_object_get(settings, "codecs"), err);
         } else if (!has_bytes) {
             return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/codecs",
-                                  "the codec \"%.40s\" is not supported at this place",
+                                  "the codec \"%.40s\" is not supported after the codecs before it",
                                   name ? name : "?");
         } else if (!add_codec(a, node, name, "/codecs", err)) {
             return false;
         }
     }
-    return has_bytes || zarr_node_fail(node, err, SP_ERR_FORMAT, "/codecs", "lack \"bytes\"");
+    return has_bytes ||
+           zarr_node_fail(node, err, SP_ERR_FORMAT, "/codecs", "the codec \"bytes\" is missing");
 }
 
 static bool parse_v3(struct zarr_array *a, const struct zarr_node *node, struct sp_error *err) {
@@ -297,8 +300,9 @@ static bool parse_v3(struct zarr_array *a, const struct zarr_node *node, struct 
     const char *key_name = json_string_value(json_object_get(keys, "name"));
     const char *separator = json_string_value(json_object_get(settings, "separator"));
     if (!grid_name || strcmp(grid_name, "regular") != 0)
-        return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/chunk_grid/name",
-                              "must be \"regular\"");
+        return zarr_node_fail(
+            node, err, SP_ERR_UNSUPPORTED, "/chunk_grid/name",
+            "the chunk grid must be \"regular\"; write the array with chunks of one size");
     a->has_prefix = !key_name || strcmp(key_name, "v2") != 0;
     a->separator = separator && separator[0] == '.'   ? '.'
                    : separator && separator[0] == '/' ? '/'
@@ -307,7 +311,7 @@ static bool parse_v3(struct zarr_array *a, const struct zarr_node *node, struct 
     take_fill(a, json_object_get(node->metadata, "fill_value"));
     if (json_array_size(json_object_get(node->metadata, "storage_transformers")) > 0)
         return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/storage_transformers",
-                              "are not supported");
+                              "storage transformers are not supported; write the array without them");
     return take_sizes(node, json_object_get(json_object_get(grid, "configuration"), "chunk_shape"),
                       "/chunk_grid/configuration/chunk_shape", 1, a->rank, a->chunk, err) &&
            take_codecs(a, node, json_object_get(node->metadata, "codecs"), err) &&

@@ -159,7 +159,8 @@ static enum zarr_found load(struct zarr_chunks *c, const struct zarr_array *a, c
     found =
         c->store->read(c->store->user, key, offset, c->buffers[0], (size_t)size, &bytes->size, err);
     if (found == ZARR_FOUND && bytes->size < size) {
-        zarr_fail(c->store, err, SP_ERR_FORMAT, key, "", "the chunk is cut off");
+        zarr_fail(c->store, err, SP_ERR_FORMAT, key, "",
+                  "the chunk is shorter than its checksum: it is cut off");
         return ZARR_FAILED;
     }
     return found;
@@ -206,7 +207,8 @@ static bool unpack(struct zarr_chunks *c, const struct zarr_array *a, enum zarr_
     (void)a;
     if (codec == ZARR_CRC32C) {
         if (!is_sound(in, bytes->size))
-            return zarr_fail(c->store, err, SP_ERR_FORMAT, key, "", "the checksum is wrong");
+            return zarr_fail(c->store, err, SP_ERR_FORMAT, key, "",
+                             "the checksum is wrong: the data is damaged");
         bytes->size -= 4;
         return true;
     }

@@ -124,11 +124,12 @@ static bool add_level(struct zarr_image *image, const struct zarr_store *store, 
     const enum zarr_found found = zarr_node_open(&node, store, path, err);
     if (found == ZARR_MISSING)
         return zarr_fail(store, err, SP_ERR_NOT_FOUND, path, "",
-                         "this array is missing, which the metadata names");
+                         "the metadata names this array, but it is missing");
     if (found == ZARR_FAILED)
         return false;
     struct zarr_level *level = &image->levels[image->level_count];
-    bool ok = node.is_array || zarr_node_fail(&node, err, SP_ERR_FORMAT, "", "is no array");
+    bool ok = node.is_array ||
+              zarr_node_fail(&node, err, SP_ERR_FORMAT, "", "the metadata is not that of an array");
     ok = ok && zarr_array_parse(&level->array, &node, err);
     const struct zarr_array *first = &image->levels[0].array;
     if (ok && (level->array.rank != first->rank || level->array.number.kind != first->number.kind ||
@@ -216,7 +217,8 @@ static bool take_levels(struct zarr_image *image, const struct zarr_node *node,
         }
     }
     return image->level_count > 0 ||
-           zarr_node_fail(node, err, SP_ERR_FORMAT, "/multiscales/0/datasets", "is empty");
+           zarr_node_fail(node, err, SP_ERR_FORMAT, "/multiscales/0/datasets",
+                          "the list of levels is empty");
 }
 
 /* Channels. */
@@ -243,8 +245,8 @@ static bool take_channels(struct zarr_image *image, const struct zarr_node *node
     const struct zarr_array *a = &image->levels[0].array;
     const uint64_t count = image->axes.channel < 0 ? 1 : a->shape[image->axes.channel];
     if (count > ZARR_CHANNELS_MAX)
-        return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/shape", "has more than %d channels",
-                              ZARR_CHANNELS_MAX);
+        return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/shape",
+                              "the image has more than %d channels, the limit", ZARR_CHANNELS_MAX);
     image->channels = (uint32_t)count;
     image->steps = image->axes.time < 0 ? 1 : a->shape[image->axes.time];
     if (!reserve_names(image, image->channels))

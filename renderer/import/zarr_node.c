@@ -72,7 +72,7 @@ static enum zarr_found load(const struct zarr_store *store, const char *path, co
         *json = json_loadb(text, got, JSON_REJECT_DUPLICATES, &why);
         if (!json_is_object(*json)) {
             zarr_fail(store, err, SP_ERR_FORMAT, key, "", "line %d: %s", *json ? 1 : why.line,
-                      *json ? "must be an object" : why.text);
+                      *json ? "the metadata must be a JSON object" : why.text);
             json_decref(*json);
             *json = NULL;
             found = ZARR_FAILED;
@@ -89,7 +89,7 @@ static bool check_version(struct zarr_node *node, const char *kind, struct sp_er
                               "is not %d; supported are versions 2 and 3", node->version);
     if (kind && strcmp(kind, "group") != 0 && strcmp(kind, "array") != 0)
         return zarr_node_fail(node, err, SP_ERR_FORMAT, "/node_type",
-                              "must be \"array\" or \"group\"");
+                              "node_type must be \"array\" or \"group\"");
     return true;
 }
 

@@ -82,7 +82,8 @@ static enum zarr_found read_from(void *user, const char *key, uint64_t offset, v
         if (n < 0 && errno == EINTR)
             continue;
         if (n < 0) {
-            zarr_fail(&f->store, err, SP_ERR_IO, key, "", "cannot read: %s", strerror(errno));
+            zarr_fail(&f->store, err, SP_ERR_IO, key, "", "cannot read the file: %s",
+                      strerror(errno));
             return ZARR_FAILED;
         }
         if (n == 0)

@@ -53,6 +53,11 @@ def check_hdf5(tool):
         file['list'] = [1, 2, 3]
     os.rename(tool.path('one.h5'), tool.path('one.dat'))  # recognized by its content
     tool.equal(tool.path('one.dat'), ramp(SHAPE, 'f4'), name='/deep/one')
+    with h5py.File(tool.path('image.vtkhdf'), 'w') as file:
+        file.create_group('VTKHDF').attrs['Type'] = numpy.bytes_('ImageData')
+        file['VTKHDF/PointData/s'] = ramp(SHAPE, 'f4')
+    tool.refused(tool.path('image.vtkhdf'), 'VTKHDF', '.vti')
+    tool.refused(f"{tool.path('image.vtkhdf')}:/VTKHDF/PointData/s", 'VTKHDF')
     os.truncate(path, os.path.getsize(path) // 2)
     tool.refused(path, 'HDF5 cannot open')
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes DICOM files with several frames. Each function returns the path that it was given."""
 import numpy
+from pydicom import dcmread
 from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.sequence import Sequence
 from pydicom.uid import (DeflatedExplicitVRLittleEndian, ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless,
@@ -75,6 +76,14 @@ def save(data, path, pixels, element='PixelData'):
         data.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
         data.compress(RLELossless, generate_instance_uid=False)
     data.save_as(path, enforce_file_format=True)
+    return path
+
+
+def changed(path, **members):
+    data = dcmread(path)
+    for name, value in members.items():
+        setattr(data, name, value)
+    data.save_as(path)
     return path
 
 
@@ -171,6 +180,20 @@ def parametric(path, frames, dtype, slope, intercept, syntax=ExplicitVRLittleEnd
     if dtype != 'u2':
         del data.BitsStored, data.HighBit, data.PixelRepresentation
     return save(data, path, pixels, {'f4': 'FloatPixelData', 'f8': 'DoubleFloatPixelData', 'u2': 'PixelData'}[dtype])
+
+
+def with_table(path, frames, table):
+    """Real-world values that only a lookup table gives."""
+    parametric(path, frames, 'u2', 1, 0)
+    data = dcmread(path)
+    mapping = data.SharedFunctionalGroupsSequence[0].RealWorldValueMappingSequence[0]
+    del mapping.RealWorldValueSlope, mapping.RealWorldValueIntercept
+    for name, value in (('RealWorldValueFirstValueMapped', 0), ('RealWorldValueLastValueMapped', len(table) - 1)):
+        setattr(mapping, name, value)
+        mapping[name].VR = 'US'
+    mapping.RealWorldValueLUTData = list(table)
+    data.save_as(path)
+    return path
 
 
 def typed(path, values, allocated, stored, high, signed, syntax):

@@ -215,6 +215,13 @@ def check_maps(tool):
         check_world(tool, files.parametric(tool.path(f'{name}.dcm'), stack, 'f4', slope=2.0, intercept=1.0, syntax=syntax), [f.scaled(2, 1) for f in stack])
 
 
+    path = files.with_table(tool.path('table.dcm'), stack, [n * n for n in range(240)])
+    tool.equal(path, [frame.values for frame in stack], value_unit='')
+    info, _ = tool.dump(path)
+    if info and not any('real world' in text and 'lookup table' in text for text in info['warnings']):
+        tool.fail(path, f'expected a warning of the lookup table, got: {info["warnings"]}')
+
+
 def check_types(tool):
     """Each type of sample in either byte order; bits that are not used are noise."""
     rng = numpy.random.default_rng(2)
@@ -268,6 +275,12 @@ def check_refused(tool):
     tool.refused(path, 'cut.dcm', 'cut off')
     path = files.enhanced(tool.path('twice.dcm'), stack[:3] + [stack[1]])
     tool.refused(path, 'frame 2 and frame 4 show the same place')
+    for number, members in enumerate(({'DimensionOrganizationType': 'TILED_FULL', 'TotalPixelMatrixColumns': 40, 'TotalPixelMatrixRows': 8},
+                                      {'DimensionOrganizationType': 'TILED_SPARSE'}, {'SOPClassUID': '1.2.840.10008.5.1.4.1.1.77.1.6'})):
+        path = files.changed(files.enhanced(tool.path(f'tiles{number}.dcm'), stack), **members)
+        tool.refused(path, '4 tiles of a whole-slide image', 'export')
+    path = files.changed(files.enhanced(tool.path('whole.dcm'), stack[:1]), TotalPixelMatrixColumns=10, TotalPixelMatrixRows=8)
+    tool.equal(path, stack[0].values[None])
 
 
 def check(tool):

@@ -2,6 +2,7 @@
  *
  * Every error tells a cause, and files open whatever their names are.
  */
+#include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,17 +15,37 @@ static bool ends_with(const char *text, const char *end) {
     return n >= m && strcmp(text + n - m, end) == 0;
 }
 
-/* Fails if the error is one that a user cannot act on. */
-static void assert_is_told(const char *name, const struct sp_error *err) {
-    static const char *const never[] = { "/proc/", "no reason", "std::", "(null)" };
-    static const char *const ends[] = { " has", ":", ";", ",", ": ", "\"\"" };
-    bool is_good = err->text[0] && strstr(err->place, name);
+/* True if the text has nothing that a user cannot act on. */
+static bool is_readable(const char *text) {
+    static const char *const never[] = { "/proc/", "no reason", "std::", "(null)",  "\"\"",
+                                         "''",     "  ",        " .",    " ,",      "..",
+                                         "\n",     "0x",        "errno", "_bridge", "lib" };
+    bool is_good = true;
     for (size_t i = 0; i < sizeof never / sizeof *never; i++)
-        is_good = is_good && !strstr(err->text, never[i]) && !strstr(err->place, never[i]);
+        is_good = is_good && !strstr(text, never[i]);
+    return is_good;
+}
+
+/* Fails if the error is one that a user cannot act on, or is no part of a sentence. */
+static void assert_is_told(const char *name, const struct sp_error *err) {
+    static const char *const ends[] = { " has", ":", ";", ",", " ", "." };
+    bool is_good = strlen(err->text) >= 12 && strstr(err->place, name) && is_readable(err->text) &&
+                   is_readable(err->place);
     for (size_t i = 0; i < sizeof ends / sizeof *ends; i++)
         is_good = is_good && !ends_with(err->text, ends[i]);
     if (!is_good)
         fail_msg("%s: place \"%s\", text \"%s\"", name, err->place, err->text);
+}
+
+/* Fails unless each warning is a sentence. */
+static void assert_warns_well(const char *name, const struct sp_volume *volume) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    for (int i = 0; i < SP_WARNINGS_MAX && info->warnings[i][0]; i++) {
+        const char *text = info->warnings[i];
+        const bool is_begun = isupper((unsigned char)text[0]) || isdigit((unsigned char)text[0]);
+        if (!is_begun || !ends_with(text, ".") || strlen(text) < 12 || !is_readable(text))
+            fail_msg("%s: warning \"%s\"", name, text);
+    }
 }
 
 /* Each format with an empty file, with text, and with its first bytes before zeros. */
@@ -60,6 +81,10 @@ static void errors_of_every_format_tell_a_cause(void **state) {
         { "bad.stl", "solid x\n", 8 },
         { "bad.gltf", "{", 1 },
         { "bad.glb", "glTF\2\0\0\0", 8 },
+        { "bad.dcm", "\10\0\5\0CS\12\0ISO_IR 100", 18 },
+        { "bad.mrc", "\2\0\0\0\2\0\0\0\2\0\0\0\2", 13 },
+        { "bad.gipl", "\0\2\0\2\0\2\0\1\0\10", 10 },
+        { "bad.bmp", "BM", 2 },
     };
     struct sp_load_options options = importer_options();
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
@@ -74,11 +99,60 @@ static void errors_of_every_format_tell_a_cause(void **state) {
             }
             write_file(files[i].name, bytes, size);
             struct sp_volume *volume = sp_volume_load(in_folder(files[i].name), &options, &err);
-            if (!volume)
+            if (volume)
+                assert_warns_well(files[i].name, volume);
+            else
                 assert_is_told(files[i].name, &err);
             sp_volume_unref(&volume);
             remove(in_folder(files[i].name));
         }
+}
+
+/* Copies the first bytes of a file of dicom/, at most `most`. Returns how many there were. */
+static size_t copy_dicom(const char *from, const char *to, size_t most) {
+    char path[1024], bytes[1 << 14];
+    snprintf(path, sizeof path, SPLATD_SOURCE_DIR "/tests/unit/import/dicom/%s", from);
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    const size_t size = fread(bytes, 1, sizeof bytes, file);
+    fclose(file);
+    write_file(to, bytes, size < most ? size : most);
+    return size;
+}
+
+/* DICOM files that end after each part, alone and as one slice of a folder. */
+static void errors_of_cut_dicom_files_tell_a_cause(void **state) {
+    (void)state;
+    static const char *const names[] = { "series0.dcm", "jpeg.dcm", "enhanced.dcm" };
+    struct sp_load_options options = importer_options();
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        const size_t size = copy_dicom(names[i], "cut.dcm", SIZE_MAX);
+        for (size_t part = 1; part < 4; part++) {
+            struct sp_error err = { .text = "" };
+            copy_dicom(names[i], "cut.dcm", size * part / 4);
+            struct sp_volume *volume = sp_volume_load(in_folder("cut.dcm"), &options, &err);
+            assert_null(volume);
+            assert_is_told("cut.dcm", &err);
+        }
+    }
+    struct sp_error err = { .text = "" };
+    assert_null(sp_volume_load(folder_path(), &options, &err));
+    assert_is_told(folder_path(), &err);
+    assert_non_null(strstr(err.text, "cut.dcm"));
+    copy_dicom("series0.dcm", "s0.dcm", SIZE_MAX);
+    const size_t size = copy_dicom("series1.dcm", "s1.dcm", SIZE_MAX);
+    copy_dicom("series1.dcm", "cut.dcm", size - 100);
+    copy_dicom("series2.dcm", "s2.dcm", SIZE_MAX);
+    remove(in_folder("s1.dcm"));
+    struct sp_volume *volume = sp_volume_load(folder_path(), &options, &err);
+    assert_non_null(volume);
+    assert_int_equal(sp_volume_info(volume)->grid.dims[2], 2);
+    assert_warns_well("folder", volume);
+    sp_volume_unref(&volume);
+    load_warns("s0.dcm", "Left out 1 file that cannot be read: cut.dcm: ");
+    static const char *const left[] = { "cut.dcm", "s0.dcm", "s2.dcm" };
+    for (size_t i = 0; i < sizeof left / sizeof *left; i++)
+        remove(in_folder(left[i]));
 }
 
 #define VTI                                                                                        \
@@ -134,6 +208,7 @@ static void lists_and_descriptors_are_written_for_readers(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(errors_of_every_format_tell_a_cause),
+        cmocka_unit_test(errors_of_cut_dicom_files_tell_a_cause),
         cmocka_unit_test(files_open_whatever_their_names_are),
         cmocka_unit_test(lists_and_descriptors_are_written_for_readers),
     };
