@@ -166,7 +166,7 @@ static bool read_lines(struct parsing *p) {
     }
     p->samples->start = (uint64_t)(line - p->text);
     p->list = line;
-    return p->values[DATA_FILE] || refuse(p, SP_ERR_FORMAT, DATA_FILE, "is missing");
+    return p->values[DATA_FILE] || refuse(p, SP_ERR_FORMAT, DATA_FILE, "this field is missing");
 }
 
 /* Reads `count` numbers; a key that is missing changes nothing. */
@@ -231,7 +231,7 @@ static bool take_dims(struct parsing *p) {
     if (!p->values[DIMENSIONS] || !import_integer(p->values[DIMENSIONS], 2, 4, &count))
         return refuse(p, SP_ERR_FORMAT, DIMENSIONS, "must be 2, 3 or 4");
     if (!p->values[DIM_SIZE])
-        return refuse(p, SP_ERR_FORMAT, DIM_SIZE, "is missing");
+        return refuse(p, SP_ERR_FORMAT, DIM_SIZE, "this field is missing");
     if (!take_numbers(p, DIM_SIZE, (unsigned)count, dims))
         return false;
     for (int axis = 0; axis < 4; axis++)

@@ -72,7 +72,7 @@ static bool take_dimensions(struct vtk_legacy *l, const char *keyword) {
     if (l->set > VTK_STRUCTURED)
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
     if (l->grid_at)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occur twice");
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "the file has them twice");
     l->grid_at = l->byte;
     l->points = l->cells = 1;
     for (int axis = 0; axis < 3; axis++) {
@@ -465,7 +465,7 @@ static bool check_found(struct vtk_legacy *l) {
             return vtk_legacy_refuse(
                 l, SP_ERR_FORMAT,
                 (const char *[]){ "X_COORDINATES", "Y_COORDINATES", "Z_COORDINATES" }[axis],
-                "are missing");
+                "the arrays are missing");
     return true;
 }
 

@@ -195,7 +195,7 @@ static void take_selection(struct xml *x, enum vtk_home home, const char **attri
 static void take_counts(struct xml *x, struct vtk_piece *piece, const char **attributes) {
     uint64_t cells = 0;
     if (!find(attributes, "NumberOfPoints"))
-        refuse(x, SP_ERR_FORMAT, "NumberOfPoints", "is missing");
+        refuse(x, SP_ERR_FORMAT, "NumberOfPoints", "this field is missing");
     take_whole(x, attributes, "NumberOfPoints", 0, UINT32_MAX, &piece->count);
     take_whole(x, attributes, "NumberOfCells", 0, UINT64_MAX, &cells);
     if (x->set == VTK_UNSTRUCTURED && cells != piece->count)
@@ -210,7 +210,7 @@ static void take_counts(struct xml *x, struct vtk_piece *piece, const char **att
 static void take_extent(struct xml *x, struct vtk_piece *piece, const char **attributes) {
     double extent[6] = { 0 };
     if (!find(attributes, "Extent"))
-        refuse(x, SP_ERR_FORMAT, "Extent", "is missing");
+        refuse(x, SP_ERR_FORMAT, "Extent", "this field is missing");
     take_numbers(x, attributes, "Extent", extent, 6);
     for (int axis = 0; axis < 3 && !x->failed; axis++) {
         const double low = extent[2 * axis], high = extent[2 * axis + 1];
