@@ -44,15 +44,11 @@ const struct import_format *import_format_find(const uint8_t *start, size_t size
                     formats[i] == &import_hdf5 && import_netcdf.probe(start, size, shown);
                 return is_netcdf ? &import_netcdf : formats[i];
             }
-    import_fail(
-        err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
-        "unknown file format; supported are NRRD (.nrrd, .nhdr), DICOM (.dcm), NIfTI (.nii, "
-        ".nii.gz, .hdr), MetaImage (.mhd, .mha), MRC and CCP4 (.mrc, .map), GIPL (.gipl), PVM "
-        "(.pvm), OpenVDB (.vdb), Zarr and OME-Zarr "
-        "(folders, .zarr), HDF5 (.h5), NetCDF (.nc), Amira (.am), .vol, .vgi, VTK (.vtk, .vti, "
-        ".vtr, .vts, .vtu, .vtp, their lists of pieces such as .pvti, .vtm, .pvd, .series), raw "
-        "samples with a JSON sidecar (.json), stacks "
-        "of images (.tif, .png, .jpg), points and Gaussians (.ply, .spz, .csv), PLOT3D (.xyz, "
-        ".p3d), and meshes (.ply, .stl, .obj, .gltf, .glb)");
+    import_fail(err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
+                "unknown file format; supported are NRRD, DICOM, NIfTI, MetaImage, MRC, GIPL, PVM, "
+                "OpenVDB, Zarr, HDF5, NetCDF, Amira, .vol, .vgi, VTK (.vtk, .vti, .vtu, .vtp and "
+                "others), .pvd, .series, raw samples with a JSON sidecar (.json), images (.tif, "
+                ".png, .jpg), points and Gaussians (.ply, .spz, .csv), PLOT3D (.xyz, .p3d) and "
+                "meshes (.ply, .stl, .obj, .gltf, .glb)");
     return NULL;
 }

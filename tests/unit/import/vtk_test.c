@@ -331,7 +331,7 @@ static void errors_explain_hostile_files(void **state) {
         { "# vtk DataFile Version 3.0\n\nBINARY\nDATASET STRUCTURED_POINTS\n"
           "DIMENSIONS 65536 65536 16\nPOINT_DATA 68719476736\nVECTORS v double\n0123",
           SP_ERR_FORMAT, "VECTORS", "206158430208 values of 8 bytes do not fit" },
-        { POINTS "DIMENSIONS 9 9 9\n", SP_ERR_FORMAT, "DIMENSIONS", "occur twice" },
+        { POINTS "DIMENSIONS 9 9 9\n", SP_ERR_FORMAT, "DIMENSIONS", "has them twice" },
         { POINTS "DATASET RECTILINEAR_GRID\n", SP_ERR_FORMAT, "DATASET", "occurs twice" },
         { POINTS "SPACING 1 1\n", SP_ERR_FORMAT, "SPACING", "\"\" is not a number" },
         { POINTS "ORIGIN 1 x 1\n", SP_ERR_FORMAT, "ORIGIN", "\"x\" is not a number" },
