@@ -448,7 +448,9 @@ static bool take_preamble(struct vtk_legacy *l) {
     l->words = strcasecmp(word, "ASCII") == 0;
     return l->words || strcasecmp(word, "BINARY") == 0 ||
            vtk_legacy_refuse(l, SP_ERR_FORMAT, NULL,
-                             "the third line is \"%.40s\"; it must be ASCII or BINARY", word);
+                             *word ? "the third line is \"%.40s\"; it must be ASCII or BINARY"
+                                   : "the third line is empty%s; it must be ASCII or BINARY",
+                             word);
 }
 
 static bool check_found(struct vtk_legacy *l) {

@@ -17,9 +17,9 @@ static bool ends_with(const char *text, const char *end) {
 
 /* True if the text has nothing that a user cannot act on. */
 static bool is_readable(const char *text) {
-    static const char *const never[] = { "/proc/", "no reason", "std::", "(null)",  "\"\"",
-                                         "''",     "  ",        " .",    " ,",      "..",
-                                         "\n",     "0x",        "errno", "_bridge", "lib" };
+    static const char *const never[] = { "/proc/", "no reason", "std::",   "(null)", "\"\"",
+                                         "''",     "  ",        " ,",      "..",     "\n",
+                                         "0x",     "errno",     "_bridge", "libtiff" };
     bool is_good = true;
     for (size_t i = 0; i < sizeof never / sizeof *never; i++)
         is_good = is_good && !strstr(text, never[i]);
