@@ -311,7 +311,8 @@ static bool parse_v3(struct zarr_array *a, const struct zarr_node *node, struct 
     take_fill(a, json_object_get(node->metadata, "fill_value"));
     if (json_array_size(json_object_get(node->metadata, "storage_transformers")) > 0)
         return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/storage_transformers",
-                              "storage transformers are not supported; write the array without them");
+                              "storage transformers are not supported; write the array "
+                              "without them");
     return take_sizes(node, json_object_get(json_object_get(grid, "configuration"), "chunk_shape"),
                       "/chunk_grid/configuration/chunk_shape", 1, a->rank, a->chunk, err) &&
            take_codecs(a, node, json_object_get(node->metadata, "codecs"), err) &&

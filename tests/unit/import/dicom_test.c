@@ -84,7 +84,8 @@ static void a_missing_slice_leaves_the_others_in_their_places(void **state) {
         "Left out 1 other image of the series, whose size, type, spacing or direction differs: "
         "overview.dcm.");
     assert_string_equal(sp_volume_info(volume)->warnings[1],
-                        "Left out 1 file that cannot be read: broken.dcm: this is no DICOM file, or it is "
+                        "Left out 1 file that cannot be read: broken.dcm: this is "
+                        "no DICOM file, or it is "
                         "damaged.");
     assert_string_equal(
         sp_volume_info(volume)->warnings[2],
