@@ -291,7 +291,9 @@ static bool take_pages(struct tiff *t, const char *description, struct import_he
         return tiff_fail(&t->pages, 0, err, SP_ERR_UNSUPPORTED,
                          "%" PRIu32 " x %" PRIu32 " px; at most %u along an axis are supported",
                          t->page.width, t->page.height, SP_DIM_MAX);
-    if (!take_type(t, header, err) || !choose(t, header, &sample, err) || !check_pages(t, err))
+    if (!take_type(t, header, err) ||
+        !tiff_planes_choose(p, t->file, t->channels, &t->are_colors, header, err) ||
+        !choose(t, header, &sample, err) || !check_pages(t, err))
         return false;
     t->conversion.component = t->conversion.components > 1 ? sample : 0;
     t->plane = t->page.planes > 1 ? sample : 0;

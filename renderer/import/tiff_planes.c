@@ -6,6 +6,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "import/meaning.h"
+
 bool tiff_fail(const struct tiff_file *t, uint32_t page, struct sp_error *err, enum sp_code code,
                const char *format, ...) {
     char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
@@ -39,6 +41,52 @@ bool tiff_planes_hide(struct tiff_planes *p, const struct tiff_file *t, uint64_t
                    (t->file->size - page->pixels_at) / bytes >= needed &&
                    (page->at < page->pixels_at || page->at >= page->pixels_at + needed * bytes);
     return p->is_hidden;
+}
+
+static bool name_colors(struct tiff_planes *p, const struct import_file *file,
+                        struct sp_error *err) {
+    static const char *const colors[] = { "red", "green", "blue", "alpha" };
+    p->names = calloc(p->channels, sizeof *p->names);
+    for (uint32_t c = 0; p->names && c < p->channels; c++)
+        import_name(p->names[c], colors[c]);
+    return p->names || sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for colours");
+}
+
+/* Only one of the axes of which `*from` and `*to` are lengths is longer than 1, so that the order
+ * of the pages stays. */
+static void move_axis(uint32_t *from, uint32_t *to) {
+    const uint32_t count = *from;
+    *from = 1;
+    *to = count;
+}
+
+bool tiff_planes_choose(struct tiff_planes *p, const struct import_file *file, unsigned samples,
+                        bool *are_colors, struct import_header *header, struct sp_error *err) {
+    const enum import_as wanted = file->selection.as;
+    uint32_t *const from = p->channels > 1 ? &p->channels : p->steps > 1 ? &p->steps : &p->slices;
+    const bool are_samples =
+        samples > 1 && (wanted == IMPORT_AS_RGB || wanted == IMPORT_AS_CHANNELS || *from == 1);
+    const struct import_extra extra = { .count = are_samples ? samples : *from,
+                                        .no_vectors = true,
+                                        .are_parts =
+                                            are_samples || (p->channels > 1 && p->steps > 1) };
+    enum import_as as;
+    if (wanted == IMPORT_AS_FILE || wanted == IMPORT_AS_LABELS)
+        return true;
+    if (!import_meaning_choose(file, &extra, header, &as, err))
+        return false;
+    if (are_samples) {
+        *are_colors = as == IMPORT_AS_RGB;
+        return true;
+    }
+    if (as == IMPORT_AS_TIME && from != &p->steps)
+        p->interval = 0; /* that of the other axis is none of this one */
+    if (as == IMPORT_AS_RGB || from != &p->channels) {
+        free(p->names);
+        p->names = NULL;
+    }
+    move_axis(from, as == IMPORT_AS_TIME ? &p->steps : &p->channels);
+    return as != IMPORT_AS_RGB || name_colors(p, file, err);
 }
 
 void tiff_planes_finish(struct tiff_planes *p) {

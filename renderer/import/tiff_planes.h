@@ -44,6 +44,13 @@ bool tiff_layout_find(struct tiff_planes *planes, const struct tiff_file *tiff,
 void tiff_layout_place(struct tiff_planes *planes, const struct tiff_file *tiff,
                        const char *description);
 
+/* Gives the axis that is free another meaning if the source wants one ("?as=time"): the channels
+ * that have pages of their own, or else the steps, or else the slices. Of the `samples` of a pixel
+ * only colours and channels can be chosen; then *are_colors changes instead. */
+bool tiff_planes_choose(struct tiff_planes *planes, const struct import_file *file,
+                        unsigned samples, bool *are_colors, struct import_header *header,
+                        struct sp_error *err);
+
 /* Reads the JSON that tifffile writes (tiff_shaped.c): {"shape": [2, 6, 32, 48], "axes": "CZYX"}.
  */
 bool tiff_is_shaped(const char *description);

@@ -2,6 +2,7 @@
 #include "import/vtk_array.h"
 
 #include <assert.h>
+#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -147,6 +148,18 @@ static bool read_bytes(struct vtk_source *s, const struct target *target, struct
         memcpy(out, &typed, sizeof typed);                                                         \
     } while (0)
 
+/* Whole numbers of 64 bits, which double does not hold near the ends of their range. */
+static bool store_long(const char *word, const struct vtk_type *type, void *out) {
+    char *end;
+    errno = 0;
+    if (type->number.kind == IMPORT_SIGNED)
+        STORE(int64_t, strtoll(word, &end, 10));
+    else
+        STORE(uint64_t, strtoull(word, &end, 10));
+    return end != word && !*end && errno == 0 &&
+           (type->number.kind == IMPORT_SIGNED || word[0] != '-');
+}
+
 /* Parses one number into the native form of its type. False if it is none or out of range. */
 static bool store_word(const char *word, const struct vtk_type *type, void *out) {
     char *end;
@@ -161,11 +174,13 @@ static bool store_word(const char *word, const struct vtk_type *type, void *out)
         STORE(double, value);
         return true;
     }
+    if (type->number.size == 8 && strspn(word, "+-0123456789") == strlen(word))
+        return store_long(word, type, out);
     double steps = type->are_bits ? 2 : ldexp(1, 8 * (int)type->number.size);
     double low = type->number.kind == IMPORT_SIGNED ? -steps / 2 : 0;
     if (!(value >= low && value < low + steps) || value != trunc(value))
         return false;
-    if (type->number.size == 8) /* rounded to 53 bits, as all samples of this type are */
+    if (type->number.size == 8) /* "1e3" */
         STORE(uint64_t,
               type->number.kind == IMPORT_SIGNED ? (uint64_t)(int64_t)value : (uint64_t)value);
     else if (type->number.size == 4)

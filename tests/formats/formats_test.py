@@ -26,11 +26,12 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from table import Table  # noqa: E402
 
 PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'renderer', 'import', 'types.md')
-PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'zarr_part': ['numpy', 'zarr', 'numcodecs'],
+PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'small_part': ['numpy', 'SimpleITK'],
+         'zarr_part': ['numpy', 'zarr', 'numcodecs'],
          'arrays_part': ['numpy', 'h5py', 'netCDF4', 'numcodecs'], 'tiff_part': ['numpy', 'tifffile'],
          'medical_part': ['numpy', 'nibabel', 'pydicom'], 'dicom_frames_part': ['numpy', 'pydicom'],
          'volumes_part': ['numpy', 'nibabel', 'nrrd', 'mrcfile', 'SimpleITK', 'h5py', 'netCDF4'],
-         'meaning_part': ['numpy', 'nibabel', 'nrrd', 'pydicom'],
+         'meaning_part': ['numpy', 'nibabel', 'nrrd', 'pydicom', 'h5py', 'netCDF4', 'tifffile', 'zarr'],
          'reports_part': ['numpy'],
          'dicom_folder_part': ['numpy', 'pydicom'],
          'convert_part': ['numpy', 'nibabel', 'nrrd', 'zarr']}
@@ -79,12 +80,14 @@ class Tool:
         if done.returncode != 1 or not all(word in done.stdout for word in words):
             self.fail(source, f'expected an error with {words}, got: {done.stdout.strip()}')
 
-    def typed(self, form, kind, source, expected, **wanted):
-        """As equal(); adds the type in memory to the column `form` and the row `kind` (table.TYPES) of the page."""
+    def typed(self, form, kind, source, expected, layout='', **wanted):
+        """As equal(); adds the type in memory to the column `form` and the row `kind` (table.TYPES) of the page, and a row of layouts."""
         before = self.failed
         self.equal(source, expected, **wanted)
         if self.failed == before:
             self.table.add_type(form, kind, self.last_type)
+            if layout:
+                self.table.add_layout(form, layout, 'read')
 
     def layout(self, form, layout, source, expected, result='read', **wanted):
         """As equal(); adds a row of layouts to the page."""

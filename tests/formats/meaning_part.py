@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the numbers of a file mean: intents of NIfTI, components, ?as=, ?unit=, Hounsfield units."""
+import h5py
+import netCDF4
 import nibabel
 import nrrd
 import numpy
 import pydicom
+import tifffile
+import zarr
 
 import dicom_files
 
@@ -148,6 +152,81 @@ def check_nrrd(tool):
     tool.refused(tool.path('t.nrrd') + '?as=rgb', '7 numbers per voxel', 'time, channels or labels')
 
 
+def check_free_axis(tool, path, data, array=''):
+    """The first axis of `data`, which has 3 entries of z, y, x or y, x, as steps, fields and colours; of an array of a file if it has a name."""
+    planes = data if data.ndim == 4 else data[:, None]
+    suffix = f'&field={array}' if array else ''
+    for step in (0, 2):
+        tool.equal(f'{path}?as=time{suffix}', planes[step], step=step, steps=3)
+    info, samples = tool.dump(f'{path}?as=channels{suffix}')
+    tool.checks += 1
+    if info and (info['steps'] != 1 or not numpy.array_equal(samples, planes[0])):
+        tool.fail(path, f'as=channels gives {info["steps"]} steps and {samples.ravel()[:4]}, expected {planes[0].ravel()[:4]}')
+    if info:
+        tool.equal(f'{path}?as=channels&field={array + " 3" if array else info["other1"]}', planes[2])
+    if array:
+        tool.equal(f'{path}?as=rgb&field={array} 2', planes[1], steps=1)
+    else:
+        tool.equal(f'{path}?as=rgb&field=green', planes[1], name='green', steps=1)
+    says(tool, f'{path}?as=labels{suffix}', meaning='labels')
+    tool.refused(f'{path}?as=vectors{suffix}', 'as=vectors', '3 numbers per voxel', 'time, rgb, channels or labels')
+
+
+def check_tiff(tool):
+    data = numpy.random.default_rng(8).integers(0, 255, (3, 4, 6, 7)).astype('u1')  # free axis, z, y, x
+    path = tool.path('as.tif')
+    for how in ({'metadata': None}, {}, {'imagej': True}, {'truncate': True}, {'metadata': {'axes': 'TYX'}}, {'metadata': {'axes': 'CYX'}}, {'tile': (16, 16)}):
+        tifffile.imwrite(path, data[:, 0], photometric='minisblack', **how)
+        check_free_axis(tool, path, data[:, 0])
+    tifffile.imwrite(path, data, photometric='minisblack', metadata={'axes': 'CZYX'})
+    check_free_axis(tool, path, data)
+    tifffile.imwrite(path, data, photometric='minisblack', imagej=True, metadata={'axes': 'TZYX', 'finterval': 2})
+    check_free_axis(tool, path, data)
+    tool.equal(path + '?as=time', data[1], step=1, times=[0, 2, 4])
+    tifffile.imwrite(tool.path('as.ome.tif'), data, photometric='minisblack', metadata={'axes': 'CZYX', 'Channel': {'Name': ['a', 'b', 'c']}})
+    check_free_axis(tool, tool.path('as.ome.tif'), data)
+    tool.equal(tool.path('as.ome.tif') + '?as=channels&field=b', data[1], name='b')
+    film = numpy.random.default_rng(9).integers(0, 255, (5, 6, 7, 3)).astype('u1')
+    tifffile.imwrite(path, film, photometric='rgb', metadata=None)
+    tool.equal(path + '?as=time&field=green', film[4:5, ..., 1], step=4, steps=5, name='green')
+    tool.equal(path + '?as=channels&field=channel 3', film[..., 2], name='channel 3', steps=1)
+    tool.equal(path + '?as=rgb&field=blue', film[..., 2], name='blue')
+    tifffile.imwrite(path, film, photometric='minisblack', planarconfig='contig', metadata=None)
+    tool.equal(path + '?as=rgb&field=blue', film[..., 2], name='blue')
+    tifffile.imwrite(path, film[:1], photometric='rgb', metadata=None)
+    tool.refused(path + '?as=time', '3 numbers per voxel', 'rgb, channels or labels')
+    tifffile.imwrite(path, film[..., 0], photometric='minisblack', metadata=None)
+    tool.refused(path + '?as=rgb', '5 numbers per voxel', 'time, channels or labels')
+    tifffile.imwrite(path, film[0, ..., 0], photometric='minisblack', metadata=None)
+    tool.refused(path + '?as=time', 'one number per voxel', 'labels')
+    tifffile.imwrite(path, film[..., :2].transpose(0, 3, 1, 2), photometric='minisblack', metadata={'axes': 'TCYX'})
+    tool.equal(path + '?as=channels&field=channel 2', film[3:4, ..., 1], step=3, steps=5)
+    tool.refused(path + '?as=time', '2 numbers per voxel', 'channels or labels')
+
+
+def check_arrays(tool):
+    """Zarr, HDF5 and NetCDF: the free axis is that of channels, or time, or z."""
+    data = numpy.random.default_rng(8).integers(0, 255, (3, 4, 6, 7)).astype('u1')
+    for zarr_format in (2, 3):
+        path = tool.path(f'as{zarr_format}.zarr')
+        for values in (data, data[:, 0]):
+            zarr.create_array(path, data=values, chunks=values.shape, zarr_format=zarr_format, overwrite=True)
+            check_free_axis(tool, path, values)
+        zarr.create_array(path, data=data, chunks=data.shape, zarr_format=3, overwrite=True, dimension_names=('t', 'z', 'y', 'x'))
+        check_free_axis(tool, path, data)
+    with h5py.File(tool.path('as.h5'), 'w') as file:
+        file['four'], file['three'] = data, data[:, 0]
+    for name, values in (('four', data), ('three', data[:, 0])):
+        check_free_axis(tool, tool.path('as.h5'), values, f'/{name}')
+    with netCDF4.Dataset(tool.path('as.nc'), 'w') as file:
+        for name, size in zip(('time', 'part', 'z', 'y', 'x'), (3, *data.shape)):
+            file.createDimension(name, size)
+        for name, axes in (('fields', 'part z y x'), ('steps', 'time z y x'), ('planes', 'part y x')):
+            file.createVariable(name, 'u1', axes.split())[:] = data[:, 0] if name == 'planes' else data
+    for name in ('fields', 'steps', 'planes'):
+        check_free_axis(tool, tool.path('as.nc'), data[:, 0] if name == 'planes' else data, name)
+
+
 def check_hounsfield(tool):
     """Only CT, no overviews, and of derived images only those that say so."""
     for unit, modality, kind, rescale in (('HU', 'CT', 'ORIGINAL\\PRIMARY\\AXIAL', ''), ('HU', 'CT', 'ORIGINAL\\PRIMARY\\AXIAL', 'HU'),
@@ -176,5 +255,5 @@ def check_missing(tool):
 
 
 def check(tool):
-    for part in (check_nifti_vectors, check_nifti_intents, check_metaimage, check_nrrd, check_hounsfield, check_missing):
+    for part in (check_nifti_vectors, check_nifti_intents, check_metaimage, check_nrrd, check_tiff, check_arrays, check_hounsfield, check_missing):
         part(tool)

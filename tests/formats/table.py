@@ -13,7 +13,9 @@ The page is written by `formats_test.py --write-page …`; the test fails if it 
 
 The cells are the types in memory. All types of more than one byte were read in both byte orders where the format has both. Integers that no type of
 memory holds become float64, and a warning says if one was rounded (above 2⁵³). Complex numbers become their magnitude, with a warning. Colours are
-fields: red, green, blue, alpha. An empty cell: the format does not have the type, or no writer for it.
+fields: red, green, blue, alpha. An empty cell: the format does not have the type, or no writer for it. SimpleITK writes PNG, JPEG, GIPL and some
+files of VTK; the test writes other files of VTK, Amira, PVM and `.vol` byte by byte. OpenVDB is not in the table, because no library of the tests
+writes it: `convert_part.py` compares what the daemon itself writes with OpenVDB's reader.
 """
 
 
@@ -26,7 +28,7 @@ class Table:
     def add_type(self, name, kind, memory):
         column = self.types.setdefault(name, {})
         assert kind in TYPES, kind
-        if column.setdefault(kind, memory) != memory:
+        if memory not in column.setdefault(kind, memory).split(', '):
             column[kind] += f', {memory}'
 
     def add_layout(self, name, layout, result):

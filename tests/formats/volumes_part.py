@@ -3,6 +3,7 @@
 
 What these libraries cannot write is written here, byte by byte, and read by them where they can."""
 import bz2
+import functools
 import gzip
 import os
 import struct
@@ -57,7 +58,12 @@ def warned(tool, path, word):
         tool.fail(path, f'no warning has "{word}": {info["warnings"]}')
 
 
-def like_itk(tool, path, step=0, is_ras=False, **wanted):
+def kind_of(dtype):
+    """The row of the table of types."""
+    return numpy.dtype(dtype).name
+
+
+def like_itk(tool, path, step=0, is_ras=False, compare=None, **wanted):
     """The volume has the samples and the grid that SimpleITK gives."""
     image = SimpleITK.ReadImage(path)
     data = SimpleITK.GetArrayFromImage(image)
@@ -67,8 +73,8 @@ def like_itk(tool, path, step=0, is_ras=False, **wanted):
     if is_ras:  # ITK's world is LPS
         turn = numpy.diag([-1, -1, 1])
         direction, origin = turn @ direction, turn @ origin
-    tool.equal(path, shown(data[step] if size == 4 else data), step, spacing=list(spacing), origin=list(origin),
-               direction=direction.ravel().tolist(), **wanted)
+    (compare or tool.equal)(path, shown(data[step] if size == 4 else data), step=step, spacing=list(spacing), origin=list(origin),
+                            direction=direction.ravel().tolist(), **wanted)
 
 
 # NRRD
@@ -93,9 +99,10 @@ def check_nrrd_types(tool):
     for dtype in REALS:
         for order, encoding in (('<', 'raw'), ('>', 'raw'), ('<', 'gzip'), ('>', 'bzip2'), ('>', 'hex'), ('<', 'ascii')):
             data = values(order + dtype)
-            tool.equal(write(tool, 't.nrrd', nrrd_header(order + dtype, SHAPE[::-1], encoding), encode(data, encoding)), data)
+            tool.typed('NRRD', kind_of(dtype), write(tool, 't.nrrd', nrrd_header(order + dtype, SHAPE[::-1], encoding), encode(data, encoding)), data,
+                       f'encoding {encoding}')
         nrrd.write(tool.path('n.nhdr'), values(dtype).T)  # detached, by pynrrd
-        tool.equal(tool.path('n.nhdr'), nrrd.read(tool.path('n.nhdr'))[0].T)
+        tool.layout('NRRD', 'header and samples in two files (.nhdr)', tool.path('n.nhdr'), nrrd.read(tool.path('n.nhdr'))[0].T)
         SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values(dtype)), tool.path('s.nrrd'), True)
         like_itk(tool, tool.path('s.nrrd'))
     big = numpy.full(SHAPE, 2 ** 53 + 1, 'i8')
@@ -107,29 +114,35 @@ def check_nrrd_layouts(tool):
     for kinds in ('RGB-color domain domain domain', 'vector domain domain domain', '3-color space space space'):
         path = write(tool, 'rgb.nrrd', nrrd_header('u1', (3,) + SHAPE[::-1], fields=f'kinds: {kinds}\n'), colours.tobytes())
         for i, name in enumerate(('red', 'green', 'blue')):
-            tool.equal(f'{path}?field={name}', colours[..., i], name=name)
+            tool.typed('NRRD', 'RGB', f'{path}?field={name}', colours[..., i], name=name)
+    with_alpha = values('u1', SHAPE + (4,))
+    path = write(tool, 'rgba.nrrd', nrrd_header('u1', (4,) + SHAPE[::-1], fields='kinds: RGBA-color domain domain domain\n'), with_alpha.tobytes())
+    for i, name in enumerate(('red', 'green', 'blue', 'alpha')):
+        tool.typed('NRRD', 'RGBA', f'{path}?field={name}', with_alpha[..., i], name=name)
     four = values('i2', SHAPE + (4,))
     path = write(tool, 'four.nrrd', nrrd_header('<i2', (4,) + SHAPE[::-1], fields='kinds: vector domain domain domain\n'), four.tobytes())
-    tool.equal(f'{path}?field=component 3', four[..., 2])
+    tool.layout('NRRD', 'components side by side (the first axis)', f'{path}?field=component 3', four[..., 2])
     path = write(tool, 'planar.nrrd', nrrd_header('<i2', SHAPE[::-1] + (4,), fields='kinds: domain domain domain 4-vector\n'), four.tobytes())
-    tool.equal(f'{path}?field=component 2', four.reshape((4,) + SHAPE)[1])
+    tool.layout('NRRD', 'components behind one another (the last axis)', f'{path}?field=component 2', four.reshape((4,) + SHAPE)[1])
     both = values('u1', (2,) + SHAPE + (3,))  # time, z, y, x, colour
     path = write(tool, 'film.nrrd', nrrd_header('u1', (3,) + SHAPE[::-1] + (2,), fields='kinds: RGB-color domain domain domain time\n'),
                  both.tobytes())
-    tool.equal(f'{path}?field=blue', both[1, ..., 2], step=1, steps=2)
+    tool.layout('NRRD', 'colours and time', f'{path}?field=blue', both[1, ..., 2], step=1, steps=2)
     steps = values('<i2', (4,) + SHAPE)
     for kinds in ('domain domain domain list', 'domain domain domain time', 'domain domain domain domain'):
         path = write(tool, 'steps.nrrd', nrrd_header('<i2', SHAPE[::-1] + (4,), fields=f'kinds: {kinds}\n'), steps.tobytes())
-        tool.equal(path, steps[2], step=2, steps=4)
+        tool.layout('NRRD', f'kinds {kinds}', path, steps[2], step=2, steps=4, result='steps')
     for i in range(4):
         steps[i].tofile(tool.path(f'part{i}.raw'))
     path = write(tool, 'parts.nhdr', nrrd_header('<i2', SHAPE[::-1] + (4,), fields='data file: part%d.raw 0 3 1\n'))
-    tool.equal(path, steps[3], step=3, steps=4)
+    tool.layout('NRRD', 'steps in files of their own (part%d.raw)', path, steps[3], step=3, steps=4)
     path = write(tool, 'first.nrrd', nrrd_header('<i2', (4,) + SHAPE[::-1], fields='kinds: list domain domain domain\n'), four.tobytes())
     tool.equal(path, four[..., 1], step=1, steps=4)
-    parts = values('<c8')
-    path = write(tool, 'complex.nrrd', nrrd_header('<f4', (2,) + SHAPE[::-1], fields='kinds: complex domain domain domain\n'), parts.tobytes())
-    tool.equal(path, numpy.abs(parts))
+    for dtype, number in (('c8', 'f4'), ('c16', 'f8')):
+        for order in '<>':
+            parts = values(order + dtype)
+            path = write(tool, 'complex.nrrd', nrrd_header(order + number, (2,) + SHAPE[::-1], fields='kinds: complex domain domain domain\n'), parts.tobytes())
+            tool.typed('NRRD', kind_of(dtype), path, numpy.abs(parts))
     warned(tool, path, 'magnitude')
     image = SimpleITK.GetImageFromArray(steps, isVector=False)
     image.SetSpacing((1, 2, 3, 0.5))
@@ -152,10 +165,14 @@ def check_nrrd_headers(tool):
         else:
             like_itk(tool, path, is_ras='RAS' in fields)
     warned(tool, write(tool, 'nan.nrrd', nrrd_header('<i2', sizes, fields='spacings: 1 NaN 3\n'), data.tobytes()), 'taken as 1')
-    tool.refused(write(tool, 'zero.nrrd', nrrd_header('<i2', sizes, fields='spacings: 1 0 3\n'), data.tobytes()), 'spacings', 'is 0')
+    zero = write(tool, 'zero.nrrd', nrrd_header('<i2', sizes, fields='spacings: 1 0 3\n'), data.tobytes())
+    tool.layout_refused('NRRD', 'spacings of 0', zero, 'is 0', 'spacings')
     warned(tool, write(tool, 'rest.nrrd', nrrd_header('<i2', sizes), data.tobytes() + b'rest'), '4 bytes behind')
     like_itk(tool, tool.path('rest.nrrd'))
-    tool.refused(write(tool, 'cut.nrrd', nrrd_header('<i2', sizes), data.tobytes()[:-1]), 'cut off')
+    tool.layout_refused('NRRD', 'fewer samples than the header says', write(tool, 'cut.nrrd', nrrd_header('<i2', sizes), data.tobytes()[:-1]), 'cut off')
+    tool.layout_refused('NRRD', 'encoding zrl', write(tool, 'zrl.nrrd', nrrd_header('<i2', sizes, 'zrl'), data.tobytes()), 'zrl')
+    block = nrrd_header('<i2', sizes).replace('type: short', 'type: block\nblock size: 2')
+    tool.layout_refused('NRRD', 'type block', write(tool, 'block.nrrd', block, data.tobytes()), 'block')
     with open(tool.path('skip.raw'), 'wb') as file:
         file.write(b'one\ntwo\nxyz' + data.tobytes())
     for fields in ('byte skip: -1\n', 'line skip: 2\nbyte skip: 3\n'):
@@ -184,15 +201,15 @@ def check_metaimage(tool):
     for dtype in REALS:
         for ending in ('mha', 'mhd'):
             SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values(dtype)), tool.path(f's.{ending}'), ending == 'mhd')
-            like_itk(tool, tool.path(f's.{ending}'), unit='mm')
+            like_itk(tool, tool.path(f's.{ending}'), unit='mm', compare=functools.partial(tool.typed, 'MetaImage', kind_of(dtype)))
         data = values('>' + dtype)
-        like_itk(tool, write(tool, 'big.mha', meta_header('>' + dtype), data.tobytes()))
+        like_itk(tool, write(tool, 'big.mha', meta_header('>' + dtype), data.tobytes()), compare=functools.partial(tool.typed, 'MetaImage', kind_of(dtype)))
         text = write(tool, 'text.mha', meta_header(dtype, 'BinaryData = False\n'), encode(data, 'ascii') + b'\n')
-        tool.equal(text, data)
+        tool.typed('MetaImage', kind_of(dtype), text, data, 'text (BinaryData = False)')
     for size in (4, 8):
         for name, kind in (('MET_LONG', 'i'), ('MET_ULONG', 'u')):
             data = values(f'<{kind}{size}')
-            tool.equal(write(tool, 'long.mha', meta_header(name), data.tobytes()), data)
+            tool.layout('MetaImage', f'{name} of {size} bytes, as the size of the file says', write(tool, 'long.mha', meta_header(name), data.tobytes()), data)
     warned(tool, tool.path('long.mha'), '8 bytes per number')
     data = values('<i2')
     for more in ('ElementSpacing = 1 -2 3\n', 'ElementSize = 2 3 4\n', 'Position = 1 2 3\nTransformMatrix = 0 1 0 -1 0 0 0 0 1\n',
@@ -201,7 +218,8 @@ def check_metaimage(tool):
     for i in range(3):
         data[i].tofile(tool.path(f'slice{i}.raw'))
     for names in ('LIST\nslice0.raw\nslice1.raw\nslice2.raw', 'LIST 2D\nslice0.raw\nslice1.raw\nslice2.raw', 'slice%d.raw 0 2 1'):
-        tool.equal(write(tool, 'list.mhd', meta_header('<i2', data=names)), data)
+        path = write(tool, 'list.mhd', meta_header('<i2', data=names))
+        tool.layout('MetaImage', 'slices in files of their own: ' + names.split('\n', maxsplit=1)[0], path, data)
     data.tofile(tool.path('all.raw'))
     data.tofile(tool.path('head.raw'))
     with open(tool.path('head.raw'), 'wb') as file:
@@ -210,22 +228,22 @@ def check_metaimage(tool):
         like_itk(tool, write(tool, 'head.mhd', meta_header('<i2', f'HeaderSize = {size}\n', 'head.raw')))
     packed = write(tool, 'z.mha', meta_header('<i2', f'CompressedData = True\nCompressedDataSize = {len(zlib.compress(data.tobytes()))}\n'),
                    zlib.compress(data.tobytes()))
-    like_itk(tool, packed)
+    like_itk(tool, packed, compare=functools.partial(tool.layout, 'MetaImage', 'zlib (CompressedData)'))
     for channels, names in ((3, ('red', 'green', 'blue')), (4, ('red', 'green', 'blue', 'alpha'))):
         colours = values('u1', SHAPE + (channels,))
         SimpleITK.WriteImage(SimpleITK.GetImageFromArray(colours, isVector=True), tool.path('rgb.mha'))
         for i, name in enumerate(names):
-            tool.equal(tool.path('rgb.mha') + f'?field={name}', colours[..., i], name=name)
+            tool.typed('MetaImage', ('RGB', 'RGBA')[channels - 3], tool.path('rgb.mha') + f'?field={name}', colours[..., i], name=name)
     steps = values('<u2', (3,) + SHAPE)
     image = SimpleITK.GetImageFromArray(steps, isVector=False)
     for ending in ('mha', 'mhd'):
         SimpleITK.WriteImage(image, tool.path(f'steps.{ending}'), ending == 'mha')
-        like_itk(tool, tool.path(f'steps.{ending}'), step=1, steps=3)
+        like_itk(tool, tool.path(f'steps.{ending}'), step=1, steps=3, compare=functools.partial(tool.layout, 'MetaImage', 'four dimensions', result='steps'))
     for i in range(3):
         steps[i].tofile(tool.path(f'step{i}.raw'))
     path = write(tool, 'steps.mhd', meta_header('<u2', data='LIST 3D\nstep0.raw\nstep1.raw\nstep2.raw', dims=SHAPE[::-1] + (3,)))
-    tool.equal(path, steps[2], step=2, steps=3)
-    tool.refused(write(tool, 'cut.mha', meta_header('<i2'), data.tobytes()[:-2]), 'cut off')
+    tool.layout('MetaImage', 'steps in files of their own: LIST 3D', path, steps[2], step=2, steps=3)
+    tool.layout_refused('MetaImage', 'fewer samples than the header says', write(tool, 'cut.mha', meta_header('<i2'), data.tobytes()[:-2]), 'cut off')
 
 
 # NIfTI
@@ -252,11 +270,11 @@ def place(affine):
     return {'spacing': spacing.tolist(), 'direction': (affine[:3, :3] / spacing).ravel().tolist(), 'origin': affine[:3, 3].tolist()}
 
 
-def like_nibabel(tool, path, step=0, **wanted):
+def like_nibabel(tool, path, step=0, compare=None, **wanted):
     image = nibabel.load(path)
     data = shown(numpy.asanyarray(image.dataobj))
     data = data.reshape(data.shape + (1,) * (3 - data.ndim))
-    tool.equal(path, (data[..., step] if data.ndim == 4 else data).T, step, **place(image.affine), **wanted)
+    (compare or tool.equal)(path, (data[..., step] if data.ndim == 4 else data).T, step=step, **place(image.affine), **wanted)
 
 
 def check_nifti_types(tool):
@@ -267,15 +285,16 @@ def check_nifti_types(tool):
                                  (nibabel.Nifti2Pair, 'hdr')):
                 image = kind(data, TURNED, header=kind.header_class(endianness=order), dtype=data.dtype)
                 image.to_filename(tool.path(f't.{ending}'))
-                like_nibabel(tool, tool.path(f't.{ending}'))
+                compare = functools.partial(tool.typed, 'NIfTI', kind_of(dtype), layout=f'{kind.__name__} of nibabel, .{ending}')
+                like_nibabel(tool, tool.path(f't.{ending}'), compare=compare)
     for channels, names in (((('R', 'u1'), ('G', 'u1'), ('B', 'u1')), ('red', 'green', 'blue')),
                             ((('R', 'u1'), ('G', 'u1'), ('B', 'u1'), ('A', 'u1')), ('red', 'green', 'blue', 'alpha'))):
         colours = values('u1', SHAPE[::-1] + (len(names),))
         nibabel.Nifti1Image(colours.view(numpy.dtype(list(channels)))[..., 0], TURNED).to_filename(tool.path('rgb.nii'))
         for i, name in enumerate(names):
-            tool.equal(tool.path('rgb.nii') + f'?field={name}', colours[..., i].T, name=name)
+            tool.typed('NIfTI', ('RGB', 'RGBA')[len(names) - 3], tool.path('rgb.nii') + f'?field={name}', colours[..., i].T, name=name)
     for number, name in ((1, 'bits'), (1536, '16 bytes'), (2048, '16 bytes')):
-        tool.refused(nifti_file(tool, values('i2').T, edits=[(70, 'h', number)]), 'datatype', name)
+        tool.layout_refused('NIfTI', f'datatype {number}', nifti_file(tool, values('i2').T, edits=[(70, 'h', number)]), name, 'datatype')
 
 
 def check_nifti_shapes(tool):
@@ -283,9 +302,9 @@ def check_nifti_shapes(tool):
         like_nibabel(tool, nifti_file(tool, values('<i2', shape)))
     data = values('<i2', (5, 4, 3, 2, 3))
     path = nifti_file(tool, data)
-    tool.equal(f'{path}?field=component 2', data[..., 1, 1].T, step=1, steps=2)
+    tool.layout('NIfTI', 'five dimensions', f'{path}?field=component 2', data[..., 1, 1].T, step=1, steps=2, result='steps and components')
     data = values('<i2', (5, 4, 3, 1, 2, 2, 2))
-    tool.equal(nifti_file(tool, data) + '?field=component 7', data[:, :, :, 0, 0, 1, 1].T)
+    tool.layout('NIfTI', 'seven dimensions', nifti_file(tool, data) + '?field=component 7', data[:, :, :, 0, 0, 1, 1].T, result='components')
     data = values('<i2', (5, 4, 3))
     for dims in ((3, 5, 4, 3, 0, 0, 0, 0), (4, 5, 4, 3, 0, 1, 1, 1), (5, 5, 4, 3, 1, 1, 0, 0)):
         tool.equal(nifti_file(tool, data, edits=[(40, '8h', *dims)]), data.T)
@@ -297,7 +316,7 @@ def check_nifti_scales(tool):
     nan = float('nan')
     for slope, inter in ((2, -1), (0.5, 0), (-1, 3), (1, 0), (0, 5), (nan, nan), (nan, 5), (0, nan), (float('inf'), 0)):
         path = nifti_file(tool, data, edits=[(112, '2f', slope, inter)])
-        like_nibabel(tool, path)
+        like_nibabel(tool, path, compare=functools.partial(tool.layout, 'NIfTI', 'scl_slope, scl_inter; 0, NaN and infinite ones', result='as nibabel scales'))
     path = nifti_file(tool, data, edits=[(112, '2f', 2, nan)])
     tool.equal(path, 2.0 * data.T)
     warned(tool, path, 'scl_inter')
@@ -346,7 +365,7 @@ def check_nifti_offsets(tool):
                 with open(path, 'rb') as file, gzip.open(path + '.gz', 'wb') as out:
                     out.write(file.read())
                 path += '.gz'
-            tool.equal(path, data.T)
+            tool.layout('NIfTI', 'vox_offset inside of the header', path, data.T, result='read from its end, with a warning')
             warned(tool, path, 'vox_offset')
     path = nifti_file(tool, data, edits=[(108, 'f', 348)])
     with open(path, 'rb') as file:
@@ -355,7 +374,7 @@ def check_nifti_offsets(tool):
     tool.equal(path, data.T)
     path = write(tool, 'far.nii', '', content[:108] + struct.pack('<f', 400) + content[112:352] + bytes(48) + content[352:])
     like_nibabel(tool, path)
-    tool.refused(nifti_file(tool, data, edits=[(108, 'f', 1e6)]), 'cut off')
+    tool.layout_refused('NIfTI', 'vox_offset behind the end', nifti_file(tool, data, edits=[(108, 'f', 1e6)]), 'cut off')
     tool.refused(nifti_file(tool, data, edits=[(108, 'f', -5)]), 'vox_offset')
     tool.refused(write(tool, 'cut.nii', '', content[:-1]), 'cut off')
 
@@ -366,7 +385,8 @@ def check_analyze(tool):
         image = kind(data, None)
         image.header.set_zooms((1.5, 2, 3))
         image.to_filename(tool.path('a.img'))
-        tool.equal(tool.path('a.hdr'), data.T, spacing=[1.5, 2, 3], unit='mm', anatomy='')
+        tool.layout('NIfTI', f'ANALYZE 7.5 ({kind.__name__} of nibabel)', tool.path('a.hdr'), data.T, spacing=[1.5, 2, 3], unit='mm', anatomy='',
+                    result='read, without left and right')
         warned(tool, tool.path('a.hdr'), 'left and right')
 
 
@@ -385,7 +405,7 @@ def check_mrc(tool):
                     file.voxel_size = (0.75, 0.5, 2)
                     file.header.origin.x, file.header.origin.y, file.header.origin.z = 1, 2, 3
                     file.set_extended_header(numpy.zeros(40, 'V4'))
-                tool.equal(path, shown(data), spacing=[0.75, 0.5, 2], origin=[1, 2, 3], unit='angstrom')
+                tool.typed('MRC', kind_of(dtype), path, shown(data), f'.{ending}', spacing=[0.75, 0.5, 2], origin=[1, 2, 3], unit='angstrom')
     path = tool.path('axes.mrc')
     data = values('f4')
     with mrcfile.new(path, overwrite=True) as file:
@@ -395,16 +415,16 @@ def check_mrc(tool):
         file.header.mx, file.header.my, file.header.mz = 4, 3, 5
         file.header.cella = (3, 1.5, 10)
         file.header.nxstart, file.header.nystart, file.header.nzstart = 1, 2, 3
-    tool.equal(path, data, spacing=[2, 0.75, 0.5], direction=[0, 1, 0, 0, 0, 1, 1, 0, 0], origin=[1.5, 1.5, 2])
+    tool.layout('MRC', 'columns along z (MAPC, MAPR, MAPS)', path, data, spacing=[2, 0.75, 0.5], direction=[0, 1, 0, 0, 0, 1, 1, 0, 0], origin=[1.5, 1.5, 2])
     volumes = values('f4', (2,) + SHAPE)
     with mrcfile.new(tool.path('stack.mrc'), overwrite=True) as file:
         file.set_data(volumes)
-    tool.equal(tool.path('stack.mrc'), volumes[1], step=1, steps=2)
+    tool.layout('MRC', 'a stack of volumes (space group 401)', tool.path('stack.mrc'), volumes[1], step=1, steps=2, result='steps')
     tool.refused(write(tool, 'bad.mrc', '', bytes(1024)), 'no MRC file')
     with open(path, 'rb') as file:
         content = file.read()
-    tool.refused(write(tool, 'cut.mrc', '', content[:-1]), 'cut off')
-    tool.refused(write(tool, 'mode.mrc', '', content[:12] + struct.pack('<i', 101) + content[16:]), 'mode 101')
+    tool.layout_refused('MRC', 'fewer samples than the header says', write(tool, 'cut.mrc', '', content[:-1]), 'cut off')
+    tool.layout_refused('MRC', '4 bits (mode 101)', write(tool, 'mode.mrc', '', content[:12] + struct.pack('<i', 101) + content[16:]), 'mode 101')
 
 
 def check_gipl(tool):
@@ -417,7 +437,7 @@ def check_gipl(tool):
                 SimpleITK.WriteImage(image, tool.path(f'g.{ending}'))
             except RuntimeError:  # ITK does not write this type
                 continue
-            like_itk(tool, tool.path(f'g.{ending}'), unit='mm')
+            like_itk(tool, tool.path(f'g.{ending}'), unit='mm', compare=functools.partial(tool.typed, 'GIPL', kind_of(dtype)))
 
 
 def check_minc(tool):
