@@ -229,7 +229,7 @@ static void bad_files_are_refused(void **state) {
     load_error("d.xyz", SP_ERR_FORMAT, "d.xyz: byte 0", "no binary form of a PLOT3D grid");
     write_file("d.xyz", grid.bytes, grid.size);
     write_file("d.q", flow.bytes, flow.size);
-    load_error("d.xyz", SP_ERR_FORMAT, "d.q", "dimensions of the flow");
+    load_error("d.xyz", SP_ERR_FORMAT, "d.q", "other dimensions than its grid");
     write_file("d.q", flow.bytes, flow.size + 1);
     load_error("d.xyz", SP_ERR_FORMAT, "d.q", "no binary form of a PLOT3D flow");
     write_file("d.q", "", 0);

@@ -120,7 +120,7 @@ static void bad_files_are_refused(void **state) {
         enum sp_code code;
         const char *place, *text;
     } cases[] = {
-        { 0, 'X', SP_ERR_FORMAT, "magic", "not that of an SPZ file" },
+        { 0, 'X', SP_ERR_FORMAT, "magic", "does not begin like an SPZ file" },
         { 4, 0, SP_ERR_UNSUPPORTED, "version", "is 0" },
         { 4, 4, SP_ERR_UNSUPPORTED, "version", "is 4; supported are 1 to 3" },
         { 8, 200, SP_ERR_FORMAT, "byte ", "ends before the 200 Gaussians" },

@@ -126,7 +126,7 @@ static void bad_stacks_are_refused(void **state) {
     write_png("w2.png", NX, 1, 16, rows);
     load_error("w1.png", SP_ERR_UNSUPPORTED, "w2.png", "uint16");
     write_text("w2.png", "no image");
-    load_error("w1.png", SP_ERR_FORMAT, "w2.png", "no PNG or JPEG");
+    load_error("w1.png", SP_ERR_FORMAT, "w2.png", "neither PNG nor JPEG");
     write_file("cut.png", "\x89PNG\r\n\x1a\n", 8);
     load_error("cut.png", SP_ERR_FORMAT, "cut.png", "");
 }
