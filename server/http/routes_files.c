@@ -116,7 +116,7 @@ static void run_search(struct srv_work *work) {
         .data = srv_catalog_data(request->app->catalog),
         .text = listing->find,
         .hits = listing->page.items,
-        .hits_max = listing->page.max - 1, /* a page has room for one item more */
+        .hits_max = listing->page.max - 1, /* a page has capacity for one more */
         .names_max = SEARCH_NAMES,
         .end_ms = srv_clock_ms() + SEARCH_MS,
     };

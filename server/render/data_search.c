@@ -65,7 +65,7 @@ static bool fail_memory(struct sp_error *err) {
     return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a search of the data folder");
 }
 
-/* Makes room for one item more in an array. */
+/* Grows an array that is full. */
 static bool reserve(void **list, unsigned count, unsigned *capacity, size_t item_bytes) {
     if (count < *capacity)
         return true;
@@ -154,7 +154,7 @@ static int compare_names(const void *a, const void *b) {
     return order ? order : strcmp(first->text, second->text);
 }
 
-/* Returns NULL if there is no room: the list is cut. */
+/* Returns NULL if the array is full: the list is cut. */
 static struct srv_data_hit *add_hit(struct srv_data_search *search, const struct place *place,
                                     const struct srv_data_entry *entry) {
     if (search->count == search->hits_max) {
