@@ -57,6 +57,7 @@ static void reading(void **state) {
         "sessions",
         "views",
         "files",
+        "files/series",
     };
     char path[128];
     wait_for_volume();
