@@ -201,7 +201,7 @@ def check_damage(tool):
         file.truncate(0)
     whole(tool, series.folder)
     whole(tool, series.path('02.dcm'))
-    warned(tool, series.folder, '3 damaged', '06.dcm', '07.dcm', '08.dcm')
+    warned(tool, series.folder, '3 files', '06.dcm', '07.dcm', '08.dcm')
     tool.refused(series.path('06.dcm'), 'cut off')
     packed = Series(tool, 'damage-packed')
     for z in range(8):
@@ -213,7 +213,7 @@ def check_damage(tool):
     with open(packed.path('I7'), 'r+b') as file:
         file.write(bytes(os.path.getsize(file.name)))
     whole(tool, packed.folder)
-    warned(tool, packed.folder, '2 damaged', 'I6', 'I7')
+    warned(tool, packed.folder, '2 files', 'I6', 'I7')
     with open(packed.path('I3'), 'r+b') as file:  # the fragments are whole, the pixels are not
         file.seek(-100, os.SEEK_END)
         file.write(b'\x81' * 80)

@@ -266,7 +266,7 @@ static void ply_is_read(void **state) {
                           "property float y\nproperty float z\nelement face 1\n"
                           "property list int int vertex_index\nend_header\n"
                           "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n");
-    load_error("far.ply", SP_ERR_FORMAT, "far.ply", "does not exist in face 0");
+    load_error("far.ply", SP_ERR_FORMAT, "far.ply", "is not in the file, in face 0");
     write_text("none.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
                            "property float y\nproperty float z\nelement face 1\n"
                            "property int vertex_index\nend_header\n0 0 0\n0\n");

@@ -148,7 +148,7 @@ static void known_files_have_the_recorded_contents(void **state) {
           { 4, 4, 4 },
           { 0, 0, 0 },
           { 0, 255 },
-          "",
+          "mm", /* the unit of MetaImage where the header has none */
           "714ff5b2db59d3867675d0f2419c24a71ed234985b39dc1ea83ee7d72110de4b" },
         { "formats/dicom/CTHeadAxialDicom/CTHead50.dcm", /* pydicom 3 */
           SP_INT16,

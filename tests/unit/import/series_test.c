@@ -173,7 +173,7 @@ static void bad_lists_are_refused(void **state) {
         { "x.pvd", "<a><DataSet file=\"../../etc/passwd\"/></a>", SP_ERR_DENIED, "" },
         { "x.pvd", "<a><DataSet file=\"x.pvd\"/></a>", SP_ERR_UNSUPPORTED, "a series of its own" },
         { "x.series", "{", SP_ERR_FORMAT, "line 1" },
-        { "x.series", "{\"files\": 3}", SP_ERR_FORMAT, "no list \"files\"" },
+        { "x.series", "{\"files\": 3}", SP_ERR_FORMAT, "the list \"files\" is missing" },
         { "x.series", "{\"files\": [{\"name\": 3}]}", SP_ERR_FORMAT, "has no name" },
         { "x.series", "{\"files\": [{\"name\": \"a\", \"time\": \"b\"}]}", SP_ERR_FORMAT,
           "is not a number" },

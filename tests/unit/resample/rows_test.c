@@ -74,6 +74,7 @@ static void levels_are_those_of_the_samples(void **state) {
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         const double low = rows[i].low, high = rows[i].high;
         struct sp_curve curve = { .base = low,
+                                  .data = { -INFINITY, INFINITY },
                                   .levels_per_unit =
                                       (CURVE_LEVEL_MAX - CURVE_LEVEL_MIN) / (high - low) };
         static const int counts[] = { 1, 2, 7, 8, 16, 31, 32, 33, 64, 100, 350 };

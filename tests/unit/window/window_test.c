@@ -403,6 +403,14 @@ static void the_first_view_is_that_of_the_volume_in_memory(void **state) {
         assert_float_equal(got.camera.target[r], want.camera.target[r], 5);
         assert_float_equal(got.camera.up[r], want.camera.up[r], 1e-6);
     }
+    /* The colours are equal. One colour for both images, because the steep colours of a smooth
+     * field would multiply the small shift of the window that the floor allows. */
+    for (uint32_t i = 0; i < a->point_count; i++)
+        for (int c = 0; c < 3; c++) {
+            assert_float_equal(b->points[i].color[c], a->points[i].color[c], 1e-6);
+            got.transfer_function.points[i].color[c] = 1;
+            want.transfer_function.points[i].color[c] = 1;
+        }
     got.level_of_detail = want.level_of_detail = SP_LOD_OFF;
     got.size[0] = got.size[1] = want.size[0] = want.size[1] = SIDE;
     struct sp_frame *truth = rig_render(rig, rig->whole, &want, 0),
