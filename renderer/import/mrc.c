@@ -155,8 +155,8 @@ static bool take_axes(struct parsing *p) {
     for (int i = 0; i < 3; i++) {
         const int32_t axis = whole_at(p, AXES + 4 * (size_t)i);
         is_given |= axis != 0;
-        p->axes[i] = axis - 1;
-        if (axis >= 1 && axis <= 3)
+        p->axes[i] = axis >= 1 && axis <= 3 ? axis - 1 : -1;
+        if (p->axes[i] >= 0)
             seen[axis - 1] = true;
     }
     if (!is_given) /* old files leave them out */
@@ -164,8 +164,8 @@ static bool take_axes(struct parsing *p) {
             p->axes[i] = i;
     return !is_given || (seen[0] && seen[1] && seen[2]) ||
            REFUSE(SP_ERR_FORMAT, AXES, "mapc, mapr, maps",
-                  "%d, %d and %d are not the axes 1, 2 and 3 in some order", p->axes[0] + 1,
-                  p->axes[1] + 1, p->axes[2] + 1);
+                  "%d, %d and %d are not the axes 1, 2 and 3 in some order", whole_at(p, AXES),
+                  whole_at(p, AXES + 4), whole_at(p, AXES + 8));
 }
 
 /* Directions of the edges of the cell as columns: a along x, b in the plane of x and y. False if

@@ -60,10 +60,10 @@ static const struct dicom_image usual = {
 };
 
 static bool describe(const char *path, struct dicom_image *image, char *why, size_t capacity) {
-    bool *const flags[] = { &image->is_signed,   &image->is_float,      &image->is_bits,
-                            &image->is_planar,   &image->is_packed,     &image->is_swapped,
-                            &image->is_labels,   &image->is_in_patient, &image->has_number,
-                            &image->is_directory };
+    bool *const flags[] = { &image->is_signed,    &image->is_float,      &image->is_bits,
+                            &image->is_planar,    &image->is_packed,     &image->is_swapped,
+                            &image->is_labels,    &image->is_in_patient, &image->has_number,
+                            &image->is_directory, &image->is_tiled };
     unsigned char bytes[sizeof *image] = { 0 };
     *image = usual;
     snprintf(why, capacity, "too short");

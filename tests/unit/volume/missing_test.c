@@ -31,7 +31,7 @@ static struct sp_volume *make(enum sp_type type, double low, double high, double
     for (int i = 0; i < COUNT; i++) {
         reals[i] = i % every == 5 ? mark : low + (high - low) * i / (COUNT - 1);
         floats[i] = (float)reals[i];
-        shorts[i] = (int16_t)fmax(reals[i], INT16_MIN);
+        shorts[i] = (int16_t)fmin(fmax(reals[i], INT16_MIN), INT16_MAX);
     }
     const void *voxels = type == SP_FLOAT64 ? (void *)reals
                          : type == SP_INT16 ? (void *)shorts
