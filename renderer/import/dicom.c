@@ -16,6 +16,7 @@
 #include "import/dicom_frames.h"
 #include "import/dicom_grid.h"
 #include "import/dicom_samples.h"
+#include "import/dicom_times.h"
 #include "import/module.h"
 #include "volume/sample.h"
 #include "volume/volume.h"
@@ -59,6 +60,7 @@ static bool find_slices(struct dicom *d, struct import_header *header, struct sp
         return false;
     header->took_folder = is_series && slices->count > 1;
     header->used_series = is_series;
+    dicom_times_pass_midnight(slices);
     const bool is_sorted = dicom_slices_sort(slices) &&
                            (!slices->items[0].is.segment || dicom_slices_fill_gaps(slices));
     return (is_sorted ||

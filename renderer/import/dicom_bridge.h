@@ -25,7 +25,7 @@ enum dicom_key {
     DICOM_KEY_OTHER,     /* dimensions that the reader does not know */
     DICOM_KEY_PHASE,     /* temporal position, a number */
     DICOM_KEY_DELAY,     /* time since a trigger, such as a heartbeat, or since the start [s] */
-    DICOM_KEY_CLOCK,     /* time of the acquisition [s], from any origin */
+    DICOM_KEY_CLOCK, /* time of the acquisition [s], since 1970; less than a day: no date known */
     DICOM_KEY_COUNT
 };
 
@@ -36,6 +36,7 @@ struct dicom_frame {    /* what a file says about one of its images */
     double spacing[3];  /* between columns, rows and slices or frames [mm]; 0 = not known; that of
                            slices is negative where they go against the normal */
     bool is_spaced;     /* the distance between slices is given, not only their thickness */
+    bool is_assumed;    /* the file gives neither: the next frame is taken to lie 1 mm apart */
     double slope, intercept;
     double keys[DICOM_KEY_COUNT];
     uint32_t segment; /* its label; 0 = this is no segmentation */

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/vec.h"
 
@@ -116,6 +117,30 @@ static bool place_slices(const struct dicom_slices *slices, struct import_warnin
     return ok;
 }
 
+static bool is_of_body(const struct dicom_image *image) {
+    return strcmp(image->modality, "CT") == 0 || strcmp(image->modality, "MR") == 0 ||
+           strcmp(image->modality, "PT") == 0;
+}
+
+/* Says what the file does not tell about places, and what is shown instead. dicom_folder.c says it
+ * of files without positions. */
+static void warn_of_missing(const struct dicom_slices *slices, const struct dicom_source *source) {
+    struct import_warnings *warnings = source->file->warnings;
+    const struct dicom_frame *first = &slices->items[0].is;
+    const bool is_stack = slices->planes > 1, is_body = is_of_body(&source->image);
+    const bool has_pixels = first->spacing[0] > 0 && first->spacing[1] > 0;
+    if (!first->is_placed && (slices->count == 1 ? is_body : source->image.frames > 1 && is_stack))
+        import_warn(warnings, "The file does not say where its images lie: they are shown in the "
+                              "order of the file, and left, right, front and back are not known.");
+    if (!has_pixels && (is_stack || is_body))
+        import_warn(warnings, "The file does not say how far apart its pixels are: they are shown "
+                              "1 apart, without a unit.");
+    if (is_stack && (first->is_assumed || (!first->is_placed && first->spacing[2] == 0)))
+        import_warn(warnings,
+                    "The file does not say how far apart its slices are: they are shown 1%s apart.",
+                    has_pixels ? " mm" : "");
+}
+
 bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_source *source,
                      struct import_header *header, double **places, struct sp_error *err) {
     struct sp_grid *grid = &header->grid;
@@ -130,6 +155,7 @@ bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_sourc
     for (int axis = 0; axis < 3; axis++)
         grid->spacing[axis] = first->spacing[axis] != 0 ? fabs(first->spacing[axis]) : 1;
     snprintf(header->unit, sizeof header->unit, "%s", is_mm ? "mm" : "");
+    warn_of_missing(slices, source);
     if (!first->is_placed)
         return true;
     for (int row = 0; row < 3; row++) {

@@ -50,21 +50,41 @@ double days_of(int year, int month, int day) {
     return era * 146097.0 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719468;
 }
 
-/* Seconds of "YYYYMMDDHHMMSS.FFFFFF", or NaN. The time zone does not change within a file. */
+/* Seconds of "YYYYMMDDHHMMSS.FFFFFF" since 1970, or NaN; what follows the month may be missing. The
+ * time zone does not change within a series. */
 double seconds_of(const std::string &text) {
     int year = 0, month = 1, day = 1, hour = 0, minute = 0;
     double second = 0;
-    if (sscanf(text.c_str(), "%4d%2d%2d%2d%2d%lf", &year, &month, &day, &hour, &minute, &second) <
+    const std::string local = text.substr(0, text.find_first_of("+-"));
+    if (sscanf(local.c_str(), "%4d%2d%2d%2d%2d%lf", &year, &month, &day, &hour, &minute, &second) <
             3 ||
         year < 1 || month < 1 || month > 12)
         return NAN;
     return days_of(year, month, day) * 86400 + hour * 3600 + minute * 60 + second;
 }
 
-/* A time of the file, with its date if there is one. */
+const double DAY = 86400;
+
+/* Without the marks that old files write: "2001.02.03", "10:20:30". */
+std::string digits_of(const gdcm::DataSet &file, uint16_t element, const char *marks) {
+    std::string text = dicom_text(file, 0x0008, element);
+    for (size_t at; (at = text.find_first_of(marks)) != std::string::npos;)
+        text.erase(at, 1);
+    return text;
+}
+
+/* A time of the file with its date. Without a date it is a time of day: less than DAY. */
 double clock_of(const gdcm::DataSet &file, uint16_t date, uint16_t time) {
-    const std::string day = dicom_text(file, 0x0008, date), text = dicom_text(file, 0x0008, time);
-    return text.empty() ? NAN : seconds_of((day.size() == 8 ? day : "20000101") + text);
+    const std::string day = digits_of(file, date, "."), text = digits_of(file, time, ":");
+    return text.empty() ? NAN : seconds_of((day.size() == 8 ? day : "19700101") + text);
+}
+
+/* The time of the acquisition. If only the content has a date, it is the nearest such time. */
+double acquisition_of(const gdcm::DataSet &file) {
+    const double clock = clock_of(file, 0x0022, 0x0032), content = clock_of(file, 0x0023, 0x0033);
+    if (!(clock < DAY) || !(content >= DAY))
+        return clock;
+    return clock + DAY * std::round((content - clock) / DAY);
 }
 
 bool copy_numbers(const numbers &from, size_t count, double *out) {
@@ -289,7 +309,7 @@ void fill_time(const groups &in, dicom_frame &frame) {
     set_key(frame, DICOM_KEY_DELAY, dicom_number(in.file, 0x0018, 0x1060), 1e-3);
     set_key(frame, DICOM_KEY_DELAY, dicom_number(in.file, 0x0054, 0x1300), 1e-3);
     set_key(frame, DICOM_KEY_CLOCK, seconds_of(dicom_text(in.file, 0x0008, 0x002a)));
-    set_key(frame, DICOM_KEY_CLOCK, clock_of(in.file, 0x0022, 0x0032)); /* of the acquisition */
+    set_key(frame, DICOM_KEY_CLOCK, acquisition_of(in.file));
     if (dicom_text(in.file, 0x0020, 0x0013).empty())
         set_key(frame, DICOM_KEY_CLOCK, clock_of(in.file, 0x0023, 0x0033)); /* of the content */
     if (dicom_text(in.file, 0x0018, 0x0081).empty() && std::isnan(frame.keys[DICOM_KEY_ECHO]))
@@ -412,9 +432,10 @@ void clear(dicom_frame &frame) {
 /* Offsets of the frames of a dose: from the first frame, or positions along z. */
 void place_dose(const gdcm::DataSet &file, uint32_t index, dicom_frame &frame) {
     const numbers offsets = dicom_numbers(file, 0x3004, 0x000c);
-    if (index >= offsets.size())
-        dicom_move(&frame, index * (frame.spacing[2] != 0 ? frame.spacing[2] : 1));
-    else if (offsets[0] != 0 && std::fabs(offsets[0] - frame.position[2]) < 1e-3)
+    if (index >= offsets.size()) {
+        frame.is_assumed = frame.spacing[2] == 0;
+        dicom_move(&frame, index * (frame.is_assumed ? 1 : frame.spacing[2]));
+    } else if (offsets[0] != 0 && std::fabs(offsets[0] - frame.position[2]) < 1e-3)
         frame.position[2] = offsets[index];
     else
         dicom_move(&frame, offsets[index]);
@@ -456,8 +477,10 @@ static void fill_frame(const groups &in, const dicom_image &image, uint32_t inde
         set_key(frame, DICOM_KEY_PHASE, index + 1.0);
     else if (in.file.FindDataElement(gdcm::Tag(0x3004, 0x000c)))
         place_dose(in.file, index, frame);
-    else
-        dicom_move(&frame, index * (frame.spacing[2] != 0 ? frame.spacing[2] : 1));
+    else {
+        frame.is_assumed = frame.spacing[2] == 0;
+        dicom_move(&frame, index * (frame.is_assumed ? 1 : frame.spacing[2]));
+    }
 }
 
 /* What the image shows, in several ways. */

@@ -75,6 +75,7 @@ bool dicom_fill_nuclear(const gdcm::DataSet &set, uint32_t index, dicom_frame *f
     if (!slice && !has_time && !window && !detector)
         return false;
     frame->slot = slice;
+    frame->is_assumed = slice && frame->spacing[2] == 0;
     if (slice)
         dicom_move(frame, (slice - 1) * (frame->spacing[2] != 0 ? frame->spacing[2] : 1));
     if (has_time)

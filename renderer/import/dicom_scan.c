@@ -314,7 +314,7 @@ bool dicom_scan_read(const struct dicom_source *source, struct dicom_scan *scan,
     bool ok =
         source->file->is_folder || is_list || add_image(scan, "", source->file->fd, &source->image);
     ok = ok && read_folder(source, "", scan);
-    if (ok && (is_list || (source->file->is_folder && scan->count == 0)))
+    if (ok && (is_list || source->file->is_folder))
         ok = read_below(source, scan);
     return (ok && mark_copies(scan) && make_stacks(scan)) ||
            sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");

@@ -42,7 +42,7 @@ struct dicom_scan {
 };
 
 /* Reads the headers of the files of a folder; of its sub-folders, too, if the source is a folder
- * without images of its own, or a DICOMDIR. The file that was opened, unless it is a DICOMDIR, is
+ * or a DICOMDIR. The file that was opened, unless it is a DICOMDIR, is
  * an image for sure. After a failure, too, the caller finishes *scan. */
 bool dicom_scan_read(const struct dicom_source *source, struct dicom_scan *scan,
                      struct sp_error *err);

@@ -8,6 +8,8 @@
 
 enum { LIST = 140 }; /* bytes of the names in a warning */
 
+#define DAY 86400.0 /* [s] */
+
 struct times {
     const struct dicom_slices *slices;
     uint32_t *time;       /* owned; of each slice, from 0 */
@@ -162,6 +164,34 @@ static bool leave_out(struct times *t, struct dicom_slices *slices,
                 list);
     return dicom_slices_sort(slices) ||
            sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+}
+
+/* The last time of the morning: the one before the widest gap, if that is longer than half a day.
+ * −1 = there is none. */
+static double last_of_morning(const struct dicom_slices *slices) {
+    const struct dicom_slice *s = slices->items;
+    double last = -1;
+    for (uint32_t i = 0; i < slices->count; i++)
+        if (s[i].is.keys[DICOM_KEY_CLOCK] < DAY / 2)
+            last = fmax(last, s[i].is.keys[DICOM_KEY_CLOCK]);
+    for (uint32_t i = 0; i < slices->count; i++)
+        if (s[i].is.keys[DICOM_KEY_CLOCK] > last && s[i].is.keys[DICOM_KEY_CLOCK] <= last + DAY / 2)
+            return -1;
+    return last;
+}
+
+void dicom_times_pass_midnight(struct dicom_slices *slices) {
+    struct dicom_slice *s = slices->items;
+    for (uint32_t i = 0; i < slices->count; i++)
+        if (!(s[i].is.keys[DICOM_KEY_CLOCK] < DAY)) /* with a date, or not known */
+            return;
+    const double morning = last_of_morning(slices);
+    bool has_evening = false;
+    for (uint32_t i = 0; i < slices->count; i++)
+        has_evening |= s[i].is.keys[DICOM_KEY_CLOCK] > morning;
+    for (uint32_t i = 0; i < slices->count && has_evening; i++)
+        if (s[i].is.keys[DICOM_KEY_CLOCK] <= morning)
+            s[i].is.keys[DICOM_KEY_CLOCK] += DAY;
 }
 
 bool dicom_times_complete(struct dicom_slices *slices, const struct dicom_source *source,
