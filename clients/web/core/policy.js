@@ -5,7 +5,7 @@ import { t } from './text.js';
 const VIDEO = new Set(['vp8', 'vp9', 'h264', 'av1']);
 const REASONS = {
   quality: () => t('policy.quality'),
-  bandwidth: ({ moving }) => t(VIDEO.has(moving.format) ? 'policy.bandwidth.video' : 'policy.bandwidth'),
+  bandwidth: ({ moving, final }) => t(VIDEO.has(moving.format) && !isSmaller(moving, final) ? 'policy.bandwidth.video' : 'policy.bandwidth'),
   time: ({ sharp_ms: sharp, budget_ms: budget }) =>
     (Number.isFinite(sharp) && Number.isFinite(budget)
       ? t('policy.time', { sharp: Math.round(sharp), budget: Math.round(budget) }) : t('policy.time.long')),
@@ -13,6 +13,8 @@ const REASONS = {
   shared_time: () => t('policy.shared'),
   video_pixels: () => t('policy.video'),
 };
+
+const isSmaller = (moving, final) => Boolean(moving.size && final.size && moving.size[0] < final.size[0]);
 
 function describe({ format, quality, subsampling, size, coarse } = {}) {
   if (!format) return '';

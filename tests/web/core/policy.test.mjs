@@ -13,6 +13,13 @@ test('a policy is described in words', () => {
     + ' 180 ms of a budget of 33 ms; other sessions are moving, too)\nAt rest: JPEG, quality 90, colours 4:4:4, 800 × 600');
 });
 
+test('a slow network asks for video first, then for smaller pictures', () => {
+  const of = (format, size) => policyText({ moving: { format, size }, final, why: ['bandwidth'] });
+  assert.match(of('vp9', [800, 600]), /too slow for images/);
+  assert.match(of('vp9', [400, 300]), /too slow for larger images/);
+  assert.match(of('jpeg', [400, 300]), /too slow for larger images/);
+});
+
 test('unknown fields and reasons of a later version are omitted', () => {
   assert.equal(policyText({ moving: { format: 'vp9', quality: 60 }, final: { format: 'png' }, why: ['moon', 'constructor'] }),
     'Moving: VP9, quality 60\nAt rest: PNG, lossless');

@@ -135,7 +135,7 @@ test('automatic: video on a slow network', async (context) => {
   await until(page, 'the choice of formats', () => document.getElementById('moving').value === 'auto');
   // The reasons are told while the view moves, at most twice per second.
   const about = () => page.evaluate(() => [...document.querySelectorAll('#status [title]')].map(({ title }) => title).join());
-  for (let i = 0; i < 20 && !/the network is too slow/.test(await about()); i++) {
+  for (let i = 0; i < 20 && !/the network is too slow for larger images/.test(await about()); i++) {
     await drag(page, i % 2 ? [700, 180] : [400, 420], i % 2 ? [400, 420] : [700, 180], { steps: 60 });
     await lastAsVideo(page);
   }
