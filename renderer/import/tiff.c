@@ -31,7 +31,7 @@ struct tiff {
     struct tiff_bridge *bridge;
     struct tiff_file pages;
     struct tiff_page page; /* a page of the volume; all have its kind */
-    unsigned plane;        /* of the page, with the samples that are read */
+    unsigned sample;       /* of a pixel, that is read, unless planes.split */
     unsigned channels;     /* of a pixel, as fields: samples, or the colours of a palette */
     bool are_colors;
     struct import_conversion conversion;
@@ -45,6 +45,10 @@ struct tiff {
 /* Numbers fill the bytes of a row without gaps. */
 static bool is_packed(const struct tiff_page *page) {
     return page->bits % 8 != 0;
+}
+
+static uint32_t first_page(const struct tiff *t) {
+    return t->planes.is_hidden ? 0 : tiff_planes_page(&t->planes, t->planes.pages[0]);
 }
 
 static bool find_number(const struct tiff *t, struct import_number *number, struct sp_error *err) {
@@ -70,7 +74,7 @@ static bool find_number(const struct tiff *t, struct import_number *number, stru
         (bits == 32 && page->format == COMPLEX_WHOLE))
         return true;
     return tiff_fail(
-        &t->pages, t->planes.pages[0], err, SP_ERR_UNSUPPORTED,
+        &t->pages, first_page(t), err, SP_ERR_UNSUPPORTED,
         "%s samples of %u bits are not supported; supported are whole numbers of 1 to "
         "15, 16, 32 and 64 bits, floating-point ones of 16, 32 and 64 and complex ones "
         "of 64 and 128",
@@ -126,7 +130,7 @@ static bool has_stray_predictor(const struct tiff *t) {
 
 static bool take_type(struct tiff *t, struct import_header *header, struct sp_error *err) {
     const struct tiff_page *page = &t->page;
-    const uint32_t n = t->planes.is_hidden ? 0 : t->planes.pages[0];
+    const uint32_t n = first_page(t);
     struct import_number number;
     if ((page->photometric == TIFF_YCBCR && page->compression != TIFF_JPEG) ||
         page->compression == TIFF_OLD_JPEG)
@@ -148,16 +152,16 @@ static bool take_type(struct tiff *t, struct import_header *header, struct sp_er
     if (has_palette)
         number = (struct import_number){ IMPORT_UNSIGNED, 1 };
     t->conversion = import_conversion_of(number, t->file->warnings);
-    t->channels = has_palette ? COLORS : page->samples;
-    t->are_colors =
-        has_palette || ((page->photometric == TIFF_RGB || page->photometric == TIFF_YCBCR) &&
-                        page->samples >= COLORS && page->samples <= COLORS + 1);
+    t->channels = has_palette ? COLORS : t->planes.split ? 1 : page->samples;
+    t->are_colors = has_palette ||
+                    ((page->photometric == TIFF_RGB || page->photometric == TIFF_YCBCR) &&
+                     !t->planes.are_channels && t->channels >= COLORS && t->channels <= COLORS + 1);
     if (page->photometric == TIFF_MIN_IS_WHITE && number.kind == IMPORT_UNSIGNED &&
         !t->planes.are_plain)
         invert(t);
-    if (t->planes.has_missing && page->samples == 1 && !has_palette)
+    if (t->planes.has_missing && t->channels == 1)
         import_conversion_add_missing(&t->conversion, t->planes.missing);
-    t->conversion.components = has_palette || page->planes == 1 ? t->channels : 1;
+    t->conversion.components = has_palette ? COLORS : page->planes == 1 ? page->samples : 1;
     header->type = t->conversion.type;
     return true;
 }
@@ -174,7 +178,7 @@ static bool check_pages(const struct tiff *t, struct sp_error *err) {
     const struct tiff_page *first = &t->page;
     uint32_t missing = 0;
     for (uint32_t k = 0; k < t->planes.slices && !t->planes.is_hidden; k++) {
-        const uint32_t n = t->chosen[k];
+        const uint32_t n = tiff_planes_page(&t->planes, t->chosen[k]);
         missing += n == TIFF_NO_PAGE;
         if (n == TIFF_NO_PAGE)
             continue;
@@ -212,8 +216,7 @@ static void name_field(const struct tiff *t, uint32_t n, char name[SP_FIELD_BYTE
 }
 
 /* Chooses the channel and the step, and with them the pages. */
-static bool choose(struct tiff *t, struct import_header *header, unsigned *sample,
-                   struct sp_error *err) {
+static bool choose(struct tiff *t, struct import_header *header, struct sp_error *err) {
     const struct tiff_planes *p = &t->planes;
     const uint32_t count = p->channels * t->channels;
     char name[SP_FIELD_BYTES];
@@ -237,7 +240,7 @@ static bool choose(struct tiff *t, struct import_header *header, unsigned *sampl
                 import_header_add_other(header, name);
         }
     }
-    *sample = chosen % t->channels;
+    t->sample = chosen % t->channels;
     t->chosen = p->pages + ((size_t)t->file->step * p->channels + chosen / t->channels) * p->slices;
     return true;
 }
@@ -253,7 +256,7 @@ static void take_place(const struct tiff *t, struct import_header *header) {
             grid->spacing[a] = p->spacing[0];
         if (p->has_place) {
             grid->origin[a] = p->origin[a];
-            grid->direction[a][a] = p->direction[a];
+            memcpy(grid->direction[a], p->direction[a], sizeof p->direction[a]);
         }
     }
     memcpy(header->unit, p->unit, sizeof header->unit);
@@ -272,7 +275,6 @@ static void close_tiff(void *reader) {
 static bool take_pages(struct tiff *t, const char *description, struct import_header *header,
                        struct sp_error *err) {
     struct tiff_planes *p = &t->planes;
-    unsigned sample;
     import_header_init(header);
     const bool ok = tiff_is_ome(description)
                         ? tiff_ome_parse(p, t->file, description, strlen(description),
@@ -286,17 +288,16 @@ static bool take_pages(struct tiff *t, const char *description, struct import_he
     const uint64_t count = (uint64_t)p->slices * p->channels * p->steps;
     while (first < count && p->pages[first] == TIFF_NO_PAGE)
         first++;
-    t->page = t->pages.pages[p->is_hidden || first == count ? 0 : p->pages[first]];
+    t->page =
+        t->pages.pages[p->is_hidden || first == count ? 0 : tiff_planes_page(p, p->pages[first])];
     if (t->page.width > SP_DIM_MAX || t->page.height > SP_DIM_MAX)
         return tiff_fail(&t->pages, 0, err, SP_ERR_UNSUPPORTED,
                          "%" PRIu32 " x %" PRIu32 " px; at most %u along an axis are supported",
                          t->page.width, t->page.height, SP_DIM_MAX);
     if (!take_type(t, header, err) ||
         !tiff_planes_choose(p, t->file, t->channels, &t->are_colors, header, err) ||
-        !choose(t, header, &sample, err) || !check_pages(t, err))
+        !choose(t, header, err) || !check_pages(t, err))
         return false;
-    t->conversion.component = t->conversion.components > 1 ? sample : 0;
-    t->plane = t->page.planes > 1 ? sample : 0;
     header->grid.dims[0] = t->page.width;
     header->grid.dims[1] = t->page.height;
     header->grid.dims[2] = p->slices;
@@ -348,11 +349,13 @@ static void *open_tiff(const struct import_file *file, struct import_header *hea
 
 struct reading {
     const struct tiff *tiff;
-    size_t row_bytes;   /* in the file */
-    size_t row_numbers; /* per row of a plane */
-    uint8_t *rows;      /* owned: a band of rows as in the file */
-    void *numbers;      /* owned: the numbers of a row; NULL = those of `rows` */
-    char *out;          /* the samples of a page */
+    struct import_conversion conversion; /* of the plane that is read */
+    unsigned plane;                      /* of its page */
+    size_t row_bytes;                    /* in the file */
+    size_t row_numbers;                  /* per row of a plane */
+    uint8_t *rows;                       /* owned: a band of rows as in the file */
+    void *numbers;                       /* owned: the numbers of a row; NULL = those of `rows` */
+    char *out;                           /* the samples of a page */
     struct sp_error *err;
 };
 
@@ -361,7 +364,7 @@ static bool read_hidden(const struct reading *r, uint32_t n, uint32_t first, uin
     const struct tiff *t = r->tiff;
     const struct tiff_page *page = &t->page;
     const uint64_t plane_bytes = (uint64_t)page->height * r->row_bytes;
-    const uint64_t at = page->pixels_at + ((uint64_t)n * page->planes + t->plane) * plane_bytes +
+    const uint64_t at = page->pixels_at + ((uint64_t)n * page->planes + r->plane) * plane_bytes +
                         (uint64_t)first * r->row_bytes;
     const size_t size = count * r->row_bytes;
     for (size_t done = 0; done < size;) {
@@ -400,18 +403,23 @@ static void put_row(const struct reading *r, const uint8_t *row, uint32_t y, uin
         look_up(r, numbers, t->page.bits > 8, r->numbers);
         numbers = r->numbers;
     }
-    import_conversion_put(&t->conversion, numbers, t->page.width, r->out + at);
+    import_conversion_put(&r->conversion, numbers, t->page.width, r->out + at);
 }
 
-static bool read_page(const struct reading *r, uint32_t n, uint32_t band, uint8_t *indices) {
+/* Reads an entry of planes.pages. */
+static bool read_page(struct reading *r, uint32_t entry, uint32_t band, uint8_t *indices) {
     const struct tiff *t = r->tiff;
+    const uint32_t n = tiff_planes_page(&t->planes, entry);
+    const unsigned sample = t->planes.split ? entry % t->planes.split : t->sample;
     char why[SP_ERROR_TEXT];
+    r->plane = t->page.planes > 1 ? sample : 0;
+    r->conversion.component = r->conversion.components > 1 ? sample : 0;
     for (uint32_t y = 0; y < t->page.height; y += band) {
         const uint32_t left = t->page.height - y, count = left < band ? left : band;
         if (t->planes.is_hidden) {
             if (!read_hidden(r, n, y, count))
                 return false;
-        } else if (!t->call->rows(t->bridge, t->pages.pages[n].at, t->plane, y, count, r->row_bytes,
+        } else if (!t->call->rows(t->bridge, t->pages.pages[n].at, r->plane, y, count, r->row_bytes,
                                   r->rows, why, sizeof why)) {
             return tiff_fail(&t->pages, n, r->err, SP_ERR_FORMAT, "%s", why);
         }
@@ -421,16 +429,20 @@ static bool read_page(const struct reading *r, uint32_t n, uint32_t band, uint8_
     return true;
 }
 
+static const struct tiff_page *page_of(const struct tiff *t, uint32_t k) {
+    return &t->pages.pages[tiff_planes_page(&t->planes, t->chosen[k])];
+}
+
 /* How many rows are read at once: whole strips or tiles of all pages. */
 static uint32_t band_of(const struct tiff *t, size_t row_bytes) {
     uint64_t most = 1;
     for (uint32_t k = 0; k < t->planes.slices && !t->planes.is_hidden; k++)
-        if (t->chosen[k] != TIFF_NO_PAGE && t->pages.pages[t->chosen[k]].piece_rows > most)
-            most = t->pages.pages[t->chosen[k]].piece_rows;
+        if (t->chosen[k] != TIFF_NO_PAGE && page_of(t, k)->piece_rows > most)
+            most = page_of(t, k)->piece_rows;
     const uint64_t fit = BAND_BYTES / row_bytes;
     uint64_t rows = fit > most ? fit - fit % most : most;
     for (uint32_t k = 0; k < t->planes.slices && !t->planes.is_hidden; k++)
-        if (t->chosen[k] != TIFF_NO_PAGE && rows % t->pages.pages[t->chosen[k]].piece_rows != 0)
+        if (t->chosen[k] != TIFF_NO_PAGE && rows % page_of(t, k)->piece_rows != 0)
             rows = t->page.height;
     return rows < t->page.height ? (uint32_t)rows : t->page.height;
 }
@@ -458,6 +470,7 @@ static bool read_tiff(void *reader, void *voxels, float (*vectors)[3],
                       const struct import_progress *progress, struct sp_error *err) {
     const struct tiff *t = reader;
     struct reading r = { .tiff = t,
+                         .conversion = t->conversion,
                          .row_bytes = (size_t)tiff_row_bytes(&t->page),
                          .row_numbers = (size_t)t->page.width * (t->page.samples / t->page.planes),
                          .err = err };

@@ -75,7 +75,8 @@ static bool take_imagej(struct tiff_planes *p, const struct tiff_file *t, const 
     const long frames = imagej_count(d, "frames", 1), slices = imagej_count(d, "slices", 1);
     char value[64];
     /* The colours of a pixel are channels that have no pages of their own. */
-    const bool is_rgb = t->pages[0].samples > 1 && channels == (long)t->pages[0].samples;
+    const bool is_rgb = t->pages[0].samples > 1 && channels == (long)t->pages[0].samples &&
+                        (double)channels * (double)slices * (double)frames != (double)images;
     const uint32_t own_channels = is_rgb || channels < 1 ? 1 : (uint32_t)channels;
     if (images < 1 || images > INT32_MAX ||
         ((uint32_t)images != t->count && !tiff_planes_hide(p, t, (uint64_t)images)))
@@ -321,8 +322,9 @@ static bool take_geography(struct tiff_planes *p, const struct tiff_file *t,
     p->origin[0] = tie[3] + (centre - tie[0]) * scale[0];
     p->origin[1] = tie[4] - (centre - tie[1]) * scale[1];
     p->origin[2] = isfinite(tie[5]) ? tie[5] : 0;
-    p->direction[0] = p->direction[2] = 1;
-    p->direction[1] = -1;
+    memset(p->direction, 0, sizeof p->direction);
+    p->direction[0][0] = p->direction[2][2] = 1;
+    p->direction[1][1] = -1;
     return true;
 }
 
@@ -361,7 +363,8 @@ bool tiff_layout_find(struct tiff_planes *p, const struct tiff_file *t, const ch
 
 void tiff_layout_place(struct tiff_planes *p, const struct tiff_file *t, const char *description) {
     const bool is_imagej = strncmp(description, "ImageJ=", 7) == 0;
-    const uint32_t n = p->is_hidden || p->pages[0] == TIFF_NO_PAGE ? 0 : p->pages[0];
+    const uint32_t n =
+        p->is_hidden || p->pages[0] == TIFF_NO_PAGE ? 0 : tiff_planes_page(p, p->pages[0]);
     take_missing(p, t, &t->pages[n]);
     if (!(p->spacing[0] > 0) && !take_geography(p, t, &t->pages[n]))
         take_resolution(p, t, &t->pages[n], is_imagej);

@@ -11,22 +11,31 @@
 struct tiff_planes {
     uint32_t slices, channels, steps; /* at least 1; channels that have pages of their own */
     uint32_t *pages; /* owned: of slice k, channel c and step t at (t·channels + c)·slices + k */
+    /* The samples of a pixel are planes of their own, one after the other, and `pages` has numbers
+     * of planes: `split` for each page. 0 = the samples are channels of a page. */
+    unsigned split;
     char (*names)[SP_FIELD_BYTES]; /* owned: of the channels; "" = none. NULL = all have none */
     double spacing[3];             /* of x, y and z; 0 = unknown */
     char unit[SP_UNIT_BYTES];
-    double origin[3], direction[3]; /* of the first sample; 1 or -1 of each axis */
-    bool has_place;                 /* these two are known */
+    double origin[3], direction[3][3]; /* as in struct sp_grid */
+    bool has_place;                    /* these two are known */
     /* Only the first page has a directory; plane n, in the order of `pages`, follows its pixels. */
     bool is_hidden;
-    bool are_indices; /* of a palette, which only serves to show them */
-    bool are_plain;   /* white is 0 only in name: the numbers are meant as they are */
-    bool has_missing; /* numbers equal to `missing` are no samples */
+    bool are_indices;  /* of a palette, which only serves to show them */
+    bool are_channels; /* the samples of a pixel, even where the page calls them colours */
+    bool are_plain;    /* white is 0 only in name: the numbers are meant as they are */
+    bool has_missing;  /* numbers equal to `missing` are no samples */
     double missing;
     double interval; /* of the steps; 0 = unknown */
     char time_unit[SP_UNIT_BYTES];
 };
 
 enum { TIFF_NO_PAGE = UINT32_MAX };
+
+/* The page of an entry of `pages`. */
+static inline uint32_t tiff_planes_page(const struct tiff_planes *planes, uint32_t n) {
+    return planes->split && n != TIFF_NO_PAGE ? n / planes->split : n;
+}
 
 /* Allocates the pages, of which none is known yet. `most`: how many pages the file has; more
  * planes than a hundred times that are refused. */

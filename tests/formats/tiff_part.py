@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """TIFF, OME-TIFF and hyperstacks of ImageJ against tifffile."""
+import itertools
 import struct
 
 import numpy
@@ -19,6 +20,12 @@ def check_ome(tool):
         for step, channel, name in ((0, 1, 'GFP'), (1, 2, 'channel 3')):
             tool.equal(f'{path}?field={name}', data[step, channel], step=step, steps=2, times=[0, 3], time_unit='s', name=name,
                        spacing=[0.5, 0.5, 2], unit='um')
+    for axes in map(''.join, itertools.permutations('TCZ')):
+        for channels in (3, 4):
+            path = tool.path('order.ome.tif')
+            array = ramp((2, channels, 5, 6, 7), 'u1')
+            tifffile.imwrite(path, array.transpose(*map('TCZ'.index, axes), 3, 4), metadata={'axes': axes + 'YX'}, photometric='minisblack')
+            tool.layout('TIFF', 'OME-XML, every DimensionOrder, 3 or 4 channels', f'{path}?field=channel {channels}', array[1, -1], step=1, steps=2)
     path = tool.path('rgb.ome.tif')
     colours = ramp((4, 5, 6, 3), 'u1')
     tifffile.imwrite(path, colours, metadata={'axes': 'ZYXS'}, photometric='rgb')
@@ -52,6 +59,9 @@ def check_imagej(tool):
     tifffile.imwrite(path, data, imagej=True, resolution=(2, 4), metadata={'axes': 'TZCYX', 'spacing': 3.5, 'unit': 'um', 'finterval': 0.25})
     for step in (0, 1):
         tool.equal(f'{path}?field=channel 2', data[step, :, 1], step=step, steps=2, times=[0, 0.25], spacing=[0.5, 0.25, 3.5], unit='um')
+    colours = ramp((2, 4, 3, 5, 6, 3), 'u1')
+    tifffile.imwrite(path, colours, imagej=True, metadata={'axes': 'TZCYXS'})
+    tool.equal(f'{path}?field=channel 6', colours[1, :, 1, ..., 2], step=1, steps=2)
     for name, spacing, unit in (('flybrain.tif', 3.947, 'um'), ('mini-t1-head_bigendian.tif', 1.5, 'mm')):
         sample = tool.sample('tiff', name)
         if sample:
@@ -88,10 +98,37 @@ def check_shaped(tool):
     tool.layout('TIFF', 'JSON of tifffile, axes ZYXS, RGB', f'{path}?field=blue', colours[..., 2], name='blue')
     tifffile.imwrite(path, numpy.moveaxis(colours, 3, 1), metadata={'axes': 'ZSYX'}, photometric='rgb', planarconfig='separate')
     tool.layout('TIFF', 'JSON of tifffile, axes ZSYX, RGB in planes', f'{path}?field=green', colours[..., 1], name='green')
+    check_axes(tool)
     with tifffile.TiffWriter(path) as file:
         file.write(data[0, 0], **grey)
         file.write(data[0, 1, :2, :3], **grey)
     tool.layout('TIFF', 'several arrays of tifffile', path, data[0, 0], result='the first one is read, with a warning')
+
+
+def check_axes(tool):
+    """The letters of the axes count, not how tifffile stores them: three slices may be one page with three samples."""
+    path = tool.path('axes.tif')
+    rgb = {'photometric': 'rgb', 'planarconfig': 'separate'}
+    data = ramp((2, 5, 4, 6, 7), 'u2')
+    for axes, array, how, step, field, expected in (
+            ('ZYX', data[0, 0, :3], rgb, 0, '', data[0, 0, :3]),
+            ('ZYX', data[0, 0], {**rgb, 'compression': 'zlib'}, 0, '', data[0, 0]),
+            ('QZYX', data[0], rgb, 0, '?field=channel 4', data[0, 3]),
+            ('TZYX', data[0], rgb, 3, '', data[0, 3]),
+            ('TCZYX', data, rgb, 1, '?field=channel 3', data[1, 2]),
+            ('TZCYX', data, rgb, 1, '?field=channel 3', data[1, :, 2]),
+            ('TZCYX', data, {**rgb, 'truncate': True}, 1, '?field=channel 3', data[1, :, 2]),
+            ('ZTYX', data[0], rgb, 2, '', data[0, :, 2]),
+            ('TYX', data[0, 0], rgb, 3, '', data[0, 0, 3:]),
+            ('YXZ', numpy.moveaxis(data[0, 0], 0, 2), {'photometric': 'rgb'}, 0, '', data[0, 0]),
+            ('YXC', numpy.moveaxis(data[0, 0], 0, 2), {'photometric': 'rgb'}, 0, '?field=channel 2', data[0, 0, 1:2])):
+        tifffile.imwrite(path, array, metadata={'axes': axes}, **how)
+        tool.layout('TIFF', 'JSON of tifffile: slices, times or channels as samples of a pixel', path + field, expected, step=step)
+    for axes, columns in (('XYZ', [0, 0, 1, 0, 1, 0, 1, 0, 0]), ('ZXY', [0, 1, 0, 1, 0, 0, 0, 0, 1])):
+        tifffile.imwrite(path, data[0, 0], metadata={'axes': axes}, photometric='minisblack')
+        tool.layout('TIFF', 'JSON of tifffile, axes XYZ or ZXY', path, data[0, 0], direction=columns, result='the directions follow the axes')
+    tifffile.imwrite(path, data[0, 0, :3].transpose(1, 2, 0), metadata={'axes': 'ZYX'}, photometric='rgb')
+    tool.refused(path, 'samples of a pixel X')
 
 
 def check_pages(tool):
