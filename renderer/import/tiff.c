@@ -115,6 +115,17 @@ static void invert(struct tiff *t) {
                 "0 is white in this image (MinIsWhite); its numbers were inverted.");
 }
 
+static void scale(struct tiff *t) {
+    const double slope = t->planes.slope;
+    double low, high;
+    import_number_range(t->conversion.number, &low, &high);
+    if (is_packed(&t->page))
+        high = ldexp(1, (int)t->page.bits) - 1;
+    t->conversion.slope *= slope;
+    t->conversion.offset = slope * t->conversion.offset + t->planes.offset;
+    import_conversion_choose(&t->conversion, low, high);
+}
+
 /* libtiff ignores a predictor where the codec is not to have one, but some programs use it there.
  */
 static bool has_stray_predictor(const struct tiff *t) {
@@ -159,6 +170,8 @@ static bool take_type(struct tiff *t, struct import_header *header, struct sp_er
     if (page->photometric == TIFF_MIN_IS_WHITE && number.kind == IMPORT_UNSIGNED &&
         !t->planes.are_plain)
         invert(t);
+    if (t->planes.has_scale && t->channels == 1 && import_number_is_whole(number))
+        scale(t);
     if (t->planes.has_missing && t->channels == 1)
         import_conversion_add_missing(&t->conversion, t->planes.missing);
     t->conversion.components = has_palette ? COLORS : page->planes == 1 ? page->samples : 1;
@@ -260,6 +273,7 @@ static void take_place(const struct tiff *t, struct import_header *header) {
         }
     }
     memcpy(header->unit, p->unit, sizeof header->unit);
+    memcpy(header->value_unit, p->value_unit, sizeof header->value_unit);
 }
 
 static void close_tiff(void *reader) {

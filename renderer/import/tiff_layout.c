@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which page is what, from the description of ImageJ, the tags of Zeiss (LSM) and MetaMorph (STK),
- * and the sizes of the pages; and the size of a pixel.
+ * Which page is what, from the tags of Zeiss (LSM) and MetaMorph (STK) and the sizes of the pages;
+ * and the size of a pixel.
  */
 #include <inttypes.h>
 #include <math.h>
@@ -25,92 +25,6 @@ static bool take_slices(struct tiff_planes *p, const struct tiff_file *t, const 
         return false;
     for (uint32_t i = 0; i < count; i++)
         p->pages[i] = pages ? pages[i] : i;
-    return true;
-}
-
-/* ImageJ. */
-
-/* Finds a line "KEY=VALUE" in ImageJ's description; NULL if there is none. */
-static const char *imagej_value(const char *description, const char *key, char *out,
-                                size_t capacity) {
-    size_t n = strlen(key);
-    for (const char *line = description; line && *line;) {
-        const char *end = strchr(line, '\n');
-        size_t length = end ? (size_t)(end - line) : strlen(line);
-        if (length > n && strncmp(line, key, n) == 0 && line[n] == '=') {
-            snprintf(out, capacity, "%.*s", (int)(length - n - 1), line + n + 1);
-            return out;
-        }
-        line = end ? end + 1 : NULL;
-    }
-    return NULL;
-}
-
-static long imagej_count(const char *description, const char *key, long missing) {
-    char value[32];
-    const char *text = imagej_value(description, key, value, sizeof value);
-    return text ? strtol(text, NULL, 10) : missing;
-}
-
-static void take_imagej_unit(struct tiff_planes *p, const char *description) {
-    static const char *const known[][2] = { { "micron", "um" },       { "microns", "um" },
-                                            { "\\u00B5m", "um" },     { "\xc2\xb5m", "um" },
-                                            { "\xb5m", "um" },        { "pixel", "" },
-                                            { "pixels", "" },         { "inch", "in" },
-                                            { "\\u00C5", "\xc3\x85" } };
-    char value[64];
-    const char *unit = imagej_value(description, "unit", value, sizeof value);
-    snprintf(p->unit, sizeof p->unit, "%.31s", unit ? unit : "");
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (unit && strcmp(unit, known[i][0]) == 0)
-            snprintf(p->unit, sizeof p->unit, "%s", known[i][1]);
-}
-
-/* Channels are the fastest in a hyperstack, then slices. Frames without slices are read as slices:
- * many programs write stacks like that. Above 4 GB, ImageJ writes the first directory only. */
-static bool take_imagej(struct tiff_planes *p, const struct tiff_file *t, const char *d,
-                        struct sp_error *err) {
-    const long images = imagej_count(d, "images", t->count);
-    const long channels = imagej_count(d, "channels", 1);
-    const long frames = imagej_count(d, "frames", 1), slices = imagej_count(d, "slices", 1);
-    char value[64];
-    /* The colours of a pixel are channels that have no pages of their own. */
-    const bool is_rgb = t->pages[0].samples > 1 && channels == (long)t->pages[0].samples &&
-                        (double)channels * (double)slices * (double)frames != (double)images;
-    const uint32_t own_channels = is_rgb || channels < 1 ? 1 : (uint32_t)channels;
-    if (images < 1 || images > INT32_MAX ||
-        ((uint32_t)images != t->count && !tiff_planes_hide(p, t, (uint64_t)images)))
-        return tiff_fail(t, 0, err, SP_ERR_UNSUPPORTED,
-                         "ImageJ declares %ld images, but the file has %" PRIu32
-                         " pages, and their pixels do not fit behind the first page; save it again "
-                         "with ImageJ, or as NRRD",
-                         images, t->count);
-    p->are_indices = true; /* a palette is a lookup table */
-    take_imagej_unit(p, d);
-    const char *between = imagej_value(d, "spacing", value, sizeof value);
-    p->spacing[2] = between ? fabs(strtod(between, NULL)) : 0;
-    const char *interval = imagej_value(d, "finterval", value, sizeof value);
-    p->interval = interval ? strtod(interval, NULL) : 0;
-    snprintf(p->time_unit, sizeof p->time_unit, "s");
-    if (own_channels == 1 && (frames <= 1 || slices <= 1))
-        return take_slices(p, t, NULL, (uint32_t)images, err);
-    if (channels < 1 || frames < 1 || slices < 1 || channels > INT32_MAX || slices > images ||
-        frames > images || (long)own_channels > images ||
-        (long)own_channels * slices * frames != images)
-        return tiff_fail(t, 0, err, SP_ERR_FORMAT,
-                         "ImageJ declares %ld channels, %ld slices and %ld frames in %ld images; "
-                         "save it again with ImageJ",
-                         channels, slices, frames, images);
-    p->slices = (uint32_t)slices;
-    p->channels = own_channels;
-    p->steps = (uint32_t)frames;
-    if (!tiff_planes_allocate(p, t->file, (uint32_t)images, err))
-        return false;
-    for (uint32_t i = 0; i < (uint32_t)images; i++) {
-        const uint32_t c = i % p->channels, kt = i / p->channels;
-        const uint32_t k = kt % p->slices, step = kt / p->slices;
-        p->pages[(step * p->channels + c) * p->slices + k] = i;
-    }
     return true;
 }
 
@@ -272,23 +186,25 @@ static bool take_pages(struct tiff_planes *p, const struct tiff_file *t, struct 
 
 /* The size of a pixel. */
 
-/* Pixels per inch or centimetre; without a unit they are only a ratio. For ImageJ they are pixels
- * per its unit. */
+bool tiff_resolution(const struct tiff_file *t, const struct tiff_page *page, double *x, double *y,
+                     double *unit) {
+    *x = *y = 0;
+    *unit = 2;
+    tiff_tag_numbers(t, page, TAG_X_RESOLUTION, x, 1);
+    tiff_tag_numbers(t, page, TAG_Y_RESOLUTION, y, 1);
+    tiff_tag_numbers(t, page, TAG_RESOLUTION_UNIT, unit, 1);
+    return isfinite(*x) && isfinite(*y) && *x > 1e-9 && *y > 1e-9 && *x < 1e9 && *y < 1e9;
+}
+
+/* Pixels per inch or centimetre; without a unit they are only a ratio. */
 static void take_resolution(struct tiff_planes *p, const struct tiff_file *t,
-                            const struct tiff_page *page, bool is_imagej) {
-    double x = 0, y = 0, unit = 2;
-    tiff_tag_numbers(t, page, TAG_X_RESOLUTION, &x, 1);
-    tiff_tag_numbers(t, page, TAG_Y_RESOLUTION, &y, 1);
-    tiff_tag_numbers(t, page, TAG_RESOLUTION_UNIT, &unit, 1);
-    const double mm = is_imagej ? 1 : unit == 2 ? 25.4 : unit == 3 ? 10 : 0;
-    const bool is_sane =
-        isfinite(x) && isfinite(y) && x > 1e-9 && y > 1e-9 && x < 1e9 && y < 1e9 && mm > 0;
-    if (!is_sane)
+                            const struct tiff_page *page) {
+    double x, y, unit;
+    if (!tiff_resolution(t, page, &x, &y, &unit) || (unit != 2 && unit != 3))
         return;
-    p->spacing[0] = mm / x;
-    p->spacing[1] = mm / y;
-    if (!is_imagej)
-        snprintf(p->unit, sizeof p->unit, "mm");
+    p->spacing[0] = (unit == 2 ? 25.4 : 10) / x;
+    p->spacing[1] = (unit == 2 ? 25.4 : 10) / y;
+    snprintf(p->unit, sizeof p->unit, "mm");
 }
 
 /* GeoTIFF 1.1: the size of a pixel, and the place of one. Rows go to the south. */
@@ -354,19 +270,16 @@ static void take_slide_scale(struct tiff_planes *p, const char *description) {
 
 bool tiff_layout_find(struct tiff_planes *p, const struct tiff_file *t, const char *description,
                       struct sp_error *err) {
-    const bool is_imagej = strncmp(description, "ImageJ=", 7) == 0;
-    const bool is_shaped = tiff_is_shaped(description);
-    return is_imagej   ? take_imagej(p, t, description, err)
-           : is_shaped ? tiff_shaped_parse(p, t, description, err)
-                       : take_pages(p, t, err);
+    return tiff_is_imagej(description)   ? tiff_imagej_parse(p, t, description, err)
+           : tiff_is_shaped(description) ? tiff_shaped_parse(p, t, description, err)
+                                         : take_pages(p, t, err);
 }
 
 void tiff_layout_place(struct tiff_planes *p, const struct tiff_file *t, const char *description) {
-    const bool is_imagej = strncmp(description, "ImageJ=", 7) == 0;
     const uint32_t n =
         p->is_hidden || p->pages[0] == TIFF_NO_PAGE ? 0 : tiff_planes_page(p, p->pages[0]);
     take_missing(p, t, &t->pages[n]);
-    if (!(p->spacing[0] > 0) && !take_geography(p, t, &t->pages[n]))
-        take_resolution(p, t, &t->pages[n], is_imagej);
+    if (!(p->spacing[0] > 0) && !p->has_own_unit && !take_geography(p, t, &t->pages[n]))
+        take_resolution(p, t, &t->pages[n]);
     take_slide_scale(p, description);
 }

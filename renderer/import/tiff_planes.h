@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Which page of a TIFF is which slice, channel and step in time, from what the programs write that
- * know: OME-XML (tiff_ome.c), the descriptions of ImageJ and tifffile, and tags (tiff_layout.c).
+ * know: OME-XML (tiff_ome.c), ImageJ (tiff_imagej.c) and tifffile (tiff_shaped.c), and from tags
+ * (tiff_layout.c).
  */
 #ifndef SP_IMPORT_TIFF_PLANES_H
 #define SP_IMPORT_TIFF_PLANES_H
@@ -17,6 +18,7 @@ struct tiff_planes {
     char (*names)[SP_FIELD_BYTES]; /* owned: of the channels; "" = none. NULL = all have none */
     double spacing[3];             /* of x, y and z; 0 = unknown */
     char unit[SP_UNIT_BYTES];
+    bool has_own_unit; /* the description gives it, so that the tags of the resolution do not */
     double origin[3], direction[3][3]; /* as in struct sp_grid */
     bool has_place;                    /* these two are known */
     /* Only the first page has a directory; plane n, in the order of `pages`, follows its pixels. */
@@ -24,7 +26,10 @@ struct tiff_planes {
     bool are_indices;  /* of a palette, which only serves to show them */
     bool are_channels; /* the samples of a pixel, even where the page calls them colours */
     bool are_plain;    /* white is 0 only in name: the numbers are meant as they are */
-    bool has_missing;  /* numbers equal to `missing` are no samples */
+    bool has_scale;    /* sample = slope · number + offset, for whole numbers of one channel */
+    double slope, offset;
+    char value_unit[SP_UNIT_BYTES];
+    bool has_missing; /* numbers equal to `missing` are no samples */
     double missing;
     double interval; /* of the steps; 0 = unknown */
     char time_unit[SP_UNIT_BYTES];
@@ -53,6 +58,10 @@ bool tiff_layout_find(struct tiff_planes *planes, const struct tiff_file *tiff,
 void tiff_layout_place(struct tiff_planes *planes, const struct tiff_file *tiff,
                        const char *description);
 
+/* Pixels per unit (1 none, 2 inch, 3 cm) from the tags. False if there are none that make sense. */
+bool tiff_resolution(const struct tiff_file *tiff, const struct tiff_page *page, double *x,
+                     double *y, double *unit);
+
 /* Gives the axis that is free another meaning if the source wants one ("?as=time"): the channels
  * that have pages of their own, or else the steps, or else the slices. Of the `samples` of a pixel
  * only colours and channels can be chosen; then *are_colors changes instead. */
@@ -64,6 +73,11 @@ bool tiff_planes_choose(struct tiff_planes *planes, const struct import_file *fi
  */
 bool tiff_is_shaped(const char *description);
 bool tiff_shaped_parse(struct tiff_planes *planes, const struct tiff_file *tiff,
+                       const char *description, struct sp_error *err);
+
+/* Reads the lines that ImageJ writes (tiff_imagej.c). */
+bool tiff_is_imagej(const char *description);
+bool tiff_imagej_parse(struct tiff_planes *planes, const struct tiff_file *tiff,
                        const char *description, struct sp_error *err);
 
 /* Fails at "SHOWN: page N". */

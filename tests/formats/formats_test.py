@@ -121,8 +121,8 @@ class Tool:
         self.failed += 1
         print(f'{source}: {text}')
 
-    def equal(self, source, expected, step=0, **wanted):
-        """The samples are `expected` (z, y, x); spacing, origin, unit, name, … are `wanted`."""
+    def equal(self, source, expected, step=0, warned=None, **wanted):
+        """The samples are `expected` (z, y, x); spacing, origin, unit, name, … are `wanted`; a warning has the words `warned` ('' = there is none)."""
         import numpy
         info, samples = self.dump(source, step)
         if info is None:
@@ -136,6 +136,9 @@ class Tool:
         same = numpy.array_equal(samples, expected.astype(samples.dtype), equal_nan=samples.dtype.kind == 'f')
         if not same:
             self.fail(source, f'the samples differ: {samples.ravel()[:8]}, expected {expected.ravel()[:8]}')
+        told = ' | '.join(info['warnings'])
+        if warned is not None and (warned not in told or (not warned and told)):
+            self.fail(source, f'expected the warning "{warned}", got "{told}"')
         for key, value in wanted.items():
             got = info.get(key)
             is_same = numpy.allclose(got, value, rtol=1e-6, atol=1e-9) if isinstance(got, list) else got == value

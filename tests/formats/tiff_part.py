@@ -76,6 +76,44 @@ def check_imagej(tool):
                 tool.fail(sample, f'spacing {info["spacing"]}, expected {spacing} in z')
 
 
+def check_imagej_meaning(tool):
+    """Calibration, units and places, as ImageJ's Opener reads them."""
+    path = tool.path('imagej.tif')
+    data = ramp((3, 6, 7), 'u2') * 100
+
+    def write(array, resolution=(2, 4), resolutionunit='none', **lines):
+        tifffile.imwrite(path, array, imagej=True, resolution=resolution, resolutionunit=resolutionunit, metadata={'axes': 'ZYX', **lines})
+
+    write(data, cf=0, c0=-1000.5, c1=0.25, vunit='HU')
+    tool.layout('TIFF', 'ImageJ: calibration by a straight line', path, data * 0.25 - 1000.5, value_unit='HU', type='float32')
+    write(data.astype('u1'), cf=0, c0=-10.0, c1=2.0, vunit='Gray Value')
+    tool.layout('TIFF', 'ImageJ: calibration by a straight line', path, data.astype('u1') * 2.0 - 10, value_unit='', type='int16')
+    write(data, cf=0, c0=-32768.0, c1=1.0, vunit='gray value')
+    tool.layout('TIFF', 'ImageJ: 16 bits with a sign', path, data.astype('i4') - 32768, type='int16')
+    write(data.astype('i2'), cf=0, c0=-32768.0, c1=1.0, vunit='gray value')
+    tool.layout('TIFF', 'ImageJ: 16 bits with a sign', path, data.astype('i2'), type='int16')
+    write(data.astype('f4'), cf=0, c0=5.0, c1=2.0, vunit='mm Hg')
+    tool.equal(path, data, value_unit='mm Hg')
+    write(data, cf=1, c0=5.0, c1=2.0, c2=0.1, vunit='OD')
+    tool.layout('TIFF', 'ImageJ: another calibration', path, data, result='not applied, with a warning', value_unit='',
+                warned='no straight line (cf=1, c1=2)')
+    for unit, found in (('micron', 'um'), ('\\u00B5m', 'um'), ('inch', 'in'), ('pixel', ''), ('nm', 'nm'), ('\\u00C5', 'A'), ('cm', 'cm')):
+        write(data, unit=unit, spacing=-3)
+        tool.layout('TIFF', 'ImageJ: unit and spacing', path, data, spacing=[0.5, 0.25, 3], unit=found)
+    write(data, unit='um', spacing=3, resolutionunit='centimeter', resolution=(20000, 40000))
+    tool.equal(path, data, spacing=[0.5, 0.25, 3], unit='um')
+    write(data, unit='mm', yunit='um', zunit='cm', spacing=3)
+    tool.equal(path, data, spacing=[0.5, 0.00025, 30], unit='mm')
+    write(data, unit='mm', spacing=3, xorigin=2.0, yorigin=4.0, zorigin=1.0)
+    tool.layout('TIFF', 'ImageJ: origin', path, data, origin=[-1, -1, -3], direction=[1, 0, 0, 0, 1, 0, 0, 0, 1])
+    write(data, unit='mm', spacing=3, yorigin=4.0, inverty='true')
+    tool.layout('TIFF', 'ImageJ: origin', path, data, origin=[0, 1, 0], direction=[1, 0, 0, 0, -1, 0, 0, 0, 1])
+    tifffile.imwrite(path, data, imagej=True, metadata={'axes': 'TYX', 'finterval': 0.5, 'tunit': 'min'})
+    tool.layout('TIFF', 'ImageJ: frames with a time between them', path, data[2:], step=2, result='steps', times=[0, 0.5, 1], time_unit='min')
+    tifffile.imwrite(path, data, imagej=True, metadata={'axes': 'TYX'})
+    tool.layout('TIFF', 'ImageJ: frames without one', path, data, result='slices, with a warning', warned='as=time')
+
+
 def check_shaped(tool):
     """The description of tifffile names the axes of an array whose last dimensions are a page."""
     path = tool.path('shaped.tif')
@@ -256,6 +294,7 @@ def check(tool):
     check_ome(tool)
     check_plain(tool)
     check_imagej(tool)
+    check_imagej_meaning(tool)
     check_shaped(tool)
     check_pages(tool)
     check_values(tool)
