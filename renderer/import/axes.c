@@ -82,7 +82,7 @@ bool import_axes_choose(struct import_axes *axes, const struct import_file *file
         .are_parts = has_both,
     };
     enum import_as as;
-    if (wanted == IMPORT_AS_FILE || wanted == IMPORT_AS_LABELS)
+    if (!import_as_is_axis(wanted))
         return true;
     if (!import_meaning_choose(file, &extra, header, &as, err))
         return false;

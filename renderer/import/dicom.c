@@ -54,7 +54,9 @@ static bool find_slices(struct dicom *d, struct import_header *header, struct sp
     struct dicom_source *source = &d->source;
     struct dicom_slices *slices = &d->slices;
     const bool is_series = source->image.frames <= 1; /* or a folder, or a DICOMDIR */
-    if (is_series && !dicom_folder_list(source, slices, err))
+    header->used_as = is_series && !source->file->is_folder && !source->image.is_directory &&
+                      source->file->selection.as == IMPORT_AS_SLICE;
+    if (is_series && !header->used_as && !dicom_folder_list(source, slices, err))
         return false;
     if (slices->count == 0 && !dicom_frames_list(source, slices, err))
         return false;

@@ -187,6 +187,10 @@ bool import_header_use_selection(struct import_header *header, const struct impo
         header->meaning = SP_MEANING_LABELS;
         header->used_as = true;
     }
+    if (selection->as == IMPORT_AS_SLICE && !header->used_as)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+                       "?as=slice: the file is not a single slice, such as an image or a file of a "
+                       "DICOM series; open it without ?as=slice");
     if (selection->as != IMPORT_AS_FILE && !header->used_as)
         return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
                        "?as=%s: the file has no axis or components that can be read so; open it "

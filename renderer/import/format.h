@@ -81,6 +81,7 @@ struct import_header {   /* result of open() */
     bool used_as, used_series; /* the reader honoured file->selection */
     bool took_folder;          /* the volume has all files of the folder that belong to the file */
     enum sp_type type;
+    unsigned bits; /* of a number in the file, where several become one type; 0 = others */
     enum sp_meaning meaning; /* as in struct sp_volume_info */
     char unit[SP_UNIT_BYTES];
     char anatomy[4];             /* as in struct sp_volume_info */

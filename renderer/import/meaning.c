@@ -26,10 +26,10 @@ static bool fits(enum import_as as, const struct import_extra *extra) {
 static void list_fitting(const struct import_extra *extra, char *out, size_t size) {
     int left = 0;
     size_t used = 0;
-    for (int as = IMPORT_AS_TIME; as < IMPORT_AS_COUNT; as++)
+    for (int as = IMPORT_AS_TIME; as <= IMPORT_AS_LABELS; as++)
         left += fits((enum import_as)as, extra);
     out[0] = 0;
-    for (int as = IMPORT_AS_TIME; as < IMPORT_AS_COUNT && used < size; as++)
+    for (int as = IMPORT_AS_TIME; as <= IMPORT_AS_LABELS && used < size; as++)
         if (fits((enum import_as)as, extra)) {
             left--;
             used += (size_t)snprintf(out + used, size - used, "%s%s",
@@ -45,7 +45,7 @@ bool import_meaning_choose(const struct import_file *file, const struct import_e
     const enum import_as wanted = file->selection.as;
     char list[64];
     *as = extra->count > 1 ? extra->meaning : IMPORT_AS_FILE;
-    if (wanted == IMPORT_AS_FILE || wanted == IMPORT_AS_LABELS)
+    if (!import_as_is_axis(wanted))
         return true;
     header->used_as = true;
     if (fits(wanted, extra)) {

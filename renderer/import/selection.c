@@ -3,8 +3,8 @@
 
 #include <string.h>
 
-static const char *const names[IMPORT_AS_COUNT] = { "",    "time",     "vectors",
-                                                    "rgb", "channels", "labels" };
+static const char *const names[IMPORT_AS_COUNT] = { "",         "time",   "vectors", "rgb",
+                                                    "channels", "labels", "slice" };
 
 bool import_as_parse(const char *name, enum import_as *as, const char *shown,
                      struct sp_error *err) {
@@ -14,9 +14,14 @@ bool import_as_parse(const char *name, enum import_as *as, const char *shown,
             return true;
         }
     return sp_fail(err, SP_ERR_INVALID, shown,
-                   "?as=%.40s: unknown; choose time, vectors, rgb, channels or labels", name);
+                   "?as=%.40s: unknown; choose time, vectors, rgb, channels, labels or slice",
+                   name);
 }
 
 const char *import_as_name(enum import_as as) {
     return names[as];
+}
+
+bool import_as_is_axis(enum import_as as) {
+    return as >= IMPORT_AS_TIME && as <= IMPORT_AS_CHANNELS;
 }

@@ -17,6 +17,7 @@ enum import_as {
     IMPORT_AS_RGB,
     IMPORT_AS_CHANNELS,
     IMPORT_AS_LABELS, /* the samples are categories */
+    IMPORT_AS_SLICE,  /* this file alone, without the slices that belong to it */
     IMPORT_AS_COUNT
 };
 
@@ -28,6 +29,9 @@ struct import_selection {
 
 /* Reads the name of a meaning; "" is IMPORT_AS_FILE. SP_ERR_INVALID at `shown`. */
 bool import_as_parse(const char *name, enum import_as *as, const char *shown, struct sp_error *err);
+
+/* True if it says what an axis, or the components, are. */
+bool import_as_is_axis(enum import_as as);
 
 /* The name in a source; "" for IMPORT_AS_FILE. A constant string. */
 const char *import_as_name(enum import_as as);

@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Stacks of images: opening one file opens the numbered files of its folder, each a slice. Their
- * names differ in numbers only, which give the order.
+ * names differ in numbers only, which give the order. Files that differ in size, type or spacing
+ * are left out.
  *
  *   file ─► inner format ─► one slice? ─► files of the folder ─► each read by the inner format
  */
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -37,9 +39,10 @@ static bool find_files(struct stack *s, struct sp_error *err) {
            sp_numbered_list(s->file->folder, pattern, SP_DIM_MAX, &s->slices, s->file->shown, err);
 }
 
-/* Opens slice n and its reader. NULL with *err set. */
+/* Opens slice n and its reader. `warnings` NULL = they are lost. NULL with *err set. */
 static void *open_slice(const struct stack *s, uint32_t n, struct slice *slice,
-                        struct import_header *header, struct sp_error *err) {
+                        struct import_header *header, struct import_warnings *warnings,
+                        struct sp_error *err) {
     char path[PATH_MAX + NAME_MAX + 2];
     uint64_t size;
     snprintf(path, sizeof path, "%s/%s", s->file->folder, s->slices.names[n]);
@@ -50,6 +53,7 @@ static void *open_slice(const struct stack *s, uint32_t n, struct slice *slice,
     slice->file.fd = fd;
     slice->file.size = size;
     slice->file.shown = s->slices.names[n];
+    slice->file.warnings = warnings;
     *header = (struct import_header){ .bytes = 0 };
     void *reader = s->inner->open(&slice->file, header, err);
     if (!reader)
@@ -63,27 +67,63 @@ static void close_slice(const struct stack *s, void *reader, const struct slice 
 }
 
 static bool is_same(const struct import_header *a, const struct import_header *b) {
-    return memcmp(a->grid.dims, b->grid.dims, sizeof a->grid.dims) == 0 && a->type == b->type &&
-           strcmp(a->value_name, b->value_name) == 0;
+    bool is_even = strcmp(a->unit, b->unit) == 0 && strcmp(a->value_unit, b->value_unit) == 0;
+    for (int axis = 0; axis < 3; axis++)
+        is_even &= fabs(a->grid.spacing[axis] / b->grid.spacing[axis] - 1) < 1e-3;
+    return is_even && memcmp(a->grid.dims, b->grid.dims, sizeof a->grid.dims) == 0 &&
+           a->type == b->type && a->bits == b->bits && strcmp(a->value_name, b->value_name) == 0;
 }
 
-static bool check_slices(const struct stack *s, struct sp_error *err) {
+/* Writes "30 x 20 px of 4 bits, spacing 1 x 1 mm". */
+static void describe(const struct import_header *header, char *out, size_t size) {
+    char bits[24];
+    snprintf(bits, sizeof bits, "%u bits", header->bits);
+    snprintf(out, size, "%" PRIu32 " x %" PRIu32 " px of %s, spacing %.4g x %.4g %s",
+             header->grid.dims[0], header->grid.dims[1],
+             header->bits ? bits : sp_type_name(header->type), header->grid.spacing[0],
+             header->grid.spacing[1], header->unit);
+}
+
+/* A file beside the one that was asked for is damaged. */
+static bool offer_slice(const struct stack *s, struct sp_error *err) {
+    const size_t used = err ? strlen(err->text) : 0;
+    const char *slash = strrchr(s->file->shown, '/');
+    if (err)
+        snprintf(err->text + used, sizeof err->text - used,
+                 "; %.60s?as=slice opens that file alone", slash ? slash + 1 : s->file->shown);
+    return false;
+}
+
+/* Leaves out the files that differ from the one that was asked for, with a warning. */
+static bool keep_alike(struct stack *s, struct sp_error *err) {
     struct slice slice;
     struct import_header header;
-    for (uint32_t n = 0; n < s->slices.count; n++) {
-        void *reader = open_slice(s, n, &slice, &header, err);
+    char first[NAME_MAX + 1] = "", theirs[120], ours[120];
+    const uint32_t all = s->slices.count;
+    uint32_t kept = 0;
+    for (uint32_t n = 0; n < all; n++) {
+        void *reader = open_slice(s, n, &slice, &header, NULL, err);
         if (!reader)
-            return false;
+            return offer_slice(s, err);
         close_slice(s, reader, &slice);
-        if (!is_same(&header, &s->slice))
-            return sp_fail(err, SP_ERR_UNSUPPORTED, s->slices.names[n],
-                           "%" PRIu32 " x %" PRIu32 " px of type %s, but %.80s has %" PRIu32
-                           " x %" PRIu32 " and %s: slices of a "
-                           "stack are alike; move what is no slice to another folder",
-                           header.grid.dims[0], header.grid.dims[1], sp_type_name(header.type),
-                           s->file->shown, s->slice.grid.dims[0], s->slice.grid.dims[1],
-                           sp_type_name(s->slice.type));
+        if (is_same(&header, &s->slice)) {
+            char *name = s->slices.names[n];
+            s->slices.names[n] = s->slices.names[kept];
+            s->slices.names[kept++] = name;
+        } else if (!first[0]) {
+            snprintf(first, sizeof first, "%s", s->slices.names[n]);
+            describe(&header, theirs, sizeof theirs);
+        }
     }
+    for (uint32_t n = kept; n < all; n++)
+        free(s->slices.names[n]);
+    s->slices.count = kept;
+    describe(&s->slice, ours, sizeof ours);
+    if (kept < all)
+        import_warn(s->file->warnings,
+                    "%" PRIu32 " of %" PRIu32 " numbered files were left out, such as %.60s (%s): "
+                    "they differ from the file that was opened (%s).",
+                    all - kept, all, first, theirs, ours);
     return true;
 }
 
@@ -102,8 +142,13 @@ static bool take(struct stack *s, struct import_header *header, struct sp_error 
         return false;
     if (header->grid.dims[2] > 1)
         return true;
+    header->used_as |= s->file->selection.as == IMPORT_AS_SLICE;
     s->slice = *header;
+    if (s->file->selection.as == IMPORT_AS_SLICE)
+        return true;
     if (!find_files(s, err))
+        return false;
+    if (s->slices.count > 1 && !keep_alike(s, err))
         return false;
     if (s->slices.count < 2)
         return true;
@@ -111,8 +156,7 @@ static bool take(struct stack *s, struct import_header *header, struct sp_error 
     s->single = NULL;
     header->grid.dims[2] = s->slices.count;
     header->took_folder = true;
-    return check_slices(s, err) &&
-           sp_grid_check(&header->grid, header->type, s->file->shown, &header->bytes, err);
+    return sp_grid_check(&header->grid, header->type, s->file->shown, &header->bytes, err);
 }
 
 static void *open_stack(const struct import_format *inner, const struct import_file *file,
@@ -139,7 +183,7 @@ static bool read_stack(void *reader, void *voxels, float (*vectors)[3],
     for (uint32_t n = 0; n < s->slices.count; n++) {
         struct slice slice;
         struct import_header header;
-        void *one = open_slice(s, n, &slice, &header, err);
+        void *one = open_slice(s, n, &slice, &header, s->file->warnings, err);
         if (!one)
             return false;
         bool ok = is_same(&header, &s->slice) || /* it was when the header was made */

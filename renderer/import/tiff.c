@@ -176,6 +176,7 @@ static bool take_type(struct tiff *t, struct import_header *header, struct sp_er
         import_conversion_add_missing(&t->conversion, t->planes.missing);
     t->conversion.components = has_palette ? COLORS : page->planes == 1 ? page->samples : 1;
     header->type = t->conversion.type;
+    header->bits = has_palette ? 8 : page->bits;
     return true;
 }
 

@@ -71,7 +71,7 @@ bool tiff_planes_choose(struct tiff_planes *p, const struct import_file *file, u
                                         .are_parts =
                                             are_samples || (p->channels > 1 && p->steps > 1) };
     enum import_as as;
-    if (wanted == IMPORT_AS_FILE || wanted == IMPORT_AS_LABELS)
+    if (!import_as_is_axis(wanted))
         return true;
     if (!import_meaning_choose(file, &extra, header, &as, err))
         return false;

@@ -105,6 +105,8 @@ def check_strays(tool):
     whole(tool, series.folder)
     silent(tool, series.folder)
     whole(tool, series.path('I3'))
+    tool.equal(series.path('I3') + '?as=slice', volume(6)[3:4], origin=[5, 6, 6])
+    tool.refused(series.folder + '?as=slice', 'not a single slice')
 
 
 def check_directory(tool):

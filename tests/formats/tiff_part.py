@@ -290,7 +290,39 @@ def check_programs(tool):
     tool.layout_refused('TIFF', 'ImageJ with a wrong number of images', path, 'ImageJ declares 9 images')
 
 
+def write_packed(path, array, bits):
+    """A page whose samples have fewer than 8 bits, which tifffile does not write."""
+    rows = numpy.packbits(numpy.unpackbits(array[..., None], axis=-1)[..., -bits:].reshape(len(array), -1), axis=-1).tobytes()
+    tags = [(256, array.shape[1]), (257, len(array)), (258, bits), (259, 1), (262, 1), (273, 8 + 2 + 9 * 12 + 4), (277, 1), (278, len(array)), (279, len(rows))]
+    entries = b''.join(struct.pack('<HHII', tag, 4, 1, value) for tag, value in tags)
+    with open(path, 'wb') as file:
+        file.write(b'II*\0' + struct.pack('<IH', 8, len(tags)) + entries + bytes(4) + rows)
+
+
+def check_beside(tool):
+    """Numbered files beside the one that is opened are slices if they are like it."""
+    def write(name, array, **how):
+        tifffile.imwrite(tool.path(name), array, photometric='minisblack', metadata=None, **how)
+        return tool.path(name)
+
+    data = ramp((3, 8, 9), 'u1') % 4
+    first, _ = write('beside1.tif', data[0]), write('beside2.tif', data[1])
+    write('beside3.tif', data[2, :4])
+    tool.layout('TIFF', 'numbered files beside it', first, data[:2], result='those like it are slices, with a warning', warned='beside3.tif (9 x 4 px')
+    tool.layout('TIFF', 'numbered files beside it, ?as=slice', f'{first}?as=slice', data[:1], result='the file alone', warned='')
+    tool.equal(tool.path('beside3.tif'), data[2:, :4], warned='beside1.tif')
+    for bits in (2, 4):
+        write_packed(tool.path('beside3.tif'), data[2], bits)
+        tool.equal(first, data[:2], warned=f'of {bits} bits')
+        tool.equal(tool.path('beside3.tif'), data[2:], warned='of 8 bits')
+    write('beside3.tif', data[2], resolution=(10, 10), resolutionunit='inch')
+    tool.equal(first, data[:2], warned='spacing 2.54 x 2.54 mm')
+    multi = write('multi1.tif', data)
+    tool.refused(f'{multi}?as=slice', 'not a single slice')
+
+
 def check(tool):
+    check_beside(tool)
     check_ome(tool)
     check_plain(tool)
     check_imagej(tool)

@@ -2,7 +2,7 @@
 // How a file is read where it leaves that open: what its further axis or its components mean, and the unit of its spacing.
 
 /** What the daemon knows besides what the file says. */
-export const READINGS = ['time', 'vectors', 'rgb', 'channels', 'labels'];
+export const READINGS = ['time', 'vectors', 'rgb', 'channels', 'labels', 'slice'];
 
 const MAX = 100; // files that are remembered
 

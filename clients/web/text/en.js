@@ -240,6 +240,7 @@ export default {
   'open.as.labels': 'labels',
   'open.as.last': 'last time, or the file says',
   'open.as.rgb': 'RGB',
+  'open.as.slice': 'this file alone',
   'open.as.time': 'time',
   'open.as.title': 'What a fourth axis, or the components of each sample, mean. The choice is remembered for the file.',
   'open.as.vectors': 'vectors',

@@ -117,16 +117,30 @@ static void deep_and_coloured_images_are_read(void **state) {
     sp_volume_unref(&volume);
 }
 
-static void bad_stacks_are_refused(void **state) {
+static void check_warning(const char *name, uint32_t slices, const char *words) {
+    struct sp_volume *volume = load(name);
+    assert_int_equal(sp_volume_info(volume)->grid.dims[2], slices);
+    assert_non_null(strstr(sp_volume_info(volume)->warnings[0], words));
+    sp_volume_unref(&volume);
+}
+
+static void files_that_differ_are_left_out(void **state) {
     (void)state;
     uint8_t rows[2 * NX * NY] = { 0 };
     write_slice("w1.png", 1);
     write_png("w2.png", NX + 1, 1, 8, rows);
-    load_error("w1.png", SP_ERR_UNSUPPORTED, "w2.png", "7 x 5 px of type uint8");
+    check_warning("w1.png", 1, "w2.png (7 x 5 px of uint8");
     write_png("w2.png", NX, 1, 16, rows);
-    load_error("w1.png", SP_ERR_UNSUPPORTED, "w2.png", "uint16");
+    check_warning("w1.png", 1, "w2.png (6 x 5 px of uint16");
+    write_slice("w3.png", 3);
+    check_warning("w1.png", 2, "1 of 3 numbered files were left out");
+    check("w1.png", 2, (const int[]){ 1, 3 });
+    check("w3.png?as=slice", 1, (const int[]){ 3 });
     write_text("w2.png", "no image");
     load_error("w1.png", SP_ERR_FORMAT, "w2.png", "neither PNG nor JPEG");
+    load_error("w1.png", SP_ERR_FORMAT, "w2.png", "w1.png?as=slice opens that file alone");
+    check("w1.png?as=slice", 1, (const int[]){ 1 });
+    load_error("w1.png?as=stack", SP_ERR_INVALID, "w1.png", "channels, labels or slice");
     write_file("cut.png", "\x89PNG\r\n\x1a\n", 8);
     load_error("cut.png", SP_ERR_FORMAT, "cut.png", "");
 }
@@ -135,7 +149,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(numbered_files_are_slices_in_the_order_of_their_numbers),
         cmocka_unit_test(deep_and_coloured_images_are_read),
-        cmocka_unit_test(bad_stacks_are_refused),
+        cmocka_unit_test(files_that_differ_are_left_out),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
