@@ -79,6 +79,12 @@ unsigned import_meaning_choose_component(const struct import_file *file,
 
 const char *const import_tensor_names[6] = { "xx", "xy", "xz", "yy", "yz", "zz" };
 
+/* CIFTI-2 holds matrices of brain nodes and voxels in a NIfTI-2 file. */
+static const char *refusal_of_cifti(int code) {
+    enum { FIRST_CIFTI = 3000, LAST_CIFTI = 3099 };
+    return code >= FIRST_CIFTI && code <= LAST_CIFTI ? "a matrix of CIFTI-2" : NULL;
+}
+
 struct import_intent import_intent_of(int code) {
     static const char *const statistics[] = {
         "correlation",    "t statistic", "F statistic",     "z score",          "chi squared",
@@ -122,8 +128,25 @@ struct import_intent import_intent_of(int code) {
     case 2003:
     case 2004:
         return (struct import_intent){ .name = "", .as = IMPORT_AS_RGB };
+    case 1008:
+        return (struct import_intent){ .refusal = "a list of points" };
+    case 1009:
+        return (struct import_intent){ .refusal = "the triangles of a surface" };
+    case 2002:
+    case 2005:
+        return (struct import_intent){ .refusal = "values of the nodes of a surface" };
+    case 2007:
+    case 2008:
+    case 2009:
+    case 2016:
+    case 2017:
+        return (struct import_intent){ .name = "coefficient",
+                                       .as = IMPORT_AS_CHANNELS,
+                                       .warning = "coefficients of a deformation" };
+    case 2018:
+        return (struct import_intent){ .name = "field" }; /* of FSL's topup, in Hz */
     default:
-        return (struct import_intent){ .name = "" };
+        return (struct import_intent){ .name = "", .refusal = refusal_of_cifti(code) };
     }
 }
 

@@ -36,6 +36,8 @@ struct import_intent {
     enum sp_meaning meaning;
     enum import_as as;        /* IMPORT_AS_FILE = the code does not say */
     const char *name;         /* of the samples; "" = none */
+    const char *warning;      /* what the samples are that the image does not show; NULL = none */
+    const char *refusal;      /* what the file has in place of a volume; NULL = it has one */
     const char *const *names; /* of `name_count` entries; NULL = none */
     unsigned name_count;
 };

@@ -144,8 +144,13 @@ static unsigned choose_component(const struct import_file *file, const struct ni
         n->conversion.component =
             import_meaning_choose_component(file, header, colors, f->as, NULL);
     } else if (images > 1) {
-        return import_meaning_choose_component(file, header, images, f->as,
-                                               nifti_component_names(file, f));
+        const unsigned chosen = import_meaning_choose_component(file, header, images, f->as,
+                                                                nifti_component_names(file, f));
+        /* Behind a statistic are its parameters. */
+        const enum sp_meaning meaning = import_intent_of(f->intent).meaning;
+        if (meaning == SP_MEANING_LABELS || chosen == 0)
+            header->meaning = meaning;
+        return chosen;
     } else {
         import_name(header->value_name,
                     f->intent_name[0] ? f->intent_name : import_intent_of(f->intent).name);
@@ -265,8 +270,9 @@ static bool take(const struct import_file *file, struct nifti *n, struct import_
     n->samples.file = file;
     n->samples.field = "dim";
     import_header_init(header);
-    if (!nifti_header_read(file, &f, err) || !check_dims(file, &f, header, err) ||
-        !nifti_choose_axes(file, &f, header, err) || !take_steps(file, &f, header, err))
+    if (!nifti_header_read(file, &f, err) || !nifti_check_intent(file, &f, err) ||
+        !check_dims(file, &f, header, err) || !nifti_choose_axes(file, &f, header, err) ||
+        !take_steps(file, &f, header, err))
         return false;
     nifti_place(file, &f, header);
     nifti_place_vectors(&f, header);

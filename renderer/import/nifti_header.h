@@ -42,6 +42,11 @@ bool nifti_header_read(const struct import_file *file, struct nifti_fields *fiel
 void nifti_place(const struct import_file *file, const struct nifti_fields *fields,
                  struct import_header *header);
 
+/* Fails if the intent code says that the file has no volume. Warns if its numbers are not what they
+ * look like. */
+bool nifti_check_intent(const struct import_file *file, const struct nifti_fields *fields,
+                        struct sp_error *err);
+
 /* Decides what the dimensions beyond the third are, and leaves steps in dims[4] and components in
  * dims[5]. May read the samples. */
 bool nifti_choose_axes(const struct import_file *file, struct nifti_fields *fields,

@@ -106,6 +106,36 @@ static enum import_as meaning_of(const struct import_file *file, struct nifti_fi
     return guess(file, f);
 }
 
+bool nifti_check_intent(const struct import_file *file, const struct nifti_fields *f,
+                        struct sp_error *err) {
+    const struct import_intent intent = import_intent_of(f->intent);
+    const bool is_cifti = f->intent >= 3000;
+    if (intent.refusal)
+        return import_fail(
+            err, SP_ERR_UNSUPPORTED, file->shown, f->layout->intent, "intent_code",
+            "the file holds %s (intent %d%s%s), which is no volume; %s", intent.refusal, f->intent,
+            f->intent_name[0] ? ", " : "", f->intent_name,
+            is_cifti ? "write its voxels with \"wb_command -cifti-separate FILE COLUMN -volume-all "
+                       "OUT.nii.gz\""
+                     : "save it as VTK, PLY or OBJ");
+    if (intent.warning)
+        import_warn(file->warnings,
+                    "The samples are %s (intent %d); the field itself is made of them by FSL.",
+                    intent.warning, f->intent);
+    return true;
+}
+
+/* Time that is none. */
+static void warn_of_frequency(const struct import_file *file, const struct nifti_fields *f) {
+    static const char *const names[8] = { [4] = "a frequency in Hz",
+                                          [5] = "a chemical shift in ppm",
+                                          [6] = "an angular frequency in rad/s" };
+    if (f->dims[4] > 1 && names[f->time_units])
+        import_warn(file->warnings,
+                    "The fourth axis is %s, not time; its %.0f entries are shown as steps.",
+                    names[f->time_units], f->dims[4]);
+}
+
 bool nifti_choose_axes(const struct import_file *file, struct nifti_fields *f,
                        struct import_header *header, struct sp_error *err) {
     const bool are_colors = f->datatype == TYPE_RGB || f->datatype == TYPE_RGBA;
@@ -132,6 +162,7 @@ bool nifti_choose_axes(const struct import_file *file, struct nifti_fields *f,
         f->dims[4] = f->dims[5];
         f->dims[5] = 1;
     }
+    warn_of_frequency(file, f);
     return true;
 }
 

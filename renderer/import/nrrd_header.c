@@ -107,8 +107,11 @@ static bool take_line(const struct import_file *file, struct nrrd_header *h, cha
                            "\"%.40s\" is neither a field, a comment nor the blank line that ends "
                            "the header",
                            line);
-    if (colon[1] == '=') /* a key and a value of another program */
+    if (colon[1] == '=') { /* a key and a value of another program */
+        h->is_diffusion |= strncmp(line, "DWMRI_", 6) == 0 ||
+                           (strncmp(line, "modality:=", 10) == 0 && strstr(line, "DWMRI"));
         return true;
+    }
     char *name = trim(line, colon);
     int f = find_field(name);
     if (f < 0)
@@ -355,8 +358,8 @@ static bool parse_fields(const struct import_file *file, struct nrrd_header *h,
                          struct sp_error *err) {
     for (int axis = 0; axis < NRRD_AXES_MAX; axis++)
         h->spacing[axis] = h->min[axis] = h->max[axis] = NAN;
-    return parse_type(file, h, err) && nrrd_kinds_read(file, h, err) &&
-           parse_encoding(file, h, err) && parse_numbers(file, h, NRRD_SPACINGS, h->spacing, err) &&
+    return parse_type(file, h, err) && parse_numbers(file, h, NRRD_SPACINGS, h->spacing, err) &&
+           nrrd_kinds_read(file, h, err) && parse_encoding(file, h, err) &&
            parse_numbers(file, h, NRRD_AXIS_MINS, h->min, err) &&
            parse_numbers(file, h, NRRD_AXIS_MAXS, h->max, err) && parse_centers(file, h, err) &&
            nrrd_space_read(file, h, err);

@@ -79,6 +79,7 @@ struct nrrd_header {
     unsigned first, axes; /* axes: 2 or 3 */
     int time, vectors, components;
     bool used_as;                  /* the source chose what an axis is */
+    bool is_diffusion;             /* volumes of one patient, each with a gradient of its own */
     const char *const *names;      /* of the components; NULL = they have none */
     uint64_t sizes[NRRD_AXES_MAX]; /* [1, SP_DIM_MAX] each */
     /* Per axis of the file, NAN = not given. */

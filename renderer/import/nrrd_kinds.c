@@ -3,6 +3,7 @@
  * What the axes of a NRRD file are: those of the volume, time steps, or components of a sample.
  */
 #include <inttypes.h>
+#include <math.h>
 #include <string.h>
 #include <strings.h>
 
@@ -122,19 +123,47 @@ static unsigned count_domains(const struct nrrd_header *h) {
     return count;
 }
 
-/* Of four axes without another role, the first one is time if it has no direction in space, else
- * the last one. */
-static void find_time(struct nrrd_header *h) {
+/* True if the first axis has no place in space, and the others have. */
+static bool is_first_apart(const struct nrrd_header *h) {
     const char *directions = h->value[NRRD_SPACE_DIRECTIONS];
+    bool is_only = h->value[NRRD_SPACINGS] && isnan(h->spacing[0]);
+    for (unsigned axis = 1; axis < h->dimension; axis++)
+        is_only &= isfinite(h->spacing[axis]);
+    return is_only || (directions && strncasecmp(directions, "none", 4) == 0);
+}
+
+/* Of four axes without another role, the first one is time if it has no place in space, else the
+ * last one. Of three, a short first one without a place is that of the components. */
+static void find_time(const struct import_file *file, struct nrrd_header *h) {
+    enum { COLORS_MAX = 4 };
     unsigned axis = 0, last = h->dimension - 1;
-    if (count_domains(h) != 4)
+    const unsigned domains = count_domains(h);
+    const bool is_apart = h->role[0] == NRRD_DOMAIN && is_first_apart(h);
+    if (domains == 3 && h->dimension == 3 && !h->value[NRRD_KINDS] && is_apart &&
+        h->sizes[0] <= COLORS_MAX)
+        h->role[0] = NRRD_COMPONENT;
+    if (domains != 4)
         return;
     while (h->role[axis] != NRRD_DOMAIN)
         axis++;
     while (h->role[last] != NRRD_DOMAIN)
         last--;
-    const bool is_first = axis == 0 && directions && strncasecmp(directions, "none", 4) == 0;
-    h->role[is_first ? axis : last] = NRRD_TIME;
+    axis = is_apart ? 0 : last;
+    h->role[axis] = NRRD_TIME;
+    if (!h->value[NRRD_KINDS] && h->sizes[axis] > 1 && file->selection.as == IMPORT_AS_FILE)
+        import_warn(file->warnings,
+                    "The file does not say what axis %u is (kinds); its %" PRIu64
+                    " entries are read as time steps. ?as=channels makes them fields.",
+                    axis, h->sizes[axis]);
+}
+
+/* In diffusion files the axis of the gradients is a list of volumes, even if it is called vector.
+ */
+static void list_gradients(struct nrrd_header *h) {
+    for (unsigned axis = 0; axis < h->dimension && h->is_diffusion; axis++)
+        if (h->role[axis] == NRRD_VECTOR || h->role[axis] == NRRD_COMPONENT ||
+            h->role[axis] == NRRD_COLOR)
+            h->role[axis] = NRRD_TIME;
 }
 
 /* What an axis without a place in space means. */
@@ -229,7 +258,8 @@ bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *h, stru
     h->time = h->vectors = h->components = -1;
     if (h->value[NRRD_KINDS] && !parse_words(file, h, err))
         return false;
-    find_time(h);
+    list_gradients(h);
+    find_time(file, h);
     if (!apply_choice(file, h, err))
         return false;
     h->axes = count_domains(h);

@@ -105,6 +105,47 @@ def check_nifti_intents(tool):
     says(tool, tool.path('labels.nii') + '?unit=um', unit='um')
 
 
+def check_nifti_others(tool):
+    """Files without a volume, and fourth axes that are no time."""
+    model = nibabel.cifti2.BrainModelAxis.from_mask(numpy.ones((4, 4, 3)), affine=numpy.eye(4), name='thalamus_left')
+    path = tool.path('c.dscalar.nii')
+    image = nibabel.Cifti2Image(numpy.ones((2, 48), 'f4'), header=(nibabel.cifti2.ScalarAxis(['a', 'b']), model))
+    for intent in (3000, 3001, 3006, 3015):
+        image.nifti_header.set_intent(intent, allow_unknown=True)
+        nibabel.save(image, path)
+        tool.layout_refused('NIfTI', 'CIFTI-2', path, 'a matrix of CIFTI-2', 'wb_command -cifti-separate')
+    for intent, words in ((1008, 'a list of points'), (1009, 'triangles of a surface'), (2005, 'nodes of a surface')):
+        tool.refused(write_nifti(tool, 'i.nii', field(4, 1, 3), intent), words)
+    tool.equal(write_nifti(tool, 'i.nii', field(4, 1, 3), 2007), field(4, 1, 3)[..., 0, 0].T, warned='coefficients of a deformation')
+    says(tool, write_nifti(tool, 'i.nii', field(4, 1, 2), 'label'), name='component 1', meaning='labels')
+    for code, unit, words in (('hz', 'Hz', 'a frequency'), ('ppm', 'ppm', 'a chemical shift'), ('rads', 'rad/s', 'an angular frequency')):
+        image = nibabel.Nifti1Image(field(4, 7), numpy.eye(4))
+        image.header.set_xyzt_units('mm', code)
+        nibabel.save(image, tool.path('i.nii'))
+        tool.layout('NIfTI', 'fourth axis in Hz, ppm or rad/s', tool.path('i.nii'), field(4, 7)[..., 6].T, step=6, result='steps in this unit, with a warning',
+                    time_unit=unit, warned=words)
+
+
+def check_nrrd_lists(tool):
+    """Gradients are a list of volumes, whatever the kind of their axis; an axis without a spacing is none of the volume."""
+    volumes = field(5, 3)
+    keys = {'modality': 'DWMRI', 'DWMRI_b-value': '1000', 'DWMRI_gradient_0000': '0 0 0', 'DWMRI_gradient_0001': '1 0 0', 'DWMRI_gradient_0002': '0 1 0'}
+    matrix, path = numpy.diag([2.0, 2, 3]), tool.path('dwi.nrrd')
+    for kinds, is_first in (('vector space space space', True), ('list domain domain domain', True), ('space space space vector', False)):
+        rows = numpy.insert(matrix, 0 if is_first else 3, numpy.nan, axis=0)
+        header = {'space': 'left-posterior-superior', 'kinds': kinds.split(), 'space directions': rows, 'space origin': [0, 0, 0],
+                  'measurement frame': numpy.eye(3), **keys}
+        nrrd.write(path, numpy.moveaxis(volumes, 3, 0 if is_first else 3), header)
+        tool.layout('NRRD', 'diffusion (DWMRI), kind vector or list', path, volumes[..., 2].T, step=2, result='steps', steps=3, vectors='', spacing=[2, 2, 3])
+    for place, spacings in ((0, [numpy.nan, 1, 2, 3]), (3, [1, 2, 3, numpy.nan])):
+        nrrd.write(path, numpy.moveaxis(volumes, 3, place), {'spacings': spacings})
+        tool.layout('NRRD', 'an axis with spacing NaN, without kinds', path, volumes[..., 1].T, step=1, result='steps, with a warning', spacing=[1, 2, 3],
+                    warned=f'axis {place} is (kinds)')
+        tool.equal(f'{path}?as=channels&field=component 2', volumes[..., 1].T, warned='')
+    nrrd.write(path, volumes[0].transpose(2, 0, 1), {'spacings': [numpy.nan, 1, 2]})
+    tool.equal(f'{path}?field=component 3', volumes[0, ..., 2].T[None], spacing=[1, 2, 1])
+
+
 def write_meta(tool, name, data, channels=1, **more):
     """x, y, z and maybe steps, then the channels."""
     shape = data.shape[:-1] if channels > 1 else data.shape
@@ -255,5 +296,5 @@ def check_missing(tool):
 
 
 def check(tool):
-    for part in (check_nifti_vectors, check_nifti_intents, check_metaimage, check_nrrd, check_tiff, check_arrays, check_hounsfield, check_missing):
+    for part in (check_nifti_vectors, check_nifti_intents, check_nifti_others, check_nrrd_lists, check_metaimage, check_nrrd, check_tiff, check_arrays, check_hounsfield, check_missing):
         part(tool)
