@@ -24,9 +24,8 @@
 struct dicom {
     struct dicom_source source;
     struct dicom_slices slices;
-    struct import_conversion conversion; /* of the first slice */
-    bool is_copy;
-    double *places; /* owned; of slices that do not lie evenly */
+    struct import_conversion conversion; /* to the type in memory; each file has its own numbers */
+    double *places;                      /* owned; of slices that do not lie evenly */
 };
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
@@ -42,28 +41,44 @@ static bool open_source(struct dicom_source *source, struct sp_error *err) {
                                       "libgdcm3.0", err);
     if (!source->call)
         return false;
-    return file->is_folder ||
-           (dicom_describe(source, file->fd, &source->image, why) &&
-            (source->image.is_directory ||
-             (source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why)))) ||
-           dicom_fail(source, source->image.is_tiled ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT, "", why,
-                      err);
+    if (file->is_folder)
+        return true;
+    bool ok = dicom_describe(source, file->fd, &source->image, why);
+    source->is_named = ok && !source->image.is_directory;
+    if (source->is_named)
+        ok = source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why);
+    return ok || dicom_fail(source,
+                            source->image.is_tiled || source->image.is_mosaic ? SP_ERR_UNSUPPORTED
+                                                                              : SP_ERR_FORMAT,
+                            "", why, err);
+}
+
+/* Lists the frames of the file, and of other files that make one stack with it. */
+static bool list_slices(struct dicom *d, struct import_header *header, struct sp_error *err) {
+    struct dicom_source *source = &d->source;
+    struct dicom_slices *slices = &d->slices;
+    header->used_series = source->image.frames <= 1 || source->image.has_places;
+    header->used_as =
+        header->used_series && source->is_named && source->file->selection.as == IMPORT_AS_SLICE;
+    if (header->used_series && !header->used_as
+            ? !dicom_folder_list(source, slices, err)
+            : !dicom_frames_add(source, "", &source->image, slices, err))
+        return false;
+    bool has_frames = false;
+    for (uint32_t i = 0; i < slices->count; i++) {
+        has_frames |= slices->items[i].frame > 0;
+        header->took_folder |= strcmp(slices->items[i].name, slices->items[0].name) != 0;
+    }
+    return !has_frames || dicom_frames_choose(source, slices, err);
 }
 
 static bool find_slices(struct dicom *d, struct import_header *header, struct sp_error *err) {
     struct dicom_source *source = &d->source;
     struct dicom_slices *slices = &d->slices;
-    const bool is_series = source->image.frames <= 1; /* or a folder, or a DICOMDIR */
-    header->used_as = is_series && !source->file->is_folder && !source->image.is_directory &&
-                      source->file->selection.as == IMPORT_AS_SLICE;
-    if (is_series && !header->used_as && !dicom_folder_list(source, slices, err))
+    if (!list_slices(d, header, err))
         return false;
-    if (slices->count == 0 && !dicom_frames_list(source, slices, err))
-        return false;
-    header->took_folder = is_series && slices->count > 1;
-    header->used_series = is_series;
     dicom_times_pass_midnight(slices);
-    const bool is_sorted = dicom_slices_sort(slices) &&
+    const bool is_sorted = dicom_slices_rank(slices) && dicom_slices_sort(slices) &&
                            (!slices->items[0].is.segment || dicom_slices_fill_gaps(slices));
     return (is_sorted ||
             sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices")) &&
@@ -99,29 +114,39 @@ static void take_labels(struct dicom *d) {
     d->conversion.type = most > UINT8_MAX ? SP_UINT16 : SP_UINT8;
 }
 
+/* The type in memory of whole numbers: slices may differ in their bits and in their scale. */
+static void choose_type(struct dicom *d, bool is_uniform) {
+    struct import_conversion *c = &d->conversion;
+    double low = INFINITY, high = -INFINITY;
+    for (uint32_t i = 0; i < d->slices.count; i++) {
+        low = fmin(low, d->slices.items[i].is.low);
+        high = fmax(high, d->slices.items[i].is.high);
+    }
+    const bool is_wide = low < INT16_MIN || high > UINT16_MAX;
+    if (c->number.kind != IMPORT_FLOAT)
+        c->number.size = is_wide ? 8 : 2;
+    import_conversion_choose(c, low, high);
+    if (!is_uniform && c->type != SP_FLOAT64)
+        c->type = is_wide ? SP_FLOAT64 : SP_FLOAT32;
+}
+
 static bool take_type(struct dicom *d, struct import_header *header, struct sp_error *err) {
-    const struct dicom_image *image = &d->source.image;
     const struct dicom_frame *first = &d->slices.items[0].is;
     struct import_conversion *c = &d->conversion;
-    const double values = ldexp(1, (int)image->bits);
     bool is_uniform;
     *c = (struct import_conversion){ .slope = first->slope, .offset = first->intercept };
-    if (!dicom_samples_type(&d->source, &c->number, &c->components, err) ||
+    if (!dicom_samples_type(&d->source, &d->source.image, "", &c->number, &c->components, err) ||
         !take_values(d, header, &is_uniform, err))
         return false;
     if (c->components > 1)
         import_conversion_choose(c, 0, ldexp(1, 8 * (int)c->number.size) - 1);
     else
-        import_conversion_choose(c, image->is_signed ? -values / 2 : 0,
-                                 image->is_signed ? values / 2 - 1 : values - 1);
-    if (!is_uniform && c->type != SP_FLOAT64)
-        c->type = SP_FLOAT32;
+        choose_type(d, is_uniform);
     if (c->components > 1)
         c->component =
             import_header_choose_component(header, d->source.file->field, c->components, true);
     if (d->slices.are_together)
         take_labels(d);
-    d->is_copy = is_uniform && !d->slices.are_together && import_conversion_is_copy(c);
     header->type = c->type;
     return true;
 }
@@ -185,32 +210,51 @@ struct reading {
     struct sp_error why; /* of the first one */
 };
 
+static bool open_file(const struct dicom *d, const char *name, size_t pixels, struct reading *r,
+                      struct sp_error *err) {
+    dicom_samples_close(&r->samples);
+    r->name = NULL;
+    if (!dicom_samples_open(&r->samples, &d->source, name, err))
+        return false;
+    char *larger = realloc(r->unpacked, pixels * r->samples.channels * r->samples.number.size);
+    if (!larger)
+        return sp_fail(err, SP_ERR_MEMORY, d->source.file->shown, "out of memory for a frame");
+    r->unpacked = larger;
+    r->name = name;
+    return true;
+}
+
 static bool read_slice(const struct dicom *d, const struct dicom_slice *slice, size_t pixels,
                        char *to, struct reading *r, struct sp_error *err) {
-    if (!r->name || strcmp(r->name, slice->name) != 0) {
-        dicom_samples_close(&r->samples);
-        r->name = NULL;
-        if (!dicom_samples_open(&r->samples, &d->source, slice->name, err))
-            return false;
-        r->name = slice->name;
-    }
+    if ((!r->name || strcmp(r->name, slice->name) != 0) &&
+        !open_file(d, slice->name, pixels, r, err))
+        return false;
     struct import_conversion c = d->conversion;
+    c.number = r->samples.number;
     c.slope = slice->is.slope;
     c.offset = slice->is.intercept;
-    if (!dicom_samples_read(&r->samples, slice->frame, d->is_copy ? to : r->unpacked, err))
+    const bool is_copy = !d->slices.are_together && import_conversion_is_copy(&c);
+    if (!dicom_samples_read(&r->samples, slice->frame, is_copy ? to : r->unpacked, err))
         return false;
     if (d->slices.are_together)
         r->shared += put_label(d, (const uint8_t *)r->unpacked, pixels, slice->is.segment, to);
-    else if (!d->is_copy)
+    else if (!is_copy)
         import_conversion_put(&c, r->unpacked, pixels, to);
     return true;
 }
 
-/* Counts a slice that is damaged. False if it is an error: another one, or the only slice. */
+/* True for the file that was opened by its name. */
+static bool is_opened(const struct dicom *d, const struct dicom_slice *slice) {
+    return d->source.is_named && (!*slice->name || strcmp(slice->name, d->source.name) == 0);
+}
+
+/* Counts a slice that is damaged. False if it is an error: another one, or the slice that was asked
+ * for, or one that leaves none. */
 static bool pass_over(const struct dicom *d, const struct dicom_slice *slice, struct reading *r,
                       const struct sp_error *why) {
     char name[80];
-    if (why->code != SP_ERR_FORMAT || d->slices.are_together || r->damaged + 1 >= d->slices.planes)
+    if (why->code != SP_ERR_FORMAT || d->slices.are_together || is_opened(d, slice) ||
+        r->damaged + 1 >= d->slices.planes)
         return false;
     if (r->damaged == 0)
         r->why = *why;
@@ -250,9 +294,8 @@ static bool read_dicom(void *reader, void *voxels, float (*vectors)[3],
     const size_t bytes = pixels * sp_type_size(d->conversion.type);
     struct reading r = { .samples = { .fd = -1 } };
     (void)vectors;
-    r.unpacked = malloc(pixels * d->conversion.components * d->conversion.number.size);
     r.is_damaged = calloc(d->slices.planes, sizeof *r.is_damaged);
-    bool ok = (r.unpacked && r.is_damaged) ||
+    bool ok = r.is_damaged ||
               sp_fail(err, SP_ERR_MEMORY, d->source.file->shown, "out of memory for the pixels");
     for (uint32_t i = 0; ok && i < d->slices.count; i++) {
         const struct dicom_slice *s = &d->slices.items[i];

@@ -15,19 +15,45 @@
 extern "C" {
 #endif
 
-/* What tells apart images that show the same place. Each is a number that rises in the order in
- * which the images are listed; NaN = the file does not say. */
+/* What an image shows, in words. Images of one place that differ in it are fields. */
+enum dicom_trait {
+    DICOM_TEXT_FLAVOUR, /* type of image, part of a complex one, or label of the segment */
+    DICOM_TEXT_ORIGIN,  /* original or derived */
+    DICOM_TEXT_QUANTITY,
+    DICOM_TEXT_UNIT,
+    DICOM_TEXT_KERNEL, /* of the reconstruction */
+    DICOM_TEXT_FILTER,
+    DICOM_TEXT_METHOD,
+    DICOM_TEXT_CORRECTION,
+    DICOM_TEXT_AGENT, /* of contrast */
+    DICOM_TEXT_COIL,
+    DICOM_TEXT_DESCRIPTION, /* of the series or of the derivation */
+    DICOM_TEXT_DIRECTION,   /* of diffusion */
+    DICOM_TEXT_OTHER,       /* dimensions that the reader does not know, detectors */
+    DICOM_TEXT_COUNT
+};
+
+/* What tells apart images that show the same place, in this order. The first DICOM_TEXT_COUNT keys
+ * number the different texts (dicom_slices_rank()). NaN = the file does not say. */
 enum dicom_key {
-    DICOM_KEY_GROUP, /* rank of the texts in `group`: segments, types of images, detectors, … */
-    DICOM_KEY_ECHO,  /* time of the echo [ms] */
-    DICOM_KEY_DIFFUSION, /* of diffusion [s/mm²] */
-    DICOM_KEY_DIRECTION, /* of diffusion: a number for each */
-    DICOM_KEY_OTHER,     /* dimensions that the reader does not know */
-    DICOM_KEY_PHASE,     /* temporal position, a number */
-    DICOM_KEY_DELAY,     /* time since a trigger, such as a heartbeat, or since the start [s] */
+    DICOM_KEY_FLAVOUR = DICOM_TEXT_FLAVOUR,
+    DICOM_KEY_DIRECTION = DICOM_TEXT_DIRECTION,
+    DICOM_KEY_OTHER = DICOM_TEXT_OTHER,
+    DICOM_KEY_ECHO = DICOM_TEXT_COUNT, /* time of the echo [ms] */
+    DICOM_KEY_ECHO_NUMBER,             /* where its time is not known */
+    DICOM_KEY_DIFFUSION,               /* b-value [s/mm²] */
+    DICOM_KEY_VOLTAGE,                 /* of the tube [kV] */
+    DICOM_KEY_FLIP,                    /* [degree] */
+    DICOM_KEY_INVERSION,               /* time of the inversion [ms] */
+    DICOM_KEY_THICKNESS,               /* of the slice [mm] */
+    DICOM_KEY_PHASE,                   /* temporal position, a number; the first key of times */
+    DICOM_KEY_DELAY, /* time since a trigger, such as a heartbeat, or since the start [s] */
     DICOM_KEY_CLOCK, /* time of the acquisition [s], since 1970; less than a day: no date known */
+    DICOM_KEY_ACQUISITION, /* its number */
     DICOM_KEY_COUNT
 };
+
+enum { DICOM_TEXT_BYTES = 44, DICOM_FRAMES_MAX = 1 << 18 };
 
 struct dicom_frame {    /* what a file says about one of its images */
     bool is_placed;     /* the file gives the position and the directions */
@@ -39,12 +65,13 @@ struct dicom_frame {    /* what a file says about one of its images */
     bool is_assumed;    /* the file gives neither: the next frame is taken to lie 1 mm apart */
     double slope, intercept;
     double keys[DICOM_KEY_COUNT];
-    uint32_t segment; /* its label; 0 = this is no segmentation */
-    char group[64];   /* what its group is called; "" = it is in none */
-    char stack[20];   /* frames of other stacks are other volumes; "" = not known */
-    char unit[32];    /* of the values after slope and intercept; "" = not known */
-    double slot;      /* not placed: its number in the stack; those of one slot share a place */
-    long instance;    /* number in the series; 0 = not known */
+    char texts[DICOM_TEXT_COUNT][DICOM_TEXT_BYTES]; /* "" = the file does not say */
+    double low, high;                               /* the numbers that its pixels can have */
+    uint32_t segment;                               /* its label; 0 = this is no segmentation */
+    char stack[20]; /* frames of other stacks are other volumes; "" = not known */
+    char unit[32];  /* of the values after slope and intercept; "" = not known */
+    double slot;    /* not placed: its number in the stack; those of one slot share a place */
+    long instance;  /* number in the series; 0 = not known */
 };
 
 /* How a file stores colours. */
@@ -72,13 +99,17 @@ struct dicom_image { /* what a file says about its images */
     unsigned bytes, bits;           /* per number: in memory, and those that are used */
     unsigned high_bit;              /* the highest of the bits that are used */
     bool is_signed, is_float;
-    bool is_bits;       /* one bit per pixel, without a gap between rows or frames */
-    bool is_planar;     /* each frame has its channels one after the other */
-    bool is_packed;     /* the pixels are compressed */
-    bool is_swapped;    /* their byte order is not that of this machine */
-    bool is_labels;     /* the frames are segments, each pixel in it or not */
-    bool is_tiled;      /* the frames are tiles of one large image, as of a microscope */
-    double tiled[2];    /* columns and rows of this image; NaN = not known */
+    bool is_bits;    /* one bit per pixel, without a gap between rows or frames */
+    bool is_planar;  /* each frame has its channels one after the other */
+    bool is_packed;  /* the pixels are compressed */
+    bool is_swapped; /* their byte order is not that of this machine */
+    bool is_labels;  /* the frames are segments, each pixel in it or not */
+    bool is_tiled;   /* the frames are tiles of one large image, as of a microscope */
+    double tiled[2]; /* columns and rows of this image; NaN = not known */
+    unsigned planes; /* of focus, of such tiles; 0 = not known */
+    bool has_places; /* each frame has a place of its own: frames of several files make a stack */
+    bool is_mosaic;  /* the frames are tiles of one image as the file stores it, row by row */
+    unsigned tiles;  /* of a mosaic: tiles per row and per column; 0 = not known */
     bool is_in_patient; /* the positions are those of a patient, not of a device */
     enum dicom_colors colors;
     enum dicom_order order;

@@ -13,6 +13,7 @@ enum { DICOM_PREFIX = 132 }; /* bytes that dicom_is_file() needs */
 struct dicom_source {
     const struct import_file *file; /* that was opened; may be a folder or a DICOMDIR */
     const struct dicom_bridge_functions *call;
+    bool is_named;            /* one image was opened by its name, so it is part of the volume */
     char name[PATH_MAX];      /* of the file whose image follows, in the folder; "" = that one */
     struct dicom_image image; /* of the first file of the volume */
 };

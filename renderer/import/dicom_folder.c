@@ -7,6 +7,8 @@
 #include <string.h>
 #include <strings.h>
 
+#include "import/dicom_frames.h"
+
 enum { LIST = 160 }; /* bytes of a list of names in a warning or an error */
 
 /* Appends to a list what fits, and then "…". */
@@ -104,7 +106,7 @@ static bool choose(const struct dicom_source *source, const struct dicom_scan *s
                        scan->damaged.count ? "no DICOM image in this folder can be read: %.255s"
                                            : "there is no DICOM image in this folder%s",
                        scan->damaged.count ? scan->damaged.names[0] : "");
-    if (file->is_folder || source->image.is_directory)
+    if (!source->is_named)
         return choose_largest(source, scan, chosen, err);
     return !*file->selection.series || match(&source->image, file->selection.series) > 0 ||
            sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
@@ -150,7 +152,7 @@ static void warn_of_stacks(const struct dicom_source *source, const struct dicom
     }
     if (count > 0)
         import_warn(source->file->warnings,
-                    "Left out %u other %s of the series, whose size, type, spacing or direction "
+                    "Left out %u other %s of the series, whose size, kind, spacing or direction "
                     "differs: %s.",
                     count, count > 1 ? "images" : "image", list);
 }
@@ -184,11 +186,6 @@ static int by_instance(const void *a, const void *b) {
     return x != y ? (x > y) - (x < y) : (*p > *q) - (*p < *q);
 }
 
-static int by_group(const void *a, const void *b) {
-    const struct dicom_found *const *p = a, *const *q = b;
-    return strcmp((*p)->image.first.group, (*q)->image.first.group);
-}
-
 /* Images without a position lie above one another in the order of their numbers, or of their
  * names. */
 static void order_unplaced(const struct dicom_source *source, struct dicom_found **found,
@@ -207,54 +204,39 @@ static void order_unplaced(const struct dicom_source *source, struct dicom_found
                 has_numbers ? "instance numbers" : "names");
 }
 
-/* Numbers the kinds of images, in the order of their names; the module knows one file only. */
-static void rank_groups(struct dicom_found **found, uint32_t count) {
-    double rank = 0;
-    qsort(found, count, sizeof *found, by_group);
-    for (uint32_t i = 0; i < count; i++) {
-        struct dicom_frame *is = &found[i]->image.first;
-        rank += i > 0 && strcmp(is->group, found[i - 1]->image.first.group) != 0;
-        if (is->group[0] && !is->segment)
-            is->keys[DICOM_KEY_GROUP] = rank;
-    }
-}
-
-static bool add_slices(struct dicom_source *source, struct dicom_scan *scan, uint32_t chosen,
-                       struct dicom_slices *slices) {
+static bool add_slices(const struct dicom_source *source, struct dicom_scan *scan, uint32_t chosen,
+                       struct dicom_slices *slices, struct sp_error *err) {
     struct dicom_found **found = malloc(scan->count * sizeof *found);
     uint32_t count = 0;
-    bool ok = found != NULL;
-    for (uint32_t i = 0; ok && i < scan->count; i++)
+    if (!found)
+        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+    for (uint32_t i = 0; i < scan->count; i++)
         if (!scan->images[i].is_copy && scan->images[i].stack == chosen)
             found[count++] = &scan->images[i];
-    if (ok) {
-        rank_groups(found, count);
-        order_unplaced(source, found, count);
-    }
-    for (uint32_t i = 0; ok && i < count; i++) {
-        if (found[i]->image.bits > source->image.bits)
-            source->image.bits = found[i]->image.bits;
-        ok = dicom_slices_add(slices, found[i]->name, 0, &found[i]->image.first);
-    }
+    order_unplaced(source, found, count);
+    bool ok = true;
+    for (uint32_t i = 0; ok && i < count; i++)
+        ok = dicom_frames_add(source, found[i]->name, &found[i]->image, slices, err);
     free(found);
     return ok;
 }
 
 static bool take(struct dicom_source *source, struct dicom_scan *scan, struct dicom_slices *slices,
                  struct sp_error *err) {
-    const bool is_named = !source->file->is_folder && !source->image.is_directory;
     uint32_t chosen;
     if (!choose(source, scan, &chosen, err))
         return false;
-    if (!is_named)
+    const struct dicom_stack *stack = &scan->stacks[chosen];
+    const struct dicom_found *first = &scan->images[stack->first];
+    if (!source->is_named)
         warn_of_series(source, scan, chosen);
-    warn_of_stacks(source, scan, chosen);
-    warn_of_files(source, scan);
-    const struct dicom_found *first = &scan->images[scan->stacks[chosen].first];
+    if (!source->is_named || first->image.frames <= 1 || stack->frames > first->image.frames) {
+        warn_of_stacks(source, scan, chosen);
+        warn_of_files(source, scan);
+    }
     source->image = first->image;
     snprintf(source->name, sizeof source->name, "%s", first->name);
-    return first->image.frames > 1 || add_slices(source, scan, chosen, slices) ||
-           sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+    return add_slices(source, scan, chosen, slices, err);
 }
 
 bool dicom_folder_list(struct dicom_source *source, struct dicom_slices *slices,

@@ -10,9 +10,8 @@
 #include "import/dicom_slices.h"
 
 /* Adds the slices of all files of the folder that belong to the volume, and makes source->image the
- * image of the first one. Warns of what is left out. If the volume is the frames of one file,
- * nothing is added, and source->name is the name of that file. SP_ERR_NOT_FOUND: there is no image,
- * or no such series. */
+ * image of the first one, and source->name its name. Warns of what is left out. SP_ERR_NOT_FOUND:
+ * there is no image, or no such series. */
 bool dicom_folder_list(struct dicom_source *source, struct dicom_slices *slices,
                        struct sp_error *err);
 

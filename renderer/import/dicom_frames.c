@@ -9,7 +9,7 @@
 
 #include "base/vec.h"
 
-enum { FRAMES_MAX = 1 << 18, STACKS_MAX = 8 };
+enum { STACKS_MAX = 8 };
 
 /* Frames of one stack can be slices of one volume. */
 static bool is_same_stack(const struct dicom_frame *a, const struct dicom_frame *b) {
@@ -106,42 +106,44 @@ static bool fail_memory(const struct dicom_source *source, struct sp_error *err)
     return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the frames");
 }
 
-static bool describe_frames(const struct dicom_source *source, struct dicom_frame *frames,
-                            struct sp_error *err) {
+static bool describe_frames(const struct dicom_source *source, const char *name,
+                            struct dicom_frame *frames, uint32_t count, struct sp_error *err) {
     char path[40], why[SP_ERROR_TEXT];
-    const int fd = dicom_open(source, source->name, err);
+    const int fd = dicom_open(source, name, err);
     if (fd < 0)
         return false;
     snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
-    const bool ok =
-        source->call->describe_frames(path, frames, source->image.frames, why, sizeof why);
+    const bool ok = source->call->describe_frames(path, frames, count, why, sizeof why);
     dicom_close(source, fd);
-    return ok || dicom_fail(source, SP_ERR_FORMAT, source->name, why, err);
+    return ok || dicom_fail(source, SP_ERR_FORMAT, name, why, err);
 }
 
-static bool check_count(const struct dicom_source *source, struct sp_error *err) {
+static bool check_count(const struct dicom_source *source, const char *name, uint64_t count,
+                        struct sp_error *err) {
     char text[SP_ERROR_TEXT];
-    snprintf(text, sizeof text, "the file has %" PRIu32 " frames; the limit is %d",
-             source->image.frames, FRAMES_MAX);
-    return source->image.frames <= FRAMES_MAX ||
-           dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
+    snprintf(text, sizeof text, "there are %" PRIu64 " frames; the limit is %d", count,
+             DICOM_FRAMES_MAX);
+    return count <= DICOM_FRAMES_MAX || dicom_fail(source, SP_ERR_UNSUPPORTED, name, text, err);
 }
 
-bool dicom_frames_list(const struct dicom_source *source, struct dicom_slices *slices,
-                       struct sp_error *err) {
-    const uint32_t count = source->image.frames;
+bool dicom_frames_add(const struct dicom_source *source, const char *name,
+                      const struct dicom_image *image, struct dicom_slices *slices,
+                      struct sp_error *err) {
+    const uint32_t count = image->frames;
     if (count <= 1)
-        return dicom_slices_add(slices, source->name, 0, &source->image.first) ||
-               fail_memory(source, err);
-    if (!check_count(source, err))
+        return dicom_slices_add(slices, name, 0, &image->first) || fail_memory(source, err);
+    if (!check_count(source, name, (uint64_t)slices->count + count, err))
         return false;
     struct dicom_frame *frames = calloc(count, sizeof *frames);
-    bool ok = frames ? describe_frames(source, frames, err) : fail_memory(source, err);
+    bool ok = frames ? describe_frames(source, name, frames, count, err) : fail_memory(source, err);
     for (uint32_t i = 0; ok && i < count; i++)
-        ok = dicom_slices_add(slices, source->name, i, &frames[i]) || fail_memory(source, err);
+        ok = dicom_slices_add(slices, name, i, &frames[i]) || fail_memory(source, err);
     free(frames);
-    if (!ok)
-        return false;
+    return ok;
+}
+
+bool dicom_frames_choose(const struct dicom_source *source, struct dicom_slices *slices,
+                         struct sp_error *err) {
     keep_stack(slices, source);
     if (slices->count == 0)
         return dicom_fail(source, SP_ERR_FORMAT, "", "no frame has a valid direction", err);

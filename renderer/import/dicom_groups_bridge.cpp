@@ -237,6 +237,13 @@ void fill_values(const groups &in, dicom_frame &frame) {
         dicom_copy(frame.unit, sizeof frame.unit, unit_of_file(in.file));
 }
 
+/* Where the third value of a list begins. */
+size_t third_of(const std::string &list) {
+    const size_t first = list.find('\\');
+    const size_t at = first == std::string::npos ? first : list.find('\\', first + 1);
+    return at == std::string::npos ? at : at + 1;
+}
+
 /* The third value of a type, such as "ORIGINAL\PRIMARY\VOLUME\NONE": what the image shows. */
 std::string flavour_of(const groups &in) {
     static const uint16_t sequences[][2] = {
@@ -264,14 +271,57 @@ std::string flavour_of(const groups &in) {
             return name;
     }
     const std::string type = dicom_text(in.file, 0x0008, 0x0008); /* "ORIGINAL\\PRIMARY\\M\\ND" */
-    size_t at = type.find('\\');
-    at = at == std::string::npos ? at : type.find('\\', at + 1);
+    const size_t at = third_of(type);
     if (at != std::string::npos) {
-        std::string name = type.substr(at + 1);
+        std::string name = type.substr(at);
         std::replace(name.begin(), name.end(), '\\', ' ');
         return name;
     }
     return dicom_text(in.find(0x0018, 0x9807), 0x0018, 0x9808); /* of ultrasound */
+}
+
+std::string direction_of(const groups &in) {
+    const numbers n = dicom_gradient(in.file, dicom_item(in.find(0x0018, 0x9117), 0x0018, 0x9076));
+    char text[DICOM_TEXT_BYTES];
+    if (n.size() < 3)
+        return "";
+    snprintf(text, sizeof text, "(%.3g, %.3g, %.3g)", n[0] + 0.0, n[1] + 0.0, n[2] + 0.0);
+    return text;
+}
+
+void set_text(dicom_frame &frame, dicom_trait text, const std::string &value) {
+    std::string line = value;
+    std::replace(line.begin(), line.end(), '\\', ' ');
+    dicom_copy(frame.texts[text], sizeof frame.texts[text], line);
+}
+
+/* What the image shows, in words, where its frames or the files of its series may differ in it. */
+void fill_texts(const groups &in, dicom_frame &frame) {
+    static const struct {
+        dicom_trait text;
+        uint16_t group, element;
+    } plain[] = {
+        { DICOM_TEXT_KERNEL, 0x0018, 0x1210 },      { DICOM_TEXT_FILTER, 0x0018, 0x1160 },
+        { DICOM_TEXT_METHOD, 0x0054, 0x1103 },      { DICOM_TEXT_CORRECTION, 0x0028, 0x0051 },
+        { DICOM_TEXT_AGENT, 0x0018, 0x0010 },       { DICOM_TEXT_COIL, 0x0018, 0x1250 },
+        { DICOM_TEXT_DESCRIPTION, 0x0008, 0x103e },
+    };
+    for (const auto &one : plain)
+        set_text(frame, one.text, dicom_text(in.file, one.group, one.element));
+    const std::string derivation = dicom_text(in.file, 0x0008, 0x2111);
+    if (!derivation.empty())
+        set_text(frame, DICOM_TEXT_DESCRIPTION, derivation);
+    const std::string kernel = dicom_text(in.find(0x0018, 0x9314), 0x0018, 0x1210);
+    if (!kernel.empty())
+        set_text(frame, DICOM_TEXT_KERNEL, kernel);
+    const std::string type = dicom_text(in.file, 0x0008, 0x0008);
+    const size_t end = third_of(type);
+    set_text(frame, DICOM_TEXT_ORIGIN, end == std::string::npos ? type : type.substr(0, end - 1));
+    if (!frame.segment)
+        set_text(frame, DICOM_TEXT_FLAVOUR, flavour_of(in));
+    set_text(frame, DICOM_TEXT_QUANTITY, dicom_text(in.find(0x0040, 0x9096), 0x0040, 0x9210));
+    set_text(frame, DICOM_TEXT_UNIT, frame.unit);
+    set_text(frame, DICOM_TEXT_DIRECTION, direction_of(in));
 }
 
 void fill_segment(const groups &in, dicom_frame &frame) {
@@ -281,16 +331,16 @@ void fill_segment(const groups &in, dicom_frame &frame) {
     if (!(number > 0))
         return;
     frame.segment = static_cast<uint32_t>(number);
-    frame.keys[DICOM_KEY_GROUP] = number;
+    frame.keys[DICOM_KEY_FLAVOUR] = number;
     if (type == "FRACTIONAL" && most > 0)
         frame.slope = 1 / most;
-    snprintf(frame.group, sizeof frame.group, "segment %u", frame.segment);
+    set_text(frame, DICOM_TEXT_FLAVOUR, "segment " + std::to_string(frame.segment));
     const auto segments = dicom_sequence(in.file, 0x0062, 0x0002);
     for (size_t i = 1; segments && i <= segments->GetNumberOfItems(); i++) {
         const gdcm::DataSet &segment = segments->GetItem(i).GetNestedDataSet();
         const std::string label = dicom_text(segment, 0x0062, 0x0005);
         if (dicom_value<uint16_t>(segment, 0x0062, 0x0004) == number && !label.empty())
-            dicom_copy(frame.group, sizeof frame.group, label);
+            set_text(frame, DICOM_TEXT_FLAVOUR, label);
     }
 }
 
@@ -312,8 +362,7 @@ void fill_time(const groups &in, dicom_frame &frame) {
     set_key(frame, DICOM_KEY_CLOCK, acquisition_of(in.file));
     if (dicom_text(in.file, 0x0020, 0x0013).empty())
         set_key(frame, DICOM_KEY_CLOCK, clock_of(in.file, 0x0023, 0x0033)); /* of the content */
-    if (dicom_text(in.file, 0x0018, 0x0081).empty() && std::isnan(frame.keys[DICOM_KEY_ECHO]))
-        set_key(frame, DICOM_KEY_PHASE, dicom_number(in.file, 0x0018, 0x0086)); /* echo number */
+    set_key(frame, DICOM_KEY_ACQUISITION, dicom_number(in.file, 0x0020, 0x0012));
 }
 
 void fill_contrast(const groups &in, dicom_frame &frame) {
@@ -321,29 +370,16 @@ void fill_contrast(const groups &in, dicom_frame &frame) {
     set_key(frame, DICOM_KEY_ECHO, dicom_value<double>(in.find(0x0018, 0x9114), 0x0018, 0x9082));
     set_key(frame, DICOM_KEY_ECHO, dicom_number(in.file, 0x0018, 0x0081));
     set_key(frame, DICOM_KEY_DIFFUSION, dicom_value<double>(diffusion, 0x0018, 0x9087));
-    set_key(frame, DICOM_KEY_DIFFUSION, dicom_value<double>(in.file, 0x0018, 0x9087));
+    set_key(frame, DICOM_KEY_DIFFUSION, dicom_b_value(in.file));
+    if (std::isnan(frame.keys[DICOM_KEY_ECHO]))
+        set_key(frame, DICOM_KEY_ECHO_NUMBER, dicom_number(in.file, 0x0018, 0x0086));
+    set_key(frame, DICOM_KEY_VOLTAGE, dicom_number(in.file, 0x0018, 0x0060));
+    set_key(frame, DICOM_KEY_VOLTAGE, dicom_number(in.find(0x0018, 0x9325), 0x0018, 0x0060));
+    set_key(frame, DICOM_KEY_FLIP, dicom_number(in.file, 0x0018, 0x1314));
+    set_key(frame, DICOM_KEY_INVERSION, dicom_number(in.file, 0x0018, 0x0082));
+    set_key(frame, DICOM_KEY_THICKNESS, dicom_number(in.file, 0x0018, 0x0050));
     const gdcm::DataSet content = in.find(0x0020, 0x9111);
     dicom_copy(frame.stack, sizeof frame.stack, dicom_text(content, 0x0020, 0x9056));
-}
-
-/* Numbers the texts and directions that the frames have, in the order of the frames. */
-class ranks {
-    std::map<std::string, double> known;
-
-  public:
-    double of(const std::string &text) {
-        return known.emplace(text, static_cast<double>(known.size() + 1)).first->second;
-    }
-};
-
-std::string direction_of(const groups &in) {
-    const numbers n =
-        dicom_values<double>(dicom_item(in.find(0x0018, 0x9117), 0x0018, 0x9076), 0x0018, 0x9089);
-    char text[80];
-    if (n.size() < 3)
-        return "";
-    snprintf(text, sizeof text, "(%.3g, %.3g, %.3g)", n[0] + 0.0, n[1] + 0.0, n[2] + 0.0);
-    return text;
 }
 
 /* Dimensions by which frames are listed and that no key has. */
@@ -411,7 +447,7 @@ void fill_dimensions(const groups &in, const std::vector<dimension> &dimensions,
     const std::vector<uint32_t> indices =
         dicom_values<uint32_t>(in.find(0x0020, 0x9111), 0x0020, 0x9157);
     double number = 0;
-    std::string name = frame.group;
+    std::string name;
     for (const dimension &is : dimensions) {
         if (is.place >= indices.size())
             return;
@@ -421,7 +457,7 @@ void fill_dimensions(const groups &in, const std::vector<dimension> &dimensions,
     if (dimensions.empty())
         return;
     frame.keys[DICOM_KEY_OTHER] = number;
-    dicom_copy(frame.group, sizeof frame.group, name);
+    set_text(frame, DICOM_TEXT_OTHER, name);
 }
 
 void clear(dicom_frame &frame) {
@@ -451,26 +487,39 @@ void dicom_move(dicom_frame *frame, double distance) {
     }
 }
 
+/* The numbers that the bits of a pixel can have. */
+static void fill_range(const dicom_image &image, dicom_frame &frame) {
+    const double count = std::ldexp(1, static_cast<int>(std::min(image.bits, 64u)));
+    frame.low = image.is_signed ? -count / 2 : 0;
+    frame.high = image.is_signed ? count / 2 - 1 : count - 1;
+}
+
 static void fill_frame(const groups &in, const dicom_image &image, uint32_t index,
                        const std::vector<dimension> &dimensions, dicom_frame &frame) {
     bool of_all;
     clear(frame);
     fill_spacing(in, frame);
     fill_values(in, frame);
+    fill_range(image, frame);
     fill_segment(in, frame);
+    fill_texts(in, frame);
     fill_time(in, frame);
     fill_contrast(in, frame);
     fill_dimensions(in, dimensions, frame);
     frame.is_placed = fill_place(in, index, frame, of_all);
     const double instance = dicom_number(in.file, 0x0020, 0x0013);
     const double in_stack = dicom_value<uint32_t>(in.find(0x0020, 0x9111), 0x0020, 0x9057);
-    frame.instance = std::fabs(instance) < 1e15 ? static_cast<long>(instance) : 0;
+    frame.instance = std::fabs(instance) < 1e12 ? static_cast<long>(instance) : 0;
     frame.slot = static_cast<double>(frame.instance);
     if (image.frames <= 1)
         return;
     const bool is_film = image.order == DICOM_ORDER_TIMES;
-    frame.instance = static_cast<long>(index) + 1;
+    frame.instance = frame.instance * DICOM_FRAMES_MAX + static_cast<long>(index) + 1;
     frame.slot = in_stack > 0 ? in_stack : is_film ? 0 : index + 1.0;
+    if (image.is_mosaic) {
+        dicom_place_tile(in.file, image, index, frame);
+        return;
+    }
     if (dicom_fill_nuclear(in.file, index, &frame) || (frame.is_placed && !of_all))
         return;
     if (is_film)
@@ -483,46 +532,14 @@ static void fill_frame(const groups &in, const dicom_image &image, uint32_t inde
     }
 }
 
-/* What the image shows, in several ways. */
-static std::vector<std::string> names_of(const groups &in, const dicom_frame &frame) {
-    return { flavour_of(in), dicom_text(in.find(0x0040, 0x9096), 0x0040, 0x9210), frame.group };
-}
-
-/* Names frames by what differs among them. A single one may differ from those of other files. */
-static void name_groups(const std::vector<std::vector<std::string>> &names, dicom_frame *frames) {
-    std::vector<bool> differs(names[0].size(), names.size() == 1);
-    ranks known;
-    for (const auto &other : names)
-        for (size_t way = 0; way < other.size(); way++)
-            differs[way] = differs[way] || other[way] != names[0][way];
-    for (size_t i = 0; i < names.size(); i++) {
-        std::string name;
-        for (size_t way = 0; way < names[i].size(); way++)
-            if (differs[way] && !names[i][way].empty())
-                name += (name.empty() ? "" : ", ") + names[i][way];
-        dicom_copy(frames[i].group, sizeof frames[i].group, name);
-        if (!name.empty())
-            set_key(frames[i], DICOM_KEY_GROUP, known.of(name));
-    }
-}
-
 void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom_frame *frames,
                        uint32_t count) {
     const auto own = dicom_sequence(set, 0x5200, 0x9230);
     const std::vector<dimension> dimensions = unknown_dimensions(set);
     groups in = { set, gdcm::DataSet(), dicom_item(set, 0x5200, 0x9229) };
-    std::vector<std::vector<std::string>> names;
-    ranks directions;
     for (uint32_t i = 0; i < count; i++) {
         in.own = own && i < own->GetNumberOfItems() ? own->GetItem(i + 1).GetNestedDataSet()
                                                     : gdcm::DataSet();
         fill_frame(in, image, i, dimensions, frames[i]);
-        const std::string direction = direction_of(in);
-        if (!direction.empty())
-            frames[i].keys[DICOM_KEY_DIRECTION] = directions.of(direction);
-        if (!frames[i].segment)
-            names.push_back(names_of(in, frames[i]));
     }
-    if (count > 0 && names.size() == count)
-        name_groups(names, frames);
 }

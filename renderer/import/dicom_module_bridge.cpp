@@ -150,6 +150,7 @@ static void describe_tiles(const gdcm::DataSet &set, dicom_image *image) {
     const bool is_slide = dicom_text(set, 0x0008, 0x0016) == slides ||
                           dicom_text(set, 0x0020, 0x9311).rfind("TILED_", 0) == 0;
     image->is_tiled = is_part || (is_slide && image->frames > 1);
+    image->planes = whole(dicom_value<uint32_t>(set, 0x0048, 0x0303), 0);
 }
 
 /* True if the values of the real world are in a table. */
@@ -210,12 +211,16 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     describe_pixels(set, image);
     describe_order(set, image);
     describe_tiles(set, image);
+    dicom_describe_mosaic(set, image);
     dicom_fill_frames(set, *image, &image->first, 1);
-    dicom_copy(image->note, sizeof image->note, note_of(set, *image));
+    if (!image->note[0])
+        dicom_copy(image->note, sizeof image->note, note_of(set, *image));
     const gdcm::DataSet all = dicom_item(set, 0x5200, 0x9229),
                         one = dicom_item(set, 0x5200, 0x9230);
     image->is_in_patient =
         dicom_item(all, 0x0020, 0x930e).IsEmpty() && dicom_item(one, 0x0020, 0x930e).IsEmpty();
+    image->has_places = image->first.is_placed && !image->first.segment && !image->is_tiled &&
+                        (image->tiles > 0 || !dicom_item(one, 0x0020, 0x9113).IsEmpty());
     return true;
 } catch (const std::exception &e) {
     explain(why, capacity, e.what());
@@ -231,9 +236,13 @@ static bool describe_frames(const char *path, dicom_frame *frames, uint32_t coun
         return false;
     }
     const gdcm::DataSet &set = reader.GetFile().GetDataSet();
-    image.frames = count;
+    image.frames = 1;
+    image.columns = whole(dicom_value<uint16_t>(set, 0x0028, 0x0011), 0);
+    image.rows = whole(dicom_value<uint16_t>(set, 0x0028, 0x0010), 0);
     describe_pixels(set, &image);
     describe_order(set, &image);
+    dicom_describe_mosaic(set, &image);
+    image.frames = count;
     dicom_fill_frames(set, image, frames, count);
     return true;
 } catch (const std::exception &e) {

@@ -89,7 +89,7 @@ bool dicom_fill_nuclear(const gdcm::DataSet &set, uint32_t index, dicom_frame *f
         const std::string name =
             window_name(set, window ? window : 1) +
             (detector ? ", detector " + std::to_string(detector) : std::string());
-        dicom_copy(frame->group, sizeof frame->group, name);
+        dicom_copy(frame->texts[DICOM_TEXT_OTHER], DICOM_TEXT_BYTES, name);
     }
     return true;
 }

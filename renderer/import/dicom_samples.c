@@ -16,9 +16,9 @@ static bool is_color(const struct dicom_image *image) {
     return image->colors != DICOM_GRAY && image->colors != DICOM_PALETTE;
 }
 
-bool dicom_samples_type(const struct dicom_source *source, struct import_number *number,
-                        unsigned *channels, struct sp_error *err) {
-    const struct dicom_image *image = &source->image;
+bool dicom_samples_type(const struct dicom_source *source, const struct dicom_image *image,
+                        const char *name, struct import_number *number, unsigned *channels,
+                        struct sp_error *err) {
     const unsigned bytes = image->bytes;
     const bool is_number = image->is_float ? bytes == 4 || bytes == 8
                                            : bytes == 1 || bytes == 2 || bytes == 4 || bytes == 8;
@@ -27,24 +27,24 @@ bool dicom_samples_type(const struct dicom_source *source, struct import_number 
              "%u bits of %u bytes are not supported: pixels have 1, 8, 16, 32 or 64 bits",
              image->bits, bytes);
     if (!is_number || image->bits < 1 || image->bits > 8 * bytes || image->high_bit >= 8 * bytes)
-        return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, name, text, err);
     snprintf(text, sizeof text, "%u channels are not supported: colours have 3 or 4",
              image->channels);
     if (image->channels < 1 || image->channels > 4 || (image->channels > 1) != is_color(image))
-        return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, name, text, err);
     const bool is_ybr = image->colors == DICOM_YBR_FULL || image->colors == DICOM_YBR_422;
     if ((is_ybr || image->colors == DICOM_PALETTE) &&
         (bytes > 2 || (is_ybr && image->channels != 3) ||
          (bytes > 1 && image->colors != DICOM_PALETTE) || image->is_float))
-        return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, name,
                           "colours of this depth are not supported: they have 8 bits", err);
     if (image->is_bits && (image->is_packed || image->colors != DICOM_GRAY || bytes > 1))
-        return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, name,
                           "pixels of one bit are supported only if they are neither compressed nor "
                           "colours",
                           err);
     if (image->is_packed && image->high_bit + 1 != image->bits)
-        return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, name,
                           "compressed pixels whose high bit is not the highest of the bits stored "
                           "are not supported",
                           err);
@@ -88,8 +88,25 @@ static bool check_packed(const struct dicom_image *image, int fd, uint64_t size,
     return false;
 }
 
+/* The image as the file stores it. */
+static struct dicom_image stored_of(const struct dicom_image *image) {
+    struct dicom_image stored = *image;
+    if (image->is_mosaic) {
+        stored.columns *= image->tiles;
+        stored.rows *= image->tiles;
+        stored.frames = 1;
+    }
+    return stored;
+}
+
 static bool refuse_tiles(const struct dicom_image *image, char why[SP_ERROR_TEXT]) {
     char size[48] = "";
+    if (image->planes > 1) {
+        snprintf(why, SP_ERROR_TEXT,
+                 "%u planes of focus of a slide are not supported; export them as a TIFF stack",
+                 image->planes);
+        return false;
+    }
     if (image->tiled[0] >= 1 && image->tiled[1] >= 1)
         snprintf(size, sizeof size, " of %.0f x %.0f px", image->tiled[0], image->tiled[1]);
     snprintf(why, SP_ERROR_TEXT,
@@ -99,7 +116,15 @@ static bool refuse_tiles(const struct dicom_image *image, char why[SP_ERROR_TEXT
     return false;
 }
 
-bool dicom_samples_check(const struct dicom_image *image, int fd, char why[SP_ERROR_TEXT]) {
+static bool refuse_mosaic(char why[SP_ERROR_TEXT]) {
+    snprintf(why, SP_ERROR_TEXT,
+             "a mosaic of an unknown number of slices (NumberOfImagesInMosaic); convert it with "
+             "dcm2niix");
+    return false;
+}
+
+bool dicom_samples_check(const struct dicom_image *described, int fd, char why[SP_ERROR_TEXT]) {
+    const struct dicom_image stored = stored_of(described), *image = &stored;
     const uint64_t needed = image->is_bits ? (pixels_of(image) * image->frames + 7) / 8
                                            : frame_bytes(image) * image->frames;
     struct stat st;
@@ -107,6 +132,8 @@ bool dicom_samples_check(const struct dicom_image *image, int fd, char why[SP_ER
     const uint64_t has = image->pixels_at < size ? size - image->pixels_at : 0;
     if (image->is_tiled)
         return refuse_tiles(image, why);
+    if (image->is_mosaic && image->tiles == 0)
+        return refuse_mosaic(why);
     if (image->is_packed)
         return image->pixels_at == 0 || check_packed(image, fd, size, why);
     snprintf(why, SP_ERROR_TEXT, "the file has no pixels");
@@ -127,10 +154,7 @@ bool dicom_samples_check(const struct dicom_image *image, int fd, char why[SP_ER
 /* The list of slices comes from an earlier look at the file. */
 static bool is_like(const struct dicom_image *a, const struct dicom_image *b) {
     return a->columns == b->columns && a->rows == b->rows && a->channels == b->channels &&
-           a->bytes == b->bytes && a->is_bits == b->is_bits && a->colors == b->colors &&
-           a->is_float == b->is_float && a->is_signed == b->is_signed && a->bits >= 1 &&
-           a->bits <= 8 * a->bytes && a->high_bit < 8 * a->bytes &&
-           (!a->is_packed || (!a->is_bits && a->high_bit + 1 == a->bits));
+           a->colors == b->colors;
 }
 
 static bool fail(const struct dicom_samples *s, const char *why, struct sp_error *err) {
@@ -151,6 +175,10 @@ bool dicom_samples_open(struct dicom_samples *s, const struct dicom_source *sour
         return fail(s, "the pixels differ in type or size from those of the other slices", err);
     if (!dicom_samples_check(&s->image, s->fd, why))
         return fail(s, why, err);
+    if (!dicom_samples_type(source, &s->image, name, &s->number, &s->channels, err))
+        return false;
+    s->tiles = s->image.is_mosaic ? s->image.tiles : 0;
+    s->image = stored_of(&s->image);
     s->raw_bytes = (size_t)frame_bytes(&s->image);
     s->raw = malloc(s->raw_bytes);
     if (!s->raw)
@@ -171,6 +199,7 @@ void dicom_samples_close(struct dicom_samples *s) {
         dicom_close(s->source, s->fd);
     free(s->palette.colors);
     free(s->raw);
+    free(s->mosaic);
     *s = (struct dicom_samples){ .fd = -1 };
 }
 
@@ -301,7 +330,7 @@ static bool read_numbers(struct dicom_samples *s, uint32_t frame, uint8_t *to,
     return true;
 }
 
-bool dicom_samples_read(struct dicom_samples *s, uint32_t frame, void *out, struct sp_error *err) {
+static bool read_stored(struct dicom_samples *s, uint32_t frame, void *out, struct sp_error *err) {
     const struct dicom_image *image = &s->image;
     const size_t pixels = pixels_of(image);
     unsigned first_bit;
@@ -327,4 +356,29 @@ bool dicom_samples_read(struct dicom_samples *s, uint32_t frame, void *out, stru
             to_rgb(at[0], at[1], at[2], at);
         }
     return true;
+}
+
+/* Tiles of a mosaic lie row by row. */
+static bool read_tile(struct dicom_samples *s, uint32_t tile, char *out, struct sp_error *err) {
+    const struct dicom_image *image = &s->image;
+    const size_t pixel = s->number.size * s->channels, row = pixel * image->columns;
+    const size_t rows = image->rows / s->tiles, bytes = row / s->tiles;
+    if (tile / s->tiles >= s->tiles)
+        return fail(s, "the file was changed while it was read: it has fewer tiles now", err);
+    if (!s->mosaic) {
+        s->mosaic = malloc(row * image->rows);
+        if (!s->mosaic)
+            return sp_fail(err, SP_ERR_MEMORY, s->source->file->shown,
+                           "out of memory for a mosaic");
+        if (!read_stored(s, 0, s->mosaic, err))
+            return false;
+    }
+    const char *from = s->mosaic + tile / s->tiles * rows * row + tile % s->tiles * bytes;
+    for (size_t i = 0; i < rows; i++)
+        memcpy(out + i * bytes, from + i * row, bytes);
+    return true;
+}
+
+bool dicom_samples_read(struct dicom_samples *s, uint32_t frame, void *out, struct sp_error *err) {
+    return s->tiles ? read_tile(s, frame, out, err) : read_stored(s, frame, out, err);
 }

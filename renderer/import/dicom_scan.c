@@ -48,13 +48,18 @@ static bool is_same_geometry(const struct dicom_frame *a, const struct dicom_fra
                               is_same_direction(a->along[1], b->along[1])));
 }
 
+/* Frames of a film, a dose or a segmentation make no stack with those of other files. */
+static bool is_joinable(const struct dicom_image *image) {
+    return image->frames == 1 || (image->has_places && image->series[0]);
+}
+
 /* Without a series, only a position shows that two images belong together. */
 static bool belongs(const struct dicom_image *one, const struct dicom_image *other) {
     return dicom_is_same_series(one, other) && (one->series[0] || one->first.is_placed) &&
-           one->frames == 1 && other->frames == 1 && one->columns == other->columns &&
+           is_joinable(one) && is_joinable(other) && one->columns == other->columns &&
            one->rows == other->rows && one->channels == other->channels &&
-           one->bytes == other->bytes && one->is_signed == other->is_signed &&
-           one->is_float == other->is_float && is_same_geometry(&one->first, &other->first);
+           one->colors == other->colors && one->is_float == other->is_float &&
+           is_same_geometry(&one->first, &other->first);
 }
 
 static void count_image(struct dicom_stack *stack, const struct dicom_found *found) {
@@ -117,6 +122,8 @@ static int compare_images(const struct dicom_image *a, const struct dicom_image 
         order = compare_numbers(p->along[i / 3][i % 3], q->along[i / 3][i % 3]);
     for (int key = 0; order == 0 && key < DICOM_KEY_COUNT; key++)
         order = compare_numbers(p->keys[key], q->keys[key]);
+    for (int text = 0; order == 0 && text < DICOM_TEXT_COUNT; text++)
+        order = strcmp(p->texts[text], q->texts[text]);
     if (order == 0)
         order = (a->columns > b->columns) - (a->columns < b->columns);
     return order ? order : (a->rows > b->rows) - (a->rows < b->rows);
@@ -173,7 +180,7 @@ static bool add_image(struct dicom_scan *scan, const char *name, int fd,
 
 static bool add_damaged(struct dicom_scan *scan, const char *name, const char *why) {
     char text[SP_WARNING_BYTES];
-    snprintf(text, sizeof text, "%.100s: %.100s", name, why);
+    snprintf(text, sizeof text, "%.80s: %.140s", name, why);
     return import_names_append(&scan->damaged, text);
 }
 
@@ -228,7 +235,7 @@ static bool take_file(const struct dicom_source *source, const char *name, struc
     if (fd < 0)
         return true;
     if (is_opened(source, fd)) {
-        ok = source->image.is_directory || name_first(scan, name);
+        ok = !source->is_named || name_first(scan, name);
     } else {
         switch (judge(source, name, fd, &image, why)) {
         case IS_IMAGE:
@@ -310,11 +317,9 @@ static bool read_below(const struct dicom_source *source, struct dicom_scan *sca
 
 bool dicom_scan_read(const struct dicom_source *source, struct dicom_scan *scan,
                      struct sp_error *err) {
-    const bool is_list = !source->file->is_folder && source->image.is_directory;
-    bool ok =
-        source->file->is_folder || is_list || add_image(scan, "", source->file->fd, &source->image);
+    bool ok = !source->is_named || add_image(scan, "", source->file->fd, &source->image);
     ok = ok && read_folder(source, "", scan);
-    if (ok && (is_list || source->file->is_folder))
+    if (ok && !source->is_named)
         ok = read_below(source, scan);
     return (ok && mark_copies(scan) && make_stacks(scan)) ||
            sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");

@@ -4,8 +4,8 @@
  *
  *   files ─► headers ─► without copies and damaged files ─► stacks ─► series
  *
- * A stack is what one volume can show: images of one series with one size, type and direction, at
- * several places and times; or the frames of one file. A series may have several, such as an
+ * A stack is what one volume can show: images of one series with one size and direction, at several
+ * places and times; or the frames of one file. A series may have several, such as an
  * overview beside the slices.
  */
 #ifndef SP_IMPORT_DICOM_SCAN_H

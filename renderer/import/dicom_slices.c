@@ -37,6 +37,61 @@ void dicom_slices_finish(struct dicom_slices *slices) {
     *slices = (struct dicom_slices){ 0 };
 }
 
+struct by_text {
+    const struct dicom_slice *items;
+    enum dicom_trait text;
+};
+
+static int compare_texts(const void *a, const void *b, void *user) {
+    const struct by_text *by = user;
+    const uint32_t i = *(const uint32_t *)a, k = *(const uint32_t *)b;
+    const int order = strcmp(by->items[i].is.texts[by->text], by->items[k].is.texts[by->text]);
+    return order ? order : (i > k) - (i < k);
+}
+
+/* `order` is memory for as many numbers as slices. */
+static void rank_text(struct dicom_slices *slices, enum dicom_trait text, uint32_t *order) {
+    struct dicom_slice *s = slices->items;
+    struct by_text by = { s, text };
+    uint32_t count = 0;
+    double rank = 0;
+    for (uint32_t i = 0; i < slices->count; i++)
+        if (s[i].is.texts[text][0] && isnan(s[i].is.keys[text]))
+            order[count++] = i;
+    qsort_r(order, count, sizeof *order, compare_texts, &by);
+    for (uint32_t i = 0; i < count; i++) {
+        const char *own = s[order[i]].is.texts[text];
+        const bool is_next = i == 0 || strcmp(own, s[order[i - 1]].is.texts[text]) != 0;
+        rank += is_next;
+        s[order[i]].is.keys[text] = rank;
+    }
+}
+
+/* Directions have no order of their own: they are numbered as they come. The ranks are whole. */
+static void number_directions(struct dicom_slices *slices, uint32_t *number) {
+    uint32_t next = 0;
+    memset(number, 0, slices->count * sizeof *number);
+    for (uint32_t i = 0; i < slices->count; i++) {
+        double *key = &slices->items[i].is.keys[DICOM_KEY_DIRECTION];
+        if (!(*key >= 1 && *key <= slices->count))
+            continue;
+        uint32_t *own = &number[(uint32_t)*key - 1];
+        *own = *own ? *own : ++next;
+        *key = *own;
+    }
+}
+
+bool dicom_slices_rank(struct dicom_slices *slices) {
+    uint32_t *order = calloc(slices->count ? slices->count : 1, sizeof *order);
+    for (int text = 0; order && text < DICOM_TEXT_COUNT; text++)
+        rank_text(slices, (enum dicom_trait)text, order);
+    if (order)
+        number_directions(slices, order);
+    const bool ok = order != NULL;
+    free(order);
+    return ok;
+}
+
 /* Numbers before NaN, so that the order is total. */
 static int compare_numbers(double a, double b) {
     if (isnan(a) || isnan(b))
@@ -156,7 +211,9 @@ bool dicom_slices_fill_gaps(struct dicom_slices *slices) {
 }
 
 void dicom_slice_name(const struct dicom_slice *slice, char out[80]) {
-    if (*slice->name)
+    if (*slice->name && slice->is.instance > DICOM_FRAMES_MAX)
+        snprintf(out, 80, "frame %u of %.50s", slice->frame + 1, slice->name);
+    else if (*slice->name)
         snprintf(out, 80, "%.60s", slice->name);
     else
         snprintf(out, 80, "frame %u", slice->frame + 1);

@@ -50,6 +50,10 @@ void dicom_slices_keep(struct dicom_slices *slices,
                        bool (*is_kept)(const struct dicom_slice *slice, const void *user),
                        const void *user);
 
+/* Numbers the different texts of the slices in the keys: in the order of the alphabet, directions
+ * in that of the list. Keys that have a number keep it. False if there is no memory. */
+bool dicom_slices_rank(struct dicom_slices *slices);
+
 /* Sorts the slices by their places, and those of one place by their keys and numbers, and finds the
  * planes. False if there is no memory. */
 bool dicom_slices_sort(struct dicom_slices *slices);

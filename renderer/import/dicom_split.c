@@ -12,7 +12,8 @@
 #include "import/dicom_times.h"
 
 /* More fields than the list of other fields holds become steps; segments do not. */
-enum { LISTED_MAX = SP_OTHER_FIELDS_MAX + 1, FIELDS_MAX = 256, FIELD_KEYS = DICOM_KEY_OTHER + 1 };
+enum { LIST = 100 }; /* bytes of the names in a warning */
+enum { LISTED_MAX = SP_OTHER_FIELDS_MAX + 1, FIELDS_MAX = 256, FIELD_KEYS = DICOM_KEY_PHASE };
 
 #define LABELS "labels"
 
@@ -36,6 +37,53 @@ static bool is_same_field(const struct fields *fields, const struct dicom_slice 
     return true;
 }
 
+/* Keys that tell reconstructions apart even where these have no place in common. */
+static bool is_of_reconstruction(int key) {
+    return key == DICOM_TEXT_FLAVOUR || key == DICOM_TEXT_KERNEL || key == DICOM_KEY_THICKNESS ||
+           key == DICOM_KEY_VOLTAGE;
+}
+
+enum { VALUES_MAX = 8 };
+
+struct values { /* that a key has, in the order of the slices */
+    double value[VALUES_MAX];
+    uint32_t slices[VALUES_MAX]; /* with this value */
+    uint32_t count, runs;
+};
+
+/* False if there are too many. */
+static bool list_values(const struct dicom_slices *slices, int key, struct values *values) {
+    *values = (struct values){ .count = 0 };
+    for (uint32_t i = 0; i < slices->count; i++) {
+        const double own = slices->items[i].is.keys[key];
+        unsigned n = 0;
+        while (n < values->count && !is_same_key(values->value[n], own))
+            n++;
+        if (n == VALUES_MAX)
+            return false;
+        if (n == values->count)
+            values->value[values->count++] = own;
+        values->slices[n]++;
+        values->runs += i == 0 || !is_same_key(own, slices->items[i - 1].is.keys[key]);
+    }
+    return true;
+}
+
+/* True if the values of a key alternate along the slices, which are sorted. */
+static bool alternates(const struct dicom_slices *slices, int key) {
+    struct values values;
+    return list_values(slices, key, &values) && values.runs > values.count;
+}
+
+/* True if all values of a key have the same number of slices. */
+static bool is_even(const struct dicom_slices *slices, int key) {
+    struct values values;
+    bool ok = list_values(slices, key, &values);
+    for (uint32_t n = 1; ok && n < values.count; n++)
+        ok = values.slices[n] == values.slices[0];
+    return ok;
+}
+
 /* The slices are sorted. Keys in which only slices of different places differ make no fields. */
 static void find_keys(const struct dicom_slices *slices, struct fields *fields) {
     for (uint32_t i = 1; i < slices->count; i++) {
@@ -43,12 +91,24 @@ static void find_keys(const struct dicom_slices *slices, struct fields *fields) 
         for (int key = 0; key < FIELD_KEYS && a->plane == b->plane; key++)
             fields->varies[key] |= !is_same_key(a->is.keys[key], b->is.keys[key]);
     }
+    for (int key = 0; key < FIELD_KEYS; key++)
+        if (is_of_reconstruction(key) && !slices->items[0].is.segment)
+            fields->varies[key] |= alternates(slices, key);
+}
+
+/* A contrast agent that is given between two of many times is part of the time. */
+static bool join_agents(struct dicom_slices *slices) {
+    if (is_even(slices, DICOM_TEXT_AGENT))
+        return true;
+    for (uint32_t i = 0; i < slices->count; i++)
+        slices->items[i].is.keys[DICOM_TEXT_AGENT] = NAN;
+    return slices->items[0].is.segment || dicom_slices_sort(slices);
 }
 
 /* Segments are fields even where each lies in places of its own. */
 static void find_fields(const struct dicom_slices *slices, struct fields *fields) {
     find_keys(slices, fields);
-    fields->varies[DICOM_KEY_GROUP] |= slices->items[0].is.segment > 0;
+    fields->varies[DICOM_KEY_FLAVOUR] |= slices->items[0].is.segment > 0;
     for (uint32_t i = 0; i < slices->count && fields->count <= FIELDS_MAX; i++) {
         unsigned n = 0;
         while (n < fields->count && n < FIELDS_MAX &&
@@ -86,21 +146,53 @@ __attribute__((format(printf, 2, 3))) static void append(char name[SP_FIELD_BYTE
     import_name(name, all);
 }
 
+/* How names tell the keys of a field. */
+static const struct {
+    int key;
+    const char *text;   /* before the text of a key that numbers texts */
+    const char *number; /* of another key */
+    bool is_weak;       /* named only where nothing else differs */
+} labels[] = {
+    { DICOM_TEXT_FLAVOUR, "", NULL, false },
+    { DICOM_TEXT_QUANTITY, "", NULL, false },
+    { DICOM_TEXT_OTHER, "", NULL, false },
+    { DICOM_KEY_ECHO, NULL, "echo %.6g ms", false },
+    { DICOM_KEY_ECHO_NUMBER, NULL, "echo %.6g", false },
+    { DICOM_KEY_DIFFUSION, NULL, "b %.6g s/mm²", false },
+    { DICOM_TEXT_DIRECTION, NULL, "direction %.0f", false },
+    { DICOM_KEY_VOLTAGE, NULL, "%.6g kV", false },
+    { DICOM_KEY_FLIP, NULL, "flip angle %.6g°", false },
+    { DICOM_KEY_INVERSION, NULL, "inversion %.6g ms", false },
+    { DICOM_TEXT_KERNEL, "kernel ", NULL, false },
+    { DICOM_KEY_THICKNESS, NULL, "%.6g mm thick", false },
+    { DICOM_TEXT_FILTER, "filter ", NULL, false },
+    { DICOM_TEXT_METHOD, "", NULL, false },
+    { DICOM_TEXT_CORRECTION, "corrected ", NULL, false },
+    { DICOM_TEXT_AGENT, "contrast ", NULL, false },
+    { DICOM_TEXT_COIL, "coil ", NULL, false },
+    { DICOM_TEXT_UNIT, "", NULL, true },
+    { DICOM_TEXT_ORIGIN, "", NULL, true },
+    { DICOM_TEXT_DESCRIPTION, "", NULL, true },
+};
+
 static void name_field(const struct fields *fields, const struct dicom_slice *slice,
                        char name[SP_FIELD_BYTES]) {
-    const struct dicom_frame *is = &slice->is;
-    const double *keys = is->keys;
+    bool has_strong = false;
     name[0] = 0;
-    if (fields->varies[DICOM_KEY_GROUP] || fields->varies[DICOM_KEY_OTHER])
-        append(name, "%s", is->group);
-    if (fields->varies[DICOM_KEY_ECHO] && !isnan(keys[DICOM_KEY_ECHO]))
-        append(name, "echo %.6g ms", keys[DICOM_KEY_ECHO]);
-    if (fields->varies[DICOM_KEY_DIFFUSION] && !isnan(keys[DICOM_KEY_DIFFUSION]))
-        append(name, "b %.6g s/mm²", keys[DICOM_KEY_DIFFUSION]);
-    if (fields->varies[DICOM_KEY_DIRECTION] && !isnan(keys[DICOM_KEY_DIRECTION]))
-        append(name, "direction %.0f", keys[DICOM_KEY_DIRECTION]);
+    for (size_t i = 0; i < sizeof labels / sizeof *labels; i++) {
+        const int key = labels[i].key;
+        const double number = slice->is.keys[key];
+        has_strong |= fields->varies[key] && !labels[i].is_weak;
+        if (!fields->varies[key] || isnan(number) || (labels[i].is_weak && has_strong))
+            continue;
+        if (labels[i].text)
+            append(name, "%s%s", labels[i].text, slice->is.texts[key]);
+        else
+            append(name, labels[i].number, number);
+    }
     if (!*name)
-        snprintf(name, SP_FIELD_BYTES, "other");
+        snprintf(name, SP_FIELD_BYTES, "%s",
+                 fields->varies[DICOM_TEXT_AGENT] ? "no contrast" : "other");
 }
 
 /* Different fields may have one label; then their numbers follow it. */
@@ -140,10 +232,35 @@ static bool use_steps(const struct dicom_slices *slices, const struct dicom_sour
     return true;
 }
 
+static bool is_one_file(const struct dicom_slices *slices) {
+    for (uint32_t i = 1; i < slices->count; i++)
+        if (strcmp(slices->items[i].name, slices->items[0].name) != 0)
+            return false;
+    return true;
+}
+
+/* Says that files of one series show several things: a viewer of slices may show only one. */
+static void warn_of_fields(const struct dicom_slices *slices, const struct dicom_source *source,
+                           char names[FIELDS_MAX][SP_FIELD_BYTES], unsigned count,
+                           unsigned chosen) {
+    char list[LIST] = "";
+    if (is_one_file(slices))
+        return;
+    for (unsigned n = 0; n < count; n++) {
+        const size_t used = strlen(list);
+        if (n != chosen && used + strlen(names[n]) + 8 < sizeof list)
+            snprintf(list + used, sizeof list - used, "%s%s", used ? ", " : "", names[n]);
+    }
+    import_warn(source->file->warnings,
+                "The images of one place differ: \"%s\" is shown, %s left out (%s). ?field= "
+                "chooses.",
+                names[chosen], count > 2 ? "others are" : "another is", list);
+}
+
 /* The field of the file that was opened, or else the first one. */
 static unsigned find_opened(const struct dicom_slices *slices, const struct dicom_source *source,
                             const struct fields *fields) {
-    if (source->file->is_folder || source->image.frames > 1)
+    if (!source->is_named || is_one_file(slices))
         return 0;
     for (uint32_t i = 0; i < slices->count; i++)
         if (strcmp(slices->items[i].name, source->name) == 0)
@@ -159,6 +276,8 @@ bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_sou
     struct fields fields = { .count = 0 };
     const bool are_labels = source->image.is_labels && slices->items[0].is.segment > 0;
     const char *wanted = source->file->field;
+    if (!join_agents(slices))
+        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
     find_fields(slices, &fields);
     if (use_steps(slices, source, &fields) || (fields.count < 2 && !are_labels))
         return true;
@@ -172,6 +291,8 @@ bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_sou
             chosen = n;
     if (are_labels && chosen == fields.count)
         slices->are_together = true;
+    if (!slices->items[0].is.segment && !*wanted)
+        warn_of_fields(slices, source, names, fields.count, chosen);
     import_name(header->value_name, slices->are_together ? LABELS : names[chosen]);
     if (are_labels && !slices->are_together)
         import_header_add_other(header, LABELS);
@@ -187,6 +308,19 @@ bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_sou
 }
 
 /* Steps: slices of one place at several times. */
+
+/* Says that only their numbers tell the images of one place apart. */
+static void warn_of_numbers(const struct dicom_slices *slices, const struct dicom_source *source,
+                            uint32_t steps) {
+    const struct dicom_slice *a = &slices->items[0], *b = &slices->items[1];
+    for (int key = 0; key < DICOM_KEY_COUNT; key++)
+        if (!is_same_key(a->is.keys[key], b->is.keys[key]))
+            return;
+    import_warn(source->file->warnings,
+                "Each place has %u images, and only their numbers (InstanceNumber) differ: they "
+                "are shown as steps in this order, which may be no times.",
+                steps);
+}
 
 /* True if slices of one place have numbers that tell them apart. */
 static bool are_apart(const struct dicom_slice *a, const struct dicom_slice *b) {
@@ -285,6 +419,7 @@ bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_sour
         return false;
     if (steps == 1)
         return true;
+    warn_of_numbers(slices, source, steps);
     if (!take_times(slices, source, steps, header))
         return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the times");
     const uint32_t count = slices->count;

@@ -66,6 +66,21 @@ bool dicom_fill_nuclear(const gdcm::DataSet &set, uint32_t index, dicom_frame *f
 void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom_frame *frames,
                        uint32_t count);
 
+/* What manufacturers put into elements of their own (dicom_private_bridge.cpp). */
+
+/* The b-value of diffusion [s/mm²] of a file, or NaN. */
+double dicom_b_value(const gdcm::DataSet &set);
+
+/* The direction of diffusion in the item of a frame, or else of a file; empty = not known. */
+std::vector<double> dicom_gradient(const gdcm::DataSet &set, const gdcm::DataSet &item);
+
+/* If the file is a mosaic, whose tiles are the slices of one time, makes frames of the tiles. */
+void dicom_describe_mosaic(const gdcm::DataSet &set, dicom_image *image);
+
+/* Where a tile of the mosaic lies; *frame has the place of the mosaic. */
+void dicom_place_tile(const gdcm::DataSet &set, const dicom_image &image, uint32_t index,
+                      dicom_frame &frame);
+
 /* The functions of struct dicom_bridge_functions that unpack pixels. */
 void *dicom_open_pixels(const char *path, char *why, size_t capacity);
 bool dicom_read_frame(void *pixels, uint32_t frame, void *out, size_t size, char *why,

@@ -143,6 +143,19 @@ static void list_name(char list[LIST], const struct dicom_slice *slice) {
         snprintf(list + used, LIST - used, ", ...");
 }
 
+/* True if nothing is left of the file that was opened. */
+static bool loses_opened(const struct times *t, const struct dicom_source *source) {
+    const struct dicom_slices *slices = t->slices;
+    bool has_some = false, has_complete = false;
+    for (uint32_t i = 0; i < slices->count; i++) {
+        const struct dicom_slice *s = &slices->items[i];
+        const bool is_opened = *s->name && strcmp(s->name, source->name) == 0;
+        has_some |= is_opened;
+        has_complete |= is_opened && is_complete(s, t);
+    }
+    return source->is_named && has_some && !has_complete;
+}
+
 static bool leave_out(struct times *t, struct dicom_slices *slices,
                       const struct dicom_source *source, struct sp_error *err) {
     const char *what = t->drops_planes ? "places that lack times" : "times that lack places";
@@ -150,14 +163,11 @@ static bool leave_out(struct times *t, struct dicom_slices *slices,
     const uint32_t before = slices->count;
     snprintf(text, sizeof text, "the image belongs to %s, so it is incomplete: open another file",
              what);
-    for (uint32_t i = 0; i < before; i++) {
-        const struct dicom_slice *s = &slices->items[i];
-        if (is_complete(s, t))
-            continue;
-        if (!source->file->is_folder && *s->name && strcmp(s->name, source->name) == 0)
-            return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
-        list_name(list, s);
-    }
+    if (loses_opened(t, source))
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
+    for (uint32_t i = 0; i < before; i++)
+        if (!is_complete(&slices->items[i], t))
+            list_name(list, &slices->items[i]);
     dicom_slices_keep(slices, is_complete, t);
     import_warn(source->file->warnings, "Left out %u %s of incomplete %s: %s.",
                 before - slices->count, before - slices->count > 1 ? "images" : "image", what,
@@ -196,7 +206,8 @@ void dicom_times_pass_midnight(struct dicom_slices *slices) {
 
 bool dicom_times_complete(struct dicom_slices *slices, const struct dicom_source *source,
                           struct sp_error *err) {
-    static const enum dicom_key keys[] = { DICOM_KEY_PHASE, DICOM_KEY_DELAY, DICOM_KEY_CLOCK };
+    static const enum dicom_key keys[] = { DICOM_KEY_PHASE, DICOM_KEY_DELAY, DICOM_KEY_CLOCK,
+                                           DICOM_KEY_ACQUISITION };
     struct times t;
     bool ok = create(&t, slices), is_known = false;
     if (!ok)

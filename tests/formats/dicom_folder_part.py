@@ -290,7 +290,7 @@ TIMES = {  # the tags of step t of slice z, the times of the steps
     'trigger': (lambda z, t: {'TriggerTime': 40 * t + z}, [0, 0.04, 0.08]),
     'acquisition': (lambda z, t: {'AcquisitionTime': f'1010{10 + 2 * t:02}.5'}, [0, 2, 4]),
     'slices': (lambda z, t: {'AcquisitionTime': f'1010{10 + 20 * t + z:02}.0'}, [0, 20, 40]),
-    'echoes': (lambda z, t: {'EchoNumbers': t + 1}, None),
+    'acquisitions': (lambda z, t: {'AcquisitionNumber': t + 1}, None),
     'frame': (lambda z, t: {'FrameReferenceTime': 60000.0 * t + 30000}, [30, 90, 150]),
     'number': (lambda z, t: {}, None),
 }

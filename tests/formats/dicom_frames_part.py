@@ -280,7 +280,7 @@ def check_refused(tool):
         file.truncate(file.seek(0, 2) - 50)
     tool.refused(path, 'cut.dcm', 'cut off')
     path = files.enhanced(tool.path('twice.dcm'), stack[:3] + [stack[1]])
-    tool.refused(path, 'frame 2 and frame 4 show the same place')
+    tool.refused(path, 'frame 2 of twice.dcm and frame 4 of twice.dcm show the same place')
     for number, members in enumerate(({'DimensionOrganizationType': 'TILED_FULL', 'TotalPixelMatrixColumns': 40, 'TotalPixelMatrixRows': 8},
                                       {'DimensionOrganizationType': 'TILED_SPARSE'}, {'SOPClassUID': '1.2.840.10008.5.1.4.1.1.77.1.6'})):
         path = files.changed(files.enhanced(tool.path(f'tiles{number}.dcm'), stack), **members)

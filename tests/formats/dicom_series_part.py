@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Series that are more than slices of one type at one time: mosaics, several files with frames, reconstructions of one scan, times across midnight."""
 import os
+import struct
 import warnings
 
 import numpy
+import pydicom
+from pydicom.uid import RLELossless
 
 import dicom_files as files
-from dicom_folder_part import Series, pixels, silent, stack, volume, warned, whole
+from dicom_folder_part import Series, pixels, silent, stack, warned, whole
 
 CLOCKS = {  # tags of step t: the first is before midnight
     'bare': lambda t: {'AcquisitionTime': ('235958.5', '000001.5', '000004.5')[t]},
@@ -68,7 +71,215 @@ def check_missing(tool):
     warned(tool, alone.folder, 'where its images lie')
 
 
+def csa_header(version=2, **members):
+    """A CSA header as nibabel describes it: each element has six items, of which the first ones are used."""
+    out = [b'SV10\4\3\2\1' if version == 2 else b'', struct.pack('<2I', len(members) + 1, 77)]
+    for name, values in {'AcquisitionMatrixText': '6*4', **members}.items():
+        values = values if isinstance(values, list) else [values]
+        out.append(struct.pack('<64si4s3i', name.encode(), len(values), {str: b'SH', int: b'IS'}.get(type(values[0]), b'FD'), 3, 6, 77))
+        for n in range(6):
+            text = (values[n] if isinstance(values[n], str) else f'{values[n]:.8g}').encode() + b'\0' if n < len(values) else b''
+            out.append(struct.pack('<4i', len(text) + (6 if version == 1 else 0), len(text), 77, len(text)) + text + bytes(-len(text) % 4))
+    return b''.join(out)
+
+
+class Mosaic(Series):
+    """Mosaics of Siemens: the slices of one time are tiles of one image."""
+
+    def tiles(self, name, slices, csa=None, along=None, **tags):
+        count, rows, columns = slices.shape
+        side = int(numpy.ceil(numpy.sqrt(count)))
+        image = numpy.zeros((side * rows, side * columns), 'u2')
+        for n, one in enumerate(slices):
+            image[n // side * rows:(n // side + 1) * rows, n % side * columns:(n % side + 1) * columns] = one
+        along = numpy.eye(3)[:2] if along is None else along
+        one = self.dataset(image, 0, ImageType=['ORIGINAL', 'PRIMARY', 'M', 'ND', 'MOSAIC'], Manufacturer='SIEMENS', SpacingBetweenSlices=2.5,
+                           ImageOrientationPatient=[f'{n:.9f}' for n in numpy.ravel(along)], **tags)
+        if csa:
+            one.private_block(0x29, 'SIEMENS CSA HEADER', create=True).add_new(0x10, 'OB', csa)
+        one.save_as(self.path(name), enforce_file_format=True)
+        return self.path(name)
+
+
+def check_mosaics(tool):
+    """Against nibabel: values and affine, also of slices against the normal, of an oblique volume, of many times."""
+    warnings.filterwarnings('ignore', '.*DICOM readers are highly experimental')
+    from nibabel.nicom.dicomwrappers import wrapper_from_file
+    rng = numpy.random.default_rng(6)
+    turn = numpy.linalg.qr(numpy.array([[1, 0.2, 0.1], [-0.3, 1, 0.2], [0.1, -0.1, 1]]))[0].T
+    for name, count, along, sign in (('plain', 7, numpy.eye(3), 1), ('against', 5, numpy.eye(3), -1), ('oblique', 9, turn, 1), ('oblique2', 4, turn, -1)):
+        series = Mosaic(tool, f'mosaic-{name}')
+        slices = rng.integers(0, 4096, (count, 6, 4))
+        normal = sign * numpy.cross(along[0], along[1])
+        path = series.tiles('a.dcm', slices, csa_header(EchoLinePosition=1, NumberOfImagesInMosaic=count, SliceNormalVector=list(normal)), along[:2])
+        reference = wrapper_from_file(path)
+        info, samples = tool.dump(path)
+        tool.checks += 1
+        affine = numpy.array(reference.affine)
+        data = reference.get_data().transpose(2, 0, 1)
+        is_turned = info and numpy.dot(numpy.reshape(info['direction'], (3, 3))[:, 2], affine[:3, 2]) < 0
+        if is_turned:  # the same volume from its other end
+            affine[:3, 3] += affine[:3, 2] * (count - 1)
+            affine[:3, 2] *= -1
+            data = data[::-1]
+        if info and (samples.shape != data.shape or not numpy.array_equal(samples, data)):
+            tool.fail(path, f'the samples differ from those of nibabel: {samples.shape}, {data.shape}')
+        own = numpy.reshape(info['direction'], (3, 3)) * info['spacing'] if info else 0
+        # nibabel's first axis goes down the columns
+        if info and not (numpy.allclose(own[:, [1, 0, 2]], affine[:3, :3], atol=1e-5) and numpy.allclose(info['origin'], affine[:3, 3], atol=1e-5)):
+            tool.fail(path, f'affine {own}, {info["origin"]}, nibabel has {affine}')
+    times = Mosaic(tool, 'mosaic-times')
+    slices = rng.integers(0, 4096, (3, 5, 6, 4))
+    csa = csa_header(NumberOfImagesInMosaic=5, SliceNormalVector=[0, 0, 1])
+    for t in range(3):
+        times.tiles(f'{t}.dcm', slices[t], csa, AcquisitionTime=f'10101{2 * t}', AcquisitionNumber=t + 1)
+    for t in range(3):
+        tool.equal(times.folder, slices[t], step=t, steps=3, times=[0.0, 2.0, 4.0], spacing=[0.7, 0.5, 2.5])
+    tool.equal(times.path('1.dcm'), slices[2], step=2, steps=3)
+    old = Mosaic(tool, 'mosaic-old')
+    tool.equal(old.tiles('a.dcm', slices[0], csa_header(1, NumberOfImagesInMosaic=5, SliceNormalVector=[0, 0, -1])), slices[0],
+               direction=[1, 0, 0, 0, 1, 0, 0, 0, -1])
+    header = Mosaic(tool, 'mosaic-header')  # no CSA header
+    path = header.tiles('a.dcm', slices[0])
+    tool.refused(path, 'mosaic', 'dcm2niix')
+    tool.refused(header.folder, 'mosaic', 'dcm2niix')
+    one = pydicom.dcmread(path)
+    one.private_block(0x19, 'SIEMENS MR HEADER', create=True).add_new(0x0a, 'US', 5)
+    one.save_as(path)
+    tool.equal(path, slices[0])
+    warned(tool, path, 'SliceNormalVector')
+
+
+def check_joined(tool):
+    """Files with frames of one series: one per time, one per part of the volume; files that make no stack are named."""
+    frames = files.stack(6)
+    for name in ('times', 'parts', 'doses'):
+        os.makedirs(tool.path(f'joined-{name}'))
+    uid = {'SeriesInstanceUID': '1.2.3.4'}
+    for t in range(3):
+        later = [files.Frame(f.values + 1000 * t, **f.place()) for f in frames]
+        files.changed(files.enhanced(tool.path(f'joined-times/{2 - t}.dcm'), later), AcquisitionDateTime=f'2020010110{t}000', InstanceNumber=t + 1, **uid)
+    for t in range(3):
+        values = [f.values + 1000 * t for f in frames]
+        tool.equal(tool.path('joined-times'), values, step=t, steps=3, times=[0.0, 600.0, 1200.0], spacing=[0.7, 0.5, 2])
+        tool.equal(tool.path('joined-times/1.dcm'), values, step=t, steps=3)
+    for n, part in enumerate((frames[3:], frames[:3])):
+        files.changed(files.enhanced(tool.path(f'joined-parts/{n}.dcm'), part), **uid)
+    tool.equal(tool.path('joined-parts'), [f.values for f in frames], spacing=[0.7, 0.5, 2])
+    silent(tool, tool.path('joined-parts'))
+    for n in range(2):
+        files.changed(files.dose(tool.path(f'joined-doses/{n}.dcm'), frames, [2.0 * z for z in range(6)]), **uid)
+    warned(tool, tool.path('joined-doses'), 'Left out 6 other images', '1.dcm')
+
+
+def check_bits(tool):
+    """Slices of one series with different types of pixels, and different scales."""
+    kinds = (('u1', 8, 0), ('u2', 12, 0), ('i2', 16, 1), ('u2', 16, 0), ('u4', 32, 0))
+    for name, used, kind in (('bytes', kinds[:2], 'uint16'), ('signs', kinds[1:3], 'int16'), ('all', kinds[:4], 'int32'), ('wide', kinds, 'float64')):
+        series = Series(tool, f'bits-{name}')
+        expected = []
+        for z in range(8):
+            dtype, stored, signed = used[z % len(used)]
+            low = -2 ** (stored - 1) if signed else 0
+            values = (pixels(z).astype('i8') * 3571) % 2 ** stored + low
+            values[0, :2] = low, low + 2 ** stored - 1
+            expected.append(values)
+            allocated = 8 * numpy.dtype(dtype).itemsize
+            series.add(f'{z}.dcm', z, samples=values, BitsAllocated=allocated, BitsStored=stored, HighBit=stored - 1, PixelRepresentation=signed,
+                       PixelData=values.astype('<' + dtype).tobytes())
+        tool.equal(series.folder, expected, type=kind)
+        silent(tool, series.folder)
+        for z in range(8):
+            one = pydicom.dcmread(series.path(f'{z}.dcm'))
+            one.RescaleSlope, one.RescaleIntercept = 0.5 + z, -z
+            one.save_as(series.path(f'{z}.dcm'))
+        scaled = [values * (0.5 + z) - z for z, values in enumerate(expected)]
+        tool.equal(series.folder, scaled, type='float64' if name == 'wide' else 'float32')
+
+
+def check_named(tool):
+    """A file that was asked for by its name is shown, or the error is about it."""
+    series = Series(tool, 'named')
+    for z in range(6):
+        one = series.dataset(pixels(z), z)
+        one.compress(RLELossless)
+        one.save_as(series.path(f'{z}.dcm'), enforce_file_format=True)
+        if z != 3:
+            with open(series.path(f'{z}.dcm'), 'r+b') as file:
+                file.seek(-100, os.SEEK_END)
+                file.write(b'\x81' * 80)
+    whole_slice = [pixels(3) if z == 3 else numpy.full_like(pixels(3), pixels(3).min()) for z in range(6)]
+    tool.equal(series.path('3.dcm'), whole_slice)
+    warned(tool, series.path('3.dcm'), '5 slices are damaged')
+    tool.refused(series.path('1.dcm'), '1.dcm', 'unpacked')
+    tool.refused(series.path('5.dcm'), '5.dcm', 'unpacked')
+
+
+RECONSTRUCTIONS = {  # the tags of two images of one place, the names of the fields
+    'kernel': (lambda n: {'ConvolutionKernel': ('B30f', 'B70f')[n]}, ('kernel B30f', 'kernel B70f')),
+    'filter': (lambda n: {'FilterType': ('A', 'B')[n]}, ('filter A', 'filter B')),
+    'phase': (lambda n: {'ImageType': ['ORIGINAL', 'PRIMARY', ('M', 'PHASE')[n]]}, ('M', 'PHASE')),
+    'derived': (lambda n: {'ImageType': [('DERIVED', 'ORIGINAL')[n], 'PRIMARY', 'AXIAL']}, ('DERIVED PRIMARY', 'ORIGINAL PRIMARY')),
+    'contrast': (lambda n: {'ContrastBolusAgent': ('Iodine', '')[n]}, ('contrast Iodine', 'no contrast')),
+    'echo': (lambda n: {'EchoNumbers': n + 1}, ('echo 1', 'echo 2')),
+    'energy': (lambda n: {'KVP': (80, 140)[n]}, ('80 kV', '140 kV')),
+    'flip': (lambda n: {'FlipAngle': (3, 15)[n]}, ('flip angle 3°', 'flip angle 15°')),
+    'inversion': (lambda n: {'InversionTime': (100, 800)[n]}, ('inversion 100 ms', 'inversion 800 ms')),
+    'thickness': (lambda n: {'SliceThickness': (1, 2)[n]}, ('1 mm thick', '2 mm thick')),
+    'units': (lambda n: {'Modality': 'PT', 'Units': ('BQML', 'GML')[n]}, ('Bq/ml', 'g/ml')),
+    'corrections': (lambda n: {'CorrectedImage': (['ATTN', 'DECY'], ['DECY'])[n]}, ('corrected ATTN DECY', 'corrected DECY')),
+    'coil': (lambda n: {'ReceiveCoilName': ('H1', 'H2')[n]}, ('coil H1', 'coil H2')),
+    'description': (lambda n: {'DerivationDescription': ('ADC', 'trace')[n]}, ('ADC', 'trace')),
+}
+
+
+def check_reconstructions(tool):
+    """Two kinds of images at each place are fields, also if each kind has times of its own."""
+    for name, (tags, names) in RECONSTRUCTIONS.items():
+        series = Series(tool, f'kinds-{name}')
+        for z in range(3):
+            for n in range(2):
+                series.add(f'{n}{z}.dcm', z, n, AcquisitionTime=f'1010{10 + 20 * n + z}', AcquisitionNumber=n + 1, **tags(n))
+        for n in range(2):
+            whole(tool, f'{series.folder}?field={names[n]}', count=3, time=n, name=names[n], steps=1)
+            whole(tool, series.path(f'{n}1.dcm'), count=3, time=n, name=names[n], steps=1)
+        warned(tool, series.folder, names[0], names[1], '?field=')
+    for number, private in enumerate(((0x19, 'SIEMENS MR HEADER', 0x0c, 'IS', '1000'), (0x43, 'GEMS_PARM_01', 0x39, 'IS', ['1000001000', '8']),
+                                      (0x2001, 'Philips Imaging DD 001', 0x03, 'FL', 1000.0))):
+        series = Series(tool, f'kinds-b-{number}')
+        for z in range(3):
+            for n in range(2):
+                one = series.dataset(pixels(z, n), z)
+                group, creator, element, vr, value = private
+                value = value if n else 0.0 if vr == 'FL' else '0'
+                one.private_block(group, creator, create=True).add_new(element, vr, value)
+                one.save_as(series.path(f'{n}{z}.dcm'), enforce_file_format=True)
+        whole(tool, f'{series.folder}?field=b 1000 s/mm²', count=3, time=1, name='b 1000 s/mm²')
+    shifted = Series(tool, 'kinds-shifted')  # two reconstructions without a place in common
+    for z in range(4):
+        shifted.add(f'a{z}.dcm', z, ConvolutionKernel='soft')
+        shifted.add(f'b{z}.dcm', z, 1, ConvolutionKernel='bone', ImagePositionPatient=[5, 6, 2 * z + 0.5])
+    whole(tool, f'{shifted.folder}?field=kernel soft', count=4, steps=1)
+    whole(tool, f'{shifted.folder}?field=kernel bone', count=4, time=1, origin=[5, 6, 0.5])
+    parts = Series(tool, 'kinds-parts')  # one kernel for each half of the places: one volume
+    for z in range(6):
+        parts.add(f'{z}.dcm', z, ConvolutionKernel='soft' if z < 3 else 'bone')
+    whole(tool, parts.folder)
+    bolus = Series(tool, 'kinds-bolus')  # the agent comes after the first time
+    for z in range(3):
+        for t in range(3):
+            bolus.add(f'{t}{z}.dcm', z, t, AcquisitionTime=f'1010{10 + t}', ContrastBolusAgent='Gd' if t else '')
+    for t in range(3):
+        whole(tool, bolus.folder, count=3, time=t, step=t, steps=3, times=[0.0, 1.0, 2.0])
+    plain = Series(tool, 'kinds-numbers')  # nothing but the number
+    for z in range(3):
+        for n in range(2):
+            plain.add(f'{n}{z}.dcm', z, n)
+    whole(tool, plain.folder, count=3, time=1, step=1, steps=2)
+    warned(tool, plain.folder, 'InstanceNumber', 'no times')
+
+
 def check(tool):
     warnings.filterwarnings('ignore', 'Invalid value for VR')  # of times that old files write
-    for part in (check_midnight, check_scout, check_missing):
+    for part in (check_midnight, check_scout, check_missing, check_mosaics, check_joined, check_bits, check_named, check_reconstructions):
         part(tool)

@@ -32,12 +32,14 @@ static void mend(bool *flag) {
 
 /* Texts end. */
 static void mend_frame(struct dicom_frame *frame) {
-    frame->group[sizeof frame->group - 1] = 0;
+    for (int text = 0; text < DICOM_TEXT_COUNT; text++)
+        frame->texts[text][DICOM_TEXT_BYTES - 1] = 0;
     frame->stack[sizeof frame->stack - 1] = 0;
     frame->unit[sizeof frame->unit - 1] = 0;
     frame->segment &= 0xffff;
     mend(&frame->is_placed);
     mend(&frame->is_spaced);
+    mend(&frame->is_assumed);
 }
 
 /* The input changes these numbers, so that zeros are an image. */
@@ -56,6 +58,7 @@ static const struct dicom_image usual = {
     .first = { .is_placed = true,
                .along = { { 1, 0, 0 }, { 0, 1, 0 } },
                .spacing = { 1, 1, 2 },
+               .high = 4095,
                .slope = 1 },
 };
 
@@ -63,7 +66,8 @@ static bool describe(const char *path, struct dicom_image *image, char *why, siz
     bool *const flags[] = { &image->is_signed,    &image->is_float,      &image->is_bits,
                             &image->is_planar,    &image->is_packed,     &image->is_swapped,
                             &image->is_labels,    &image->is_in_patient, &image->has_number,
-                            &image->is_directory, &image->is_tiled };
+                            &image->is_directory, &image->is_tiled,      &image->has_places,
+                            &image->is_mosaic };
     unsigned char bytes[sizeof *image] = { 0 };
     *image = usual;
     snprintf(why, capacity, "too short");
