@@ -81,7 +81,7 @@ static void a_missing_slice_leaves_the_others_in_their_places(void **state) {
     check_slice(volume, 2, 3, -24);
     assert_string_equal(
         sp_volume_info(volume)->warnings[0],
-        "Left out 1 other image of the series, whose size, type, spacing or direction differs: "
+        "Left out 1 other image of the series, whose size, kind, spacing or direction differs: "
         "overview.dcm.");
     assert_string_equal(sp_volume_info(volume)->warnings[1],
                         "Left out 1 file that cannot be read: broken.dcm: this is "
