@@ -47,10 +47,9 @@ static bool open_source(struct dicom_source *source, struct sp_error *err) {
     source->is_named = ok && !source->image.is_directory;
     if (source->is_named)
         ok = source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why);
-    return ok || dicom_fail(source,
-                            source->image.is_tiled || source->image.is_mosaic ? SP_ERR_UNSUPPORTED
-                                                                              : SP_ERR_FORMAT,
-                            "", why, err);
+    const struct dicom_image *image = &source->image;
+    const bool is_unknown = image->is_tiled || (image->is_mosaic && image->tiles == 0);
+    return ok || dicom_fail(source, is_unknown ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT, "", why, err);
 }
 
 /* Lists the frames of the file, and of other files that make one stack with it. */

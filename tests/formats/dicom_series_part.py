@@ -136,6 +136,7 @@ def check_mosaics(tool):
     for t in range(3):
         tool.equal(times.folder, slices[t], step=t, steps=3, times=[0.0, 2.0, 4.0], spacing=[0.7, 0.5, 2.5])
     tool.equal(times.path('1.dcm'), slices[2], step=2, steps=3)
+    tool.equal(times.path('1.dcm') + '?as=slice', slices[1], steps=1)
     old = Mosaic(tool, 'mosaic-old')
     tool.equal(old.tiles('a.dcm', slices[0], csa_header(1, NumberOfImagesInMosaic=5, SliceNormalVector=[0, 0, -1])), slices[0],
                direction=[1, 0, 0, 0, 1, 0, 0, 0, -1])
