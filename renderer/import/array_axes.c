@@ -19,7 +19,7 @@
 /* The height of a volume whose vertical axis has another kind of unit, in its horizontal extent. */
 #define HEIGHT_SHARE 0.25
 
-enum role { ROLE_NONE, ROLE_X, ROLE_Y, ROLE_Z, ROLE_TIME };
+enum role { ROLE_NONE, ROLE_X, ROLE_Y, ROLE_Z, ROLE_TIME, ROLE_CHANNEL };
 
 struct coordinates { /* of one dimension */
     double *values;  /* owned; NULL = none */
@@ -32,27 +32,30 @@ static bool begins(const char *text, const char *with) {
     return strncasecmp(text, with, strlen(with)) == 0;
 }
 
-static bool is_one_of(const char *name, const char *const *names) {
-    for (; *names; names++)
-        if (strcasecmp(name, *names) == 0)
-            return true;
-    return false;
+/* Finds an array of as many numbers as the dimension has; −1 = there is none. */
+static int find_path(const struct arrays *a, unsigned d, const char *path) {
+    struct array_info info;
+    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
+        if (info.is_number && info.rank == 1 && info.shape[0] == a->info.shape[d] &&
+            strcmp(info.name, path) == 0)
+            return (int)n;
+    return -1;
 }
 
-/* Finds the array of the coordinates of a dimension, in the group of the array or in one above; −1
- * = there is none. */
+/* Finds the array of the coordinates of a dimension: the one that the file names, or else that of
+ * its name in the group of the array or in one above; −1 = there is none. */
 static int find_array(const struct arrays *a, unsigned d) {
-    struct array_info info;
     char path[2 * ARRAY_NAME_BYTES], group[ARRAY_NAME_BYTES];
+    if (*a->info.scales[d])
+        return find_path(a, d, a->info.scales[d]);
     snprintf(group, sizeof group, "%s", a->info.name);
     while (*a->info.dims[d]) {
         char *slash = strrchr(group, '/');
         *(slash ? slash : group) = 0;
         snprintf(path, sizeof path, "%s%s%s", group, slash ? "/" : "", a->info.dims[d]);
-        for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
-            if (info.is_number && info.rank == 1 && info.shape[0] == a->info.shape[d] &&
-                strcmp(info.name, path) == 0)
-                return (int)n;
+        const int n = find_path(a, d, path);
+        if (n >= 0)
+            return n;
         if (!slash)
             break;
     }
@@ -99,18 +102,19 @@ static enum role role_of(const char *name, const char *axis, const char *standar
                                      "height", "altitude", "levels", "air_pressure", NULL };
     static const char *const time[] = { "t",     "time", "times", "hour",   "day",
                                         "month", "year", "date",  "season", NULL };
-    if (strcasecmp(axis, "T") == 0 || strstr(unit, " since ") || is_one_of(standard, time) ||
-        is_one_of(name, time))
+    if (strcasecmp(axis, "T") == 0 || strstr(unit, " since ") ||
+        import_axes_is_one_of(standard, time) || import_axes_is_one_of(name, time))
         return ROLE_TIME;
     if (strcasecmp(axis, "X") == 0 || begins(unit, "degrees_e") || begins(unit, "degree_e") ||
-        is_one_of(standard, x) || is_one_of(name, x))
+        import_axes_is_one_of(standard, x) || import_axes_is_one_of(name, x))
         return ROLE_X;
     if (strcasecmp(axis, "Y") == 0 || begins(unit, "degrees_n") || begins(unit, "degree_n") ||
-        is_one_of(standard, y) || is_one_of(name, y))
+        import_axes_is_one_of(standard, y) || import_axes_is_one_of(name, y))
         return ROLE_Y;
-    if (strcasecmp(axis, "Z") == 0 || is_one_of(standard, z) || is_one_of(name, z))
+    if (strcasecmp(axis, "Z") == 0 || import_axes_is_one_of(standard, z) ||
+        import_axes_is_one_of(name, z))
         return ROLE_Z;
-    return ROLE_NONE;
+    return import_axes_is_channel(name) ? ROLE_CHANNEL : ROLE_NONE;
 }
 
 static bool take_coordinates(const struct arrays *a, unsigned d, struct coordinates *c) {
@@ -126,7 +130,7 @@ static bool take_coordinates(const struct arrays *a, unsigned d, struct coordina
         if (!read_values(a, n, d, c))
             return false;
     }
-    c->is_down = strcasecmp(positive, "down") == 0 || is_one_of(c->unit, pressure);
+    c->is_down = strcasecmp(positive, "down") == 0 || import_axes_is_one_of(c->unit, pressure);
     c->role = role_of(a->info.dims[d], axis, standard, c->unit);
     return true;
 }
@@ -139,9 +143,10 @@ static bool assign(struct arrays *a, const struct coordinates *c, struct sp_erro
     int rest[IMPORT_RANK_MAX];
     unsigned count = 0;
     for (unsigned i = a->info.rank; i-- > 0;) {
-        int *role = c[i].role == ROLE_TIME   ? &axes->time
-                    : c[i].role != ROLE_NONE ? &axes->space[c[i].role - ROLE_X]
-                                             : NULL;
+        int *role = c[i].role == ROLE_TIME      ? &axes->time
+                    : c[i].role == ROLE_CHANNEL ? &axes->channel
+                    : c[i].role != ROLE_NONE    ? &axes->space[c[i].role - ROLE_X]
+                                                : NULL;
         if (role && *role < 0)
             *role = (int)i;
         else
@@ -162,7 +167,11 @@ static bool assign(struct arrays *a, const struct coordinates *c, struct sp_erro
                                "fields; save parts of it");
     }
     for (unsigned i = 0; i < count && axes->space[0] < 0; i++)
-        axes->space[0] = rest[i]; /* of length 1 */
+        axes->space[0] = rest[i];                                         /* of length 1 */
+    if (axes->space[0] < 0 && axes->space[1] < 0 && axes->space[2] < 0) { /* a list of channels */
+        axes->space[0] = axes->channel;
+        axes->channel = -1;
+    }
     return axes->space[0] >= 0 || axes->space[1] >= 0 || axes->space[2] >= 0 ||
            arrays_fail(a, err, SP_ERR_UNSUPPORTED,
                        "the array has no dimension of space, such as x, y or z");
@@ -297,7 +306,7 @@ static bool take_conventions(struct arrays *a, struct coordinates *c, struct imp
     double factor[3];
     for (unsigned d = 0; d < a->info.rank; d++)
         if (!take_coordinates(a, d, &c[d]))
-            return sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory for coordinates");
+            return sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory for coordinates");
     if (!assign(a, c, err) || !import_axes_choose(&a->axes, a->file, a->info.shape, header, err) ||
         !take_dims(a, header, err) || !take_steps(a, c, header, err))
         return false;
@@ -309,26 +318,33 @@ static bool take_conventions(struct arrays *a, struct coordinates *c, struct imp
     return true;
 }
 
+/* The conventions need the name of a dimension. */
+static bool has_names(const struct arrays *a) {
+    bool has = a->is_netcdf;
+    for (unsigned d = 0; d < a->info.rank; d++)
+        has |= a->info.dims[d][0] || a->info.scales[d][0];
+    return has;
+}
+
+static bool take_plain(struct arrays *a, struct coordinates *c, struct import_header *header,
+                       struct sp_error *err) {
+    const char *names[IMPORT_RANK_MAX] = { NULL };
+    return (import_axes_guess(&a->axes, a->info.rank, a->info.shape, names,
+                              a->info.number.size == 1) ||
+            arrays_fail(a, err, SP_ERR_UNSUPPORTED,
+                        "the array has %u dimensions; supported are t, c, z, y and x",
+                        a->info.rank)) &&
+           import_axes_choose(&a->axes, a->file, a->info.shape, header, err) &&
+           take_dims(a, header, err) && take_steps(a, c, header, err);
+}
+
 bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err) {
     struct coordinates c[IMPORT_RANK_MAX];
-    const char *names[IMPORT_RANK_MAX];
-    bool ok;
     memset(c, 0, sizeof c);
-    for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)
-        names[d] = a->info.dims[d];
-    if (a->is_netcdf) {
-        ok = take_conventions(a, c, header, err);
-    } else {
-        ok = import_axes_guess(&a->axes, a->info.rank, a->info.shape, names,
-                               a->info.number.size == 1) ||
-             arrays_fail(a, err, SP_ERR_UNSUPPORTED,
-                         "the array has %u dimensions; supported are t, c, z, y and x",
-                         a->info.rank);
-        ok = ok && import_axes_choose(&a->axes, a->file, a->info.shape, header, err) &&
-             take_dims(a, header, err) && take_steps(a, c, header, err);
-        if (ok)
-            take_element_size(a, header);
-    }
+    const bool ok =
+        has_names(a) ? take_conventions(a, c, header, err) : take_plain(a, c, header, err);
+    if (ok)
+        take_element_size(a, header);
     for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)
         free(c[d].values);
     return ok;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The part of HDF5 and of NetCDF that arrays.c needs. Each library is a module of its own with the
- * same table of functions. One file at a time, one thread.
+ * What arrays.c needs of a file with several arrays: HDF5, NetCDF or a group of Zarr. The libraries
+ * of HDF5 and NetCDF are modules with this table of functions. One file at a time, one thread.
  */
 #ifndef SP_IMPORT_ARRAY_BRIDGE_H
 #define SP_IMPORT_ARRAY_BRIDGE_H
@@ -10,15 +10,24 @@
 
 enum { ARRAY_NAME_BYTES = 256, ARRAYS_MAX = 4096 };
 
+/* In place of the number of an array: the attributes of the file. */
+#define ARRAY_OF_FILE UINT_MAX
+
 struct array_info {              /* one array of a file */
-    char name[ARRAY_NAME_BYTES]; /* the path: "/a/b" in HDF5, "a/b" or "b" in NetCDF */
+    char name[ARRAY_NAME_BYTES]; /* the path: "/a/b" in HDF5, "a/b" or "b" in NetCDF and Zarr; "" =
+                                    the file is this array */
     unsigned rank;               /* in [0, IMPORT_RANK_MAX] if is_number */
     uint64_t shape[IMPORT_RANK_MAX];
     uint64_t chunk[IMPORT_RANK_MAX];              /* 0 = not chunked */
     char dims[IMPORT_RANK_MAX][ARRAY_NAME_BYTES]; /* names of dimensions; "" = none */
-    bool is_number;                               /* its numbers can be read */
-    char problem[160];                            /* if they cannot: why */
-    struct import_number number;                  /* as read() returns it */
+    /* The arrays of the coordinates of dimensions; "" = the array with the name of the dimension.
+     */
+    char scales[IMPORT_RANK_MAX][ARRAY_NAME_BYTES];
+    bool is_scale;               /* it has the coordinates of a dimension */
+    bool has_default_fill;       /* numbers that no program wrote have the fill value of NetCDF */
+    bool is_number;              /* its numbers can be read */
+    char problem[256];           /* if they cannot: why */
+    struct import_number number; /* as read() returns it */
 };
 
 struct array_functions {

@@ -6,7 +6,6 @@
 
 #include <inttypes.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,9 +16,6 @@
 #include "volume/volume.h"
 
 enum { BOX_BYTES = 32 << 20 }; /* numbers that are read at once, if a row is not larger */
-
-/* The value that NetCDF writes where a program wrote none. */
-#define NETCDF_FILL 9.9692099683868690e+36
 
 static bool is_hdf5(const uint8_t *start, size_t size) {
     return size >= 8 && memcmp(start, "\x89HDF\r\n\x1a\n", 8) == 0;
@@ -45,308 +41,6 @@ static bool probe_hdf5(const uint8_t *start, size_t size, const char *shown) {
     return is_hdf5(start, size);
 }
 
-bool arrays_fail(const struct arrays *a, struct sp_error *err, enum sp_code code,
-                 const char *format, ...) {
-    char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    snprintf(place, sizeof place, "%.160s: %.80s", a->file->shown, a->info.name);
-    return sp_fail(err, code, place, "%s", text);
-}
-
-/* Choosing an array. */
-
-/* True for the arrays that only say where others are: coordinates and their bounds. */
-static bool is_of_axis(const struct arrays *a, const struct array_info *info) {
-    const char *slash = strrchr(info->name, '/'), *own = slash ? slash + 1 : info->name;
-    if (!a->is_netcdf)
-        return false;
-    if (info->rank == 1 && strcmp(own, info->dims[0]) == 0)
-        return true;
-    const char *last = info->rank > 0 ? info->dims[info->rank - 1] : "";
-    return info->rank == 2 && info->shape[1] == 2 &&
-           (strcasecmp(last, "bnds") == 0 || strcasecmp(last, "bounds") == 0 ||
-            strcasecmp(last, "nv") == 0 || has_ending(own, "_bnds") || has_ending(own, "_bounds"));
-}
-
-/* How many dimensions a volume could have; 0 = the array is none. */
-static unsigned rank_of(const struct arrays *a, const struct array_info *info) {
-    if (!info->is_number || is_of_axis(a, info))
-        return 0;
-    for (unsigned d = 0; d < info->rank; d++)
-        if (info->shape[d] == 0)
-            return 0;
-    return info->rank < 3 ? info->rank : 3;
-}
-
-/* The dimensions that arrays need to be chosen without a name: 3 if one has as many, else 2 or 1.
- */
-static unsigned least_rank(const struct arrays *a) {
-    struct array_info info;
-    unsigned most = 1;
-    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
-        if (rank_of(a, &info) > most)
-            most = rank_of(a, &info);
-    return most;
-}
-
-/* True if the field names the array, or one of its channels: "NAME 2". *channel gets its number. */
-static bool is_wanted(const char *field, const char *name, uint32_t *channel) {
-    const char *own = *name == '/' ? name + 1 : name;
-    const size_t length = strlen(own);
-    field += *field == '/';
-    char *end;
-    *channel = 0;
-    if (strncmp(field, own, length) != 0)
-        return false;
-    if (!field[length])
-        return true;
-    const unsigned long number = strtoul(field + length, &end, 10);
-    *channel = (uint32_t)(number - 1);
-    return field[length] == ' ' && number >= 1 && number <= UINT32_MAX && !*end;
-}
-
-static void list_shape(const struct array_info *info, char *out, size_t capacity) {
-    size_t used = (size_t)snprintf(out, capacity, "%.60s (", info->name);
-    for (unsigned d = 0; d < info->rank && used < capacity; d++)
-        used += (size_t)snprintf(out + used, capacity - used, "%s%" PRIu64, d ? " x " : "",
-                                 info->shape[d]);
-    if (used < capacity)
-        snprintf(out + used, capacity - used, ")");
-}
-
-/* Names all arrays with their sizes. */
-static bool fail_choice(const struct arrays *a, const char *text, struct sp_error *err) {
-    struct array_info info;
-    char text_and_list[SP_ERROR_TEXT], one[160];
-    struct import_list list;
-    unsigned found = 0;
-    snprintf(text_and_list, sizeof text_and_list, "%s", text);
-    import_list_begin(&list, text_and_list, sizeof text_and_list);
-    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
-        if (info.is_number && info.rank >= 1) {
-            list_shape(&info, one, sizeof one);
-            import_list_add(&list, found++ ? "; " : " ", one);
-        }
-    if (found == 0)
-        import_list_add(&list, " ", "no arrays of numbers");
-    import_list_end(&list);
-    return sp_fail(err, *a->file->field ? SP_ERR_NOT_FOUND : SP_ERR_UNSUPPORTED, a->file->shown,
-                   "%s", text_and_list);
-}
-
-/* MINC files are HDF5 (version 2) or NetCDF (version 1), those of VTKHDF are HDF5. Attributes and
- * other arrays say how their samples are scaled and where they lie, so the array alone would be
- * wrong. */
-static const char *refusal_of(const struct arrays *a) {
-    struct array_info info;
-    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
-        if (strncmp(info.name, "/minc-2.0/", 10) == 0 ||
-            (a->is_netcdf && strcmp(info.name, "rootvariable") == 0))
-            return "MINC files are not supported; convert the file to NIfTI, for example with "
-                   "mnc2nii";
-        if (strncmp(info.name, "/VTKHDF/", 8) == 0)
-            return "VTKHDF files are not supported; save the data with ParaView or VTK as .vti, "
-                   ".vtu or .vtp";
-    }
-    return NULL;
-}
-
-static bool choose(struct arrays *a, struct sp_error *err) {
-    const char *field = a->file->field;
-    const char *refusal = refusal_of(a);
-    if (refusal)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, a->file->shown, "%s", refusal);
-    const unsigned least = least_rank(a);
-    struct array_info info;
-    unsigned found = 0;
-    uint32_t channel = 0;
-    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
-        const bool is_one =
-            *field ? is_wanted(field, info.name, &channel) : rank_of(a, &info) >= least;
-        if (is_one && found++ == 0) {
-            a->chosen = n;
-            a->info = info;
-            a->channel = channel;
-        }
-        if (is_one && *field)
-            break;
-    }
-    if (found == 0)
-        return fail_choice(a,
-                           *field ? "there is no such array; the file has"
-                                  : "the file has no array of numbers with samples; it has",
-                           err);
-    if (found > 1 && !a->is_netcdf)
-        return fail_choice(a, "choose one of the arrays, such as FILE.h5:/NAME:", err);
-    if (!a->info.is_number)
-        return arrays_fail(a, err, SP_ERR_UNSUPPORTED, "the array cannot be read: %s",
-                           a->info.problem);
-    return true;
-}
-
-/* The name of a channel of the array, or of the array if it has none. */
-static void name_channel(const struct arrays *a, uint32_t channel, char name[SP_FIELD_BYTES]) {
-    char text[ARRAY_NAME_BYTES + 16];
-    snprintf(text, sizeof text, a->channels > 1 ? "%s %" PRIu32 : "%s", a->info.name, channel + 1);
-    import_name(name, text);
-}
-
-static bool take_names(struct arrays *a, struct import_header *header, struct sp_error *err) {
-    const unsigned least = a->info.rank < 3 ? a->info.rank : 3;
-    struct array_info info;
-    char name[SP_FIELD_BYTES];
-    a->channels = a->axes.channel < 0 ? 1 : (uint32_t)fmin(a->info.shape[a->axes.channel], 1e9);
-    if (a->channel >= a->channels)
-        return arrays_fail(a, err, SP_ERR_NOT_FOUND,
-                           "there is no channel %" PRIu32 ", only 1 to %u", a->channel + 1,
-                           a->channels);
-    if (*a->file->field)
-        import_name(header->value_name, a->file->field);
-    else
-        name_channel(a, a->channel, header->value_name);
-    for (uint32_t i = 0; i < a->channels && i < SP_OTHER_FIELDS_MAX; i++) {
-        name_channel(a, i, name);
-        if (i != a->channel)
-            import_header_add_other(header, name);
-    }
-    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
-        if (n != a->chosen && info.is_number && info.rank >= least)
-            import_header_add_other(header, info.name);
-    a->call->text(a->handle, a->chosen, "units", header->value_unit, sizeof header->value_unit);
-    return true;
-}
-
-/* Numbers. */
-
-static bool is_float(enum sp_type type) {
-    return type == SP_FLOAT32 || type == SP_FLOAT64;
-}
-
-/* An attribute about the numbers as they are stored. With _Unsigned, it is written as if they had a
- * sign. */
-static double stored_value(const struct arrays *a, double value) {
-    const struct import_number number = a->conversion.number;
-    const bool is_turned =
-        number.kind == IMPORT_UNSIGNED && value < 0 && a->info.number.kind == IMPORT_SIGNED;
-    return is_turned ? value + ldexp(1, 8 * (int)number.size) : value;
-}
-
-/* Numbers that stand for no sample: _FillValue and missing_value, and those outside of valid_range
- * or of valid_min and valid_max. Without a fill value, floating-point numbers have that of NetCDF.
- */
-static void take_missing(struct arrays *a) {
-    struct import_conversion *c = &a->conversion;
-    double values[IMPORT_MISSING_MAX], range[2] = { -INFINITY, INFINITY };
-    const bool has_fill = a->call->numbers(a->handle, a->chosen, "_FillValue", values, 1) == 1;
-    if (has_fill)
-        import_conversion_add_missing(c, stored_value(a, values[0]));
-    else if (c->number.kind == IMPORT_FLOAT)
-        import_conversion_add_missing(c, NETCDF_FILL);
-    const size_t count =
-        a->call->numbers(a->handle, a->chosen, "missing_value", values, IMPORT_MISSING_MAX);
-    for (size_t i = 0; i < count; i++)
-        import_conversion_add_missing(c, stored_value(a, values[i]));
-    if (a->call->numbers(a->handle, a->chosen, "valid_range", range, 2) != 2) {
-        range[0] = -INFINITY;
-        range[1] = INFINITY;
-        a->call->numbers(a->handle, a->chosen, "valid_min", &range[0], 1);
-        a->call->numbers(a->handle, a->chosen, "valid_max", &range[1], 1);
-    }
-    range[0] = stored_value(a, range[0]);
-    range[1] = stored_value(a, range[1]);
-    const bool is_scaled = import_number_is_whole(c->number) && /* the range is of the samples */
-                           ((isfinite(range[0]) && trunc(range[0]) != range[0]) ||
-                            (isfinite(range[1]) && trunc(range[1]) != range[1]));
-    if (!is_scaled && range[0] <= range[1] && (isfinite(range[0]) || isfinite(range[1])))
-        import_conversion_set_range(c, range[0], range[1]);
-}
-
-/* scale_factor, add_offset, _FillValue and missing_value are conventions of NetCDF. */
-static void take_type(struct arrays *a, struct import_header *header) {
-    struct import_number number = a->info.number;
-    char text[16];
-    double value, slope = 1, offset = 0;
-    a->call->text(a->handle, a->chosen, "_Unsigned", text, sizeof text);
-    if (a->is_netcdf && strcasecmp(text, "true") == 0 && number.kind == IMPORT_SIGNED)
-        number.kind = IMPORT_UNSIGNED;
-    a->conversion = import_conversion_of(number, a->file->warnings);
-    if (a->is_netcdf) {
-        if (a->call->numbers(a->handle, a->chosen, "scale_factor", &value, 1) && isfinite(value) &&
-            value != 0)
-            slope = value;
-        if (a->call->numbers(a->handle, a->chosen, "add_offset", &value, 1) && isfinite(value))
-            offset = value;
-        take_missing(a);
-    }
-    a->conversion.slope = slope;
-    a->conversion.offset = offset;
-    if ((slope != 1 || offset != 0) && !is_float(a->conversion.type))
-        a->conversion.type = number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
-    header->type = a->conversion.type;
-}
-
-static bool take(struct arrays *a, struct import_header *header, struct sp_error *err) {
-    char path[40], why[SP_ERROR_TEXT] = "";
-    import_header_init(header);
-    a->call = a->is_netcdf ? import_module_load(a->file, NETCDF_BRIDGE_MODULE, NETCDF_BRIDGE_SYMBOL,
-                                                "NetCDF", "libnetcdf19", err)
-                           : import_module_load(a->file, HDF5_BRIDGE_MODULE, HDF5_BRIDGE_SYMBOL,
-                                                "HDF5", "libhdf5-103-1", err);
-    if (!a->call || (a->is_netcdf && !netcdf_size_check(a->file, err)))
-        return false;
-    /* Opens by descriptor, because the name may refer to another file by now. */
-    snprintf(path, sizeof path, "/proc/self/fd/%d", a->file->fd);
-    a->handle = a->call->open(path, why, sizeof why);
-    if (!a->handle)
-        return sp_fail(err, SP_ERR_FORMAT, a->file->shown, "%s", why);
-    if (!choose(a, err))
-        return false;
-    for (unsigned d = 0; d < a->info.rank; d++)
-        if (a->info.shape[d] == 0)
-            return arrays_fail(a, err, SP_ERR_FORMAT, "dimension %u has the length 0", d);
-    take_type(a, header);
-    return arrays_take_axes(a, header, err) && take_names(a, header, err) &&
-           sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err);
-}
-
-static void close_arrays(void *reader) {
-    struct arrays *a = reader;
-    if (a->handle)
-        a->call->close(a->handle);
-    for (int axis = 0; axis < 3; axis++)
-        free(a->positions[axis]);
-    free(a->times);
-    free(a);
-}
-
-static void *open_arrays(const struct import_file *file, bool is_netcdf,
-                         struct import_header *header, struct sp_error *err) {
-    struct arrays *a = calloc(1, sizeof *a);
-    if (!a) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    a->file = file;
-    a->is_netcdf = is_netcdf;
-    if (take(a, header, err))
-        return a;
-    close_arrays(a);
-    return NULL;
-}
-
-static void *open_hdf5(const struct import_file *file, struct import_header *header,
-                       struct sp_error *err) {
-    return open_arrays(file, false, header, err);
-}
-
-static void *open_netcdf(const struct import_file *file, struct import_header *header,
-                         struct sp_error *err) {
-    return open_arrays(file, true, header, err);
-}
-
 /* Reading. */
 
 struct reading {
@@ -356,8 +50,9 @@ struct reading {
     uint64_t strides[3]; /* of each in the volume [samples] */
     char *numbers;       /* owned: a box */
     char *row;           /* owned: samples of one row of the file */
-    char *voxels;
-    uint64_t done; /* samples */
+    char *voxels;        /* NULL = looks for default fill values only */
+    bool has_fill;       /* and has found one */
+    uint64_t done;       /* samples */
 };
 
 static void begin(struct reading *r) {
@@ -375,12 +70,28 @@ static void begin(struct reading *r) {
         }
 }
 
+/* Numbers of 8 bytes are compared by their bits, which float64 does not hold. */
+static bool is_default_fill(const struct arrays *a, const char *at) {
+    const struct import_number number = a->conversion.number;
+    uint64_t bits = 0;
+    if (number.size < sizeof bits)
+        return import_widen(at, number) == a->default_fill;
+    memcpy(&bits, at, sizeof bits);
+    return bits == (number.kind == IMPORT_SIGNED ? (uint64_t)INT64_C(-9223372036854775806)
+                                                 : UINT64_C(18446744073709551614));
+}
+
 /* Converts a row of numbers and puts it into the volume. */
-static void put_row(const struct reading *r, const char *from, uint64_t count, uint64_t at,
+static void put_row(struct reading *r, const char *from, uint64_t count, uint64_t at,
                     uint64_t stride) {
     const struct arrays *a = r->arrays;
     const struct import_conversion *c = &a->conversion;
     const size_t size = sp_type_size(c->type);
+    if (!r->voxels) {
+        for (uint64_t i = 0; i < count && !r->has_fill; i++)
+            r->has_fill = is_default_fill(a, from + i * c->number.size);
+        return;
+    }
     char *to = stride == 1 ? r->voxels + at * size : r->row;
     if (import_conversion_is_copy(c))
         memcpy(to, from, count * size);
@@ -443,7 +154,7 @@ static bool read_boxes(struct reading *r, const uint64_t steps[3],
     struct box box;
     for (unsigned i = 0; i < r->count; i++)
         shape[i] = r->arrays->info.shape[r->order[i]];
-    for (box.first[0] = 0; box.first[0] < shape[0]; box.first[0] += steps[0])
+    for (box.first[0] = 0; box.first[0] < shape[0] && !r->has_fill; box.first[0] += steps[0])
         for (box.first[1] = 0; box.first[1] < shape[1]; box.first[1] += steps[1])
             for (box.first[2] = 0; box.first[2] < shape[2]; box.first[2] += steps[2]) {
                 for (int i = 0; i < 3; i++) {
@@ -457,22 +168,117 @@ static bool read_boxes(struct reading *r, const uint64_t steps[3],
     return true;
 }
 
+static bool read_all(struct reading *r, const struct import_progress *progress,
+                     struct sp_error *err) {
+    uint64_t steps[3] = { 1, 1, 1 }, bytes = r->arrays->conversion.number.size;
+    begin(r);
+    for (unsigned i = r->count; i-- > 0; bytes *= steps[i]) /* all of the fastest ones */
+        steps[i] = i + 1 == r->count ? r->arrays->info.shape[r->order[i]] : step_of(r, i, bytes);
+    r->numbers = malloc(bytes);
+    r->row = malloc(steps[r->count - 1] * sizeof(double));
+    bool ok = (r->numbers && r->row) ||
+              sp_fail(err, SP_ERR_MEMORY, r->arrays->file->shown, "out of memory for numbers");
+    ok = ok && read_boxes(r, steps, progress, err);
+    free(r->numbers);
+    free(r->row);
+    return ok;
+}
+
 static bool read_arrays(void *reader, void *voxels, float (*vectors)[3],
                         const struct import_progress *progress, struct sp_error *err) {
     struct reading r = { .arrays = reader, .voxels = voxels };
-    uint64_t steps[3] = { 1, 1, 1 }, bytes = r.arrays->conversion.number.size;
     (void)vectors;
-    begin(&r);
-    for (unsigned i = r.count; i-- > 0; bytes *= steps[i]) /* all of the fastest ones */
-        steps[i] = i + 1 == r.count ? r.arrays->info.shape[r.order[i]] : step_of(&r, i, bytes);
-    r.numbers = malloc(bytes);
-    r.row = malloc(steps[r.count - 1] * sizeof(double));
-    bool ok = (r.numbers && r.row) ||
-              sp_fail(err, SP_ERR_MEMORY, r.arrays->file->shown, "out of memory for numbers");
-    ok = ok && read_boxes(&r, steps, progress, err);
-    free(r.numbers);
-    free(r.row);
-    return ok;
+    return read_all(&r, progress, err);
+}
+
+/* Opening. */
+
+/* Whole numbers without a fill value of their own: reads them to find out whether some were never
+ * written. All steps of a series have one type, so they are floating-point numbers in any case. */
+static bool look_for_default_fill(struct arrays *a, const struct import_header *header,
+                                  struct sp_error *err) {
+    const bool is_series = header->steps.count > 1;
+    struct reading r = { .arrays = a, .has_fill = is_series };
+    if (isnan(a->default_fill))
+        return true;
+    if (!is_series && !read_all(&r, NULL, err))
+        return false;
+    if (r.has_fill && !is_series)
+        import_warn(a->file->warnings,
+                    "Samples of %.0f were left out: NetCDF has this number where nothing was "
+                    "written, and the array has no _FillValue of its own.",
+                    a->default_fill);
+    if (r.has_fill)
+        arrays_use_default_fill(a);
+    return true;
+}
+
+bool arrays_take(struct arrays *a, struct import_header *header, struct sp_error *err) {
+    arrays_take_values(a, header);
+    return arrays_take_axes(a, header, err) && arrays_take_names(a, header, err);
+}
+
+static bool take(struct arrays *a, struct import_header *header, struct sp_error *err) {
+    char path[40], why[SP_ERROR_TEXT] = "";
+    import_header_init(header);
+    a->call = a->is_netcdf ? import_module_load(a->file, NETCDF_BRIDGE_MODULE, NETCDF_BRIDGE_SYMBOL,
+                                                "NetCDF", "libnetcdf19", err)
+                           : import_module_load(a->file, HDF5_BRIDGE_MODULE, HDF5_BRIDGE_SYMBOL,
+                                                "HDF5", "libhdf5-103-1", err);
+    if (!a->call || (a->is_netcdf && !netcdf_size_check(a->file, err)))
+        return false;
+    /* Opens by descriptor, because the name may refer to another file by now. */
+    snprintf(path, sizeof path, "/proc/self/fd/%d", a->file->fd);
+    a->handle = a->call->open(path, why, sizeof why);
+    if (!a->handle)
+        return sp_fail(err, SP_ERR_FORMAT, a->file->shown, "%s", why);
+    if (!arrays_choose(a, err) || !arrays_take(a, header, err) ||
+        !sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err) ||
+        !look_for_default_fill(a, header, err))
+        return false;
+    header->type = a->conversion.type;
+    return sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err);
+}
+
+void arrays_finish(struct arrays *a) {
+    for (int axis = 0; axis < 3; axis++)
+        free(a->positions[axis]);
+    free(a->times);
+    free(a->auxiliary);
+}
+
+static void close_arrays(void *reader) {
+    struct arrays *a = reader;
+    if (a->handle)
+        a->call->close(a->handle);
+    arrays_finish(a);
+    free(a);
+}
+
+static void *open_arrays(const struct import_file *file, bool is_netcdf,
+                         struct import_header *header, struct sp_error *err) {
+    struct arrays *a = calloc(1, sizeof *a);
+    if (!a) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return NULL;
+    }
+    a->file = file;
+    a->shown = file->shown;
+    a->is_netcdf = a->takes_first = is_netcdf;
+    if (take(a, header, err))
+        return a;
+    close_arrays(a);
+    return NULL;
+}
+
+static void *open_hdf5(const struct import_file *file, struct import_header *header,
+                       struct sp_error *err) {
+    return open_arrays(file, false, header, err);
+}
+
+static void *open_netcdf(const struct import_file *file, struct import_header *header,
+                         struct sp_error *err) {
+    return open_arrays(file, true, header, err);
 }
 
 const struct import_format import_hdf5 = { .name = "HDF5",

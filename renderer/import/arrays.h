@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Arrays of HDF5 and NetCDF files, private to the readers: arrays.c chooses and reads one,
- * array_axes.c finds its place in the world.
+ * One array of a file with several: HDF5, NetCDF, and groups and plain arrays of Zarr. The
+ * conventions of CF hold for all of them, as far as a file follows them.
+ *
+ *   array_choice (which array) ─► array_values (samples) ─► array_axes (place, time) ─► names
  */
 #ifndef SP_IMPORT_ARRAYS_H
 #define SP_IMPORT_ARRAYS_H
@@ -11,24 +13,51 @@
 
 struct arrays {
     const struct import_file *file;
+    const char *shown; /* the name in errors */
     const struct array_functions *call;
     void *handle;
-    bool is_netcdf;
-    unsigned chosen; /* the array that is read */
+    bool is_netcdf;   /* NetCDF reads the file */
+    bool takes_first; /* of several arrays that suit; else the user must choose */
+    char *auxiliary;  /* owned: the arrays that others name as their coordinates, " a b "; NULL =
+                         none */
+    unsigned chosen;  /* the array that is read */
     struct array_info info;
     struct import_axes axes;
     uint32_t channels, channel;
     struct import_conversion conversion;
+    /* Whole numbers of this value are no samples, if there are any; NAN = none. */
+    double default_fill;
     double *positions[3]; /* owned: of rectilinear axes */
     double *times;        /* owned; NULL = unknown */
 };
+
+/* Chooses the array that file->field names, or else one with as many dimensions as any has, at most
+ * three. */
+bool arrays_choose(struct arrays *a, struct sp_error *err);
+
+/* Fills the header from the chosen array: type, grid, steps, names. The caller checks the grid. */
+bool arrays_take(struct arrays *a, struct import_header *header, struct sp_error *err);
+
+/* Frees what these functions allocated. */
+void arrays_finish(struct arrays *a);
 
 /* Fails at "SHOWN: NAME" of the array. */
 __attribute__((format(printf, 4, 5))) bool arrays_fail(const struct arrays *a, struct sp_error *err,
                                                        enum sp_code code, const char *format, ...);
 
+/* The parts of arrays_take(). */
+
+/* How stored numbers become samples: scale_factor, add_offset, _FillValue and others. */
+void arrays_take_values(struct arrays *a, struct import_header *header);
+
+/* Default fill values are among the samples: these become floating-point numbers. */
+void arrays_use_default_fill(struct arrays *a);
+
 /* Finds the axes of the array, and from the attributes and coordinates the place of the grid and
  * the times. */
 bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err);
+
+/* Names the samples and lists what else the file has. */
+bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp_error *err);
 
 #endif

@@ -24,7 +24,7 @@ void import_axes_place(struct import_axes *axes, const int *space, unsigned coun
         axes->space[i] = found == count ? named[i] : i < count ? space[count - 1 - i] : -1;
 }
 
-static bool is_one_of(const char *name, const char *const *names) {
+bool import_axes_is_one_of(const char *name, const char *const *names) {
     for (; *names; names++)
         if (strcasecmp(name, *names) == 0)
             return true;
@@ -32,8 +32,13 @@ static bool is_one_of(const char *name, const char *const *names) {
 }
 
 static const char *const times[] = { "t", "time", "times", "step", NULL };
-static const char *const channels[] = { "c",         "ch",         "channel", "channels",
-                                        "component", "components", "band",    NULL };
+
+bool import_axes_is_channel(const char *name) {
+    static const char *const channels[] = { "c",    "ch",        "channel",    "channels",
+                                            "band", "component", "components", "rgb",
+                                            "rgba", NULL };
+    return import_axes_is_one_of(name, channels);
+}
 
 bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *shape,
                        const char *const *names, bool are_bytes) {
@@ -48,8 +53,8 @@ bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *
                        shape[last] <= COLORS_MAX;
     for (unsigned d = 0; d < rank; d++) {
         const unsigned behind = last - d; /* dimensions behind this one */
-        const bool is_time = has_names ? is_one_of(names[d], times) : behind == 4;
-        const bool is_channel = has_names          ? is_one_of(names[d], channels)
+        const bool is_time = has_names ? import_axes_is_one_of(names[d], times) : behind == 4;
+        const bool is_channel = has_names          ? import_axes_is_channel(names[d])
                                 : axes->are_colors ? d == last
                                                    : behind == 3;
         if (is_time && axes->time < 0)

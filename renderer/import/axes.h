@@ -15,6 +15,12 @@ struct import_axes {
     bool are_colors;   /* the channels are red, green, blue and maybe alpha */
 };
 
+/* Compares without regard to case; the list ends with NULL. */
+bool import_axes_is_one_of(const char *name, const char *const *names);
+
+/* True for names such as "c", "channel" and "band". */
+bool import_axes_is_channel(const char *name);
+
 /* Guesses from the names of the dimensions: "c", "channel", … and "t", "time", …; others are space.
  * Without a name for each (NULL or "") they are t, c, z, y, x, of which the first may be missing;
  * an array of bytes with four dimensions, the last of length 3 or 4, has colours there. False if

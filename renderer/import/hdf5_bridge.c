@@ -3,6 +3,7 @@
  * HDF5 files. The library trusts what it reads, so it runs in the sandbox only. It opens no other
  * file and loads no plugin here.
  */
+#include "import/hdf5_dims.h"
 #include "import/hdf5_filters.h"
 
 #include <hdf5.h>
@@ -253,29 +254,6 @@ static void look_at_storage(hid_t dataset, struct array_info *info) {
     H5Pclose(list);
 }
 
-/* Reads the names of dimensions that h5py and others write. */
-static void take_labels(hid_t dataset, struct array_info *info) {
-    static const char name[] = "DIMENSION_LABELS";
-    char *labels[IMPORT_RANK_MAX] = { NULL };
-    hid_t attribute =
-        H5Aexists(dataset, name) > 0 ? H5Aopen(dataset, name, H5P_DEFAULT) : (hid_t)-1;
-    if (attribute < 0)
-        return;
-    hid_t type = H5Aget_type(attribute), space = H5Aget_space(attribute);
-    const bool is_list = type >= 0 && space >= 0 && H5Tis_variable_str(type) > 0 &&
-                         H5Sget_simple_extent_npoints(space) == (hssize_t)info->rank;
-    if (is_list && H5Aread(attribute, type, labels) >= 0)
-        for (unsigned d = 0; d < info->rank; d++)
-            snprintf(info->dims[d], sizeof info->dims[d], "%s", labels[d] ? labels[d] : "");
-    for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)
-        H5free_memory(labels[d]);
-    if (space >= 0)
-        H5Sclose(space);
-    if (type >= 0)
-        H5Tclose(type);
-    H5Aclose(attribute);
-}
-
 static bool describe(void *file, unsigned n, struct array_info *info) {
     struct hdf5 *h = file;
     memset(info, 0, sizeof *info);
@@ -302,7 +280,7 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
         for (int d = 0; d < rank; d++)
             info->shape[d] = shape[d];
         look_at_storage(h->dataset, info);
-        take_labels(h->dataset, info);
+        hdf5_take_dimensions(h->file, h->dataset, info);
     }
     info->is_number = !info->problem[0];
     if (native >= 0)
@@ -345,8 +323,10 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
 }
 
 static hid_t open_attribute(struct hdf5 *h, unsigned n, const char *name) {
-    return use(h, n) && H5Aexists(h->dataset, name) > 0 ? H5Aopen(h->dataset, name, H5P_DEFAULT)
-                                                        : -1;
+    const bool is_there = n == ARRAY_OF_FILE || use(h, n);
+    const hid_t object =
+        n == ARRAY_OF_FILE ? h->file : h->dataset; /* the root group, or the array */
+    return is_there && H5Aexists(object, name) > 0 ? H5Aopen(object, name, H5P_DEFAULT) : -1;
 }
 
 static size_t numbers(void *file, unsigned n, const char *name, double *out, size_t most) {
@@ -372,30 +352,11 @@ static size_t numbers(void *file, unsigned n, const char *name, double *out, siz
     return got;
 }
 
-/* Reads a text of fixed length; of a variable one, the first. */
 static void text(void *file, unsigned n, const char *name, char *out, size_t capacity) {
-    char fixed[1024];
+    struct hdf5 *h = file;
     out[0] = 0;
-    hid_t attribute = open_attribute(file, n, name);
-    if (attribute < 0)
-        return;
-    hid_t type = H5Aget_type(attribute), space = H5Aget_space(attribute);
-    const size_t size = type >= 0 ? H5Tget_size(type) : 0;
-    const bool is_text = size > 0 && H5Tget_class(type) == H5T_STRING && space >= 0 &&
-                         H5Sget_simple_extent_npoints(space) == 1;
-    if (is_text && H5Tis_variable_str(type) > 0) {
-        char *one = NULL;
-        if (H5Aread(attribute, type, &one) >= 0 && one)
-            snprintf(out, capacity, "%s", one);
-        H5free_memory(one);
-    } else if (is_text && size <= sizeof fixed && H5Aread(attribute, type, fixed) >= 0) {
-        snprintf(out, capacity, "%.*s", (int)size, fixed);
-    }
-    if (space >= 0)
-        H5Sclose(space);
-    if (type >= 0)
-        H5Tclose(type);
-    H5Aclose(attribute);
+    if (n == ARRAY_OF_FILE || use(h, n))
+        hdf5_text(n == ARRAY_OF_FILE ? h->file : h->dataset, name, out, capacity);
 }
 
 __attribute__((visibility("default")))

@@ -184,6 +184,9 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
     }
     info->is_number = !info->problem[0];
     info->rank = info->is_number ? (unsigned)rank : 0;
+    int is_never_filled = 1;
+    info->has_default_fill =
+        nc_inq_var_fill(v->group, v->id, &is_never_filled, NULL) == NC_NOERR && !is_never_filled;
     size_t chunk[NC_MAX_VAR_DIMS];
     if (info->is_number && rank > 0 &&
         nc_inq_var_chunking(v->group, v->id, &storage, chunk) == NC_NOERR &&
@@ -211,8 +214,12 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
     return status == NC_NOERR;
 }
 
+static struct variable place_of(const struct netcdf *c, unsigned n) {
+    return n < c->count ? c->variables[n] : (struct variable){ .group = c->id, .id = NC_GLOBAL };
+}
+
 static size_t numbers(void *file, unsigned n, const char *name, double *out, size_t most) {
-    const struct variable *v = &((const struct netcdf *)file)->variables[n];
+    const struct variable place = place_of(file, n), *v = &place;
     double values[64];
     nc_type type;
     size_t count = 0;
@@ -225,7 +232,7 @@ static size_t numbers(void *file, unsigned n, const char *name, double *out, siz
 }
 
 static void text(void *file, unsigned n, const char *name, char *out, size_t capacity) {
-    const struct variable *v = &((const struct netcdf *)file)->variables[n];
+    const struct variable place = place_of(file, n), *v = &place;
     char value[1024];
     nc_type type;
     size_t size = 0;

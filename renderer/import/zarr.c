@@ -10,9 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "import/conversion.h"
+#include "import/arrays.h"
 #include "import/remote.h"
 #include "import/zarr_chunk.h"
+#include "import/zarr_fields.h"
 #include "import/zarr_image.h"
 #include "import/zarr_remote.h"
 #include "volume/volume.h"
@@ -24,6 +25,8 @@ struct zarr {
     struct zarr_store *folder; /* owned; NULL = the caller's store */
     void (*close_store)(struct zarr_store **store);
     const struct import_file *file;
+    struct zarr_fields *fields; /* owned; NULL = the image has metadata of OME */
+    struct arrays arrays;       /* of the fields */
     struct zarr_image image;
     const struct zarr_level *level; /* of the image */
     uint32_t channel;
@@ -65,34 +68,45 @@ static bool choose_level(struct zarr *z, struct import_header *header, struct sp
     }
 }
 
-static void choose_channel(struct zarr *z, struct import_header *header) {
+static bool choose_channel(struct zarr *z, struct import_header *header, struct sp_error *err) {
     const struct zarr_image *image = &z->image;
     const unsigned count = image->name_count;
-    unsigned chosen = image->chosen;
+    const char *field = z->file->field;
+    char text[SP_ERROR_TEXT];
+    struct import_list list;
+    unsigned chosen = *field ? count : 0;
     if (image->axes.are_colors) {
-        z->channel = import_header_choose_component(header, z->file->field, image->channels, true);
-        return;
+        z->channel = import_header_choose_component(header, field, image->channels, true);
+        return true;
     }
-    for (unsigned i = 0; i < count; i++)
-        if (*z->file->field && strcmp(image->names[i], z->file->field) == 0)
+    for (unsigned i = 0; i < count && chosen == count; i++)
+        if (strcmp(image->names[i], field) == 0)
             chosen = i;
+    if (chosen == count) {
+        snprintf(text, sizeof text, "there is no channel %.60s; the image has", field);
+        import_list_begin(&list, text, sizeof text);
+        for (unsigned i = 0; i < count; i++)
+            import_list_add(&list, i ? ", " : " ",
+                            image->names[i][0] ? image->names[i] : "one channel without a name");
+        import_list_end(&list);
+        return sp_fail(err, SP_ERR_NOT_FOUND, z->store->shown, "%s", text);
+    }
     import_name(header->value_name, image->names[chosen]);
     for (unsigned i = 0; i < count; i++)
         if (i != chosen)
             import_header_add_other(header, image->names[i]);
-    z->channel = image->is_group ? 0 : chosen;
+    z->channel = chosen;
+    return true;
 }
 
-static bool take(struct zarr *z, struct import_header *header, struct sp_error *err) {
-    import_header_init(header);
-    if (!zarr_image_open(&z->image, z->store, z->file->field, err) ||
-        !zarr_image_choose(&z->image, z->file, header, err))
+static bool take_image(struct zarr *z, struct import_header *header, struct sp_error *err) {
+    if (!zarr_image_choose(&z->image, z->file, header, err))
         return false;
     z->conversion = import_conversion_of(z->image.levels[0].array.number, z->file->warnings);
     header->type = z->conversion.type;
     snprintf(header->unit, sizeof header->unit, "%s", z->image.unit);
-    choose_channel(z, header);
-    if (!import_header_use_steps(header, z->file, z->image.steps, err))
+    if (!choose_channel(z, header, err) ||
+        !import_header_use_steps(header, z->file, z->image.steps, err))
         return false;
     if (z->image.steps > 1)
         import_header_use_interval(header, z->image.first_time, z->image.interval,
@@ -102,6 +116,52 @@ static bool take(struct zarr *z, struct import_header *header, struct sp_error *
     if (z->image.anatomy[0]) /* it may turn the axes */
         import_header_set_anatomy(header, z->image.anatomy);
     return true;
+}
+
+/* An array without metadata of OME: the conventions of CF. */
+static bool take_plain(struct zarr *z, const struct zarr_node *node, struct import_header *header,
+                       struct sp_error *err) {
+    struct arrays *a = &z->arrays;
+    z->fields = zarr_fields_open(node, z->file, err);
+    if (!z->fields)
+        return false;
+    a->file = z->file;
+    a->shown = z->store->shown;
+    a->call = &zarr_field_functions;
+    a->handle = z->fields;
+    a->takes_first = true;
+    if (!arrays_choose(a, err))
+        return false;
+    if (z->file->level > 0)
+        return arrays_fail(a, err, SP_ERR_NOT_FOUND,
+                           "there is no level %d; the array has only level 0", z->file->level);
+    if (!arrays_take(a, header, err) ||
+        !sp_grid_check(&header->grid, header->type, a->shown, &header->bytes, err))
+        return false;
+    header->level_count = 1;
+    z->conversion = a->conversion;
+    z->channel = a->channel;
+    if (!zarr_image_use_array(&z->image, zarr_fields_array(z->fields, a->chosen), &a->axes))
+        return sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory");
+    z->level = &z->image.levels[0];
+    return true;
+}
+
+static bool take(struct zarr *z, struct import_header *header, struct sp_error *err) {
+    struct zarr_node node;
+    import_header_init(header);
+    const enum zarr_found found = zarr_node_open(&node, z->store, "", err);
+    if (found == ZARR_MISSING)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, z->store->shown,
+                       "this folder has no metadata of Zarr (zarr.json, .zarray, .zgroup or "
+                       ".zattrs)");
+    if (found != ZARR_FOUND)
+        return false;
+    const bool ok =
+        zarr_image_open(&z->image, &node, err) &&
+        (z->image.is_plain ? take_plain(z, &node, header, err) : take_image(z, header, err));
+    zarr_node_close(&node);
+    return ok;
 }
 
 void *zarr_open(const struct zarr_store *store, const struct import_file *file,
@@ -127,6 +187,8 @@ void zarr_close(void *reader) {
         free_reading(z->chunk_of[l]);
     zarr_chunks_finish(&z->chunks);
     zarr_image_close(&z->image);
+    arrays_finish(&z->arrays);
+    zarr_fields_close(&z->fields);
     if (z->close_store)
         z->close_store(&z->folder);
     free(z);

@@ -16,16 +16,18 @@ uint64_t zarr_array_chunks(const struct zarr_array *a, unsigned d) {
 
 /* Numbers and their fill value. */
 
-static double special(const char *text) {
+bool zarr_special_number(const char *text, double *value) {
     static const struct {
         const char *name;
         double value;
     } known[] = { { "NaN", NAN },      { "N", NAN },          { "Infinity", INFINITY },
                   { "Inf", INFINITY }, { "-Inf", -INFINITY }, { "-Infinity", -INFINITY } };
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (strcmp(text, known[i].name) == 0)
-            return known[i].value;
-    return 0;
+        if (strcmp(text, known[i].name) == 0) {
+            *value = known[i].value;
+            return true;
+        }
+    return false;
 }
 
 /* "0x7fc00000": the bits of a number, the highest first. */
@@ -55,9 +57,9 @@ static void fill_part(const json_t *json, struct import_number part, uint8_t *ou
         snprintf(bits, sizeof bits, "%" PRIx64, (uint64_t)json_integer_value(json));
         fill_from_bits(bits, part.size, out);
     } else {
-        const double value = text                 ? special(text)
-                             : json_is_true(json) ? 1
-                                                  : json_number_value(json);
+        double value = json_is_true(json) ? 1 : json_number_value(json);
+        if (text)
+            zarr_special_number(text, &value);
         import_narrow(in_range(value, part), part, out);
     }
 }

@@ -41,6 +41,9 @@ struct zarr_array {
  * shard (at most 2^20). */
 bool zarr_array_parse(struct zarr_array *array, const struct zarr_node *node, struct sp_error *err);
 
+/* Reads "NaN", "Infinity" and "-Infinity", and how zarr_node.c writes them. */
+bool zarr_special_number(const char *text, double *value);
+
 /* How many chunks there are along a dimension. */
 uint64_t zarr_array_chunks(const struct zarr_array *array, unsigned dimension);
 

@@ -104,18 +104,6 @@ static bool take_axes(struct zarr_image *image, const struct zarr_node *node, co
     return true;
 }
 
-static bool take_plain_axes(struct zarr_image *image, const struct zarr_node *node,
-                            struct sp_error *err) {
-    const struct zarr_array *a = &image->levels[0].array;
-    const char *names[ZARR_RANK_MAX];
-    for (unsigned d = 0; d < a->rank; d++)
-        names[d] = a->names[d];
-    return import_axes_guess(&image->axes, a->rank, a->shape, names, a->number.size == 1) ||
-           zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/shape",
-                          "has more than three dimensions that are neither time nor channels; "
-                          "supported are t, c, z, y and x");
-}
-
 /* Levels. */
 
 static bool add_level(struct zarr_image *image, const struct zarr_store *store, const char *path,
@@ -282,116 +270,54 @@ static bool open_multiscale(struct zarr_image *image, const struct zarr_node *no
 
 /* Plain arrays and groups. */
 
-static bool open_array(struct zarr_image *image, const struct zarr_store *store, const char *path,
-                       struct sp_error *err) {
-    struct zarr_node node;
-    static const double ones[ZARR_RANK_MAX] = { 1, 1, 1, 1, 1, 1, 1, 1 };
-    static const double zeros[ZARR_RANK_MAX];
-    if (!add_level(image, store, path, err) || zarr_node_open(&node, store, path, err) < ZARR_FOUND)
+bool zarr_image_use_array(struct zarr_image *image, const struct zarr_array *array,
+                          const struct import_axes *axes) {
+    image->levels = calloc(1, sizeof *image->levels);
+    if (!image->levels)
         return false;
-    bool ok = take_plain_axes(image, &node, err);
-    if (ok)
-        place_level(image, &image->levels[0], ones, zeros, ones);
-    /* The names of the arrays of a group stand for those of channels. */
-    ok = ok && (image->is_group || take_channels(image, &node, NULL, err));
-    if (ok && image->is_group)
-        image->channels = 1;
-    zarr_node_close(&node);
-    return ok;
-}
-
-struct search {
-    struct zarr_image *image;
-    const struct zarr_store *store;
-    const char *path;
-    bool ok;
-};
-
-/* Adds an array of at least two dimensions. */
-static bool add_array(void *to, const char *name) {
-    struct search *s = to;
-    char path[ZARR_KEY_BYTES];
-    struct zarr_node node;
-    struct sp_error ignored;
-    if (strlen(name) >= SP_FIELD_BYTES || !zarr_key(path, s->path, name) ||
-        s->image->name_count >= SP_OTHER_FIELDS_MAX ||
-        zarr_node_open(&node, s->store, path, &ignored) != ZARR_FOUND)
-        return true;
-    if (node.is_array && json_array_size(json_object_get(node.metadata, "shape")) > 1) {
-        s->ok = reserve_names(s->image, s->image->name_count + 1);
-        if (s->ok)
-            import_name(s->image->names[s->image->name_count++], name);
+    image->level_count = 1;
+    image->axes = *axes;
+    image->levels[0].array = *array;
+    for (int a = 0; a < 3; a++) {
+        image->levels[0].dims[a] = axes->space[a] < 0 ? 1 : (uint32_t)array->shape[axes->space[a]];
+        image->levels[0].spacing[a] = 1;
     }
-    zarr_node_close(&node);
-    return s->ok;
+    return true;
 }
 
-static int by_name(const void *a, const void *b) {
-    return strverscmp(a, b);
-}
-
-static bool open_group(struct zarr_image *image, const struct zarr_node *node, const char *field,
-                       struct sp_error *err) {
-    struct search search = { .image = image, .store = node->store, .path = node->path, .ok = true };
-    char path[ZARR_KEY_BYTES];
-    if (node->store->list)
-        node->store->list(node->store->user, node->path, add_array, &search);
-    if (!search.ok)
-        return sp_fail(err, SP_ERR_MEMORY, node->store->shown, "out of memory");
-    if (image->name_count == 0)
-        return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "",
-                              "this group has neither \"multiscales\" nor an array; open one of "
-                              "the folders in it");
-    qsort(image->names, image->name_count, sizeof *image->names, by_name);
-    image->is_group = true;
-    for (unsigned i = 0; i < image->name_count; i++)
-        if (strcmp(image->names[i], field) == 0)
-            image->chosen = i;
-    return (zarr_key(path, node->path, image->names[image->chosen]) ||
-            sp_fail(err, SP_ERR_INVALID, node->store->shown, "the path is too long")) &&
-           open_array(image, node->store, path, err);
-}
-
-static bool open_node(struct zarr_image *image, const struct zarr_node *node, const char *field,
-                      bool is_nested, struct sp_error *err) {
+static bool open_node(struct zarr_image *image, const struct zarr_node *node, bool is_nested,
+                      struct sp_error *err) {
     const json_t *of_v3 = json_object_get(node->attributes, "ome");
     const json_t *ome = of_v3 ? of_v3 : node->attributes;
-    if (node->is_array)
-        return open_array(image, node->store, node->path, err);
-    if (json_array_size(json_object_get(ome, "multiscales")) > 0)
+    if (!node->is_array && json_array_size(json_object_get(ome, "multiscales")) > 0)
         return open_multiscale(image, node, ome, err);
-    if (json_object_get(ome, "plate") || json_object_get(ome, "well"))
+    if (!node->is_array && (json_object_get(ome, "plate") || json_object_get(ome, "well")))
         return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "",
                               "this is a plate or well of several images; open one of them, such "
                               "as the folder A/1/0 of a plate");
-    if (json_object_get(ome, "bioformats2raw.layout") && !is_nested) {
+    if (!node->is_array && json_object_get(ome, "bioformats2raw.layout") && !is_nested) {
         struct zarr_node first;
         if (zarr_node_open(&first, node->store, "0", err) == ZARR_FOUND) {
-            const bool ok = open_node(image, &first, field, true, err);
+            const bool ok = open_node(image, &first, true, err);
             zarr_node_close(&first);
             return ok;
         }
         return zarr_node_fail(node, err, SP_ERR_NOT_FOUND, "", "the first image, 0, is missing");
     }
-    return open_group(image, node, field, err);
+    image->is_plain = true;
+    return true;
 }
 
-bool zarr_image_open(struct zarr_image *image, const struct zarr_store *store, const char *field,
-                     struct sp_error *err) {
-    struct zarr_node node;
+bool zarr_image_open(struct zarr_image *image, const struct zarr_node *node, struct sp_error *err) {
     *image = (struct zarr_image){ .steps = 1 };
     image->axes = (struct import_axes){ .space = { -1, -1, -1 }, .channel = -1, .time = -1 };
     image->levels = calloc(ZARR_LEVELS_MAX, sizeof *image->levels);
     if (!image->levels)
-        return sp_fail(err, SP_ERR_MEMORY, store->shown, "out of memory");
-    const enum zarr_found found = zarr_node_open(&node, store, "", err);
-    bool ok = found == ZARR_FOUND;
-    if (found == ZARR_MISSING)
-        sp_fail(err, SP_ERR_UNSUPPORTED, store->shown,
-                "this folder has no metadata of Zarr (zarr.json, .zarray, .zgroup or .zattrs)");
-    if (ok) {
-        ok = open_node(image, &node, field, false, err);
-        zarr_node_close(&node);
+        return sp_fail(err, SP_ERR_MEMORY, node->store->shown, "out of memory");
+    const bool ok = open_node(image, node, false, err);
+    if (!ok || image->is_plain) {
+        free(image->levels);
+        image->levels = NULL;
     }
     if (!ok)
         zarr_image_close(image);
@@ -418,8 +344,6 @@ bool zarr_image_choose(struct zarr_image *image, const struct import_file *file,
     image->channels = (uint32_t)count;
     image->steps = image->axes.time < 0 ? 1 : shape[image->axes.time];
     image->interval = 0; /* that of the other axis is none of this one */
-    if (image->is_group)
-        return true;
     image->name_count = 0;
     if (!reserve_names(image, image->channels))
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for channels");

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * An image of a Zarr hierarchy: a list of levels from OME-Zarr 0.4 or 0.5 ("multiscales"), or one
- * plain array as the only level. A brick cache needs no more than this and zarr_chunk.h.
+ * plain array (zarr_fields.h) as the only level. A brick cache needs no more than this and
+ * zarr_chunk.h.
  */
 #ifndef SP_IMPORT_ZARR_IMAGE_H
 #define SP_IMPORT_ZARR_IMAGE_H
@@ -27,16 +28,17 @@ struct zarr_image {
     char time_unit[SP_UNIT_BYTES];
     char unit[SP_UNIT_BYTES];
     char anatomy[4];               /* where x, y and z point to, in any handedness; "" = unknown */
-    char (*names)[SP_FIELD_BYTES]; /* owned: of the channels or arrays; "" = none */
-    unsigned name_count;           /* channels, or arrays of a plain group */
-    unsigned chosen;               /* the array of a plain group that was chosen, among the names */
-    bool is_group;                 /* the names are those of arrays */
+    char (*names)[SP_FIELD_BYTES]; /* owned: of the channels; "" = none */
+    unsigned name_count;           /* of channels */
+    bool is_plain;                 /* there is no metadata of OME: nothing else is set */
 };
 
-/* Finds the image. `field` chooses among the arrays of a plain group. All levels have one rank and
- * number type, and dims in [1, SP_DIM_MAX] or more: the caller checks them. */
-bool zarr_image_open(struct zarr_image *image, const struct zarr_store *store, const char *field,
-                     struct sp_error *err);
+/* Finds the image at a node. All levels have one rank and number type, and dims in [1, SP_DIM_MAX]
+ * or more: the caller checks them. */
+bool zarr_image_open(struct zarr_image *image, const struct zarr_node *node, struct sp_error *err);
+/* Makes an array the only level of a plain image. False without memory. */
+bool zarr_image_use_array(struct zarr_image *image, const struct zarr_array *array,
+                          const struct import_axes *axes);
 /* Applies "?as=" of the source: channels become steps, or steps channels. The image must be open.
  */
 bool zarr_image_choose(struct zarr_image *image, const struct import_file *file,

@@ -184,7 +184,29 @@ def check_netcdf_layouts(tool):
         file.createVariable('words', str, ('z',))[:] = numpy.array(['a', 'b'], object)
         switch = file.createEnumType('u1', 'switch', {'off': 0, 'on': 1})
         file.createVariable('state', switch, ('z', 'y', 'x'))[:] = values % 2
+        signed = file.createVariable('signed', 'u1', ('z', 'y', 'x'), fill_value=255)
+        signed.set_auto_maskandscale(False)
+        signed.setncatts({'_Unsigned': 'false', 'valid_min': numpy.uint8(156)})
+        signed[:] = values.astype('u1')
+        for kind in ('i1', 'u1', 'i2', 'u2', 'i4', 'f4', 'i8'):
+            holed = file.createVariable(f'holed_{kind}', kind, ('z', 'y', 'x'))
+            holed.set_auto_maskandscale(False)
+            holed[0] = values[0] % 100
+        file.createVariable('never', 'i2', ('z', 'y', 'x'), fill_value=False)[:] = numpy.where(values == 11, -32767, values)
+        packed = file.createVariable('holed_packed', 'i2', ('z', 'y', 'x'))
+        packed.set_auto_maskandscale(False)
+        packed.scale_factor = 0.5
+        packed[0] = values[0]
     wide = values.astype('f4')
+    bytes_of = values.astype('u1').view('i1').astype('f4')
+    tool.layout('NetCDF', '_Unsigned = "false" of unsigned bytes, with their _FillValue and valid_min', f'{path}:/signed',
+                numpy.where((bytes_of == -1) | (bytes_of < -100), numpy.nan, bytes_of), type='float32')
+    for kind in ('i1', 'u1', 'i2', 'u2', 'i4', 'f4', 'i8'):
+        default = netCDF4.default_fillvals[kind]
+        holed = numpy.where(numpy.arange(2)[:, None, None] == 0, values % 100, numpy.nan if kind[1] != '1' else default)
+        tool.layout('NetCDF', 'numbers that no program wrote, without _FillValue, of 16 bits and more', f'{path}:/holed_{kind}', holed, result='NaN')
+    tool.layout('NetCDF', 'an array without fill values (nofill)', f'{path}:/never', numpy.where(values == 11, -32767, values), type='int16')
+    tool.equal(f'{path}:/holed_packed', numpy.where(numpy.arange(2)[:, None, None] == 0, wide * 0.5, numpy.nan))
     tool.layout('NetCDF', 'valid_range', f'{path}:/ranged', numpy.where((wide < 20) | (wide > 200), numpy.nan, wide), result='NaN outside of it')
     tool.layout('NetCDF', 'valid_min, valid_max', f'{path}:/least', numpy.where(wide < 50, numpy.nan, wide), result='NaN outside of them')
     tool.layout('NetCDF', 'missing_value with several values, scale_factor', f'{path}:/missing',

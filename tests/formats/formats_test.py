@@ -29,13 +29,14 @@ PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'ren
 PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'small_part': ['numpy', 'SimpleITK'],
          'zarr_part': ['numpy', 'zarr', 'numcodecs'],
          'arrays_part': ['numpy', 'h5py', 'netCDF4', 'numcodecs'], 'tiff_part': ['numpy', 'tifffile'],
+         'cf_part': ['numpy', 'h5py', 'netCDF4', 'zarr'],
          'medical_part': ['numpy', 'nibabel', 'pydicom'], 'dicom_frames_part': ['numpy', 'pydicom'],
          'volumes_part': ['numpy', 'nibabel', 'nrrd', 'mrcfile', 'SimpleITK', 'h5py', 'netCDF4'],
          'meaning_part': ['numpy', 'nibabel', 'nrrd', 'pydicom', 'h5py', 'netCDF4', 'tifffile', 'zarr'],
          'reports_part': ['numpy'],
          'dicom_folder_part': ['numpy', 'pydicom'], 'dicom_series_part': ['numpy', 'pydicom', 'nibabel'],
          'convert_part': ['numpy', 'nibabel', 'nrrd', 'zarr']}
-GROUPS = {'arrays': ['types_part', 'zarr_part', 'arrays_part', 'tiff_part'], 'dicom': [part for part in PARTS if part.startswith('dicom_')]}
+GROUPS = {'arrays': ['types_part', 'zarr_part', 'arrays_part', 'cf_part', 'tiff_part'], 'dicom': [part for part in PARTS if part.startswith('dicom_')]}
 GROUPS['rest'] = [part for part in PARTS if part not in GROUPS['arrays'] + GROUPS['dicom']]
 
 

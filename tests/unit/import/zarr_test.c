@@ -141,11 +141,14 @@ static void chunks_can_be_read_alone(void **state) {
         .fd = -1, .shown = "cached.zarr/.zattrs", .root = path, .folder = path, .field = ""
     };
     struct zarr_store *store = zarr_folder_open(&file);
+    struct zarr_node node;
     struct zarr_image image;
     struct zarr_chunks chunks;
     struct sp_error err;
     uint8_t out[6];
-    assert_true(zarr_image_open(&image, store, "", &err));
+    assert_int_equal(zarr_node_open(&node, store, "", &err), ZARR_FOUND);
+    assert_true(zarr_image_open(&image, &node, &err));
+    zarr_node_close(&node);
     assert_int_equal(image.level_count, 2);
     const struct zarr_array *array = &image.levels[1].array;
     assert_int_equal(array->chunk_bytes, sizeof out);

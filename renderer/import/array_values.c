@@ -1,0 +1,118 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * How the numbers of an array become samples, by the attributes of NetCDF and CF.
+ */
+#include <math.h>
+#include <strings.h>
+
+#include "import/arrays.h"
+
+/* The value that NetCDF writes where a program wrote none. */
+#define NETCDF_FILL 9.9692099683868690e+36
+
+static bool is_float(enum sp_type type) {
+    return type == SP_FLOAT32 || type == SP_FLOAT64;
+}
+
+/* An attribute about the numbers as they are stored. With _Unsigned, it is written as if they had a
+ * sign, or none. */
+static double stored_value(const struct arrays *a, double value) {
+    const struct import_number number = a->conversion.number;
+    const double turn = ldexp(1, 8 * (int)number.size);
+    if (number.kind == a->info.number.kind)
+        return value;
+    if (number.kind == IMPORT_UNSIGNED)
+        return value < 0 ? value + turn : value;
+    return value >= turn / 2 ? value - turn : value;
+}
+
+/* The number that NetCDF writes where a program wrote none (NC_FILL_SHORT and others). Bytes have
+ * none: all of them may be samples. */
+static bool default_fill(struct import_number number, double *fill) {
+    const bool is_signed = number.kind == IMPORT_SIGNED;
+    switch (number.kind == IMPORT_FLOAT ? 0 : number.size) {
+    case 0:
+        *fill = NETCDF_FILL;
+        return true;
+    case 2:
+        *fill = is_signed ? -32767.0 : 65535.0;
+        return true;
+    case 4:
+        *fill = is_signed ? -2147483647.0 : 4294967295.0;
+        return true;
+    case 8:
+        *fill = is_signed ? -9223372036854775806.0 : 18446744073709551614.0;
+        return true;
+    default:
+        return false;
+    }
+}
+
+/* Numbers that stand for no sample: _FillValue and missing_value, and those outside of valid_range
+ * or of valid_min and valid_max. */
+static void take_missing(struct arrays *a) {
+    struct import_conversion *c = &a->conversion;
+    double values[IMPORT_MISSING_MAX], range[2] = { -INFINITY, INFINITY };
+    const bool has_fill = a->call->numbers(a->handle, a->chosen, "_FillValue", values, 1) == 1;
+    if (has_fill)
+        import_conversion_add_missing(c, stored_value(a, values[0]));
+    const size_t count =
+        a->call->numbers(a->handle, a->chosen, "missing_value", values + 1, IMPORT_MISSING_MAX - 1);
+    for (size_t i = 1; i <= count; i++)
+        import_conversion_add_missing(c, stored_value(a, values[i]));
+    if (!has_fill && a->info.has_default_fill && default_fill(a->info.number, &values[0]))
+        a->default_fill = stored_value(a, values[0]);
+    if (a->call->numbers(a->handle, a->chosen, "valid_range", range, 2) != 2) {
+        range[0] = -INFINITY;
+        range[1] = INFINITY;
+        a->call->numbers(a->handle, a->chosen, "valid_min", &range[0], 1);
+        a->call->numbers(a->handle, a->chosen, "valid_max", &range[1], 1);
+    }
+    range[0] = stored_value(a, range[0]);
+    range[1] = stored_value(a, range[1]);
+    const bool is_scaled = import_number_is_whole(c->number) && /* the range is of the samples */
+                           ((isfinite(range[0]) && trunc(range[0]) != range[0]) ||
+                            (isfinite(range[1]) && trunc(range[1]) != range[1]));
+    if (!is_scaled && range[0] <= range[1] && (isfinite(range[0]) || isfinite(range[1])))
+        import_conversion_set_range(c, range[0], range[1]);
+}
+
+static struct import_number number_of(const struct arrays *a) {
+    struct import_number number = a->info.number;
+    char text[16];
+    a->call->text(a->handle, a->chosen, "_Unsigned", text, sizeof text);
+    if (strcasecmp(text, "true") == 0 && number.kind == IMPORT_SIGNED)
+        number.kind = IMPORT_UNSIGNED;
+    else if (strcasecmp(text, "false") == 0 && number.kind == IMPORT_UNSIGNED)
+        number.kind = IMPORT_SIGNED;
+    return number;
+}
+
+void arrays_take_values(struct arrays *a, struct import_header *header) {
+    const struct import_number number = number_of(a);
+    double value, slope = 1, offset = 0;
+    a->conversion = import_conversion_of(number, a->file->warnings);
+    a->default_fill = NAN;
+    if (a->call->numbers(a->handle, a->chosen, "scale_factor", &value, 1) && isfinite(value) &&
+        value != 0)
+        slope = value;
+    if (a->call->numbers(a->handle, a->chosen, "add_offset", &value, 1) && isfinite(value))
+        offset = value;
+    take_missing(a);
+    a->conversion.slope = slope;
+    a->conversion.offset = offset;
+    if ((slope != 1 || offset != 0) && !is_float(a->conversion.type))
+        a->conversion.type = number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
+    /* Whole numbers stay so unless a sample is missing, and float64 does not tell all of 8 bytes
+     * apart: the caller looks for them. */
+    const bool is_exact = is_float(a->conversion.type) &&
+                          (!import_number_is_whole(number) || number.size < sizeof(double));
+    if (is_exact && !isnan(a->default_fill))
+        arrays_use_default_fill(a);
+    header->type = a->conversion.type;
+}
+
+void arrays_use_default_fill(struct arrays *a) {
+    import_conversion_add_missing(&a->conversion, a->default_fill);
+    a->default_fill = NAN;
+}

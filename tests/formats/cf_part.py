@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The conventions of CF in Zarr (as xarray writes it), HDF5 and NetCDF: one set of cases for all of them."""
+import base64
+import os
+import struct
+
+import h5py
+import netCDF4
+import numpy
+import zarr
+
+from ramp import ramp
+
+SHAPE = (3, 4, 5, 6)
+AXES = {'time': ([0, 6, 12], {'units': 'hours since 2000-01-01'}), 'height': ([10, 20, 50, 100], {'units': 'm', 'axis': 'Z'}),
+        'y': ([300, 200, 100, 0, -100], {'units': 'km'}), 'x': (numpy.arange(6) * 0.1, {'units': 'km'})}
+
+
+def arrays_of():
+    """Names: (dimensions, numbers, attributes, _FillValue)."""
+    packed = ramp(SHAPE, 'i2')
+    packed[1, 2, 3, 4] = -1
+    how = {'scale_factor': 0.5, 'add_offset': 100.0, 'units': 'K', 'long_name': 'temperature', 'coordinates': 'aux'}
+    ranged = {'valid_range': numpy.array([20, 200], 'i2')}
+    arrays = {name: ((name,), numpy.asarray(values, 'f8'), attributes, None) for name, (values, attributes) in AXES.items()}
+    arrays['aux'] = (('time', 'height', 'y', 'x'), ramp(SHAPE, 'f4'), {}, None)
+    arrays['packed'] = (tuple(AXES), packed, how, -1)
+    arrays['ranged'] = (('height', 'y', 'x'), ramp(SHAPE[1:], 'i2'), ranged, None)
+    arrays['turned'] = (('x', 'height', 'y'), ramp((6, 4, 5), 'f8'), {'missing_value': ramp((6, 4, 5), 'f8')[1, 2, 3]}, None)
+    arrays['zero'] = (('y', 'x'), ramp((5, 6), 'u1') % 3, {'scale_factor': 2.0}, 0)
+    return arrays
+
+
+def plain(value):
+    return value.tolist() if hasattr(value, 'tolist') else value
+
+
+def write_zarr(tool, version):
+    """As xarray writes it: _FillValue is the fill value of v2, and base64 of a float64 in v3."""
+    path = tool.path(f'cf{version}.zarr')
+    group = zarr.open_group(path, mode='w', zarr_format=version)
+    for name, (dims, data, attributes, fill) in arrays_of().items():
+        attributes = {key: plain(value) for key, value in attributes.items()}
+        how = {'chunks': tuple(max(1, n - 1) for n in data.shape)}
+        if version == 2:
+            attributes['_ARRAY_DIMENSIONS'] = list(dims)
+            how['fill_value'] = fill
+        else:
+            how['dimension_names'] = dims
+            if fill is not None:
+                attributes['_FillValue'] = fill
+        array = group.create_array(name, shape=data.shape, dtype=data.dtype, attributes=attributes, **how)
+        array[...] = data
+    return path
+
+
+def write_netcdf(path, engine):
+    if engine == 'netCDF4':
+        with netCDF4.Dataset(path, 'w') as file:
+            for name, (dims, data, attributes, fill) in arrays_of().items():
+                if name in AXES:
+                    file.createDimension(name, len(data))
+                variable = file.createVariable(name, data.dtype, dims, fill_value=fill)
+                variable.set_auto_maskandscale(False)
+                variable.setncatts(attributes)
+                variable[:] = data
+        return
+    with h5py.File(path, 'w') as file:
+        for name, (dims, data, attributes, fill) in arrays_of().items():
+            array = file.create_dataset(name, data=data)
+            array.attrs.update(attributes)
+            if fill is not None:
+                array.attrs['_FillValue'] = numpy.array([fill], data.dtype)
+            if name in AXES:
+                array.make_scale(name)
+            else:
+                for d, own in enumerate(dims):
+                    array.dims[d].attach_scale(file[own])
+
+
+def check_all(tool, form, path, first):
+    arrays = arrays_of()
+    packed = arrays['packed'][1]
+    expected = packed.astype('f4') * 0.5 + 100
+    expected[packed == -1] = numpy.nan
+    place = {'unit': 'km', 'origin': [0, 300, 0.01], 'coordinates2': [0, 0.01, 0.04, 0.09], 'direction': [1, 0, 0, 0, -1, 0, 0, 0, 1]}
+    source = path if first else path + '?field=packed'
+    for step in (0, 1):
+        tool.layout(form, 'scale_factor, add_offset, _FillValue, units; coordinates even, uneven and falling', source, expected[step], step=step, steps=3,
+                    times=[0, 6, 12], time_unit='h', value_unit='K', **place)
+    ranged = arrays['ranged'][1].astype('f4')
+    tool.equal(path + '?field=ranged', numpy.where((ranged < 20) | (ranged > 200), numpy.nan, ranged), **place)
+    turned = arrays['turned'][1].copy()
+    turned[turned == turned[1, 2, 3]] = numpy.nan
+    tool.layout(form, 'dimensions in another order, missing_value', path + '?field=turned', turned.transpose(1, 2, 0), **place)
+    zero = arrays['zero'][1].astype('f4')[None]
+    tool.equal(path + '?field=zero', numpy.where(zero == 0, numpy.nan, zero * 2))
+
+
+def check(tool):
+    for version in (2, 3):
+        check_all(tool, 'Zarr', write_zarr(tool, version), True)
+    for engine, name in (('netCDF4', 'cf.nc'), ('netCDF4', 'cf4.h5'), ('h5py', 'cf.h5'), ('h5py', 'cfh.nc')):
+        write_netcdf(tool.path(name), engine)
+        check_all(tool, 'NetCDF' if name.endswith('nc') else 'HDF5', tool.path(name), name.endswith('nc'))
+    check_zarr(tool)
+
+
+def check_zarr(tool):
+    """What only Zarr has."""
+    data = ramp((2, 3, 4), 'f4')
+    fill = float(data[0, 1, 2])
+    group = zarr.open_group(tool.path('fields.zarr'), mode='w')
+    text = base64.b64encode(struct.pack('<d', fill)).decode()
+    group.create_array('b', shape=data.shape, dtype='f4', dimension_names=('z', 'y', 'x'), attributes={'_FillValue': text, 'units': 'V'})[...] = data
+    group.create_array('sub/a', shape=data.shape, dtype='f4', dimension_names=('z', 'y', 'x'))[...] = data + 1
+    group.create_array('x', shape=(4,), dtype='i4', dimension_names=('x',))[...] = [7, 5, 3, 1]
+    path = tool.path('fields.zarr')
+    tool.layout('Zarr', 'several arrays: the first one that is no coordinate', path, numpy.where(data == fill, numpy.nan, data), name='b', other0='sub/a',
+                value_unit='V', spacing=[2, 1, 1], origin=[7, 0, 0], direction=[-1, 0, 0, 0, 1, 0, 0, 0, 1])
+    tool.equal(path + '?field=sub/a', data + 1, spacing=[2, 1, 1])
+    tool.refused(path + '?field=c', 'no such array', 'b (2 x 3 x 4)', 'sub/a')
+    own = ramp((2, 3, 4), 'i2')
+    array = zarr.create_array(tool.path('alone.zarr'), shape=own.shape, dtype='i2', zarr_format=2, fill_value=0,
+                              attributes={'_ARRAY_DIMENSIONS': ['z', 'y', 'x'], 'long_name': 'dose', 'units': 'Gy', 'add_offset': 1.0})
+    array[...] = own
+    tool.equal(tool.path('alone.zarr'), numpy.where(own == 0, numpy.nan, own.astype('f4') + 1), name='dose', value_unit='Gy')
+    counts = zarr.create_array(tool.path('counts.zarr'), shape=own.shape, dtype='i2', zarr_format=2, fill_value=0,
+                               attributes={'_ARRAY_DIMENSIONS': ['channel', 'y', 'x']})
+    counts[...] = own
+    tool.layout('Zarr', 'a dimension with the name of channels', tool.path('counts.zarr') + '?field=channel 2', own[1:], name='channel 2', other0='channel 1',
+                type='int16')
+    tool.refused(tool.path('counts.zarr') + '?field=channel 3', 'channel 3', 'channel 1 to channel 2')
+    tool.refused(os.path.join(path, 'b') + '?level=1', 'no level 1')
