@@ -77,8 +77,11 @@ static bool find_slices(struct dicom *d, struct import_header *header, struct sp
     if (!list_slices(d, header, err))
         return false;
     dicom_times_pass_midnight(slices);
+    const bool has_gaps = slices->items[0].is.segment || source->image.has_labels;
     const bool is_sorted = dicom_slices_rank(slices) && dicom_slices_sort(slices) &&
-                           (!slices->items[0].is.segment || dicom_slices_fill_gaps(slices));
+                           (!has_gaps || dicom_slices_fill_gaps(slices));
+    if (source->image.has_labels)
+        import_name(header->value_name, "labels");
     return (is_sorted ||
             sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices")) &&
            dicom_slices_take_field(slices, source, header, err) &&

@@ -63,6 +63,9 @@ static void describe_pixels(const gdcm::DataSet &set, dicom_image *image) {
     image->is_bits = allocated == 1;
     image->colors = colors_of(dicom_text(set, 0x0028, 0x0004), image->channels);
     image->is_labels = dicom_text(set, 0x0062, 0x0001) == "BINARY";
+    image->has_labels = dicom_text(set, 0x0062, 0x0001) == "LABELMAP";
+    if (image->has_labels)
+        image->colors = DICOM_GRAY; /* a palette only proposes colours for the labels */
 }
 
 /* Frames of these kinds are a film, not a stack, unless each says where it lies. */
@@ -219,7 +222,8 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
                         one = dicom_item(set, 0x5200, 0x9230);
     image->is_in_patient =
         dicom_item(all, 0x0020, 0x930e).IsEmpty() && dicom_item(one, 0x0020, 0x930e).IsEmpty();
-    image->has_places = image->first.is_placed && !image->first.segment && !image->is_tiled &&
+    image->has_places = image->first.is_placed && !image->first.segment && !image->has_labels &&
+                        !image->is_tiled &&
                         (image->tiles > 0 || !dicom_item(one, 0x0020, 0x9113).IsEmpty());
     return true;
 } catch (const std::exception &e) {

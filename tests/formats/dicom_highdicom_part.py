@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Segmentations, parametric maps and enhanced images that highdicom writes, against the volumes that highdicom reads from them."""
+import highdicom
+import numpy
+import pydicom
+from highdicom.content import AlgorithmIdentificationSequence
+from highdicom.sr.coding import CodedConcept
+from pydicom.sr.codedict import codes
+from pydicom.uid import ExplicitVRLittleEndian, RLELossless, generate_uid
+
+from dicom_folder_part import CORONAL, Series, pixels
+
+DEVICE = {'manufacturer': 'splatd', 'manufacturer_model_name': 'tests', 'software_versions': '1', 'device_serial_number': '1'}
+PATIENT = {'PatientID': '1', 'PatientName': 'a^b', 'PatientBirthDate': '', 'PatientSex': '', 'StudyID': '', 'StudyDate': '', 'StudyTime': '',
+           'AccessionNumber': '', 'ReferringPhysicianName': '', 'FrameOfReferenceUID': '1.2.3', 'PositionReferenceIndicator': '', 'Modality': 'CT',
+           'SeriesDescription': 'x', 'Manufacturer': '', 'ImageType': ['ORIGINAL', 'PRIMARY', 'AXIAL'], 'RescaleSlope': 2, 'RescaleIntercept': -100,
+           'Laterality': '', 'PatientPosition': 'HFS', 'KVP': 100, 'AcquisitionNumber': 1, 'AcquisitionDate': '20200101', 'AcquisitionTime': '101010',
+           'ContentDate': '20200101', 'ContentTime': '101010'}
+
+
+def sources(tool, name, orientation, count=5):
+    """A series for which highdicom writes objects."""
+    series = Series(tool, name, **PATIENT)
+    step = numpy.cross(orientation[:3], orientation[3:]) * 2
+    for z in range(count):
+        series.add(f'{z}.dcm', z, ImageOrientationPatient=list(orientation), ImagePositionPatient=[float(n) for n in numpy.array([5, 6, 7]) + z * step])
+    return [pydicom.dcmread(series.path(f'{z}.dcm')) for z in range(count)]
+
+
+def described(number, label):
+    return highdicom.seg.SegmentDescription(
+        number, label, codes.SCT.Tissue, codes.SCT.Tissue, 'AUTOMATIC',
+        AlgorithmIdentificationSequence('a', CodedConcept('1', '99TEST', 'a'), '1'))
+
+
+def segmentation(path, images, mask, kind, syntax=ExplicitVRLittleEndian):
+    names = ('left', 'right')
+    highdicom.seg.Segmentation(images, mask, kind, [described(n + 1, name) for n, name in enumerate(names)], generate_uid(), 1, generate_uid(), 1,
+                               transfer_syntax_uid=syntax, **DEVICE).save_as(path)
+    return path
+
+
+def equal_volume(tool, source, volume, array=None, **wanted):
+    """As highdicom has it, from either end of the slices."""
+    info, samples = tool.dump(source)
+    tool.checks += 1
+    if info is None:
+        return
+    affine, data = volume.affine, volume.array if array is None else array
+    own = numpy.eye(4)
+    own[:3, :3] = (numpy.reshape(info['direction'], (3, 3)) * info['spacing'])[:, ::-1]  # of z, y, x
+    own[:3, 3] = info['origin']
+    if numpy.dot(own[:3, 0], affine[:3, 0]) < 0:
+        affine, data = affine.copy(), data[::-1]
+        affine[:3, 3] += affine[:3, 0] * (len(data) - 1)
+        affine[:3, 0] *= -1
+    if samples.shape != data.shape or not numpy.allclose(samples, data):
+        tool.fail(source, f'the samples differ from those of highdicom: {samples.shape}, {data.shape}')
+    if not numpy.allclose(own, affine, atol=1e-5):
+        tool.fail(source, f'affine {own.tolist()}, highdicom has {affine.tolist()}')
+    for key, value in wanted.items():
+        if info.get(key) != value:
+            tool.fail(source, f'{key} is {info.get(key)}, expected {value}')
+
+
+def check_segmentations(tool):
+    rng = numpy.random.default_rng(8)
+    for orientation, kind, syntax in (((1, 0, 0, 0, 1, 0), 'BINARY', ExplicitVRLittleEndian), (CORONAL, 'BINARY', ExplicitVRLittleEndian),
+                                      (CORONAL, 'LABELMAP', ExplicitVRLittleEndian), ((0, 1, 0, 0, 0, -1), 'LABELMAP', RLELossless),
+                                      (CORONAL, 'FRACTIONAL', RLELossless)):
+        images = sources(tool, f'highdicom-{kind}-{orientation}', orientation)
+        mask = rng.integers(0, 3, (5, 8, 10)).astype('u1')
+        mask[2] = 0  # frames that are left out
+        if kind == 'FRACTIONAL':
+            mask = rng.random((5, 8, 10, 2)).astype('f4')
+        path = segmentation(tool.path(f'highdicom {kind}.dcm'), images, mask, kind, syntax)
+        read = highdicom.seg.segread(path)
+        if kind == 'FRACTIONAL':
+            volume = read.get_volume(rescale_fractional=True)
+            for n, name in enumerate(('left', 'right')):
+                equal_volume(tool, f'{path}?field={name}', volume, volume.array[..., n], name=name)
+            continue
+        volume = read.get_volume(combine_segments=True)
+        equal_volume(tool, path, volume, name='labels')
+
+
+def check_maps(tool):
+    rng = numpy.random.default_rng(9)
+    images = sources(tool, 'highdicom-map', CORONAL)
+    for dtype in ('f4', 'f8', 'u2'):
+        values = (rng.random((5, 8, 10)) * 1000).astype(dtype)
+        if dtype == 'u2':
+            mapping = highdicom.pm.RealWorldValueMapping('a', 'b', codes.UCUM.SquareMillimeterPerSecond, (0, 1000), slope=0.5, intercept=10)
+        else:
+            mapping = highdicom.pm.RealWorldValueMapping('a', 'b', codes.UCUM.SquareMillimeterPerSecond, (0.0, 1000.0), slope=1, intercept=0)
+        one = highdicom.pm.ParametricMap(images, values, generate_uid(), 1, generate_uid(), 1, contains_recognizable_visual_features=False,
+                                         real_world_value_mappings=[mapping], voi_lut_transformations=[highdicom.VOILUTTransformation(window_center=1, window_width=1)], **DEVICE)
+        path = tool.path(f'highdicom map {dtype}.dcm')
+        one.save_as(path)
+        volume = highdicom.imread(path).get_volume(apply_real_world_transform=dtype == 'u2', dtype='f8')
+        equal_volume(tool, path, volume, value_unit='mm2/s')
+
+
+def check_legacy(tool):
+    """A series of single slices as one file with frames."""
+    for orientation in ((1, 0, 0, 0, 1, 0), CORONAL):
+        images = sources(tool, f'highdicom-legacy-{orientation}', orientation)
+        one = highdicom.legacy.LegacyConvertedEnhancedCTImage(images, generate_uid(), 1, generate_uid(), 1)
+        path = tool.path('highdicom legacy.dcm')
+        one.save_as(path)
+        equal_volume(tool, path, highdicom.imread(path).get_volume(dtype='f8'), value_unit='HU')
+
+
+def check(tool):
+    for part in (check_segmentations, check_maps, check_legacy):
+        part(tool)
