@@ -219,6 +219,7 @@ static void place_axis(struct arrays *a, struct coordinates *c, int axis, double
     grid->spacing[axis] = factor;
     if (!values)
         return;
+    a->is_placed[axis] = true;
     if (axis == 2 && c[d].is_down)
         factor = -factor;
     for (uint32_t i = 0; i < count; i++)
@@ -274,20 +275,6 @@ static void take_unit(const struct arrays *a, const struct coordinates *c,
                                                         : name);
 }
 
-/* Takes the size of a voxel from the attribute `element_size_um`, which ilastik and other programs
- * write in the order z, y, x. */
-static void take_element_size(const struct arrays *a, struct import_header *header) {
-    double size[3];
-    if (a->call->numbers(a->handle, a->chosen, "element_size_um", size, 3) != 3)
-        return;
-    for (int axis = 0; axis < 3; axis++)
-        if (!(size[axis] > 0) || !isfinite(size[axis]))
-            return;
-    for (int axis = 0; axis < 3; axis++)
-        header->grid.spacing[axis] = size[2 - axis];
-    snprintf(header->unit, sizeof header->unit, "um");
-}
-
 static bool take_dims(const struct arrays *a, struct import_header *header, struct sp_error *err) {
     for (int axis = 0; axis < 3; axis++) {
         const int d = a->axes.space[axis];
@@ -341,10 +328,11 @@ static bool take_plain(struct arrays *a, struct coordinates *c, struct import_he
 bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err) {
     struct coordinates c[IMPORT_RANK_MAX];
     memset(c, 0, sizeof c);
+    arrays_take_tags(a);
     const bool ok =
         has_names(a) ? take_conventions(a, c, header, err) : take_plain(a, c, header, err);
     if (ok)
-        take_element_size(a, header);
+        arrays_take_sizes(a, header);
     for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)
         free(c[d].values);
     return ok;

@@ -27,8 +27,10 @@ struct arrays {
     struct import_conversion conversion;
     /* Whole numbers of this value are no samples, if there are any; NAN = none. */
     double default_fill;
-    double *positions[3]; /* owned: of rectilinear axes */
-    double *times;        /* owned; NULL = unknown */
+    double steps[IMPORT_RANK_MAX]; /* the spacing of dimensions, from tags; 0 = unknown */
+    bool is_placed[3];             /* x, y and z have coordinates */
+    double *positions[3];          /* owned: of rectilinear axes */
+    double *times;                 /* owned; NULL = unknown */
 };
 
 /* Chooses the array that file->field names, or else one with as many dimensions as any has, at most
@@ -56,6 +58,12 @@ void arrays_use_default_fill(struct arrays *a);
 /* Finds the axes of the array, and from the attributes and coordinates the place of the grid and
  * the times. */
 bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err);
+
+/* Takes names and spacing of the dimensions from the attribute "axistags" of vigra. */
+void arrays_take_tags(struct arrays *a);
+
+/* Takes the size of a voxel from attributes, where there are no coordinates. */
+void arrays_take_sizes(struct arrays *a, struct import_header *header);
 
 /* Names the samples and lists what else the file has. */
 bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp_error *err);

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The conventions of CF in Zarr (as xarray writes it), HDF5 and NetCDF: one set of cases for all of them."""
 import base64
+import json
 import os
 import struct
 
@@ -104,6 +105,74 @@ def check(tool):
         write_netcdf(tool.path(name), engine)
         check_all(tool, 'NetCDF' if name.endswith('nc') else 'HDF5', tool.path(name), name.endswith('nc'))
     check_zarr(tool)
+    check_tags(tool)
+    check_sizes(tool)
+
+
+def tags(keys, **steps):
+    """The axis tags of vigra; ilastik writes them, too."""
+    flags = {'c': 1, 't': 8}
+    return json.dumps({'axes': [{'key': k, 'typeFlags': flags.get(k, 2), 'resolution': steps.get(k, 0), 'description': ''} for k in keys]}, indent=2)
+
+
+def check_tags(tool):
+    path = tool.path('tags.h5')
+    data = ramp((3, 2, 4, 5, 2), 'u1')
+    with h5py.File(path, 'w') as file:
+        for name, shape, own in (('tzyxc', data.shape, tags('tzyxc', x=0.5, y=0.5, z=2)), ('xyzc', (6, 5, 4, 3), tags('xyzc', x=0.25)),
+                                 ('cxy', (3, 4, 5), tags('cxy')), ('wrong', (3, 4, 5), tags('xy')), ('words', (3, 4, 5), 'z y x')):
+            file[name] = ramp(shape, 'u1')
+            file[name].attrs['axistags'] = own
+    layout = 'axistags of vigra and ilastik'
+    tool.layout('HDF5', layout, f'{path}:/tzyxc 2', data[1, ..., 1], step=1, steps=3, spacing=[0.5, 0.5, 2])
+    tool.layout('HDF5', layout, f'{path}:/xyzc 3', ramp((6, 5, 4, 3), 'u1')[..., 2].T, spacing=[0.25, 1, 1], other0='/xyzc 1')
+    tool.layout('HDF5', layout, f'{path}:/cxy 2', ramp((3, 4, 5), 'u1')[1].T[None])
+    for name in ('wrong', 'words'):
+        tool.equal(f'{path}:/{name}', ramp((3, 4, 5), 'u1'), warnings=['The attribute axistags was left out: it does not have one axis for each of the '
+                                                                          '3 dimensions.'])
+
+
+def check_sizes(tool):
+    """The size of a voxel as an attribute, and scales with other names than the dimensions."""
+    path = tool.path('sizes.h5')
+    data = ramp((4, 5, 6), 'u1')
+    with h5py.File(path, 'w') as file:
+        for name in ('spacing', 'voxel_size_nm', 'resolution', 'one', 'few', 'scaled', 'falling'):
+            file[name] = data
+        file['stack'] = ramp((2, 4, 5, 6), 'u1')
+        file['stack'].attrs['element_size_um'] = [3.0, 2.0, 0.5]
+        file['spacing'].attrs['spacing'] = [3.0, 2.0, 0.5]
+        file['voxel_size_nm'].attrs['voxel_size_nm'] = [30, 20, 10]
+        file['resolution'].attrs.update({'resolution': [40.0, 4, 4], 'offset': [400.0, 8, 12], 'unit': 'nm'})
+        file['one'].attrs['pixel_size_um'] = 0.7
+        file['few'].attrs['spacing'] = [1.0, 2.0]
+        for name, values in (('a', [5, 7, 9, 11]), ('b', [0, 1, 2, 3, 4]), ('c', [9.0, 8, 7, 6, 5, 4]), ('d', [0, 1, 4, 9])):
+            file['scales/' + name] = values
+            file['scales/' + name].make_scale('length ' + name)
+            file['scales/' + name].attrs['units'] = 'mm'
+        for d, (name, label) in enumerate((('a', 'z'), ('b', 'y'), ('c', 'x'))):
+            file['falling'].dims[d].attach_scale(file['scales/' + name])
+            file['scaled'].dims[d].attach_scale(file['scales/' + ('d' if d == 0 else name)])
+            file['scaled'].dims[d].label = label
+    note = 'The spacing is that of the attribute {}, in the order of the dimensions{}.'
+    layout = 'the size of a voxel as an attribute (element_size_um, spacing, voxel_size, pixel_size, resolution)'
+    tool.layout('HDF5', layout, f'{path}:/stack 2', ramp((2, 4, 5, 6), 'u1')[1], spacing=[0.5, 2, 3], unit='um', warnings=[])
+    tool.layout('HDF5', layout, f'{path}:/spacing', data, spacing=[0.5, 2, 3], unit='',
+                warnings=[note.format('spacing', '; the file does not tell its unit')])
+    tool.layout('HDF5', layout, f'{path}:/voxel_size_nm', data, spacing=[10, 20, 30], unit='nm', warnings=[])
+    tool.layout('HDF5', layout, f'{path}:/resolution', data, spacing=[4, 4, 40], origin=[12, 8, 400], unit='nm', warnings=[note.format('resolution', '')])
+    tool.layout('HDF5', layout, f'{path}:/one', data, spacing=[0.7, 0.7, 0.7], unit='um')
+    tool.equal(f'{path}:/few', data, spacing=[1, 1, 1],
+               warnings=['The attribute spacing was left out: it has 2 numbers, the array 3 dimensions of space.'])
+    layout = 'dimension scales: even, uneven and falling, with and without labels'
+    tool.layout('HDF5', layout, f'{path}:/falling', data, origin=[9, 0, 5], spacing=[1, 1, 2], direction=[-1, 0, 0, 0, 1, 0, 0, 0, 1], unit='mm')
+    tool.layout('HDF5', layout, f'{path}:/scaled', data, origin=[9, 0, 0], coordinates2=[0, 1, 4, 9], unit='mm')
+    path = tool.path('alone.h5')
+    with h5py.File(path, 'w') as file:
+        file.attrs['spacing_mm'] = [3.0, 2.0, 0.5]
+        file['data'], file['z'] = data, numpy.arange(4) * 0.5
+        file['z'].make_scale('z')
+    tool.layout('HDF5', 'the size of a voxel in the root group; scales are not chosen', path, data, spacing=[0.5, 2, 3], unit='mm')
 
 
 def check_zarr(tool):

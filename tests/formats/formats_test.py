@@ -143,7 +143,7 @@ class Tool:
             self.fail(source, f'expected the warning "{warned}", got "{told}"')
         for key, value in wanted.items():
             got = info.get(key)
-            is_same = numpy.allclose(got, value, rtol=1e-6, atol=1e-9) if isinstance(got, list) else got == value
+            is_same = numpy.allclose(got, value, rtol=1e-6, atol=1e-9) if isinstance(got, list) and key != 'warnings' else got == value
             if not is_same:
                 self.fail(source, f'{key} is {got}, expected {value}')
 

@@ -1,0 +1,139 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What programs write beside the conventions of CF: the axis tags of vigra and ilastik, and the
+ * size of a voxel as an attribute.
+ */
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "import/arrays.h"
+#include "volume/unit.h"
+
+enum { TAGS_BYTES = 8192 };
+
+/* The flags of vigra's axis types. */
+enum { VIGRA_CHANNELS = 1, VIGRA_TIME = 8 };
+
+void arrays_take_tags(struct arrays *a) {
+    char text[TAGS_BYTES];
+    const json_t *axes, *axis;
+    json_error_t why;
+    size_t d;
+    a->call->text(a->handle, a->chosen, "axistags", text, sizeof text);
+    if (!*text)
+        return;
+    json_t *tags = json_loads(text, 0, &why);
+    axes = json_object_get(tags, "axes");
+    if (json_array_size(axes) != a->info.rank || a->info.rank == 0)
+        import_warn(a->file->warnings,
+                    "The attribute axistags was left out: it does not have one axis for each of "
+                    "the %u dimensions.",
+                    a->info.rank);
+    else
+        json_array_foreach(axes, d, axis) {
+            const char *key = json_string_value(json_object_get(axis, "key"));
+            const json_int_t flags = json_integer_value(json_object_get(axis, "typeFlags"));
+            const double step = json_number_value(json_object_get(axis, "resolution"));
+            snprintf(a->info.dims[d], sizeof a->info.dims[d], "%s",
+                     flags & VIGRA_CHANNELS ? "c"
+                     : flags & VIGRA_TIME   ? "t"
+                     : key                  ? key
+                                            : "");
+            a->steps[d] = isfinite(step) && step > 0 ? step : 0;
+        }
+    json_decref(tags);
+}
+
+/* Attributes that hold the size of a voxel, and the unit that their names tell. */
+static const struct size_name {
+    const char *name, *unit;
+} names[] = {
+    { "element_size_um", "um" }, { "voxel_size_um", "um" },   { "voxel_size_nm", "nm" },
+    { "voxel_size_mm", "mm" },   { "pixel_size_um", "um" },   { "pixel_size_nm", "nm" },
+    { "pixel_size_mm", "mm" },   { "spacing_um", "um" },      { "spacing_nm", "nm" },
+    { "spacing_mm", "mm" },      { "resolution_um", "um" },   { "resolution_nm", "nm" },
+    { "spacing", NULL },         { "voxel_size", NULL },      { "voxel_spacing", NULL },
+    { "voxelsize", NULL },       { "voxelSize", NULL },       { "VoxelSize", NULL },
+    { "pixel_size", NULL },      { "pixel_spacing", NULL },   { "pixelSize", NULL },
+    { "element_size", NULL },    { "element_spacing", NULL }, { "resolution", NULL },
+};
+
+/* Finds the attribute of the array, or of the file. */
+static const struct size_name *find_size(const struct arrays *a, double *sizes, size_t *count,
+                                         unsigned *owner) {
+    for (unsigned i = 0; i < 2; i++) {
+        *owner = i == 0 ? a->chosen : ARRAY_OF_FILE;
+        for (const struct size_name *one = names; one < names + sizeof names / sizeof *names;
+             one++) {
+            *count = a->call->numbers(a->handle, *owner, one->name, sizes, IMPORT_RANK_MAX);
+            bool is_size = *count > 0;
+            for (size_t k = 0; k < *count; k++)
+                is_size &= isfinite(sizes[k]) && sizes[k] > 0;
+            if (is_size)
+                return one;
+        }
+    }
+    return NULL;
+}
+
+/* The dimensions of space in the order of the file. */
+static unsigned list_space(const struct arrays *a, int axes[3]) {
+    unsigned count = 0;
+    for (int d = 0; d < (int)a->info.rank; d++)
+        for (int axis = 0; axis < 3; axis++)
+            if (a->axes.space[axis] == d)
+                axes[count++] = axis;
+    return count;
+}
+
+static void take_unit(const struct arrays *a, const struct size_name *from, unsigned owner,
+                      struct import_header *header) {
+    char name[64], text[SP_UNIT_BYTES];
+    const char *const more[] = { name, "unit", "spatial_unit", "spacing_units" };
+    snprintf(text, sizeof text, "%s", from->unit ? from->unit : "");
+    snprintf(name, sizeof name, "%s_unit", from->name);
+    for (size_t i = 0; !*text && i < sizeof more / sizeof *more; i++)
+        a->call->text(a->handle, owner, more[i], text, sizeof text);
+    const struct sp_unit *unit = sp_unit_find(text);
+    if (*text)
+        snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : text);
+}
+
+void arrays_take_sizes(struct arrays *a, struct import_header *header) {
+    double sizes[IMPORT_RANK_MAX], offsets[IMPORT_RANK_MAX];
+    int axes[3];
+    size_t count;
+    unsigned owner;
+    const unsigned space = list_space(a, axes);
+    for (unsigned i = 0; i < space; i++)
+        if (a->steps[a->axes.space[axes[i]]] > 0 && !a->is_placed[axes[i]])
+            header->grid.spacing[axes[i]] = a->steps[a->axes.space[axes[i]]];
+    const struct size_name *from = find_size(a, sizes, &count, &owner);
+    if (!from || a->is_placed[0] || a->is_placed[1] || a->is_placed[2])
+        return;
+    if (count != 1 && count != space && count != a->info.rank) {
+        import_warn(a->file->warnings,
+                    "The attribute %s was left out: it has %zu numbers, the array %u dimensions "
+                    "of space.",
+                    from->name, count, space);
+        return;
+    }
+    const bool has_offset =
+        a->call->numbers(a->handle, owner, "offset", offsets, IMPORT_RANK_MAX) == count;
+    for (unsigned i = 0; i < space; i++) {
+        const int axis = axes[i], d = a->axes.space[axis];
+        const size_t k = count == 1 ? 0 : count == space ? i : (size_t)d;
+        header->grid.spacing[axis] = sizes[k];
+        if (has_offset && isfinite(offsets[k]))
+            header->grid.origin[axis] = offsets[k];
+    }
+    if (space == 2 && count == 3) /* of one slice */
+        header->grid.spacing[3 - axes[0] - axes[1]] = sizes[0];
+    take_unit(a, from, owner, header);
+    if (!from->unit)
+        import_warn(a->file->warnings,
+                    "The spacing is that of the attribute %s, in the order of the dimensions%s.",
+                    from->name, header->unit[0] ? "" : "; the file does not tell its unit");
+}
