@@ -175,10 +175,10 @@ extern const struct import_format import_folder;
 extern const struct import_format import_series;
 
 extern const struct import_format import_collection, import_csv, import_dicom, import_gipl,
-    import_image, import_image_stack, import_mesh, import_metaimage, import_mrc, import_nifti,
-    import_nrrd, import_plot3d, import_ply, import_pvm, import_raw, import_spz, import_tiff,
-    import_tiff_stack, import_vdb, import_vtk, import_vtk_xml, import_zarr, import_hdf5,
-    import_netcdf, import_amira, import_vol;
+    import_image, import_image_stack, import_mesh, import_metaimage, import_mgh, import_mrc,
+    import_nifti, import_nrrd, import_plot3d, import_ply, import_pvm, import_raw, import_spz,
+    import_tiff, import_tiff_stack, import_vdb, import_vtk, import_vtk_xml, import_zarr,
+    import_hdf5, import_netcdf, import_amira, import_vol;
 
 /* Writes the folder of this program, without a trailing slash, and returns it; "" if it is unknown.
  */

@@ -7,11 +7,11 @@
 /* In the order in which they are asked. DICOM comes first, because such a file may begin as a TIFF.
  */
 static const struct import_format *const formats[] = {
-    &import_zarr,   &import_dicom, &import_tiff_stack, &import_image_stack, &import_nrrd,
-    &import_mrc,    &import_gipl,  &import_nifti,      &import_metaimage,   &import_pvm,
-    &import_vdb,    &import_ply,   &import_collection, &import_vtk,         &import_vtk_xml,
-    &import_spz,    &import_csv,   &import_mesh,       &import_amira,       &import_vol,
-    &import_netcdf, &import_hdf5,  &import_plot3d,     &import_raw
+    &import_zarr,    &import_dicom,  &import_tiff_stack, &import_image_stack, &import_nrrd,
+    &import_mrc,     &import_gipl,   &import_mgh,        &import_nifti,       &import_metaimage,
+    &import_pvm,     &import_vdb,    &import_ply,        &import_collection,  &import_vtk,
+    &import_vtk_xml, &import_spz,    &import_csv,        &import_mesh,        &import_amira,
+    &import_vol,     &import_netcdf, &import_hdf5,       &import_plot3d,      &import_raw
 };
 
 bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown) {
@@ -44,11 +44,12 @@ const struct import_format *import_format_find(const uint8_t *start, size_t size
                     formats[i] == &import_hdf5 && import_netcdf.probe(start, size, shown);
                 return is_netcdf ? &import_netcdf : formats[i];
             }
-    import_fail(err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
-                "unknown file format; supported are NRRD, DICOM, NIfTI, MetaImage, MRC, GIPL, PVM, "
-                "OpenVDB, Zarr, HDF5, NetCDF, Amira, .vol, .vgi, VTK (.vtk, .vti, .vtu, .vtp and "
-                "others), .pvd, .series, raw samples with a JSON sidecar (.json), images (.tif, "
-                ".png, .jpg), points and Gaussians (.ply, .spz, .csv), PLOT3D (.xyz, .p3d) and "
-                "meshes (.ply, .stl, .obj, .gltf, .glb)");
+    import_fail(
+        err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
+        "unknown file format; supported are NRRD, DICOM, NIfTI, MetaImage, MRC, MGH, GIPL, PVM, "
+        "OpenVDB, Zarr, HDF5, NetCDF, Amira, .vol, .vgi, VTK (.vtk, .vti, .vtu, .vtp and "
+        "others), .pvd, .series, raw samples with a JSON sidecar (.json), images (.tif, "
+        ".png, .jpg), points and Gaussians (.ply, .spz, .csv), PLOT3D (.xyz, .p3d) and "
+        "meshes (.ply, .stl, .obj, .gltf, .glb)");
     return NULL;
 }

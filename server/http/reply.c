@@ -118,7 +118,7 @@ static void problem(struct srv_reply *reply, unsigned status, const char *pointe
 
 void srv_reply_problem(struct srv_reply *reply, unsigned status, const char *pointer,
                        const char *format, ...) {
-    char detail[SP_ERROR_TEXT + 128];
+    char detail[SP_ERROR_TEXT + 768]; /* it may have a list of all formats */
     va_list args;
     va_start(args, format);
     vsnprintf(detail, sizeof detail, format, args);

@@ -21,7 +21,7 @@ const char *srv_format_extension(const char *name);
 /* True for a format, as srv_format_of() names it, whose numbered files are the steps of a time
  * series; those of others are the slices of one volume. */
 bool srv_format_has_steps(const char *format);
-enum { SRV_FORMAT_LIST = 512 };
+enum { SRV_FORMAT_LIST = 768 };
 /* True if a name has no extension, or one without letters: so do many DICOM files, "IM0001" or
  * "1.2.840.113619.2". Their first bytes tell. */
 bool srv_format_has_no_extension(const char *name);

@@ -9,7 +9,7 @@
 
 #include "uploads/uploads.h"
 
-enum { SRV_EXTENSION_BYTES = 8, SRV_UPLOAD_PATH_BYTES = SRV_FOLDER_BYTES + NAME_MAX + 64 };
+enum { SRV_EXTENSION_BYTES = 16, SRV_UPLOAD_PATH_BYTES = SRV_FOLDER_BYTES + NAME_MAX + 64 };
 
 struct srv_upload {
     struct srv_upload *next;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""NRRD, NIfTI, MetaImage, MRC and GIPL: types, layouts, encodings and contradictions, against SimpleITK, nibabel, pynrrd and mrcfile.
+"""NRRD, NIfTI, MetaImage, MRC, GIPL and MGH: types, layouts, encodings and contradictions, against SimpleITK, nibabel, pynrrd and mrcfile.
 
 What these libraries cannot write is written here, byte by byte, and read by them where they can."""
 import bz2
@@ -453,11 +453,42 @@ def check_minc(tool):
     tool.refused(tool.path('one.mnc'), 'mnc2nii')
 
 
+def check_mgh(tool):
+    """MGH of FreeSurfer against nibabel: the anatomy of a file is RAS, the world of a view the same."""
+    for ending in ('.mgh', '.mgz'):
+        for dtype in ('u1', 'i2', 'i4', 'f4', 'u2'):
+            data, path = values(dtype), tool.path('volume' + ending)
+            image = nibabel.MGHImage(data.T, TURNED)
+            if dtype == 'u2':  # nibabel does not write them
+                image = nibabel.MGHImage(data.view('i2').T, TURNED)
+            nibabel.save(image, path)
+            if dtype == 'u2':
+                with (gzip.open if ending == '.mgz' else open)(path, 'rb') as file:
+                    content = bytearray(file.read())
+                content[23] = 10
+                with (gzip.open if ending == '.mgz' else open)(path, 'wb') as file:
+                    file.write(content)
+            tool.typed('MGH', kind_of(dtype), path, data, ending, spacing=[1.5, 2, 3], unit='mm', anatomy='RAS', origin=list(TURNED[:3, 3]),
+                       direction=[0, -1, 0, 1, 0, 0, 0, 0, 1])
+    steps = values('f4', (2, *SHAPE))
+    path = tool.path('frames.mgz')
+    nibabel.save(nibabel.MGHImage(steps.T, TURNED), path)
+    tool.layout('MGH', 'several frames', path, steps[1], step=1, result='steps', steps=2)
+    header = struct.pack('>7ih', 1, 5, 4, 3, 1, 3, 0, 0) + bytes(254)
+    path = write(tool, 'unplaced.mgh', '', header + values('f4').astype('>f4').tobytes())
+    tool.layout('MGH', 'no place (goodRASFlag 0)', path, values('f4'), result='coronal, with a warning', warned='coronal', origin=[2.5, -1.5, 2],
+                direction=[-1, 0, 0, 0, 0, 1, 0, -1, 0])
+    nibabel.save(nibabel.MGHImage(numpy.zeros((100000, 1, 1), 'f4'), numpy.eye(4)), tool.path('curv.mgh'))
+    tool.layout_refused('MGH', 'values of a surface', tool.path('curv.mgh'), 'nodes of a surface')
+    write(tool, 'cut.mgh', '', header + bytes(60))
+    tool.layout_refused('MGH', 'fewer samples than the header says', tool.path('cut.mgh'), 'cut off')
+
+
 def check(tool):
     warnings.simplefilter('ignore')
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
     for part in (check_nrrd_types, check_nrrd_layouts, check_nrrd_headers, check_metaimage, check_nifti_types, check_nifti_shapes,
-                 check_nifti_scales, check_nifti_places, check_nifti_offsets, check_analyze, check_mrc, check_gipl, check_minc):
+                 check_nifti_scales, check_nifti_places, check_nifti_offsets, check_analyze, check_mrc, check_gipl, check_mgh, check_minc):
         part(tool)
         for name in os.listdir(tool.folder):
             path = tool.path(name)

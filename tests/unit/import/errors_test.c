@@ -83,6 +83,7 @@ static void errors_of_every_format_tell_a_cause(void **state) {
         { "bad.glb", "glTF\2\0\0\0", 8 },
         { "bad.dcm", "\10\0\5\0CS\12\0ISO_IR 100", 18 },
         { "bad.mrc", "\2\0\0\0\2\0\0\0\2\0\0\0\2", 13 },
+        { "bad.mgh", "\0\0\0\1\0\0\0\2\0\0\0\2\0\0\0\2", 16 },
         { "bad.gipl", "\0\2\0\2\0\2\0\1\0\10", 10 },
         { "bad.bmp", "BM", 2 },
     };

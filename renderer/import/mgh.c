@@ -1,0 +1,187 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * MGH of FreeSurfer, plain (.mgh) or packed with gzip (.mgz): a header of 284 bytes, big endian,
+ * then the samples. ITK does not read the format without a module that Debian does not have.
+ */
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "import/samples.h"
+#include "volume/volume.h"
+
+enum { HEADER = 284 };
+/* Bytes. The version is the last byte of its number; FreeSurfer 7 has an intent before it. */
+enum place {
+    VERSION = 3,
+    DIMS = 4,
+    FRAMES = 16,
+    TYPE = 20,
+    IS_PLACED = 28,
+    SPACING = 30,
+    DIRECTION = 42,
+    CENTRE = 78
+};
+
+struct mgh {
+    struct import_samples samples;
+    struct import_conversion conversion;
+};
+
+static bool ends_with(const char *name, const char *ending) {
+    const size_t n = strlen(name), m = strlen(ending);
+    return n > m && strcasecmp(name + n - m, ending) == 0;
+}
+
+static bool probe(const uint8_t *start, size_t size, const char *shown) {
+    (void)start;
+    (void)size;
+    return ends_with(shown, ".mgh") || ends_with(shown, ".mgz") || ends_with(shown, ".mgh.gz");
+}
+
+static double number_at(const uint8_t *at, struct import_number number) {
+    uint64_t value = 0;
+    memcpy(&value, at, number.size);
+    if (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
+        import_swap(&value, number.size, 1);
+    return import_widen(&value, number);
+}
+
+static const struct import_number whole = { IMPORT_SIGNED, 4 }, real = { IMPORT_FLOAT, 4 };
+
+static bool take_number(const struct import_file *file, const uint8_t *bytes,
+                        struct import_number *number, struct sp_error *err) {
+    static const struct {
+        int code;
+        struct import_number number;
+    } known[] = {
+        { 0, { IMPORT_UNSIGNED, 1 } }, { 1, { IMPORT_SIGNED, 4 } },    { 3, { IMPORT_FLOAT, 4 } },
+        { 4, { IMPORT_SIGNED, 2 } },   { 10, { IMPORT_UNSIGNED, 2 } },
+    };
+    const int code = (int)number_at(bytes + TYPE, whole);
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (known[i].code == code) {
+            *number = known[i].number;
+            return true;
+        }
+    return import_fail(
+        err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "type",
+        "samples of type %d are not supported; supported are 0 (uint8), 1 (int32), 3 "
+        "(float32), 4 (int16) and 10 (uint16); convert with mri_convert -odt float",
+        code);
+}
+
+static bool take_dims(const struct import_file *file, const uint8_t *bytes,
+                      struct import_header *header, struct sp_error *err) {
+    uint32_t *dims = header->grid.dims;
+    for (size_t axis = 0; axis < 3; axis++) {
+        const double count = number_at(bytes + DIMS + 4 * axis, whole);
+        if (!(count >= 1))
+            return import_fail(err, SP_ERR_FORMAT, file->shown, DIMS + 4 * axis, "dim",
+                               "axis %zu has %.0f samples, fewer than 1", axis + 1, count);
+        dims[axis] = (uint32_t)count;
+    }
+    if (dims[0] > 1 && dims[1] == 1 && dims[2] == 1)
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, DIMS, "dim",
+                           "the file holds %" PRIu32 " values of the nodes of a surface, which is "
+                           "no volume; open the surface as VTK, PLY or OBJ (mris_convert)",
+                           dims[0]);
+    const double frames = number_at(bytes + FRAMES, whole);
+    return import_header_use_steps(header, file, frames > 1 ? (uint64_t)frames : 1, err);
+}
+
+/* The centre of the volume is known, and lies at half of the dims, as FreeSurfer defines it. A file
+ * without a place is coronal, of 1 mm. */
+static void take_place(const struct import_file *file, const uint8_t *bytes,
+                       struct import_header *header) {
+    static const double coronal[3][3] = { { -1, 0, 0 }, { 0, 0, 1 }, { 0, -1, 0 } };
+    struct sp_grid *grid = &header->grid;
+    const bool is_placed =
+        number_at(bytes + IS_PLACED, (struct import_number){ IMPORT_SIGNED, 2 }) > 0;
+    bool is_sound = true;
+    for (size_t axis = 0; axis < 3; axis++) {
+        grid->spacing[axis] = is_placed ? number_at(bytes + SPACING + 4 * axis, real) : 1;
+        if (!(grid->spacing[axis] > 0) || !isfinite(grid->spacing[axis])) {
+            grid->spacing[axis] = 1;
+            is_sound = false;
+        }
+    }
+    for (size_t row = 0; row < 3; row++) {
+        grid->origin[row] = is_placed ? number_at(bytes + CENTRE + 4 * row, real) : 0;
+        for (size_t axis = 0; axis < 3; axis++) {
+            grid->direction[row][axis] =
+                is_placed ? number_at(bytes + DIRECTION + 4 * (3 * axis + row), real)
+                          : coronal[row][axis];
+            grid->origin[row] -=
+                grid->direction[row][axis] * grid->spacing[axis] * grid->dims[axis] / 2;
+        }
+    }
+    if (!is_placed)
+        import_warn(file->warnings,
+                    "The header gives no place (goodRASFlag 0); the volume is taken "
+                    "as coronal, with a spacing of 1 mm.");
+    if (!is_sound)
+        import_warn(file->warnings, "The spacing of an axis is unknown; it is taken as 1.");
+    memcpy(header->unit, "mm", sizeof "mm");
+    import_header_set_anatomy(header, "RAS");
+}
+
+static bool take(const struct import_file *file, struct mgh *m, struct import_header *header,
+                 struct sp_error *err) {
+    uint8_t bytes[HEADER];
+    bool is_packed;
+    struct import_samples *s = &m->samples;
+    struct import_conversion *c = &m->conversion;
+    import_header_init(header);
+    if (import_stream_head(file, bytes, HEADER, &is_packed) < HEADER || bytes[VERSION] != 1)
+        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "version",
+                           "this is no MGH file: it does not begin with a header of 284 bytes of "
+                           "version 1");
+    if (!take_number(file, bytes, &s->number, err) || !take_dims(file, bytes, header, err))
+        return false;
+    take_place(file, bytes, header);
+    *c = import_conversion_of(s->number, file->warnings);
+    header->type = c->type;
+    if (!sp_grid_check(&header->grid, c->type, file->shown, &header->bytes, err))
+        return false;
+    s->file = file;
+    s->field = "dim";
+    s->encoding = is_packed ? IMPORT_GZIP : IMPORT_RAW;
+    s->big_endian = true;
+    s->rest = IMPORT_REST_IGNORED; /* tags of FreeSurfer */
+    s->skip_bytes = HEADER;
+    s->conversion = import_conversion_is_copy(c) ? NULL : c;
+    s->bytes = header->bytes / sp_type_size(c->type) * s->number.size;
+    return import_samples_choose_block(s, header->steps.count, file->step) &&
+           import_samples_check(s, err);
+}
+
+static void close_mgh(void *reader) {
+    struct mgh *m = reader;
+    import_samples_finish(&m->samples);
+    free(m);
+}
+
+static void *open_mgh(const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    struct mgh *m = calloc(1, sizeof *m);
+    if (!m)
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+    else if (take(file, m, header, err))
+        return m;
+    else
+        close_mgh(m);
+    return NULL;
+}
+
+static bool read_mgh(void *reader, void *voxels, float (*vectors)[3],
+                     const struct import_progress *progress, struct sp_error *err) {
+    const struct mgh *m = reader;
+    return import_samples_read(&m->samples, voxels, vectors, progress, err);
+}
+
+const struct import_format import_mgh = {
+    .name = "MGH", .probe = probe, .open = open_mgh, .read = read_mgh, .close = close_mgh
+};
