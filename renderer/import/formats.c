@@ -2,6 +2,7 @@
  *
  * All formats.
  */
+#include "import/foreign.h"
 #include "import/format.h"
 
 /* In the order in which they are asked. DICOM comes first, because such a file may begin as a TIFF.
@@ -29,21 +30,31 @@ bool import_format_is_known(const uint8_t *start, size_t size, const char *shown
     return false;
 }
 
+static const struct import_format *find(const uint8_t *start, size_t size, const char *shown) {
+    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
+        if (formats[i]->probe(start, size, shown))
+            return formats[i];
+    return NULL;
+}
+
 const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *shown,
                                                struct sp_error *err) {
     if (size == 0) {
         import_fail(err, SP_ERR_FORMAT, shown, 0, NULL, "the file is empty");
         return NULL;
     }
-    const char *const names[] = { "", shown }; /* what a file has counts more than its name */
-    for (int n = 0; n < 2; n++)
-        for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
-            if (formats[i]->probe(start, size, names[n])) {
-                /* NetCDF-4 files are HDF5 files; their names tell. */
-                const bool is_netcdf =
-                    formats[i] == &import_hdf5 && import_netcdf.probe(start, size, shown);
-                return is_netcdf ? &import_netcdf : formats[i];
-            }
+    /* What a file has counts more than its name; but several formats may be packed with gzip. */
+    const bool is_gzip = size >= 2 && start[0] == 0x1f && start[1] == 0x8b;
+    const struct import_format *found = find(start, size, "");
+    if (!found && is_gzip)
+        found = find(start, size, shown);
+    if (!found && !import_foreign_check(start, size, shown, err))
+        return NULL;
+    if (!found)
+        found = find(start, size, shown);
+    if (found) /* NetCDF-4 files are HDF5 files; their names tell */
+        return found == &import_hdf5 && import_netcdf.probe(start, size, shown) ? &import_netcdf
+                                                                                : found;
     import_fail(
         err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
         "unknown file format; supported are NRRD, DICOM, NIfTI, MetaImage, MRC, MGH, GIPL, PVM, "

@@ -156,6 +156,36 @@ static void errors_of_cut_dicom_files_tell_a_cause(void **state) {
         remove(in_folder(left[i]));
 }
 
+/* Files that no reader knows tell what they are and what to do. */
+static void packed_and_foreign_files_are_named(void **state) {
+    (void)state;
+    static const struct {
+        const char *name, *start;
+        size_t size;
+        const char *what, *remedy;
+    } files[] = {
+        { "a.nii.bz2", "BZh91AY", 7, "packed with bzip2", "unpack it first, with \"bunzip2 a.nii" },
+        { "a.nii", "BZh91AY", 7, "packed with bzip2", "bunzip2" },
+        { "a.tar.gz", "\37\213\10\0", 4, "tar and gzip", "tar xzf a.tar.gz" },
+        { "a.nrrd.gz", "\37\213\10\0", 4, "packed with gzip", "gunzip a.nrrd.gz" },
+        { "a.xz", "\3757zXZ\0", 6, "packed with xz", "unxz" },
+        { "a.zst", "\50\265\57\375", 4, "packed with Zstandard", "unzstd" },
+        { "a.zip", "PK\3\4", 4, "a zip archive", "unzip a.zip" },
+        { "a.7z", "7z\274\257\47\34", 6, "a 7z archive", "7z x" },
+        { "a.npz", "PK\3\4", 4, "NumPy", "NRRD" },
+        { "a.czi", "ZISRAWFILE", 10, "Zeiss", "bfconvert a.czi" },
+        { "a.gii", "<?xml version=\"1.0\"?><GIFTI>", 29, "GIFTI", "PLY" },
+    };
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        char bytes[1024] = { 0 };
+        memcpy(bytes, files[i].start, files[i].size);
+        write_file(files[i].name, bytes, sizeof bytes);
+        load_error(files[i].name, SP_ERR_UNSUPPORTED, files[i].name, files[i].what);
+        load_error(files[i].name, SP_ERR_UNSUPPORTED, files[i].name, files[i].remedy);
+        remove(in_folder(files[i].name));
+    }
+}
+
 #define VTI                                                                                        \
     "<VTKFile type=\"ImageData\"><ImageData><Piece Extent=\"0 1 0 0 0 0\"><PointData>"             \
     "<DataArray type=\"UInt8\" Name=\"s\">%d 2</DataArray></PointData></Piece></ImageData>"        \
@@ -209,6 +239,7 @@ static void lists_and_descriptors_are_written_for_readers(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(errors_of_every_format_tell_a_cause),
+        cmocka_unit_test(packed_and_foreign_files_are_named),
         cmocka_unit_test(errors_of_cut_dicom_files_tell_a_cause),
         cmocka_unit_test(files_open_whatever_their_names_are),
         cmocka_unit_test(lists_and_descriptors_are_written_for_readers),

@@ -1,0 +1,99 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/foreign.h"
+
+#include <stdbool.h>
+#include <string.h>
+#include <strings.h>
+
+enum { ANYWHERE = -1 };
+
+struct kind {
+    const char *bytes;
+    size_t size;
+    int at;             /* ANYWHERE = in the first bytes */
+    const char *ending; /* NULL = any */
+    const char *name;
+    const char *command; /* before the name of the file; NULL = none */
+};
+
+#define KIND(bytes, at, ending, name, command)                                                     \
+    { bytes, sizeof bytes - 1, at, ending, name, command }
+
+static const struct kind packed[] = {
+    KIND("\37\213", 0, ".tar.gz", "packed with tar and gzip", "tar xzf"),
+    KIND("\37\213", 0, ".tgz", "packed with tar and gzip", "tar xzf"),
+    KIND("\37\213", 0, NULL, "packed with gzip", "gunzip"),
+    KIND("BZh", 0, ".tar.bz2", "packed with tar and bzip2", "tar xjf"),
+    KIND("BZh", 0, NULL, "packed with bzip2", "bunzip2"),
+    KIND("\3757zXZ\0", 0, ".tar.xz", "packed with tar and xz", "tar xJf"),
+    KIND("\3757zXZ\0", 0, NULL, "packed with xz", "unxz"),
+    KIND("\50\265\57\375", 0, ".tar.zst", "packed with tar and Zstandard", "tar --zstd -xf"),
+    KIND("\50\265\57\375", 0, NULL, "packed with Zstandard", "unzstd"),
+    KIND("\4\"M\30", 0, NULL, "packed with LZ4", "unlz4"),
+    KIND("\37\235", 0, NULL, "packed with compress", "uncompress"),
+    KIND("PK\3\4", 0, NULL, "a zip archive", "unzip"),
+    KIND("PK\5\6", 0, NULL, "an empty zip archive", "unzip"),
+    KIND("7z\274\257\47\34", 0, NULL, "a 7z archive", "7z x"),
+    KIND("Rar!", 0, NULL, "a RAR archive", "unrar x"),
+    KIND("ustar", 257, NULL, "a tar archive", "tar xf"),
+};
+
+/* Of microscopes, which Bio-Formats converts. */
+static const struct kind microscopes[] = {
+    KIND("ZISRAWFILE", 0, NULL, "a CZI file of Zeiss", "bfconvert"),
+    KIND("\320\317\21\340\241\261\32\341", 0, NULL, "a compound file, such as OIB or ZVI",
+         "bfconvert"),
+    KIND("\332\316\276\12", 0, NULL, "an ND2 file of Nikon", "bfconvert"),
+    KIND("\160\0\0\0", 0, ".lif", "a LIF file of Leica", "bfconvert"),
+};
+
+static const struct kind others[] = {
+    KIND("\223NUMPY", 0, NULL, "an array of NumPy", NULL),
+    KIND("PK\3\4", 0, ".npz", "a file of NumPy", NULL),
+    KIND("SIMPLE  =", 0, NULL, "a FITS file", NULL),
+    KIND("MATLAB 5.0", 0, NULL, "a file of MATLAB 5", NULL),
+    KIND("<GIFTI", ANYWHERE, NULL, "a surface of GIFTI", NULL),
+    KIND("\377\377\376", 0, NULL, "a surface of FreeSurfer", NULL),
+};
+
+static bool ends_with(const char *name, const char *ending) {
+    const size_t n = strlen(name), m = strlen(ending);
+    return n > m && strcasecmp(name + n - m, ending) == 0;
+}
+
+static const struct kind *find(const struct kind *kinds, size_t count, const uint8_t *start,
+                               size_t size, const char *shown) {
+    for (size_t i = 0; i < count; i++) {
+        const struct kind *k = &kinds[i];
+        const bool is_there = k->at == ANYWHERE ? memmem(start, size, k->bytes, k->size) != NULL
+                                                : size >= (size_t)k->at + k->size &&
+                                                      memcmp(start + k->at, k->bytes, k->size) == 0;
+        if (is_there && (!k->ending || ends_with(shown, k->ending)))
+            return k;
+    }
+    return NULL;
+}
+
+#define FIND(kinds) find(kinds, sizeof kinds / sizeof *kinds, start, size, shown)
+
+bool import_foreign_check(const uint8_t *start, size_t size, const char *shown,
+                          struct sp_error *err) {
+    const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
+    const struct kind *k = FIND(others);
+    if (k)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                       "this is %s, which is not read; write it as NRRD, NIfTI, TIFF or HDF5, or a "
+                       "surface as VTK, PLY or STL",
+                       k->name);
+    k = FIND(microscopes);
+    if (k)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                       "this is %s, which is not read; save it as OME-TIFF, with \"%s %.60s "
+                       "out.ome.tif\" of Bio-Formats",
+                       k->name, k->command, name);
+    k = FIND(packed);
+    return !k ||
+           sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                   "this is %s%s, which is not read; unpack it first, with \"%s %.60s\"",
+                   strncmp(k->name, "packed", 6) == 0 ? "a file " : "", k->name, k->command, name);
+}
