@@ -16,9 +16,18 @@ bool sp_is_below(const char *root, const char *real) {
     return strncmp(root, real, n) == 0 && real[n] == '/' && real[n + 1];
 }
 
+bool sp_fail_missing(struct sp_error *err, const char *shown) {
+    return sp_fail(
+        err, SP_ERR_NOT_FOUND, shown,
+        strstr(shown, ":/") || strstr(shown, "?field=")
+            ? "there is no such file; in a source with choices the array comes last, such "
+              "as FILE.h5?as=time&field=/NAME"
+            : "there is no such file");
+}
+
 static bool fail_errno(struct sp_error *err, int error, const char *shown, const char *what) {
     if (error == ENOENT || error == ENOTDIR)
-        return sp_fail(err, SP_ERR_NOT_FOUND, shown, "there is no such file");
+        return sp_fail_missing(err, shown);
     if (error == ELOOP)
         return sp_fail(err, SP_ERR_INVALID, shown, "is a symbolic link that leads in a circle");
     if (error == ENAMETOOLONG)

@@ -24,6 +24,10 @@ int sp_open_confined(const char *root, const char *path, const char *shown, char
 int sp_open_confined_folder(const char *root, const char *path, const char *shown,
                             char real[PATH_MAX], struct sp_error *err);
 
+/* Fails with SP_ERR_NOT_FOUND, and says how a source is written where the name looks like one.
+ * Returns false. */
+bool sp_fail_missing(struct sp_error *err, const char *shown);
+
 /* True if `real` lies below `root`; both are resolved. */
 bool sp_is_below(const char *root, const char *real);
 

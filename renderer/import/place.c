@@ -103,7 +103,7 @@ static bool find_root(struct sp_import_place *p, struct sp_error *err) {
     /* The folder, or that of the file, after links are resolved. */
     if (!realpath(p->path, p->root)) {
         if (errno == ENOENT || errno == ENOTDIR)
-            return sp_fail(err, SP_ERR_NOT_FOUND, p->path, "there is no such file");
+            return sp_fail_missing(err, p->path);
         return sp_fail(err, SP_ERR_IO, p->path, "cannot resolve the path: %s", strerror(errno));
     }
     if (p->is_folder)

@@ -59,6 +59,8 @@ static bool choose_level(struct zarr *z, struct import_header *header, struct sp
         memcpy(header->grid.dims, z->level->dims, sizeof header->grid.dims);
         memcpy(header->grid.spacing, z->level->spacing, sizeof header->grid.spacing);
         memcpy(header->grid.origin, z->level->origin, sizeof header->grid.origin);
+        for (int a = 0; a < 3; a++)
+            header->grid.direction[a][a] = z->level->is_turned[a] ? -1 : 1;
         header->level = i;
         header->level_count = count;
         if (sp_grid_check(&header->grid, header->type, z->store->shown, &header->bytes, err))
@@ -350,7 +352,8 @@ static void place_on(const struct zarr_level *finest, const struct zarr_level *l
     for (int a = 0; a < 3; a++) {
         const double ratio = (double)finest->dims[a] / level->dims[a];
         const double scale = level->spacing[a] / finest->spacing[a];
-        const double shift = (level->origin[a] - finest->origin[a]) / finest->spacing[a];
+        const double shift = (level->origin[a] - finest->origin[a]) / finest->spacing[a] *
+                             (finest->is_turned[a] ? -1 : 1);
         out->step[a] = fabs(scale / ratio - 1) <= tolerance ? scale : ratio;
         const bool is_shifted = fabs(shift) > 1e-6 && fabs(shift) <= out->step[a];
         out->offset[a] = is_shifted ? shift : 0.5 * (out->step[a] - 1);

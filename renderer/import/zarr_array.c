@@ -73,23 +73,6 @@ static void take_fill(struct zarr_array *a, const json_t *json) {
         fill_part(json_array_get(json, 1), part, a->fill + part.size);
 }
 
-/* The types of v2 are those of numpy: '<f8'. */
-static bool number_of_v2(const char *text, struct import_number *number) {
-    static const struct {
-        char letter;
-        const char *name;
-    } kinds[] = {
-        { 'b', "uint" }, { 'u', "uint" }, { 'i', "int" }, { 'f', "float" }, { 'c', "complex" }
-    };
-    char name[32] = "";
-    const unsigned long size = strtoul(text + 2, NULL, 10);
-    for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++)
-        if (text[1] == kinds[i].letter && size <= IMPORT_NUMBER_BYTES &&
-            (size == 1 || text[1] != 'b'))
-            snprintf(name, sizeof name, "%s%lu", kinds[i].name, 8 * size);
-    return import_number_named(name, number);
-}
-
 static bool take_dtype(struct zarr_array *a, const struct zarr_node *node, struct sp_error *err) {
     const char *const key = node->version == 2 ? "dtype" : "data_type";
     const char *text = json_string_value(json_object_get(node->metadata, key));
@@ -97,8 +80,7 @@ static bool take_dtype(struct zarr_array *a, const struct zarr_node *node, struc
     bool is_known = false;
     snprintf(pointer, sizeof pointer, "/%s", key);
     if (text && node->version == 2 && strlen(text) >= 3 && strchr("<>|", text[0])) {
-        a->is_big_endian = text[0] == '>';
-        is_known = number_of_v2(text, &a->number);
+        is_known = zarr_number_parse(text, &a->number, &a->is_big_endian);
     } else if (text && node->version == 3) {
         is_known = import_number_named(strcmp(text, "bool") == 0 ? "uint8" : text, &a->number);
     }
@@ -172,38 +154,37 @@ static bool check_chunk(struct zarr_array *a, const struct zarr_node *node, cons
 /* Codecs. */
 
 static bool add_codec(struct zarr_array *a, const struct zarr_node *node, const char *name,
-                      const char *pointer, struct sp_error *err) {
-    static const char *const names[] = { "blosc", "zstd", "gzip", "zlib", "crc32c" };
-    for (size_t i = 0; name && i < sizeof names / sizeof *names; i++)
-        if (strcmp(name, names[i]) == 0 && a->codec_count < ZARR_CODECS_MAX) {
-            a->codecs[a->codec_count++] = (enum zarr_codec)i;
-            return true;
-        }
-    return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, pointer,
-                          "the codec \"%.40s\" is not supported here; supported are blosc, zstd, "
-                          "gzip and zlib",
-                          name ? name : "?");
+                      const json_t *settings, const char *pointer, struct sp_error *err) {
+    char why[SP_ERROR_TEXT];
+    struct zarr_step step;
+    bool is_nothing;
+    if (!zarr_step_parse(&step, name, settings, &is_nothing, why, sizeof why))
+        return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, pointer, "%s", why);
+    if (a->codec_count == ZARR_CODECS_MAX)
+        return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, pointer, "has more than %d codecs",
+                              ZARR_CODECS_MAX);
+    if (!is_nothing)
+        a->codecs[a->codec_count++] = step;
+    return true;
 }
 
 static bool parse_v2(struct zarr_array *a, const struct zarr_node *node, struct sp_error *err) {
     const json_t *metadata = node->metadata, *compressor = json_object_get(metadata, "compressor");
-    const json_t *filters = json_object_get(metadata, "filters");
+    const json_t *filters = json_object_get(metadata, "filters"), *filter;
+    size_t i;
     const char *order = json_string_value(json_object_get(metadata, "order"));
     const char *separator = json_string_value(json_object_get(metadata, "dimension_separator"));
     a->separator = separator && strcmp(separator, "/") == 0 ? '/' : '.';
     for (unsigned d = 0; order && order[0] == 'F' && d < a->rank; d++)
         a->order[d] = a->rank - 1 - d;
     take_fill(a, json_object_get(metadata, "fill_value"));
-    if (json_array_size(filters) > 0)
-        return zarr_node_fail(
-            node, err, SP_ERR_UNSUPPORTED, "/filters",
-            "the filter \"%.40s\" is not supported; write the array without filters",
-            json_string_value(json_object_get(json_array_get(filters, 0), "id"))
-                ? json_string_value(json_object_get(json_array_get(filters, 0), "id"))
-                : "?");
+    json_array_foreach(filters, i,
+                       filter) if (!add_codec(a, node,
+                                              json_string_value(json_object_get(filter, "id")),
+                                              filter, "/filters", err)) return false;
     if (json_is_object(compressor) &&
-        !add_codec(a, node, json_string_value(json_object_get(compressor, "id")), "/compressor/id",
-                   err))
+        !add_codec(a, node, json_string_value(json_object_get(compressor, "id")), compressor,
+                   "/compressor/id", err))
         return false;
     return take_sizes(node, json_object_get(metadata, "chunks"), "/chunks", 1, a->rank, a->chunk,
                       err) &&
@@ -267,11 +248,12 @@ static bool take_codecs(struct zarr_array *a, const struct zarr_node *node, cons
                         struct sp_error *err) {
     const json_t *codec;
     bool has_bytes = false;
+    unsigned filters = 0;
     size_t i;
     json_array_foreach(codecs, i, codec) {
         const char *name = json_string_value(json_object_get(codec, "name"));
         const json_t *settings = json_object_get(codec, "configuration");
-        if (name && !has_bytes && strcmp(name, "transpose") == 0) {
+        if (name && !has_bytes && a->codec_count == 0 && strcmp(name, "transpose") == 0) {
             if (!take_order(a, node, json_object_get(settings, "order"), err))
                 return false;
         } else if (name && !has_bytes && strcmp(name, "bytes") == 0) {
@@ -282,14 +264,22 @@ static bool take_codecs(struct zarr_array *a, const struct zarr_node *node, cons
                    strcmp(name, "sharding_indexed") == 0) {
             return take_shards(a, node, settings, err) &&
                    take_codecs(a, node, json_object_get(settings, "codecs"), err);
+        } else if (!has_bytes && name && strncmp(name, "numcodecs.", 10) == 0) { /* a filter */
+            if (!add_codec(a, node, name, settings, "/codecs", err))
+                return false;
+            filters++;
         } else if (!has_bytes) {
             return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/codecs",
                                   "the codec \"%.40s\" is not supported after the codecs before it",
                                   name ? name : "?");
-        } else if (!add_codec(a, node, name, "/codecs", err)) {
+        } else if (!add_codec(a, node, name, settings, "/codecs", err)) {
             return false;
         }
     }
+    if (filters > 0 && a->is_big_endian)
+        return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/codecs",
+                              "filters of big-endian numbers are not supported; write them with "
+                              "the lowest byte first");
     return has_bytes ||
            zarr_node_fail(node, err, SP_ERR_FORMAT, "/codecs", "the codec \"bytes\" is missing");
 }

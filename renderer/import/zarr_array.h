@@ -6,17 +6,15 @@
 #ifndef SP_IMPORT_ZARR_ARRAY_H
 #define SP_IMPORT_ZARR_ARRAY_H
 
-#include "import/number.h"
+#include "import/zarr_codec.h"
 #include "import/zarr_node.h"
 
 enum {
     ZARR_RANK_MAX = 8,
-    ZARR_CODECS_MAX = 4,
+    ZARR_CODECS_MAX = 8,
     ZARR_CHUNK_MAX = 256 << 20, /* bytes of one chunk, unpacked */
     ZARR_NAME_BYTES = 48,
 };
-
-enum zarr_codec { ZARR_BLOSC, ZARR_ZSTD, ZARR_GZIP, ZARR_ZLIB, ZARR_CRC32C };
 
 struct zarr_array {
     char path[ZARR_KEY_BYTES];
@@ -29,7 +27,7 @@ struct zarr_array {
     bool is_big_endian;
     uint8_t fill[IMPORT_NUMBER_BYTES]; /* one number in native order, for missing chunks */
     unsigned order[ZARR_RANK_MAX];     /* dimensions of a chunk in memory, the slowest first */
-    enum zarr_codec codecs[ZARR_CODECS_MAX]; /* in the order of packing */
+    struct zarr_step codecs[ZARR_CODECS_MAX]; /* in the order of packing */
     unsigned codec_count;
     bool has_prefix; /* keys begin with "c" */
     char separator;  /* of the numbers in a key */

@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <zlib.h>
 
 #include "import/module.h"
 
@@ -41,9 +40,14 @@ static bool reserve(struct zarr_chunks *c, int buffer, size_t size, const char *
                                            "out of memory for a chunk of %zu bytes", size);
 }
 
-/* What a packed chunk may have: codecs enlarge little what they cannot pack. */
+/* What a packed chunk may have: codecs enlarge little what they cannot pack, and filters may make
+ * numbers of larger types. */
 static size_t packed_max(const struct zarr_array *a) {
-    return a->chunk_bytes + a->chunk_bytes / 8 + (1 << 16);
+    size_t most = a->number.size;
+    for (unsigned i = 0; i < a->codec_count; i++)
+        most = a->codecs[i].encoded.size > most ? a->codecs[i].encoded.size : most;
+    const size_t bytes = a->chunk_bytes / a->number.size * most;
+    return bytes + bytes / 8 + (1 << 16);
 }
 
 /* Keys. */
@@ -69,28 +73,6 @@ static size_t index_of(const struct zarr_array *a, const uint64_t at[]) {
 }
 
 /* Shards. */
-
-static uint32_t crc32c(const uint8_t *bytes, size_t size) {
-    uint32_t crc = ~UINT32_C(0);
-    for (size_t i = 0; i < size; i++) {
-        crc ^= bytes[i];
-        for (int bit = 0; bit < 8; bit++)
-            crc = crc >> 1 ^ (crc & 1 ? UINT32_C(0x82f63b78) : 0);
-    }
-    return ~crc;
-}
-
-static uint64_t little(const uint8_t *bytes, unsigned count) {
-    uint64_t value = 0;
-    for (unsigned i = count; i-- > 0;)
-        value = value << 8 | bytes[i];
-    return value;
-}
-
-/* True if a checksum follows the first size − 4 bytes. */
-static bool is_sound(const void *bytes, size_t size) {
-    return size >= 4 && little((const uint8_t *)bytes + size - 4, 4) == crc32c(bytes, size - 4);
-}
 
 /* Reads the index of a shard unless it is the last one. */
 static enum zarr_found load_index(struct zarr_chunks *c, const struct zarr_array *a,
@@ -123,12 +105,12 @@ static enum zarr_found load_index(struct zarr_chunks *c, const struct zarr_array
                            bytes, &got, err);
     if (found != ZARR_FOUND)
         return found;
-    if (got < bytes || (a->has_index_checksum && !is_sound(c->buffers[0], bytes))) {
+    if (got < bytes || (a->has_index_checksum && !zarr_is_sound(c->buffers[0], bytes))) {
         zarr_fail(c->store, err, SP_ERR_FORMAT, key, "", "the index of the shard is damaged");
         return ZARR_FAILED;
     }
     for (size_t i = 0; i < 2 * count; i++)
-        c->index[i] = little((const uint8_t *)c->buffers[0] + 8 * i, 8);
+        c->index[i] = zarr_little((const uint8_t *)c->buffers[0] + 8 * i, 8);
     snprintf(c->shard_key, sizeof c->shard_key, "%s", key);
     return ZARR_FOUND;
 }
@@ -168,25 +150,6 @@ static enum zarr_found load(struct zarr_chunks *c, const struct zarr_array *a, c
 
 /* Codecs. */
 
-static bool inflate_all(const void *in, size_t size, void *out, size_t capacity, size_t *got,
-                        char *why, size_t why_size) {
-    z_stream z = { .next_in = (Bytef *)(uintptr_t)in, .avail_in = (uInt)size };
-    snprintf(why, why_size, "out of memory while unpacking");
-    if (inflateInit2(&z, 15 + 32) != Z_OK) /* 32 allows the wrappers of gzip and zlib */
-        return false;
-    z.next_out = out;
-    z.avail_out = (uInt)capacity;
-    const int status = inflate(&z, Z_FINISH);
-    *got = z.total_out;
-    snprintf(why, why_size, "the gzip or zlib data is %s",
-             status == Z_BUF_ERROR && z.avail_out == 0 ? "longer than its chunk"
-             : status == Z_BUF_ERROR                   ? "cut off"
-             : z.msg                                   ? z.msg
-                                                       : "damaged");
-    inflateEnd(&z);
-    return status == Z_STREAM_END;
-}
-
 static bool load_bridge(struct zarr_chunks *c, enum zarr_codec codec, struct sp_error *err) {
     const bool is_blosc = codec == ZARR_BLOSC;
     if (!c->call)
@@ -197,21 +160,14 @@ static bool load_bridge(struct zarr_chunks *c, enum zarr_codec codec, struct sp_
 }
 
 /* Undoes one codec: from one buffer into the other. */
-static bool unpack(struct zarr_chunks *c, const struct zarr_array *a, enum zarr_codec codec,
-                   size_t capacity, const char *key, struct bytes *bytes, struct sp_error *err) {
+static bool unpack(struct zarr_chunks *c, const struct zarr_step *step, size_t capacity,
+                   const char *key, struct bytes *bytes, struct sp_error *err) {
     char why[SP_ERROR_TEXT] = "";
+    const enum zarr_codec codec = step->codec;
     const void *in = c->buffers[bytes->buffer];
     const int to = 1 - bytes->buffer;
     size_t got = 0;
     bool ok;
-    (void)a;
-    if (codec == ZARR_CRC32C) {
-        if (!is_sound(in, bytes->size))
-            return zarr_fail(c->store, err, SP_ERR_FORMAT, key, "",
-                             "the checksum is wrong: the data is damaged");
-        bytes->size -= 4;
-        return true;
-    }
     if ((codec == ZARR_BLOSC || codec == ZARR_ZSTD) && !load_bridge(c, codec, err))
         return false;
     if (!reserve(c, to, capacity, key, err))
@@ -221,7 +177,7 @@ static bool unpack(struct zarr_chunks *c, const struct zarr_array *a, enum zarr_
     else if (codec == ZARR_ZSTD)
         ok = c->call->zstd(in, bytes->size, c->buffers[to], capacity, &got, why, sizeof why);
     else
-        ok = inflate_all(in, bytes->size, c->buffers[to], capacity, &got, why, sizeof why);
+        ok = zarr_step_undo(step, in, bytes->size, c->buffers[to], capacity, &got, why, sizeof why);
     *bytes = (struct bytes){ .buffer = to, .size = got };
     return ok || zarr_fail(c->store, err, SP_ERR_FORMAT, key, "", "%s", why);
 }
@@ -288,7 +244,7 @@ enum zarr_found zarr_chunk_read(struct zarr_chunks *c, const struct zarr_array *
     if (found != ZARR_FOUND)
         return found;
     for (unsigned i = a->codec_count; i-- > 0;)
-        if (!unpack(c, a, a->codecs[i], i == 0 ? a->chunk_bytes : packed_max(a), key, &bytes, err))
+        if (!unpack(c, &a->codecs[i], i == 0 ? a->chunk_bytes : packed_max(a), key, &bytes, err))
             return ZARR_FAILED;
     if (bytes.size != a->chunk_bytes) {
         zarr_fail(c->store, err, SP_ERR_FORMAT, key, "",

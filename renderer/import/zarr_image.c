@@ -145,9 +145,9 @@ static bool transform(const struct zarr_node *node, const json_t *list, unsigned
                                   "must be \"scale\" or \"translation\" of %u numbers", rank);
         for (unsigned d = 0; d < rank; d++) {
             const double value = json_number_value(json_array_get(numbers, d));
-            if (!isfinite(value) || (is_scale && !(value > 0)))
+            if (!isfinite(value) || (is_scale && value == 0))
                 return zarr_node_fail(node, err, SP_ERR_FORMAT, pointer,
-                                      "number %u must be finite, and of a scale above 0", d);
+                                      "number %u must be finite, and of a scale not 0", d);
             scale[d] *= is_scale ? value : 1;
             shift[d] = is_scale ? shift[d] * value : shift[d] + value;
         }
@@ -161,7 +161,8 @@ static void place_level(const struct zarr_image *image, struct zarr_level *level
         const int d = image->axes.space[a];
         const uint64_t size = d < 0 ? 1 : level->array.shape[d];
         level->dims[a] = size > UINT32_MAX ? UINT32_MAX : (uint32_t)size;
-        level->spacing[a] = d < 0 ? 1 : scale[d] * factor[d];
+        level->spacing[a] = d < 0 ? 1 : fabs(scale[d]) * factor[d];
+        level->is_turned[a] = d >= 0 && scale[d] < 0;
         level->origin[a] = d < 0 ? 0 : shift[d] * factor[d];
     }
     if (image->axes.space[2] < 0) /* a flat image is as thick as its pixels are wide */

@@ -15,6 +15,7 @@ enum { ZARR_LEVELS_MAX = 32, ZARR_CHANNELS_MAX = 1024 };
 struct zarr_level {
     struct zarr_array array;
     double spacing[3], origin[3]; /* of x, y, z [unit of the image] */
+    bool is_turned[3];            /* x, y, z fall: the scale is negative */
     uint32_t dims[3];             /* of x, y, z; 1 without such a dimension */
 };
 

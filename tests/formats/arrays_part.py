@@ -48,6 +48,7 @@ def check_hdf5(tool):
     tool.refused(path, '/plain/<i2 (5 x 6 x 7)', 'choose one')
     tool.refused(f'{path}:/text', 'no numbers')
     tool.refused(f'{path}:/nothing', 'no such array')
+    tool.refused(f'{path}:/size?as=time', 'there is no such file; in a source with choices', '?as=time&field=/NAME')
     with h5py.File(tool.path('one.h5'), 'w') as file:
         file['deep/one'] = ramp(SHAPE, 'f4')
         file['list'] = [1, 2, 3]

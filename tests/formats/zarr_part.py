@@ -2,8 +2,10 @@
 """Zarr v2 and v3, plain and OME-Zarr, against zarr-python."""
 import json
 import os
+import warnings
 
 import numcodecs
+import numcodecs.zarr3
 import numpy
 import zarr
 from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec, GzipCodec, ShardingCodec, TransposeCodec, ZstdCodec
@@ -43,15 +45,50 @@ def check_v2(tool):
     path = write_v2(tool, 'channels.zarr', channels, (2, 2, 5, 3))
     tool.equal(path + '?field=channel 3', channels[2], name='channel 3')
     tool.equal(write_v2(tool, 'flat.zarr', ramp((5, 6), 'u1'), (2, 4)), ramp((1, 5, 6), 'u1'))
-    path = write_v2(tool, 'delta.zarr', data, chunks, filters=[numcodecs.Delta(dtype='<i2')])
-    tool.refused(path, 'delta.zarr: .zarray: /filters', 'delta')
-    path = write_v2(tool, 'lzma.zarr', data, chunks, compressors=numcodecs.LZMA())
-    tool.refused(path, '/compressor/id', 'lzma')
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')  # codecs of numcodecs in v3 are no part of the specification
+        check_filters(tool)
     path = write_v2(tool, 'cut.zarr', data.astype('f4'), chunks, compressors=numcodecs.Blosc())
     os.truncate(os.path.join(path, '1.1.1'), 40)
     holed = data.astype('f4')
     holed[2:4, 4:, 3:6] = numpy.nan
     tool.equal(path, holed)
+
+
+def check_filters(tool):
+    """What comes before the compressor, and compressors besides the usual ones, in v2 and v3."""
+    shape, chunks = (5, 6, 7), (2, 4, 3)
+    data, real = ramp(shape, '<i2'), ramp(shape, '<f4') / 8
+    cases = [('delta', data, [numcodecs.Delta('<i2')]), ('delta', data, [numcodecs.Delta('<i2', '<i4')]), ('delta', real, [numcodecs.Delta('<f4')]),
+             ('delta', ramp(shape, '>i4'), [numcodecs.Delta('>i4')]), ('delta', ramp(shape, 'u1'), [numcodecs.Delta('|u1')]),
+             ('shuffle', data, [numcodecs.Shuffle(2)]), ('shuffle', ramp(shape, '<f8'), [numcodecs.Shuffle(8), numcodecs.Zlib()]),
+             ('fixedscaleoffset', real, [numcodecs.FixedScaleOffset(offset=3, scale=8, dtype='<f4', astype='<u1')]),
+             ('fixedscaleoffset', ramp(shape, '<f8'), [numcodecs.FixedScaleOffset(offset=100, scale=0.5, dtype='<f8', astype='<i2')]),
+             ('astype', real, [numcodecs.AsType('<f8', '<f4')]), ('astype', ramp(shape, '<i4'), [numcodecs.AsType('<i2', '<i4')]),
+             ('quantize', real, [numcodecs.Quantize(3, '<f4')]), ('bitround', real, [numcodecs.BitRound(10)]),
+             ('crc32', data, [numcodecs.CRC32()]), ('adler32', data, [numcodecs.Adler32()])]
+    for i, (name, values, filters) in enumerate(cases):
+        for order in 'CF':
+            path = write_v2(tool, 'filter.zarr', values, chunks, filters=filters, compressors=numcodecs.Zlib() if i % 2 else None, order=order)
+            tool.layout('Zarr', f'the filter {name}', path, zarr.open_array(path, mode='r')[...])
+    for name, compressor in (('LZ4', numcodecs.LZ4()), ('bzip2', numcodecs.BZ2()), ('LZMA (xz)', numcodecs.LZMA())):
+        path = write_v2(tool, 'codec.zarr', data, chunks, compressors=compressor)
+        tool.layout('Zarr', f'compression {name}', path, data)
+        for key in ('0.0.0', '1.1.1'):
+            os.truncate(os.path.join(path, key), 12)
+        holed = numpy.where(numpy.arange(5)[:, None, None] >= 0, data, 0)
+        holed[:2, :4, :3] = holed[2:4, 4:, 3:6] = 0
+        tool.equal(path, holed)
+    path = write_v2(tool, 'packbits.zarr', data > 100, chunks, filters=[numcodecs.PackBits()])
+    tool.layout_refused('Zarr', 'other filters', path, 'is not supported here; write the array with', 'packbits', '/filters')
+    path = write_v2(tool, 'lzma.zarr', data, chunks, compressors=numcodecs.LZMA(format=2))
+    tool.refused(path, '/compressor/id', 'settings', 'lzma')
+    path = tool.path('filter3.zarr')
+    for values, filters in ((data, [numcodecs.zarr3.Delta(dtype='<i2')]), (real, [numcodecs.zarr3.FixedScaleOffset(offset=3, scale=8, dtype='<f4', astype='<i2'),
+                                                                              numcodecs.zarr3.Delta(dtype='<i2')])):
+        array = zarr.create_array(path, shape=shape, chunks=chunks, dtype=values.dtype, filters=filters, compressors=[numcodecs.zarr3.LZ4()], overwrite=True)
+        array[...] = values
+        tool.layout('Zarr', 'filters of numcodecs in v3', path, array[...])
 
 
 def check_v3(tool):
@@ -96,6 +133,18 @@ def ome(version, levels):
     return {'ome': {**content, 'version': version}} if version == '0.5' else content
 
 
+def check_turned(tool):
+    """A negative scale: the samples stay, the axis falls."""
+    axes = [{'name': n, 'type': 'space', 'unit': 'micrometer'} for n in 'zyx']
+    steps = [{'type': 'scale', 'scale': [-2, 1, 0.5]}, {'type': 'translation', 'translation': [10, 0, 3]}]
+    group = zarr.open_group(tool.path('turned.zarr'), mode='w', attributes={'ome': {'version': '0.5', 'multiscales': [
+        {'axes': axes, 'datasets': [{'path': '0', 'coordinateTransformations': steps}]}]}})
+    group.create_array('0', data=ramp((3, 4, 5), 'u1'))
+    tool.layout('Zarr', 'a negative scale of OME-Zarr', tool.path('turned.zarr'), ramp((3, 4, 5), 'u1'), spacing=[0.5, 1, 2], origin=[3, 0, 10],
+                direction=[1, 0, 0, 0, 1, 0, 0, 0, -1])
+    tool.refused(tool.path('turned.zarr?field=red'), 'there is no channel red', 'without a name')
+
+
 def check_ome(tool):
     for version, zarr_format in (('0.4', 2), ('0.5', 3)):
         path = tool.path(f'image{version}.ome.zarr')
@@ -109,6 +158,7 @@ def check_ome(tool):
         tool.equal(path, levels[0][1, 0], step=1, steps=2, times=[3, 5], time_unit='s')
         tool.equal(os.path.join(path, 's2'), levels[2][0, 0], name='channel 1')
         tool.refused(path + '?level=3', 'no level 3', 'to 2')
+    check_turned(tool)
     old = zarr.open_group(tool.path('old.zarr'), mode='w', zarr_format=2, attributes={'multiscales': [{'version': '0.1', 'datasets': [{'path': '0'}]}]})
     old.create_array('0', data=ramp((1, 2, 3, 4, 5), 'u2'))
     tool.equal(tool.path('old.zarr?field=channel 2'), ramp((1, 2, 3, 4, 5), 'u2')[0, 1])
