@@ -18,15 +18,17 @@ bool dicom_has_ending(const char *name) {
 }
 
 /* True for group 8, with which files without a preamble begin: an element, then two letters that
- * name its type, or else its length. */
+ * name its type, or else a length, after which comes the next element of the group. */
 static bool is_group_8(const uint8_t *start, size_t size) {
     if (size < 8 || start[0] != 8 || start[1] != 0 || start[3] != 0)
         return false;
     const bool has_letters =
         start[4] >= 'A' && start[4] <= 'Z' && start[5] >= 'A' && start[5] <= 'Z';
-    const bool is_length =
-        start[2] == 0 && start[4] == 4 && start[5] == 0 && start[6] == 0 && start[7] == 0;
-    return has_letters || is_length;
+    const size_t length = start[4], next = 8 + length;
+    const bool is_short = start[5] == 0 && start[6] == 0 && start[7] == 0 && length % 2 == 0;
+    const bool is_followed = next + 4 <= size && start[next] == 8 && start[next + 1] == 0 &&
+                             start[next + 3] == 0 && start[next + 2] > start[2];
+    return has_letters || (is_short && is_followed);
 }
 
 bool dicom_is_file(const uint8_t *start, size_t size) {

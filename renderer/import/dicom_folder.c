@@ -166,8 +166,9 @@ static void warn_of_files(const struct dicom_source *source, const struct dicom_
     for (uint32_t i = 0; i < scan->damaged.count; i++)
         append(damaged, sizeof damaged, "%s", scan->damaged.names[i]);
     if (scan->copies > 0)
-        import_warn(source->file->warnings, "Left out %u %s with the same SOPInstanceUID: %s.",
-                    scan->copies, scan->copies > 1 ? "copies" : "copy", copies);
+        import_warn(source->file->warnings,
+                    "Left out %u %s with the same SOPInstanceUID or pixels: %s.", scan->copies,
+                    scan->copies > 1 ? "copies" : "copy", copies);
     if (scan->damaged.count > 0)
         import_warn(source->file->warnings, "Left out %u %s that cannot be read: %s.",
                     scan->damaged.count, scan->damaged.count > 1 ? "files" : "file", damaged);

@@ -155,6 +155,13 @@ bool fill_place(const groups &in, uint32_t index, dicom_frame &frame, bool &of_a
                take_directions(dicom_values<double>(in.find(0x0020, 0x930f), 0x0020, 0x9302),
                                frame);
     of_all = position.IsEmpty();
+    const dicom_gap gap = dicom_gap_of(in.file);
+    if (gap != DICOM_NO_GAP) { /* a note says so */
+        frame.along[0][0] = frame.along[1][1] = 1;
+        frame.position[2] = dicom_number(in.file, 0x0020, 0x1041);
+        return gap == DICOM_ONLY_LOCATION ||
+               copy_numbers(dicom_numbers(in.file, 0x0020, 0x0032), 3, frame.position);
+    }
     return copy_numbers(dicom_numbers(of_all ? file : position, 0x0020, 0x0032), 3,
                         frame.position) &&
            take_directions(
@@ -478,6 +485,22 @@ void place_dose(const gdcm::DataSet &file, uint32_t index, dicom_frame &frame) {
 }
 
 } // namespace
+
+dicom_gap dicom_gap_of(const gdcm::DataSet &set) {
+    static const gdcm::Tag groups[] = { { 0x5200, 0x9229 },
+                                        { 0x5200, 0x9230 },
+                                        { 0x0054, 0x0022 } };
+    for (const gdcm::Tag &tag : groups)
+        if (set.FindDataElement(tag))
+            return DICOM_NO_GAP;
+    const bool has_position = dicom_numbers(set, 0x0020, 0x0032).size() >= 3;
+    const bool has_location = std::isfinite(dicom_number(set, 0x0020, 0x1041));
+    if (has_position && dicom_text(set, 0x0020, 0x0037).empty())
+        return DICOM_NO_DIRECTIONS;
+    return has_location && !has_position && !(dicom_number(set, 0x0028, 0x0008) > 1)
+               ? DICOM_ONLY_LOCATION
+               : DICOM_NO_GAP;
+}
 
 void dicom_move(dicom_frame *frame, double distance) {
     const double(*a)[3] = frame->along;

@@ -177,6 +177,14 @@ static const char *note_of(const gdcm::DataSet &set, const dicom_image &image) {
     if (has_world_table(set))
         return "The values are not those of the real world, which the file has as a lookup table: "
                "it is not applied.";
+    if (dicom_gap_of(set) == DICOM_ONLY_LOCATION)
+        return "The file gives a SliceLocation, but no position (ImagePositionPatient): left, "
+               "right, front and back are not known.";
+    if (dicom_gap_of(set) == DICOM_NO_DIRECTIONS)
+        return "The file does not give the directions of its pixels (ImageOrientationPatient): "
+               "they are shown as axial.";
+    if (dicom_text(set, 0x0028, 0x0004) == "MONOCHROME1")
+        return "The file shows low values bright (MONOCHROME1); the values are those of the file.";
     if (!has_spacing && image.first.spacing[0] > 0 && !dicom_text(set, 0x0018, 0x1164).empty())
         return "Lengths are those on the detector (ImagerPixelSpacing): in the body they are "
                "smaller.";
@@ -220,8 +228,9 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
         dicom_copy(image->note, sizeof image->note, note_of(set, *image));
     const gdcm::DataSet all = dicom_item(set, 0x5200, 0x9229),
                         one = dicom_item(set, 0x5200, 0x9230);
-    image->is_in_patient =
-        dicom_item(all, 0x0020, 0x930e).IsEmpty() && dicom_item(one, 0x0020, 0x930e).IsEmpty();
+    image->is_in_patient = dicom_gap_of(set) != DICOM_ONLY_LOCATION &&
+                           dicom_item(all, 0x0020, 0x930e).IsEmpty() &&
+                           dicom_item(one, 0x0020, 0x930e).IsEmpty();
     image->has_places = image->first.is_placed && !image->first.segment && !image->has_labels &&
                         !image->is_tiled &&
                         (image->tiles > 0 || !dicom_item(one, 0x0020, 0x9113).IsEmpty());

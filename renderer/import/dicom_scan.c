@@ -101,7 +101,7 @@ uint32_t dicom_scan_larger(const struct dicom_scan *scan, uint32_t a, uint32_t b
 }
 
 /* Copies. Some programs give all images one unique id, so copies have the same place and number,
- * too. */
+ * too. Others give copies ids of their own: then the pixels tell. */
 
 static int compare_numbers(double a, double b) {
     if (isnan(a) || isnan(b))
@@ -111,9 +111,7 @@ static int compare_numbers(double a, double b) {
 
 static int compare_images(const struct dicom_image *a, const struct dicom_image *b) {
     const struct dicom_frame *p = &a->first, *q = &b->first;
-    int order = strcmp(a->id, b->id);
-    if (order == 0)
-        order = strcmp(a->series, b->series);
+    int order = strcmp(a->series, b->series);
     if (order == 0)
         order = (p->instance > q->instance) - (p->instance < q->instance);
     for (int i = 0; order == 0 && i < 3; i++)
@@ -129,31 +127,80 @@ static int compare_images(const struct dicom_image *a, const struct dicom_image 
     return order ? order : (a->rows > b->rows) - (a->rows < b->rows);
 }
 
+struct by_image {
+    const struct dicom_found *images;
+    bool has_ids; /* copies have the same id */
+};
+
 /* Indices of images, copies beside each other: "a.dcm" before "a (copy).dcm", and the file that
  * was opened before all others. */
-static int by_image(const void *a, const void *b, void *images) {
-    const struct dicom_found *all = images;
+static int by_image(const void *a, const void *b, void *user) {
+    const struct by_image *by = user;
     const uint32_t i = *(const uint32_t *)a, k = *(const uint32_t *)b;
-    const int order = compare_images(&all[i].image, &all[k].image);
-    const size_t n = i == 0 ? 0 : strlen(all[i].name), m = k == 0 ? 0 : strlen(all[k].name);
+    const struct dicom_found *p = &by->images[i], *q = &by->images[k];
+    const size_t n = i == 0 ? 0 : strlen(p->name), m = k == 0 ? 0 : strlen(q->name);
+    int order = by->has_ids ? strcmp(p->image.id, q->image.id) : 0;
+    if (order == 0)
+        order = compare_images(&p->image, &q->image);
     return order ? order : n != m ? (n > m) - (n < m) : (i > k) - (i < k);
 }
 
-/* Marks all copies of an image but the first. */
-static bool mark_copies(struct dicom_scan *scan) {
+/* True if two files have the same bytes from their pixels on. */
+static bool is_same_pixels(const struct dicom_source *source, const struct dicom_found *a,
+                           const struct dicom_found *b) {
+    enum { BLOCK = 1 << 14 };
+    uint64_t from = a->image.pixels_at, to = b->image.pixels_at;
+    struct sp_error ignored;
+    char one[BLOCK], other[BLOCK];
+    if (!from || !to || a->bytes - from != b->bytes - to)
+        return false;
+    const int first = dicom_open(source, a->name, &ignored);
+    const int second = dicom_open(source, b->name, &ignored);
+    bool is_same = first >= 0 && second >= 0;
+    for (ssize_t got = 1; is_same && got > 0; from += BLOCK, to += BLOCK) {
+        got = pread(first, one, BLOCK, (off_t)from);
+        is_same = got >= 0 && pread(second, other, BLOCK, (off_t)to) == got &&
+                  memcmp(one, other, (size_t)got) == 0;
+    }
+    dicom_close(source, first);
+    dicom_close(source, second);
+    return is_same;
+}
+
+static bool is_copy(const struct dicom_source *source, const struct dicom_found *found,
+                    const struct dicom_found *of, bool has_ids) {
+    if (compare_images(&found->image, &of->image) != 0)
+        return false;
+    if (has_ids)
+        return found->image.id[0] && strcmp(found->image.id, of->image.id) == 0;
+    return found->image.first.is_placed && found->image.frames == of->image.frames &&
+           is_same_pixels(source, found, of);
+}
+
+/* Marks all copies of an image but the first. `order` is memory for the indices of all images. */
+static void mark_copies(const struct dicom_source *source, struct dicom_scan *scan, bool has_ids,
+                        uint32_t *order) {
+    struct by_image by = { scan->images, has_ids };
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < scan->count; i++)
+        if (!scan->images[i].is_copy)
+            order[count++] = i;
+    qsort_r(order, count, sizeof *order, by_image, &by);
+    for (uint32_t i = 1, first = 0; i < count; i++) {
+        struct dicom_found *found = &scan->images[order[i]];
+        found->is_copy = is_copy(source, found, &scan->images[order[first]], has_ids);
+        found->copy_of = order[first];
+        scan->copies += found->is_copy;
+        first = found->is_copy ? first : i;
+    }
+}
+
+static bool find_copies(const struct dicom_source *source, struct dicom_scan *scan) {
     uint32_t *order = malloc((scan->count ? scan->count : 1) * sizeof *order);
     if (!order)
         return false;
-    for (uint32_t i = 0; i < scan->count; i++)
-        order[i] = i;
-    qsort_r(order, scan->count, sizeof *order, by_image, scan->images);
-    for (uint32_t i = 1; i < scan->count; i++) {
-        struct dicom_found *found = &scan->images[order[i]];
-        const struct dicom_found *before = &scan->images[order[i - 1]];
-        found->is_copy = found->image.id[0] && compare_images(&found->image, &before->image) == 0;
-        found->copy_of = before->is_copy ? before->copy_of : order[i - 1];
-        scan->copies += found->is_copy;
-    }
+    mark_copies(source, scan, true, order);
+    mark_copies(source, scan, false, order);
     free(order);
     return true;
 }
@@ -321,6 +368,6 @@ bool dicom_scan_read(const struct dicom_source *source, struct dicom_scan *scan,
     ok = ok && read_folder(source, "", scan);
     if (ok && !source->is_named)
         ok = read_below(source, scan);
-    return (ok && mark_copies(scan) && make_stacks(scan)) ||
+    return (ok && find_copies(source, scan) && make_stacks(scan)) ||
            sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
 }

@@ -53,6 +53,14 @@ gdcm::DataSet dicom_item(const gdcm::DataSet &set, uint16_t group, uint16_t elem
 /* Copies a text and cuts it where it is too long, not inside of a UTF-8 character. */
 void dicom_copy(char *out, size_t capacity, const std::string &text);
 
+/* What a file without functional groups does not give of its place. */
+enum dicom_gap {
+    DICOM_NO_GAP,
+    DICOM_NO_DIRECTIONS, /* a position, but no directions: taken as axial */
+    DICOM_ONLY_LOCATION  /* of one frame along an unknown normal: taken as z, not in the patient */
+};
+dicom_gap dicom_gap_of(const gdcm::DataSet &set);
+
 /* Moves the position of a frame along the normal of its pixels [mm]. */
 void dicom_move(dicom_frame *frame, double distance);
 

@@ -71,6 +71,46 @@ def check_missing(tool):
     warned(tool, alone.folder, 'where its images lie')
 
 
+def check_gaps(tool):
+    """Positions without directions are axial; without positions the locations of the slices count."""
+    axial = Series(tool, 'gap-directions')
+    for z in range(4):
+        axial.add(f'{z}.dcm', z, ImageOrientationPatient=None, InstanceNumber=9 - z)
+    whole(tool, axial.folder, count=4, anatomy='LPS')
+    warned(tool, axial.folder, 'shown as axial')
+    located = Series(tool, 'gap-position')
+    for z in range(4):
+        located.add(f'{z}.dcm', z, ImagePositionPatient=None, SliceLocation=3 * z - 5, InstanceNumber=9 - z)
+    tool.equal(located.folder, [pixels(z) for z in range(4)], spacing=[0.7, 0.5, 3], origin=[0, 0, -5])
+    warned(tool, located.folder, 'SliceLocation', 'not known')
+    inverse = stack(tool, 'inverse', PhotometricInterpretation='MONOCHROME1')
+    whole(tool, inverse.folder)
+    warned(tool, inverse.folder, 'MONOCHROME1')
+
+
+def check_twins(tool):
+    """Copies with ids of their own: the pixels tell."""
+    series = stack(tool, 'twins')
+    for z in range(6):
+        series.add(f'copy{z}.dcm', z, InstanceNumber=z + 1)
+    whole(tool, series.folder)
+    warned(tool, series.folder, 'Left out 6 copies', 'copy0.dcm (of 00.dcm)')
+    whole(tool, series.path('copy3.dcm'))
+    series.add('other.dcm', 3, samples=pixels(3) + 7, InstanceNumber=4)
+    tool.refused(series.folder, 'show the same place')
+
+
+def check_bare(tool):
+    """Files of implicit types without a preamble or an extension."""
+    series = Series(tool, 'bare')
+    for z in range(4):
+        one = pydicom.Dataset(series.dataset(pixels(z), z))
+        one['PixelData'].VR = 'OW'
+        pydicom.dcmwrite(series.path(f'{z}'), one, implicit_vr=True, little_endian=True, enforce_file_format=False)
+    whole(tool, series.folder, count=4)
+    whole(tool, series.path('1'), count=4)
+
+
 def csa_header(version=2, **members):
     """A CSA header as nibabel describes it: each element has six items, of which the first ones are used."""
     out = [b'SV10\4\3\2\1' if version == 2 else b'', struct.pack('<2I', len(members) + 1, 77)]
@@ -282,5 +322,5 @@ def check_reconstructions(tool):
 
 def check(tool):
     warnings.filterwarnings('ignore', 'Invalid value for VR')  # of times that old files write
-    for part in (check_midnight, check_scout, check_missing, check_mosaics, check_joined, check_bits, check_named, check_reconstructions):
+    for part in (check_midnight, check_scout, check_missing, check_gaps, check_twins, check_bare, check_mosaics, check_joined, check_bits, check_named, check_reconstructions):
         part(tool)
