@@ -139,6 +139,22 @@ bool vtk_is_ghosts(const struct vtk_entry *e) {
     return strcmp(e->name, "vtkGhostType") == 0 || strcmp(e->name, "vtkGhostLevels") == 0;
 }
 
+void vtk_note_cells(struct vtk_volume *v, const char *name) {
+    char marked[SP_FIELD_BYTES + 4];
+    snprintf(marked, sizeof marked, ", %.*s", SP_FIELD_BYTES - 1, name);
+    if (!v->cells.text)
+        import_list_begin(&v->cells, v->cell_names, sizeof v->cell_names);
+    if (strncmp(name, "vtkGhost", 8) != 0 && !strstr(v->cell_names, marked))
+        import_list_add(&v->cells, "", marked);
+}
+
+/* True if the source names one of the arrays of cells. */
+static bool wants_cells(const struct vtk_volume *v) {
+    const char *wanted = *v->file->field ? v->file->field : v->file->vectors;
+    const char *at = *wanted ? strstr(v->cell_names, wanted) : NULL;
+    return at && at >= v->cell_names + 2 && at[-1] == ' ' && strchr(",", at[strlen(wanted)]);
+}
+
 void vtk_warn_of_cells(const struct vtk_volume *v, uint64_t count) {
     import_warn(v->file->warnings,
                 "The %" PRIu64
@@ -152,7 +168,19 @@ bool vtk_complete(struct vtk_volume *v, struct import_header *header, struct sp_
         header->steps.count = 1;
         header->steps.times = &v->time;
     }
-    if (v->has_cell_data && vtk_has_points(v->set))
-        import_warn(v->file->warnings, "Data of cells are not read.");
+    static const char remedy[] =
+        "turn them into data of points, with ParaView's filter \"Cell Data "
+        "to Point Data\" (vtkCellDataToPointData)";
+    if (wants_cells(v))
+        return sp_fail(
+            err, SP_ERR_UNSUPPORTED, v->file->shown,
+            "\"%.60s\" are data of cells, which are read of images and rectilinear grids "
+            "only; %s",
+            *v->file->field ? v->file->field : v->file->vectors, remedy);
+    if (v->cells.text)
+        import_list_end(&v->cells);
+    if (v->cell_names[0])
+        import_warn(v->file->warnings, "The data of cells (%s) are not read; %s.",
+                    v->cell_names + 2, remedy);
     return vtk_has_points(v->set) ? vtk_points_open(v, header, err) : vtk_grid_open(v, header, err);
 }

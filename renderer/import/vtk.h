@@ -50,7 +50,16 @@ enum vtk_home {
 };
 
 /* What the file says that an array is for; the greater, the rather it is read. */
-enum vtk_role { VTK_IDS, VTK_ANY, VTK_SCALARS, VTK_VECTORS, VTK_NORMALS, VTK_COLORS };
+enum vtk_role {
+    VTK_IDS,
+    VTK_ANY,
+    VTK_SCALARS,
+    VTK_VECTORS,
+    VTK_NORMALS,
+    VTK_COLORS,
+    VTK_PARTS, /* the source wants components */
+    VTK_RGB    /* the source wants colours */
+};
 
 struct vtk_entry {          /* an array of a piece */
     struct vtk_array array; /* the parsers leave its count 0 */
@@ -95,7 +104,8 @@ struct vtk_volume { /* a reader of either format */
     uint32_t file_count;
     char selected[2][2][SP_FIELD_BYTES]; /* by home and SAMPLES or VECTORS: what XML selects */
     double time;                         /* NAN = unknown */
-    bool has_cell_data;                  /* some is there, whether it is read or not */
+    char cell_names[96];                 /* of arrays of cells that are not read: ", A, B" */
+    struct import_list cells;            /* in cell_names */
     uint64_t cell_count;                 /* of an unstructured grid, unless each is a point */
 
     struct import_file other; /* the one of `files` that is open; fd −1 = none */
@@ -149,6 +159,9 @@ bool vtk_read(void *volume, void *voxels, float (*vectors)[3],
               const struct import_progress *progress, struct sp_error *err);
 bool vtk_read_elements(void *volume, const struct sp_elements *elements,
                        const struct import_progress *progress, struct sp_error *err);
+
+/* Notes an array of cells that is not read, because its data set has points of their own. */
+void vtk_note_cells(struct vtk_volume *v, const char *name);
 
 /* Warns that the cells of an unstructured grid are not drawn. */
 void vtk_warn_of_cells(const struct vtk_volume *v, uint64_t count);

@@ -17,8 +17,8 @@
 bool vtk_is_color(const struct vtk_entry *e) {
     const bool are_bytes = e->array.type->number.kind == IMPORT_UNSIGNED &&
                            e->array.type->number.size == 1 && !e->array.type->are_bits;
-    return (e->components == 3 || e->components == 4) &&
-           (e->role == VTK_COLORS ||
+    return (e->components == 3 || e->components == 4) && e->role != VTK_PARTS &&
+           (e->role == VTK_COLORS || e->role == VTK_RGB ||
             (are_bytes && e->role != VTK_VECTORS && e->role != VTK_NORMALS));
 }
 
@@ -27,7 +27,7 @@ static bool is_field(const struct vtk_entry *e) {
 }
 
 static bool is_vectors(const struct vtk_entry *e) {
-    return e->components == 3 && !vtk_is_color(e);
+    return e->components == 3 && e->role != VTK_PARTS && !vtk_is_color(e);
 }
 
 struct names {
@@ -225,8 +225,36 @@ static bool check_pieces(const struct vtk_volume *v, const struct vtk_choice *c,
     return true;
 }
 
+/* The source may say what several components are. */
+static bool apply_choice(struct vtk_volume *v, struct import_header *header, struct sp_error *err) {
+    const enum import_as wanted = v->file->selection.as;
+    static const enum vtk_role roles[IMPORT_AS_COUNT] = { [IMPORT_AS_VECTORS] = VTK_VECTORS,
+                                                          [IMPORT_AS_RGB] = VTK_RGB,
+                                                          [IMPORT_AS_CHANNELS] = VTK_PARTS };
+    for (size_t i = 0; i < v->entry_count && roles[wanted]; i++) {
+        struct vtk_entry *e = &v->entries[i];
+        if (!is_field(e) || e->role == VTK_NORMALS || e->components < 2 ||
+            (wanted != IMPORT_AS_CHANNELS && e->components != 3 &&
+             (wanted != IMPORT_AS_RGB || e->components != 4)))
+            continue;
+        e->role = roles[wanted];
+        header->used_as = true;
+    }
+    if (wanted == IMPORT_AS_TIME)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
+                       "?as=time: a VTK file has one step; open several files, such as t*.vti");
+    return header->used_as || !import_as_is_axis(wanted) ||
+           sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, "?as=%s: the file has no array of %s",
+                   import_as_name(wanted),
+                   wanted == IMPORT_AS_VECTORS ? "three components"
+                   : wanted == IMPORT_AS_RGB   ? "three or four components"
+                                               : "several components");
+}
+
 bool vtk_choose(struct vtk_volume *v, struct import_header *header, struct sp_error *err) {
     struct names n = { .v = v };
+    if (!apply_choice(v, header, err))
+        return false;
     v->home = find_home(&n);
     choose(v, &n);
     name_chosen(v, &n, header);

@@ -205,7 +205,6 @@ static bool take_points(struct vtk_legacy *l, const char *keyword) {
 static bool take_cells(struct vtk_legacy *l, const char *keyword) {
     if (!begin_section(l, keyword, CELLS))
         return false;
-    l->volume->has_cell_data = true;
     if (!vtk_has_points(l->set) && l->tuples != l->cells)
         import_warn(l->file->warnings,
                     "CELL_DATA has %" PRIu64 " values, but the grid has %" PRIu64
@@ -239,6 +238,10 @@ static bool add_field(struct vtk_legacy *l, const char *keyword, const char *nam
                       const struct vtk_type *type, uint64_t components, enum vtk_role role) {
     const bool is_of_cells = l->section == CELLS && !vtk_has_points(l->set);
     char own[SP_FIELD_BYTES];
+    if (l->section == CELLS && vtk_has_points(l->set)) {
+        take_name(own, name);
+        vtk_note_cells(l->volume, own);
+    }
     if ((l->section != POINTS && !is_of_cells) || (is_of_cells && l->tuples != l->cells) ||
         components == 0 || components > VTK_COMPONENTS_MAX)
         return true;

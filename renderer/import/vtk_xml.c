@@ -42,8 +42,9 @@ struct xml { /* state while a file is read */
     unsigned length_size;
     bool in_grid, in_piece, in_data; /* inside of the data set, a piece, its FieldData */
     bool has_grid;
-    int home; /* enum vtk_home of the part; −1 = none that is read */
-    int kind; /* enum vtk_cell_kind of the part */
+    bool in_cells; /* the part has data of cells that are not read */
+    int home;      /* enum vtk_home of the part; −1 = none that is read */
+    int kind;      /* enum vtk_cell_kind of the part */
     unsigned coordinate_count;
     struct vtk_entry time; /* of FieldData; without a type if there is none */
     bool has_time;
@@ -260,6 +261,7 @@ static void take_in_grid(struct xml *x, const char *name, const char **attribute
 static void take_part(struct xml *x, const char *name, const char **attributes) {
     struct vtk_piece *piece = &x->volume->pieces[x->volume->piece_count - 1];
     x->home = -1;
+    x->in_cells = strcmp(name, "CellData") == 0 && vtk_has_points(x->set);
     if (strcmp(name, "PointData") == 0)
         x->home = VTK_OF_POINTS;
     else if (strcmp(name, "CellData") == 0 && !vtk_has_points(x->set))
@@ -356,6 +358,8 @@ static void take_array(struct xml *x, const char *element, const char **attribut
     uint64_t components;
     const char *name = find(attributes, "Name"), *type = find(attributes, "type");
     name = name ? name : "";
+    if (x->in_cells && strcmp(element, "DataArray") == 0)
+        vtk_note_cells(x->volume, name);
     if (x->home < 0 || x->failed || strcmp(element, "DataArray") != 0 ||
         !take_whole(x, attributes, "NumberOfComponents", 1, VTK_COMPONENTS_MAX, &components))
         return;

@@ -264,6 +264,54 @@ static void lz4_and_lzma_are_unpacked(void **state) {
     }
 }
 
+/* Cells of data sets with points of their own are told, with the remedy. */
+static void data_of_cells_that_are_not_read_are_named(void **state) {
+    (void)state;
+    static const char *const types[] = { "StructuredGrid", "UnstructuredGrid", "PolyData" };
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
+        write_text(
+            "c.vtk.xml",
+            "<VTKFile type=\"%s\"><%s WholeExtent=\"0 1 0 1 0 0\"><Piece Extent=\"0 1 0 1 0 0\" "
+            "NumberOfPoints=\"4\"><CellData><DataArray type=\"Float32\" Name=\"stress\" "
+            "format=\"ascii\">5</DataArray><DataArray type=\"UInt8\" "
+            "Name=\"vtkGhostType\" format=\"ascii\">0</DataArray></CellData><Points><DataArray "
+            "type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">0 0 0 1 0 0 0 1 0 1 1 "
+            "0</DataArray></Points></Piece></%s></VTKFile>",
+            types[i], types[i], types[i]);
+        load_warns("c.vtk.xml", "The data of cells (stress) are not read; turn them into data of "
+                                "points");
+        load_error("c.vtk.xml?field=stress", SP_ERR_UNSUPPORTED, "c.vtk.xml",
+                   "\"stress\" are data of cells");
+    }
+}
+
+static void the_source_says_what_components_are(void **state) {
+    (void)state;
+    write_text("as.vti",
+               "<VTKFile type=\"ImageData\"><ImageData WholeExtent=\"0 1 0 0 0 0\"><Piece "
+               "Extent=\"0 1 0 0 0 0\"><PointData><DataArray type=\"UInt8\" Name=\"v\" "
+               "NumberOfComponents=\"3\" format=\"ascii\">0 3 4 1 2 2</DataArray>"
+               "</PointData></Piece></ImageData></VTKFile>");
+    static const struct {
+        const char *as, *name;
+        bool has_vectors;
+    } cases[] = { { "", "v red", false },
+                  { "?as=rgb", "v red", false },
+                  { "?as=channels", "v component 1", false },
+                  { "?as=vectors", "magnitude", true } };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char source[64];
+        snprintf(source, sizeof source, "as.vti%s", cases[i].as);
+        struct sp_volume *volume = load(source);
+        assert_string_equal(sp_volume_info(volume)->value_name, cases[i].name);
+        assert_int_equal(sp_volume_info(volume)->vector_bytes > 0, cases[i].has_vectors);
+        if (cases[i].has_vectors)
+            assert_float_equal(((const float *)sp_volume_voxels(volume))[0], 5, 1e-6);
+        sp_volume_unref(&volume);
+    }
+    load_error("as.vti?as=time", SP_ERR_UNSUPPORTED, "as.vti", "open several files");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(data_of_cells_lie_at_their_centres),
@@ -272,6 +320,8 @@ int main(void) {
         cmocka_unit_test(every_integer_type_is_read),
         cmocka_unit_test(legacy_bits_and_texts_are_read),
         cmocka_unit_test(lz4_and_lzma_are_unpacked),
+        cmocka_unit_test(data_of_cells_that_are_not_read_are_named),
+        cmocka_unit_test(the_source_says_what_components_are),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
