@@ -91,14 +91,15 @@ timed() {
     return $status
 }
 
-# run PRESET CTEST-ARGUMENT...: runs the tests, longest first. One more than there are cores run at a time, because some
-# tests wait. A failure does not stop the next stage. The summary of ctest goes to $logs/PRESET.summary and is printed by
+# run PRESET CTEST-ARGUMENT...: runs the tests, longest first. More than there are cores run at a time, because some tests
+# wait: two more in the release stage, which has the tests of the page, else one. A failure does not stop the next stage. The summary of ctest goes to $logs/PRESET.summary and is printed by
 # the caller.
 run() {
-    local preset=$1
+    local preset=$1 more=1
     shift
+    [[ $preset != release ]] || more=2
     rm -f "$logs/$preset.summary"
-    (cd "$root" && ctest --preset "$preset" --parallel $(($(nproc) + 1)) "$@" 2>&1) |
+    (cd "$root" && ctest --preset "$preset" --parallel $(($(nproc) + more)) "$@" 2>&1) |
         tee "$logs/$preset.log" |
         sed -uE "/^[0-9]+% tests passed/,\$ { w $logs/$preset.summary
             d }" ||

@@ -16,7 +16,8 @@ struct image_bridge {
 };
 
 static void explain(char *why, size_t capacity, const std::string &text) {
-    std::string line = text; /* the caller explains an empty one */
+    /* The caller explains an empty one. A damaged file can make a library quote gigabytes. */
+    std::string line = text.substr(0, capacity);
     for (char &c : line)
         if (static_cast<unsigned char>(c) < 0x20)
             c = ' ';
