@@ -122,7 +122,9 @@ static proto_json *wait_until_ready(struct http *http, const struct options *opt
     bool waited = false;
     while (volume && strcmp(text_of(volume, "state"), "ready") != 0) {
         if (strcmp(text_of(volume, "state"), "failed") == 0) {
-            sp_fail(err, SP_ERR_FORMAT, id, "loading failed: %s", text_of(volume, "reason"));
+            const char *reason = text_of(volume, "reason");
+            sp_fail(err, SP_ERR_FORMAT, id, "loading failed: %s",
+                    *reason ? reason : "the daemon tells no cause; its log may");
             proto_json_free(&volume);
         } else if (now_s() > end) {
             sp_fail(err, SP_ERR_TIMEOUT, id, "still loading after %u s; --timeout allows more",

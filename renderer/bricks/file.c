@@ -72,7 +72,9 @@ static bool read_index(struct sp_brick_file *file, unsigned l, const struct sp_b
     ok = ok && read_at(file, bytes, size, index->at, err);
     if (ok && sp_brick_checksum(bytes, size) != index->checksum)
         ok = sp_fail(err, SP_ERR_FORMAT, file->shown,
-                     "the brick file is damaged: the checksum of the index of level %u", l);
+                     "the brick file is damaged, convert the volume again: the checksum of the "
+                     "index of level %u",
+                     l);
     for (uint64_t i = 0; ok && i < count; i++)
         ok = sp_brick_entry_decode(bytes + i * BRICK_ENTRY_BYTES, file->bytes, file->shown,
                                    &(*entries)[i], err);
@@ -104,8 +106,9 @@ static bool read_axes(struct sp_brick_file *file, struct sp_error *err) {
         sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the axes");
     ok = ok && read_at(file, bytes, size, header->axes_at, err);
     if (ok && sp_brick_checksum(bytes, size) != header->axes_checksum)
-        ok = sp_fail(err, SP_ERR_FORMAT, file->shown,
-                     "the brick file is damaged: the checksum of its axes");
+        ok = sp_fail(
+            err, SP_ERR_FORMAT, file->shown,
+            "the brick file is damaged, convert the volume again: the checksum of its axes");
     for (size_t i = 0; ok && i < first; i++)
         file->places[i] = decode_double(bytes + i * sizeof(double));
     free(bytes);
@@ -125,8 +128,9 @@ static bool read_notes(struct sp_brick_file *file, struct sp_error *err) {
         sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the notes");
     ok = ok && read_at(file, bytes, size, file->header.notes_at, err);
     if (ok && sp_brick_checksum(bytes, size) != file->header.notes_checksum)
-        ok = sp_fail(err, SP_ERR_FORMAT, file->shown,
-                     "the brick file is damaged: the checksum of its notes");
+        ok = sp_fail(
+            err, SP_ERR_FORMAT, file->shown,
+            "the brick file is damaged, convert the volume again: the checksum of its notes");
     ok =
         ok && sp_brick_notes_decode(bytes, size, file->shown, &file->header.info, file->times, err);
     free(bytes);
@@ -331,7 +335,8 @@ static bool unpack(const struct sp_brick_file *file, const struct sp_brick_entry
     if (got == size)
         return true;
     return sp_fail(err, SP_ERR_FORMAT, file->shown,
-                   "brick (%" PRIu64 ", %" PRIu64 ", %" PRIu64 ") of level %u is damaged: %s",
+                   "brick (%" PRIu64 ", %" PRIu64 ", %" PRIu64
+                   ") of level %u is damaged, convert the volume again: %s",
                    number % bricks[0], number / bricks[0] % bricks[1],
                    number / bricks[0] / bricks[1], level,
                    ZSTD_isError(got) ? ZSTD_getErrorName(got) : "it is too small");

@@ -185,7 +185,8 @@ void sp_brick_box(const struct sp_brick_level *level, uint64_t number, uint32_t 
 }
 
 static bool fail(const char *shown, const char *what, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_FORMAT, shown, "the brick file is damaged: %s", what);
+    return sp_fail(err, SP_ERR_FORMAT, shown,
+                   "the brick file is damaged, convert the volume again: %s", what);
 }
 
 /* Only an anatomy of three different axes is one. */

@@ -225,7 +225,8 @@ static struct sp_volume *make_base(struct sp_brick_store *store, const char *nam
         return NULL;
     bool ok = sp_brick_fill(&job, &why, err);
     if (!ok && atomic_load(&loading.is_late))
-        sp_fail(err, SP_ERR_TIMEOUT, source, "reading it took longer than its time limit");
+        sp_fail(err, SP_ERR_TIMEOUT, source, "reading it took longer than the limit of %.3g s",
+                timeout_ms / 1000.0);
     if (ok && why.code != SP_OK && has_lost_all(store))
         ok = sp_fail(err, why.code, why.place, "%s", why.text);
     if (ok && !sp_brick_store_grid(store, &store->base_need, &info.grid, &numbers))

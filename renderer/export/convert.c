@@ -139,7 +139,8 @@ static bool convert(const char *source, const char *out, const struct format *fo
     while (format->is_folder && length > 1 && out[length - 1] == '/')
         length--;
     if (length >= sizeof path)
-        return sp_fail(err, SP_ERR_INVALID, out, "the path is too long");
+        return sp_fail(err, SP_ERR_INVALID, out, "the path has %zu bytes; the limit is %zu", length,
+                       sizeof path - 1);
     snprintf(path, sizeof path, "%.*s", (int)length, out);
     const char *slash = strrchr(path, '/');
     snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - path) + 1 : 1,

@@ -36,7 +36,7 @@ bool sp_address_parse(const char *address, struct sp_address *parts, struct sp_e
     if (!sp_address_is_remote(address))
         return fail(address, "an address begins with http:// or https://", err);
     if (strlen(address) >= SP_ADDRESS_BYTES)
-        return fail(address, "the address is too long", err);
+        return fail(address, "the address has more than 2047 bytes, the limit", err);
     const char *host = address + (parts->is_secure ? 8 : 7), *end = host + strcspn(host, "/");
     if (memchr(host, '@', (size_t)(end - host)))
         return fail(address, "addresses with a user or a password are not supported", err);

@@ -37,16 +37,19 @@ bool dicom_samples_type(const struct dicom_source *source, const struct dicom_im
         (bytes > 2 || (is_ybr && image->channels != 3) ||
          (bytes > 1 && image->colors != DICOM_PALETTE) || image->is_float))
         return dicom_fail(source, SP_ERR_UNSUPPORTED, name,
-                          "colours of this depth are not supported: they have 8 bits", err);
+                          "these colours are not supported: YBR has three channels of 8 bits, a "
+                          "palette whole numbers of up to 16 bits; decompress the file to RGB",
+                          err);
     if (image->is_bits && (image->is_packed || image->colors != DICOM_GRAY || bytes > 1))
         return dicom_fail(source, SP_ERR_UNSUPPORTED, name,
                           "pixels of one bit are supported only if they are neither compressed nor "
-                          "colours",
+                          "colours; decompress the file, for example with gdcmconv --raw",
                           err);
     if (image->is_packed && image->high_bit + 1 != image->bits)
         return dicom_fail(source, SP_ERR_UNSUPPORTED, name,
                           "compressed pixels whose high bit is not the highest of the bits stored "
-                          "are not supported",
+                          "are not supported; decompress the file, for example with gdcmconv "
+                          "--raw",
                           err);
     *channels = image->colors == DICOM_PALETTE ? 3 : image->channels;
     *number = (struct import_number){ image->is_float    ? IMPORT_FLOAT

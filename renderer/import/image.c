@@ -42,8 +42,9 @@ static bool take_type(struct image *m, struct import_header *header, struct sp_e
     if (page->floating || page->is_signed || page->bytes > 2 || page->channels < 1 ||
         page->channels > 4)
         return sp_fail(err, SP_ERR_UNSUPPORTED, m->file->shown,
-                       "images of %d channels of %d bits are not supported", page->channels,
-                       page->bytes * 8);
+                       "images of %d channels of %d bits are not supported; supported are 1 to 4 "
+                       "channels of 8 or 16 bits",
+                       page->channels, page->bytes * 8);
     m->conversion = import_conversion_of(
         (struct import_number){ IMPORT_UNSIGNED, (size_t)page->bytes }, m->file->warnings);
     m->conversion.components = (unsigned)page->channels;

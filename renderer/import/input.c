@@ -27,7 +27,8 @@ bool sp_import_check_host(const char *address, const char *allowed, struct sp_er
 static bool take_address(const char *source, char address[SP_ADDRESS_BYTES], struct sp_error *err) {
     const size_t length = sp_source_split(source).path_bytes;
     if (length >= SP_ADDRESS_BYTES)
-        return sp_fail(err, SP_ERR_INVALID, source, "the address is too long");
+        return sp_fail(err, SP_ERR_INVALID, source, "the address has %zu bytes; the limit is %d",
+                       length, SP_ADDRESS_BYTES - 1);
     memcpy(address, source, length);
     address[length] = 0;
     return true;

@@ -77,7 +77,8 @@ bool sp_series_list(const char *path, const struct sp_load_options *options, str
     l->child.memory = l->child.socket = -1;
     bool ok =
         (size_t)snprintf(l->place.path, sizeof l->place.path, "%s", path) < sizeof l->place.path ||
-        sp_fail(err, SP_ERR_INVALID, path, "the path is too long");
+        sp_fail(err, SP_ERR_INVALID, path, "the path has more than %d bytes, the limit",
+                PATH_MAX - 1);
     ok = ok && sp_import_place_find(&l->place, how->root, err);
     if (ok && !l->place.is_remote)
         ok = sp_import_find_program("splat-import", how->importer, l->importer, err) &&

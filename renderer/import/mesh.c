@@ -150,7 +150,8 @@ static bool walk_lines(struct mesh *m, bool (*add)(void *user, uint32_t vertex, 
 static bool read_lines(struct mesh *m, struct sp_error *err) {
     struct import_line_points *p = &m->parts.points;
     if (!walk_lines(m, count_point))
-        return fail(err, SP_ERR_UNSUPPORTED, m, "too many points of lines");
+        return fail(err, SP_ERR_UNSUPPORTED, m,
+                    "the lines have more than 2^31 - 1 points; save parts of them as files");
     if (!import_mesh_parts_alloc_lines(&m->parts, p->count, p->lines))
         return fail(err, SP_ERR_MEMORY, m, "out of memory");
     return walk_lines(m, add_point);

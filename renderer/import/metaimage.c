@@ -322,9 +322,13 @@ static bool find_number(const struct parsing *p, struct import_number *number) {
             *number = types[i].number;
             return true;
         }
-    return refuse(p, value ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT, ELEMENT_TYPE,
-                  value ? "samples of type %.40s are not supported" : "is missing%.0s",
-                  value ? value : "");
+    return refuse(
+        p, value ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT, ELEMENT_TYPE,
+        value
+            ? "samples of type %.40s are not supported; supported are MET_CHAR to MET_ULONG_LONG, "
+              "MET_FLOAT and MET_DOUBLE, and the same with _ARRAY"
+            : "is missing%.0s; write it, such as ElementType = MET_FLOAT",
+        value ? value : "");
 }
 
 /* MetaIO's long has 4 bytes. Programs that wrote that of their machine may have used 8, which the

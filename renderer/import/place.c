@@ -43,7 +43,8 @@ static bool take_folder(struct sp_import_place *p, struct sp_error *err) {
     close(folder);
     const size_t length = strlen(p->path);
     if (length + strlen(metadata) + 2 > sizeof p->path)
-        return sp_fail(err, SP_ERR_INVALID, p->path, "the path is too long");
+        return sp_fail(err, SP_ERR_INVALID, p->path, "the path has more than %d bytes, the limit",
+                       PATH_MAX - 1);
     if (!p->is_folder)
         snprintf(p->path + length, sizeof p->path - length, "/%s", metadata);
     return true;
@@ -64,7 +65,8 @@ static bool pick_numbered(struct sp_import_place *p, char *name, struct sp_error
     if (ok) {
         const size_t left = sizeof p->path - (size_t)(name - p->path);
         ok = (size_t)snprintf(name, left, "%s", files.names[0]) < left ||
-             sp_fail(err, SP_ERR_INVALID, source, "the path is too long");
+             sp_fail(err, SP_ERR_INVALID, source, "the path has more than %d bytes, the limit",
+                     PATH_MAX - 1);
     }
     sp_numbered_finish(&files);
     return ok;

@@ -177,7 +177,8 @@ bool ply_parse(struct ply *ply, const struct import_file *file, struct sp_error 
         ok = refuse(h, SP_ERR_FORMAT, NULL, "a PLY file starts with the line ply", NULL);
     for (int lines = 0; ok && !ended; lines++)
         ok = lines < LINES_MAX ? take_line(h, &ended)
-                               : refuse(h, SP_ERR_FORMAT, NULL, "the header is too long", NULL);
+                               : refuse(h, SP_ERR_FORMAT, NULL,
+                                        "the header has more than 65536 lines, the limit", NULL);
     ply->begin = h->text.at;
     free(h);
     return ok && check_size(ply, err);

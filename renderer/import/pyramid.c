@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "import/pyramid.h"
 
+#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -129,7 +130,8 @@ static bool let_go(struct reader *r, struct sp_error *err) {
         return false;
     void *memory = mmap(NULL, bytes, PROT_READ, MAP_SHARED, r->child.memory, 0);
     if (memory == MAP_FAILED)
-        return sp_fail(err, SP_ERR_MEMORY, r->child.shown, "cannot map a chunk");
+        return sp_fail(err, SP_ERR_MEMORY, r->child.shown,
+                       "cannot map a chunk of %" PRIu64 " bytes: %s", bytes, strerror(errno));
     r->memory = memory;
     return true;
 }

@@ -83,8 +83,8 @@ static bool open_piece(const struct import_samples *s, size_t i, struct import_s
     char path[2 * PATH_MAX], real[PATH_MAX];
     int n = snprintf(path, sizeof path, "%s/%s", name[0] == '/' ? "" : s->file->folder, name);
     if (n >= PATH_MAX)
-        return sp_fail(err, SP_ERR_INVALID, s->file->shown, "the name of data file %zu is too long",
-                       i);
+        return sp_fail(err, SP_ERR_INVALID, s->file->shown,
+                       "the name of data file %zu and its folder are longer than a path may be", i);
     fd = sp_open_confined(s->file->root, path, name, real, &size, err);
     if (fd >= 0)
         import_stream_open(stream, fd, true, name, size);

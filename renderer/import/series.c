@@ -46,7 +46,9 @@ static bool open_file(struct series *s, const struct import_file *source, const 
     const char *slash = strrchr(name, '/');
     const int n = snprintf(path, sizeof path, "%s/%s", name[0] == '/' ? "" : source->folder, name);
     if (n >= PATH_MAX)
-        return sp_fail(err, SP_ERR_INVALID, source->shown, "the name of a step is too long");
+        return sp_fail(err, SP_ERR_INVALID, source->shown,
+                       "the name of a step and its folder have more than %d bytes, the limit",
+                       PATH_MAX - 1);
     snprintf(s->shown, sizeof s->shown, "%s", slash ? slash + 1 : name);
     s->file = *source;
     s->file.fd = sp_open_confined(source->root, path, s->shown, s->real, &s->file.size, err);
@@ -71,7 +73,9 @@ static bool open_step(struct series *s, struct import_header *header, struct sp_
             "cannot read the file: the file became shorter, or its disk or network fails");
     s->inner = import_format_find(start, (size_t)size, s->shown, err);
     if (s->inner == &import_collection)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, s->shown, "a step cannot be a series of its own");
+        return sp_fail(
+            err, SP_ERR_UNSUPPORTED, s->shown,
+            "a step cannot be a series of its own; list its files, or open this file alone");
     s->reader = s->inner ? s->inner->open(&s->file, header, err) : NULL;
     return s->reader != NULL;
 }
@@ -129,7 +133,9 @@ static bool open_listed(struct series *s, const struct import_file *file,
         !open_file(s, file, s->listed.files[file->step].name, err) || !open_step(s, header, err))
         return false;
     if (header->steps.count > 1)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, s->shown, "a step cannot be a series of its own");
+        return sp_fail(
+            err, SP_ERR_UNSUPPORTED, s->shown,
+            "a step cannot be a series of its own; list its files, or open this file alone");
     header->steps = own.steps;
     header->steps.times = s->listed.times;
     return true;

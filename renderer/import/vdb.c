@@ -57,7 +57,8 @@ static bool choose_grid(struct vdb *v, struct import_header *header, struct sp_e
         return sp_fail(err, SP_ERR_FORMAT, v->file->shown, "%s", why);
     if (v->number < 0)
         return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
-                       "the file has no grid of float or double that has active voxels");
+                       "the file has no grid of float or double that has active voxels; grids of "
+                       "vectors and integers are not read");
     import_name(header->value_name, v->grid.name);
     return true;
 }

@@ -109,8 +109,8 @@ const struct import_file *vtk_open_file(struct vtk_volume *v, uint32_t number,
     v->other = *v->file;
     v->other.fd = -1;
     if (n >= PATH_MAX) {
-        sp_fail(err, SP_ERR_INVALID, v->file->shown, "the name %.80s… of a piece is too long",
-                name);
+        sp_fail(err, SP_ERR_INVALID, v->file->shown,
+                "the name %.80s… of a piece and its folder are longer than a path may be", name);
         return NULL;
     }
     v->other.fd = sp_open_confined(v->file->root, path, name, v->other_real, &v->other.size, err);

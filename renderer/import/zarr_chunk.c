@@ -235,7 +235,8 @@ enum zarr_found zarr_chunk_read(struct zarr_chunks *c, const struct zarr_array *
     char key[ZARR_KEY_BYTES];
     struct bytes bytes = { .buffer = 0 };
     if (!chunk_key(a, at, key)) {
-        zarr_fail(c->store, err, SP_ERR_INVALID, a->path, "", "the key of a chunk is too long");
+        zarr_fail(c->store, err, SP_ERR_INVALID, a->path, "",
+                  "the key of a chunk is longer than a path may be");
         return ZARR_FAILED;
     }
     const enum zarr_found found = load(c, a, at, key, &bytes, err);
