@@ -104,6 +104,7 @@ struct dicom_image { /* what a file says about its images */
     bool is_packed;  /* the pixels are compressed */
     bool is_swapped; /* their byte order is not that of this machine */
     bool is_labels;  /* the frames are segments, each pixel in it or not */
+    bool has_words;  /* bytes lie in words of 2, whose byte order is not that of this machine */
     bool has_labels; /* the pixels are labels of segments */
     bool is_tiled;   /* the frames are tiles of one large image, as of a microscope */
     double tiled[2]; /* columns and rows of this image; NaN = not known */

@@ -104,6 +104,7 @@ static bool find_pixels(std::ifstream &stream, std::streamoff at, uint16_t eleme
         uint32_t length = 0;
         for (int i = 0; i < 4; i++)
             length |= static_cast<uint32_t>(bytes[head - 4 + (is_big ? 3 - i : i)]) << 8 * i;
+        image->has_words = is_big && head == 12 && bytes[4] == 'O' && bytes[5] == 'W';
         image->pixels_at = static_cast<uint64_t>(at);
         image->pixels_bytes = length;
         return true;

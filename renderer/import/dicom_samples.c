@@ -183,7 +183,7 @@ bool dicom_samples_open(struct dicom_samples *s, const struct dicom_source *sour
     s->tiles = s->image.is_mosaic ? s->image.tiles : 0;
     s->image = stored_of(&s->image);
     s->raw_bytes = (size_t)frame_bytes(&s->image);
-    s->raw = malloc(s->raw_bytes);
+    s->raw = malloc(s->raw_bytes + 2);
     if (!s->raw)
         return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for a frame");
     if (s->image.colors == DICOM_PALETTE &&
@@ -296,9 +296,18 @@ static bool read_raw(struct dicom_samples *s, uint32_t frame, unsigned *first_bi
     const uint64_t at = image->pixels_at + (image->is_bits ? bit / 8 : frame_bytes(image) * frame);
     const uint64_t bytes =
         image->is_bits ? (bit % 8 + pixels_of(image) + 7) / 8 : frame_bytes(image);
+    /* Bytes in words: one more before and behind, so that all words are whole. */
+    const bool has_words = image->has_words && image->bytes == 1 && !image->is_bits;
+    const size_t before = has_words ? (at - image->pixels_at) % 2 : 0;
+    const size_t all = (size_t)bytes + before + (has_words ? (bytes + before) % 2 : 0);
     *first_bit = bit % 8;
-    return sp_read_at(s->fd, s->raw, (size_t)bytes, at) ||
-           fail(s, "the file cannot be read, or is cut off", err);
+    if (!sp_read_at(s->fd, s->raw, all, at - before))
+        return fail(s, "the file cannot be read, or is cut off", err);
+    if (has_words) {
+        swap_bytes(s->raw, all / 2, 2);
+        memmove(s->raw, s->raw + before, (size_t)bytes);
+    }
+    return true;
 }
 
 /* The frame as numbers of the file in native byte order; colours and palettes are not yet

@@ -120,6 +120,10 @@ static int compare_images(const struct dicom_image *a, const struct dicom_image 
         order = compare_numbers(p->along[i / 3][i % 3], q->along[i / 3][i % 3]);
     for (int key = 0; order == 0 && key < DICOM_KEY_COUNT; key++)
         order = compare_numbers(p->keys[key], q->keys[key]);
+    if (order == 0)
+        order = compare_numbers(p->slope, q->slope);
+    if (order == 0)
+        order = compare_numbers(p->intercept, q->intercept);
     for (int text = 0; order == 0 && text < DICOM_TEXT_COUNT; text++)
         order = strcmp(p->texts[text], q->texts[text]);
     if (order == 0)

@@ -39,8 +39,7 @@ static bool is_same_field(const struct fields *fields, const struct dicom_slice 
 
 /* Keys that tell reconstructions apart even where these have no place in common. */
 static bool is_of_reconstruction(int key) {
-    return key == DICOM_TEXT_FLAVOUR || key == DICOM_TEXT_KERNEL || key == DICOM_KEY_THICKNESS ||
-           key == DICOM_KEY_VOLTAGE;
+    return key == DICOM_TEXT_KERNEL || key == DICOM_KEY_THICKNESS || key == DICOM_KEY_VOLTAGE;
 }
 
 enum { VALUES_MAX = 8 };
@@ -69,10 +68,18 @@ static bool list_values(const struct dicom_slices *slices, int key, struct value
     return true;
 }
 
-/* True if the values of a key alternate along the slices, which are sorted. */
+/* True if different values of a key alternate along the slices, which are sorted. Nearly equal ones
+ * are one value with rounding errors. */
 static bool alternates(const struct dicom_slices *slices, int key) {
     struct values values;
-    return list_values(slices, key, &values) && values.runs > values.count;
+    double low = INFINITY, high = -INFINITY;
+    if (!list_values(slices, key, &values) || values.runs <= values.count)
+        return false;
+    for (uint32_t n = 0; n < values.count; n++) {
+        low = fmin(low, values.value[n]);
+        high = fmax(high, values.value[n]);
+    }
+    return high > 1.2 * low;
 }
 
 /* True if all values of a key have the same number of slices. */
@@ -393,6 +400,7 @@ static bool take_times(struct dicom_slices *slices, const struct dicom_source *s
     } keys[] = { { DICOM_KEY_DELAY, "s" },
                  { DICOM_KEY_CLOCK, "s" },
                  { DICOM_KEY_ECHO, "ms" },
+                 { DICOM_KEY_INVERSION, "ms" },
                  { DICOM_KEY_DIFFUSION, "s/mm²" } };
     slices->times = malloc(steps * sizeof *slices->times);
     for (size_t i = 0; slices->times && i < sizeof keys / sizeof *keys; i++) {

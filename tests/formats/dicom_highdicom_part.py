@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Segmentations, parametric maps and enhanced images that highdicom writes, against the volumes that highdicom reads from them."""
+import io
+
 import highdicom
 import numpy
+import PIL.Image
 import pydicom
 from highdicom.content import AlgorithmIdentificationSequence
 from highdicom.sr.coding import CodedConcept
+from pydicom.encaps import encapsulate
 from pydicom.sr.codedict import codes
-from pydicom.uid import ExplicitVRLittleEndian, RLELossless, generate_uid
+from pydicom.uid import ExplicitVRLittleEndian, JPEG2000Lossless, JPEGBaseline8Bit, JPEGLSLossless, RLELossless, generate_uid
 
 from dicom_folder_part import CORONAL, Series, pixels
 
@@ -111,6 +115,41 @@ def check_legacy(tool):
         equal_volume(tool, path, highdicom.imread(path).get_volume(dtype='f8'), value_unit='HU')
 
 
+def check_packed(tool):
+    """JPEG-LS and JPEG 2000 without loss, signed and not, and JPEG in colours, against pydicom."""
+    def save(series, z, one, bits):
+        if bits:
+            one.PixelData, one.file_meta.TransferSyntaxUID = encapsulate([bits.getvalue()]), JPEG2000Lossless
+            one['PixelData'].VR = 'OB'
+        else:
+            one.compress(JPEGLSLossless)
+        one.save_as(series.path(f'{z}.dcm'), enforce_file_format=True)
+
+    for name, signed in (('unsigned', 0), ('signed', 1)):
+        series = Series(tool, f'packed-{name}')
+        values = [numpy.tile(pixels(z), (6, 6)).astype('i4') - 300 * signed for z in range(4)]
+        for z, one in enumerate(values):
+            bits = io.BytesIO() if z % 2 and not signed else None
+            if bits:
+                PIL.Image.fromarray(one.astype('u2')).save(bits, 'JPEG2000', irreversible=False, no_jp2=True)
+            data = series.dataset(one, z, PixelRepresentation=signed, PixelData=one.astype('<i2' if signed else '<u2').tobytes())
+            save(series, z, data, bits)
+        tool.equal(series.folder, values)
+    colors = numpy.random.default_rng(4).integers(0, 256, (2, 4, 4, 3), 'u1').repeat(16, 1).repeat(16, 2)
+    series = Series(tool, 'packed-colors')
+    for z, one in enumerate(colors):
+        bits = io.BytesIO()
+        PIL.Image.fromarray(one).save(bits, 'JPEG', quality=95, subsampling=0)
+        data = series.dataset(one[..., 0], z, SamplesPerPixel=3, PhotometricInterpretation='YBR_FULL_422', PlanarConfiguration=0, BitsAllocated=8,
+                              BitsStored=8, HighBit=7, PixelData=encapsulate([bits.getvalue()]))
+        data.file_meta.TransferSyntaxUID = JPEGBaseline8Bit
+        data['PixelData'].VR = 'OB'
+        data.save_as(series.path(f'{z}.dcm'), enforce_file_format=True)
+    unpacked = numpy.stack([pydicom.dcmread(series.path(f'{z}.dcm')).pixel_array for z in range(2)])
+    for channel, name in enumerate(('red', 'green', 'blue')):
+        tool.equal(f'{series.folder}?field={name}', unpacked[..., channel])
+
+
 def check(tool):
-    for part in (check_segmentations, check_maps, check_legacy):
+    for part in (check_segmentations, check_maps, check_legacy, check_packed):
         part(tool)

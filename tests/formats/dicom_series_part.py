@@ -6,7 +6,7 @@ import warnings
 
 import numpy
 import pydicom
-from pydicom.uid import RLELossless
+from pydicom.uid import ExplicitVRBigEndian, RLELossless
 
 import dicom_files as files
 from dicom_folder_part import Series, pixels, silent, stack, warned, whole
@@ -26,8 +26,7 @@ def check_midnight(tool):
         for z in range(3):
             for t in range(3):
                 series.add(f'{t}{z}.dcm', z, t, InstanceNumber=None, **tags(t))
-        for t in range(3):
-            whole(tool, series.folder, count=3, time=t, step=t, times=[0.0, 3.0, 6.0])
+        whole(tool, series.folder, count=3, time=1, step=1, times=[0.0, 3.0, 6.0])
     day = Series(tool, 'midday')  # no gap of half a day: nothing passes midnight
     for z in range(3):
         for t, hour in enumerate(('01', '09', '20')):
@@ -109,6 +108,19 @@ def check_bare(tool):
         pydicom.dcmwrite(series.path(f'{z}'), one, implicit_vr=True, little_endian=True, enforce_file_format=False)
     whole(tool, series.folder, count=4)
     whole(tool, series.path('1'), count=4)
+
+
+def check_words(tool):
+    """Bytes in words of the other byte order, frames of an odd size."""
+    values = (numpy.arange(3 * 63) % 251).astype('u1').reshape(3, 7, 9)
+    one = files.begin('OT', values.shape, ExplicitVRBigEndian, 8)
+    raw = numpy.append(values.ravel(), 0).astype('u1')
+    one.PixelData = raw.reshape(-1, 2)[:, ::-1].tobytes()
+    one['PixelData'].VR = 'OW'
+    path = tool.path('words.dcm')
+    pydicom.dcmwrite(path, one, enforce_file_format=True)
+    tool.equal(path, pydicom.dcmread(path).pixel_array)
+    tool.equal(path, values)
 
 
 def csa_header(version=2, **members):
@@ -208,8 +220,8 @@ def check_joined(tool):
         files.changed(files.enhanced(tool.path(f'joined-parts/{n}.dcm'), part), **uid)
     tool.equal(tool.path('joined-parts'), [f.values for f in frames], spacing=[0.7, 0.5, 2])
     silent(tool, tool.path('joined-parts'))
-    for n in range(2):
-        files.changed(files.dose(tool.path(f'joined-doses/{n}.dcm'), frames, [2.0 * z for z in range(6)]), **uid)
+    for n in range(2):  # the same pixels with another scale are no copies
+        files.changed(files.dose(tool.path(f'joined-doses/{n}.dcm'), frames, [2.0 * z for z in range(6)]), DoseGridScaling=n + 1, **uid)
     warned(tool, tool.path('joined-doses'), 'Left out 6 other images', '1.dcm')
 
 
@@ -281,9 +293,8 @@ def check_reconstructions(tool):
         for z in range(3):
             for n in range(2):
                 series.add(f'{n}{z}.dcm', z, n, AcquisitionTime=f'1010{10 + 20 * n + z}', AcquisitionNumber=n + 1, **tags(n))
-        for n in range(2):
-            whole(tool, f'{series.folder}?field={names[n]}', count=3, time=n, name=names[n], steps=1)
-            whole(tool, series.path(f'{n}1.dcm'), count=3, time=n, name=names[n], steps=1)
+        whole(tool, f'{series.folder}?field={names[0]}', count=3, time=0, name=names[0], steps=1)
+        whole(tool, series.path('11.dcm'), count=3, time=1, name=names[1], steps=1)
         warned(tool, series.folder, names[0], names[1], '?field=')
     for number, private in enumerate(((0x19, 'SIEMENS MR HEADER', 0x0c, 'IS', '1000'), (0x43, 'GEMS_PARM_01', 0x39, 'IS', ['1000001000', '8']),
                                       (0x2001, 'Philips Imaging DD 001', 0x03, 'FL', 1000.0))):
@@ -306,6 +317,10 @@ def check_reconstructions(tool):
     for z in range(6):
         parts.add(f'{z}.dcm', z, ConvolutionKernel='soft' if z < 3 else 'bone')
     whole(tool, parts.folder)
+    rounded = Series(tool, 'kinds-rounded')  # one thickness
+    for z in range(6):
+        rounded.add(f'{z}.dcm', z, SliceThickness=2 + z % 2 * 1e-3)
+    whole(tool, rounded.folder)
     bolus = Series(tool, 'kinds-bolus')  # the agent comes after the first time
     for z in range(3):
         for t in range(3):
@@ -322,5 +337,5 @@ def check_reconstructions(tool):
 
 def check(tool):
     warnings.filterwarnings('ignore', 'Invalid value for VR')  # of times that old files write
-    for part in (check_midnight, check_scout, check_missing, check_gaps, check_twins, check_bare, check_mosaics, check_joined, check_bits, check_named, check_reconstructions):
+    for part in (check_midnight, check_scout, check_missing, check_gaps, check_twins, check_bare, check_words, check_mosaics, check_joined, check_bits, check_named, check_reconstructions):
         part(tool)

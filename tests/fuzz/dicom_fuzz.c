@@ -67,7 +67,7 @@ static bool describe(const char *path, struct dicom_image *image, char *why, siz
                             &image->is_planar,    &image->is_packed,     &image->is_swapped,
                             &image->is_labels,    &image->is_in_patient, &image->has_number,
                             &image->is_directory, &image->is_tiled,      &image->has_places,
-                            &image->is_mosaic,    &image->has_labels };
+                            &image->is_mosaic,    &image->has_labels,    &image->has_words };
     unsigned char bytes[sizeof *image] = { 0 };
     *image = usual;
     snprintf(why, capacity, "too short");
