@@ -24,15 +24,28 @@ struct array_info {              /* one array of a file */
      */
     char scales[IMPORT_RANK_MAX][ARRAY_NAME_BYTES];
     bool is_scale;               /* it has the coordinates of a dimension */
+    bool is_alias;               /* another name of an array, or a link: read on demand only */
+    bool is_preferred;           /* the file names it as the one to show */
     bool has_default_fill;       /* numbers that no program wrote have the fill value of NetCDF */
     bool is_number;              /* its numbers can be read */
     char problem[256];           /* if they cannot: why */
     struct import_number number; /* as read() returns it */
 };
 
+/* Where a file is, and the other files that its arrays need. */
+struct array_place {
+    const char *path;   /* to open the file */
+    const char *folder; /* of the file */
+    /* Finds another file by its name in this one: the resolved path of a regular file below the
+     * root, or false. */
+    bool (*find)(const struct array_place *place, const char *name, char real[PATH_MAX]);
+    const void *user;
+};
+
 struct array_functions {
-    /* NULL on failure, with the reason in `why` (`capacity` bytes). */
-    void *(*open)(const char *path, char *why, size_t capacity);
+    /* NULL on failure, with the reason in `why` (`capacity` bytes). The place must stay valid until
+     * close(). */
+    void *(*open)(const struct array_place *place, char *why, size_t capacity);
     void (*close)(void *file);
     /* Describes array n, from 0. False if there is none. */
     bool (*describe)(void *file, unsigned n, struct array_info *info);
@@ -43,6 +56,11 @@ struct array_functions {
     size_t (*numbers)(void *file, unsigned n, const char *attribute, double *out, size_t most);
     /* Reads an attribute as text, cut to `capacity` bytes with its 0; "" if there is none. */
     void (*text)(void *file, unsigned n, const char *attribute, char *out, size_t capacity);
+    /* The same of a group; NULL = groups have none. */
+    void (*group_text)(void *file, const char *group, const char *attribute, char *out,
+                       size_t capacity);
+    /* Names a channel of array n; "" or NULL = it has no name. */
+    void (*channel)(void *file, unsigned n, uint32_t channel, char *out, size_t capacity);
 };
 
 #define HDF5_BRIDGE_MODULE "splat-import-hdf5.so"

@@ -89,7 +89,7 @@ static bool is_of_axis(const struct arrays *a, const struct array_info *info) {
 
 /* How many dimensions a volume could have; 0 = the array is none. */
 static unsigned rank_of(const struct arrays *a, const struct array_info *info) {
-    if (!info->is_number || is_of_axis(a, info))
+    if (!info->is_number || info->is_alias || is_of_axis(a, info))
         return 0;
     for (unsigned d = 0; d < info->rank; d++)
         if (info->shape[d] == 0)
@@ -145,7 +145,7 @@ static bool fail_choice(const struct arrays *a, const char *text, struct sp_erro
     snprintf(text_and_list, sizeof text_and_list, "%s", text);
     import_list_begin(&list, text_and_list, sizeof text_and_list);
     for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
-        if (info.is_number && info.rank >= 1) {
+        if (info.is_number && info.rank >= 1 && !info.is_alias) {
             list_shape(&info, one, sizeof one);
             import_list_add(&list, found++ ? "; " : " ", one);
         }
@@ -191,7 +191,12 @@ bool arrays_choose(struct arrays *a, struct sp_error *err) {
             a->info = info;
             a->channel = channel;
         }
-        if (is_one && *field)
+        if (!*field && info.is_preferred && info.is_number) {
+            a->chosen = n;
+            a->info = info;
+            found = 1;
+        }
+        if (found && (*field || info.is_preferred))
             break;
     }
     if (found == 0)
@@ -264,7 +269,8 @@ bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp
             import_header_add_other(header, name);
     }
     for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
-        if (n != a->chosen && info.is_number && info.rank >= least && !is_of_axis(a, &info))
+        if (n != a->chosen && info.is_number && info.rank >= least && !info.is_alias &&
+            !is_of_axis(a, &info))
             import_header_add_other(header, info.name);
     a->call->text(a->handle, a->chosen, "units", header->value_unit, sizeof header->value_unit);
     return true;

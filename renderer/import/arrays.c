@@ -10,7 +10,9 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
+#include "import/confine.h"
 #include "import/module.h"
 #include "import/netcdf_size.h"
 #include "volume/volume.h"
@@ -218,8 +220,26 @@ bool arrays_take(struct arrays *a, struct import_header *header, struct sp_error
     return arrays_take_axes(a, header, err) && arrays_take_names(a, header, err);
 }
 
+/* A file that this one names. The path of an absolute name counts if something is there; otherwise
+ * its last part is looked for beside this file, as HDF5 does. */
+static bool find_source(const struct array_place *place, const char *name, char real[PATH_MAX]) {
+    const struct arrays *a = place->user;
+    char path[2 * PATH_MAX];
+    struct sp_error ignored;
+    uint64_t size;
+    const char *slash = strrchr(name, '/');
+    if (*name == '/' && access(name, F_OK) != 0)
+        name = slash + 1;
+    snprintf(path, sizeof path, "%s%s%s", *name == '/' ? "" : place->folder,
+             *name == '/' ? "" : "/", name);
+    const int fd = sp_open_confined(a->file->root, path, name, real, &size, &ignored);
+    if (fd >= 0)
+        close(fd);
+    return fd >= 0;
+}
+
 static bool take(struct arrays *a, struct import_header *header, struct sp_error *err) {
-    char path[40], why[SP_ERROR_TEXT] = "";
+    char why[SP_ERROR_TEXT] = "";
     import_header_init(header);
     a->call = a->is_netcdf ? import_module_load(a->file, NETCDF_BRIDGE_MODULE, NETCDF_BRIDGE_SYMBOL,
                                                 "NetCDF", "libnetcdf19", err)
@@ -228,8 +248,11 @@ static bool take(struct arrays *a, struct import_header *header, struct sp_error
     if (!a->call || (a->is_netcdf && !netcdf_size_check(a->file, err)))
         return false;
     /* Opens by descriptor, because the name may refer to another file by now. */
-    snprintf(path, sizeof path, "/proc/self/fd/%d", a->file->fd);
-    a->handle = a->call->open(path, why, sizeof why);
+    snprintf(a->path, sizeof a->path, "/proc/self/fd/%d", a->file->fd);
+    a->place = (struct array_place){
+        .path = a->path, .folder = a->file->folder, .find = find_source, .user = a
+    };
+    a->handle = a->call->open(&a->place, why, sizeof why);
     if (!a->handle)
         return sp_fail(err, SP_ERR_FORMAT, a->file->shown, "%s", why);
     if (!arrays_choose(a, err) || !arrays_take(a, header, err) ||

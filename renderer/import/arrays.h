@@ -13,7 +13,9 @@
 
 struct arrays {
     const struct import_file *file;
-    const char *shown; /* the name in errors */
+    const char *shown;        /* the name in errors */
+    struct array_place place; /* of HDF5 and NetCDF */
+    char path[40];            /* of the place */
     const struct array_functions *call;
     void *handle;
     bool is_netcdf;   /* NetCDF reads the file */

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * HDF5 files. The library trusts what it reads, so it runs in the sandbox only. It opens no other
- * file and loads no plugin here.
+ * HDF5 files. The library trusts what it reads, so it runs in the sandbox only. It opens other
+ * files only for virtual data sets, below the root, and loads no plugin.
  */
 #include "import/hdf5_dims.h"
 #include "import/hdf5_filters.h"
+#include "import/hdf5_list.h"
 
 #include <hdf5.h>
 #include <stdio.h>
@@ -14,9 +15,9 @@
 enum { CACHE_BYTES = 128 << 20, CACHE_SLOTS = 12421, FILTERS_MAX = 32 };
 
 struct hdf5 {
+    const struct array_place *place;
     hid_t file;
-    char (*names)[ARRAY_NAME_BYTES]; /* owned: of the arrays */
-    unsigned count;
+    struct hdf5_list list;
     unsigned opened; /* the array that is open, + 1; 0 = none */
     hid_t dataset;
 };
@@ -34,21 +35,6 @@ static herr_t refuse_link(const char *parent_file, const char *parent, const cha
     return -1;
 }
 
-static herr_t add_name(hid_t root, const char *name, const H5O_info_t *info, void *user) {
-    struct hdf5 *h = user;
-    (void)root;
-    if (info->type != H5O_TYPE_DATASET || strlen(name) + 2 > ARRAY_NAME_BYTES)
-        return 0;
-    if (h->count % 64 == 0) {
-        void *larger = realloc(h->names, (h->count + 64) * sizeof *h->names);
-        if (!larger)
-            return -1;
-        h->names = larger;
-    }
-    snprintf(h->names[h->count++], ARRAY_NAME_BYTES, "/%s", name);
-    return h->count == ARRAYS_MAX;
-}
-
 static void close_dataset(struct hdf5 *h) {
     if (h->opened)
         H5Dclose(h->dataset);
@@ -60,12 +46,12 @@ static void close_file(void *file) {
     close_dataset(h);
     if (h->file >= 0)
         H5Fclose(h->file);
-    free(h->names);
+    hdf5_list_finish(&h->list);
     free(h);
     H5close();
 }
 
-static void *open_file(const char *path, char *why, size_t capacity) {
+static void *open_file(const struct array_place *place, char *why, size_t capacity) {
     struct hdf5 *h = calloc(1, sizeof *h);
     snprintf(why, capacity,
              h ? "HDF5 cannot open the file: it is damaged or cut off" : "out of memory");
@@ -75,9 +61,9 @@ static void *open_file(const char *path, char *why, size_t capacity) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     H5PLset_loading_state(0);
     hdf5_filters_register();
-    h->file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
-    if (h->file >= 0 &&
-        H5Ovisit2(h->file, H5_INDEX_NAME, H5_ITER_NATIVE, add_name, h, H5O_INFO_BASIC) >= 0)
+    h->place = place;
+    h->file = H5Fopen(place->path, H5F_ACC_RDONLY, H5P_DEFAULT);
+    if (h->file >= 0 && hdf5_list_fill(&h->list, h->file))
         return h;
     close_file(h);
     return NULL;
@@ -89,11 +75,12 @@ static bool use(struct hdf5 *h, unsigned n) {
         return true;
     close_dataset(h);
     hid_t access = H5Pcreate(H5P_DATASET_ACCESS);
-    if (access < 0)
+    if (access < 0 || n >= h->list.count)
         return false;
     H5Pset_chunk_cache(access, CACHE_SLOTS, CACHE_BYTES, 1);
     H5Pset_elink_cb(access, refuse_link, NULL);
-    h->dataset = H5Dopen2(h->file, h->names[n], access);
+    H5Pset_virtual_prefix(access, h->place->folder);
+    h->dataset = H5Dopen2(h->file, h->list.entries[n].name, access);
     H5Pclose(access);
     h->opened = h->dataset >= 0 ? n + 1 : 0;
     return h->opened;
@@ -228,9 +215,9 @@ static const char *filter_name(H5Z_filter_t filter) {
 }
 
 /* Reads the chunks, and finds what cannot be read. */
-static void look_at_storage(hid_t dataset, struct array_info *info) {
+static void look_at_storage(const struct hdf5 *h, struct array_info *info) {
     hsize_t chunk[IMPORT_RANK_MAX];
-    hid_t list = H5Dget_create_plist(dataset);
+    hid_t list = H5Dget_create_plist(h->dataset);
     if (list < 0)
         return;
     const H5D_layout_t layout = H5Pget_layout(list);
@@ -238,7 +225,7 @@ static void look_at_storage(hid_t dataset, struct array_info *info) {
         for (unsigned d = 0; d < info->rank; d++)
             info->chunk[d] = chunk[d];
     if (layout == H5D_VIRTUAL || H5Pget_external_count(list) > 0)
-        snprintf(info->problem, sizeof info->problem, "its numbers are in other files");
+        hdf5_check_sources(h->place, h->file, list, info->problem, sizeof info->problem);
     const int filters = H5Pget_nfilters(list);
     for (int i = 0; i < filters && i < FILTERS_MAX; i++) {
         unsigned flags = 0;
@@ -254,15 +241,17 @@ static void look_at_storage(hid_t dataset, struct array_info *info) {
     H5Pclose(list);
 }
 
-static bool describe(void *file, unsigned n, struct array_info *info) {
-    struct hdf5 *h = file;
-    memset(info, 0, sizeof *info);
-    if (n >= h->count)
-        return false;
-    memcpy(info->name, h->names[n], sizeof info->name);
+static void look_at(struct hdf5 *h, unsigned n, struct array_info *info) {
+    const struct hdf5_entry *entry = &h->list.entries[n];
+    snprintf(info->name, sizeof info->name, "%s", entry->name);
+    info->is_alias = entry->is_alias;
+    info->is_preferred = h->list.preferred == n + 1;
+    snprintf(info->problem, sizeof info->problem, "%s", entry->problem);
+    if (info->problem[0])
+        return;
     snprintf(info->problem, sizeof info->problem, "it cannot be opened");
     if (!use(h, n))
-        return true;
+        return;
     hid_t type = H5Dget_type(h->dataset), space = H5Dget_space(h->dataset);
     hsize_t shape[H5S_MAX_RANK];
     const int rank = space >= 0 ? H5Sget_simple_extent_ndims(space) : -1;
@@ -279,8 +268,9 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
         info->rank = (unsigned)rank;
         for (int d = 0; d < rank; d++)
             info->shape[d] = shape[d];
-        look_at_storage(h->dataset, info);
+        look_at_storage(h, info);
         hdf5_take_dimensions(h->file, h->dataset, info);
+        hdf5_take_nexus(h->file, h->dataset, info);
     }
     info->is_number = !info->problem[0];
     if (native >= 0)
@@ -289,6 +279,20 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
         H5Sclose(space);
     if (type >= 0)
         H5Tclose(type);
+}
+
+/* Descriptions are kept: callers ask for all of them again and again. */
+static bool describe(void *file, unsigned n, struct array_info *info) {
+    struct hdf5 *h = file;
+    if (n >= h->list.count)
+        return false;
+    struct array_info **kept = &h->list.entries[n].info;
+    if (!*kept && (*kept = calloc(1, sizeof **kept)))
+        look_at(h, n, *kept);
+    if (*kept)
+        *info = **kept;
+    else
+        *info = (struct array_info){ .problem = "out of memory" };
     return true;
 }
 
@@ -359,6 +363,23 @@ static void text(void *file, unsigned n, const char *name, char *out, size_t cap
         hdf5_text(n == ARRAY_OF_FILE ? h->file : h->dataset, name, out, capacity);
 }
 
+static void group_text(void *file, const char *group, const char *name, char *out,
+                       size_t capacity) {
+    const struct hdf5 *h = file;
+    out[0] = 0;
+    hid_t object =
+        H5Lexists(h->file, group, H5P_DEFAULT) > 0 ? H5Oopen(h->file, group, H5P_DEFAULT) : -1;
+    if (object < 0)
+        return;
+    hdf5_text(object, name, out, capacity);
+    H5Oclose(object);
+}
+
 __attribute__((visibility("default")))
-const struct array_functions splat_hdf5_bridge = { open_file, close_file, describe,
-                                                   read_box,  numbers,    text };
+const struct array_functions splat_hdf5_bridge = { .open = open_file,
+                                                   .close = close_file,
+                                                   .describe = describe,
+                                                   .read = read_box,
+                                                   .numbers = numbers,
+                                                   .text = text,
+                                                   .group_text = group_text };

@@ -10,52 +10,82 @@ enum { TEXT_BYTES = 8192 };
 /* The NAME of scales that NetCDF writes for dimensions without coordinates. */
 static const char no_variable[] = "This is a netCDF dimension but not a netCDF variable";
 
-void hdf5_text(hid_t object, const char *name, char *out, size_t capacity) {
-    char fixed[TEXT_BYTES];
-    out[0] = 0;
-    hid_t attribute = H5Aexists(object, name) > 0 ? H5Aopen(object, name, H5P_DEFAULT) : -1;
-    if (attribute < 0)
+/* An attribute of texts. */
+struct texts {
+    hid_t attribute, type, space;
+    hssize_t count; /* 0 = there is none */
+    size_t size;    /* bytes of each, if they have a fixed length */
+    bool is_variable;
+};
+
+static void open_texts(struct texts *t, hid_t object, const char *name) {
+    *t = (struct texts){ .attribute = -1, .type = -1, .space = -1 };
+    if (H5Aexists(object, name) > 0)
+        t->attribute = H5Aopen(object, name, H5P_DEFAULT);
+    if (t->attribute < 0)
         return;
-    hid_t type = H5Aget_type(attribute), space = H5Aget_space(attribute);
-    const size_t size = type >= 0 ? H5Tget_size(type) : 0;
-    const bool is_text = size > 0 && H5Tget_class(type) == H5T_STRING && space >= 0 &&
-                         H5Sget_simple_extent_npoints(space) == 1;
-    if (is_text && H5Tis_variable_str(type) > 0) {
-        char *one = NULL;
-        if (H5Aread(attribute, type, &one) >= 0 && one)
-            snprintf(out, capacity, "%s", one);
-        H5free_memory(one);
-    } else if (is_text && size <= sizeof fixed && H5Aread(attribute, type, fixed) >= 0) {
-        snprintf(out, capacity, "%.*s", (int)size, fixed);
-    }
-    if (space >= 0)
-        H5Sclose(space);
-    if (type >= 0)
-        H5Tclose(type);
-    H5Aclose(attribute);
+    t->type = H5Aget_type(t->attribute);
+    t->space = H5Aget_space(t->attribute);
+    if (t->type < 0 || t->space < 0 || H5Tget_class(t->type) != H5T_STRING)
+        return;
+    const hssize_t count = H5Sget_simple_extent_npoints(t->space);
+    t->is_variable = H5Tis_variable_str(t->type) > 0;
+    t->size = H5Tget_size(t->type);
+    t->count = count > 0 && t->size > 0 ? count : 0;
 }
 
-/* Reads the names of dimensions that h5py and others write. */
+static void close_texts(struct texts *t) {
+    if (t->space >= 0)
+        H5Sclose(t->space);
+    if (t->type >= 0)
+        H5Tclose(t->type);
+    if (t->attribute >= 0)
+        H5Aclose(t->attribute);
+}
+
+void hdf5_text(hid_t object, const char *name, char *out, size_t capacity) {
+    char fixed[TEXT_BYTES];
+    struct texts t;
+    out[0] = 0;
+    open_texts(&t, object, name);
+    const bool fits = t.count > 0 && t.size <= sizeof fixed / (size_t)t.count;
+    if (t.count == 1 && t.is_variable) {
+        char *one = NULL;
+        if (H5Aread(t.attribute, t.type, &one) >= 0 && one)
+            snprintf(out, capacity, "%s", one);
+        H5free_memory(one);
+    } else if (!t.is_variable && fits && (t.count == 1 || t.size == 1) &&
+               H5Aread(t.attribute, t.type, fixed) >= 0) {
+        snprintf(out, capacity, "%.*s", (int)(t.size * (size_t)t.count), fixed);
+    }
+    close_texts(&t);
+}
+
+unsigned hdf5_texts(hid_t object, const char *name, char out[IMPORT_RANK_MAX][ARRAY_NAME_BYTES]) {
+    char fixed[TEXT_BYTES], *list[IMPORT_RANK_MAX] = { NULL };
+    struct texts t;
+    open_texts(&t, object, name);
+    bool ok = t.count > 0 && t.count <= IMPORT_RANK_MAX;
+    const unsigned count = ok ? (unsigned)t.count : 0;
+    if (ok && t.is_variable)
+        ok = H5Aread(t.attribute, t.type, list) >= 0;
+    else if (ok)
+        ok = t.size <= sizeof fixed / count && H5Aread(t.attribute, t.type, fixed) >= 0;
+    for (unsigned i = 0; i < count && ok; i++)
+        snprintf(out[i], ARRAY_NAME_BYTES, "%.*s",
+                 t.is_variable ? ARRAY_NAME_BYTES - 1 : (int)t.size,
+                 t.is_variable ? (list[i] ? list[i] : "") : fixed + i * t.size);
+    for (unsigned i = 0; i < IMPORT_RANK_MAX; i++)
+        H5free_memory(list[i]);
+    close_texts(&t);
+    return ok ? count : 0;
+}
+
+/* The names of dimensions that h5py and others write. */
 static void take_labels(hid_t dataset, struct array_info *info) {
-    static const char name[] = "DIMENSION_LABELS";
-    char *labels[IMPORT_RANK_MAX] = { NULL };
-    hid_t attribute =
-        H5Aexists(dataset, name) > 0 ? H5Aopen(dataset, name, H5P_DEFAULT) : (hid_t)-1;
-    if (attribute < 0)
-        return;
-    hid_t type = H5Aget_type(attribute), space = H5Aget_space(attribute);
-    const bool is_list = type >= 0 && space >= 0 && H5Tis_variable_str(type) > 0 &&
-                         H5Sget_simple_extent_npoints(space) == (hssize_t)info->rank;
-    if (is_list && H5Aread(attribute, type, labels) >= 0)
-        for (unsigned d = 0; d < info->rank; d++)
-            snprintf(info->dims[d], sizeof info->dims[d], "%s", labels[d] ? labels[d] : "");
-    for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)
-        H5free_memory(labels[d]);
-    if (space >= 0)
-        H5Sclose(space);
-    if (type >= 0)
-        H5Tclose(type);
-    H5Aclose(attribute);
+    char labels[IMPORT_RANK_MAX][ARRAY_NAME_BYTES];
+    if (hdf5_texts(dataset, "DIMENSION_LABELS", labels) == info->rank)
+        memcpy(info->dims, labels, info->rank * sizeof labels[0]);
 }
 
 /* Takes the path of a scale, and its name where the dimension has no label. */

@@ -13,7 +13,10 @@
  * NetCDF wrote the file. The rank must be set. */
 void hdf5_take_dimensions(hid_t file, hid_t dataset, struct array_info *info);
 
-/* Reads an attribute of one text as text(): "" if there is none. */
+/* Reads an attribute of one text, or of letters, as text(): "" if there is none. */
 void hdf5_text(hid_t object, const char *name, char *out, size_t capacity);
+
+/* Reads an attribute of texts; returns how many, 0 if there is none or too many. */
+unsigned hdf5_texts(hid_t object, const char *name, char out[IMPORT_RANK_MAX][ARRAY_NAME_BYTES]);
 
 #endif

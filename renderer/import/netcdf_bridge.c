@@ -68,13 +68,13 @@ static bool list_group(struct netcdf *c, int group, const char *path, unsigned d
     return ok;
 }
 
-static void *open_file(const char *path, char *why, size_t capacity) {
+static void *open_file(const struct array_place *place, char *why, size_t capacity) {
     struct netcdf *c = calloc(1, sizeof *c);
     snprintf(why, capacity, "out of memory");
     if (!c)
         return NULL;
     setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1); /* the sandbox allows no locks */
-    int status = nc_open(path, NC_NOWRITE, &c->id);
+    int status = nc_open(place->path, NC_NOWRITE, &c->id);
     if (status == NC_NOERR) {
         if (list_group(c, c->id, "", 0))
             return c;
@@ -251,5 +251,9 @@ static void text(void *file, unsigned n, const char *name, char *out, size_t cap
 }
 
 __attribute__((visibility("default")))
-const struct array_functions splat_netcdf_bridge = { open_file, close_file, describe,
-                                                     read_box,  numbers,    text };
+const struct array_functions splat_netcdf_bridge = { .open = open_file,
+                                                     .close = close_file,
+                                                     .describe = describe,
+                                                     .read = read_box,
+                                                     .numbers = numbers,
+                                                     .text = text };

@@ -251,5 +251,5 @@ static void text(void *file, unsigned n, const char *name, char *out, size_t cap
 }
 
 const struct array_functions zarr_field_functions = {
-    NULL, NULL, describe, read_line, numbers, text
+    .describe = describe, .read = read_line, .numbers = numbers, .text = text
 };

@@ -27,8 +27,8 @@ static uint8_t byte_at(size_t i) {
     return input.size ? input.bytes[i % input.size] : 0;
 }
 
-static void *open_file(const char *path, char *why, size_t capacity) {
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
+static void *open_file(const struct array_place *place, char *why, size_t capacity) {
+    int fd = open(place->path, O_RDONLY | O_CLOEXEC);
     const ssize_t got = fd >= 0 ? pread(fd, input.bytes, sizeof input.bytes, 1) : -1;
     if (fd >= 0)
         close(fd);
@@ -107,8 +107,12 @@ static void text(void *file, unsigned n, const char *attribute, char *out, size_
 const void *import_module_load(const struct import_file *file, const char *module,
                                const char *symbol, const char *library, const char *package,
                                struct sp_error *err) {
-    static const struct array_functions functions = { open_file, close_file, describe,
-                                                      read_box,  numbers,    text };
+    static const struct array_functions functions = { .open = open_file,
+                                                      .close = close_file,
+                                                      .describe = describe,
+                                                      .read = read_box,
+                                                      .numbers = numbers,
+                                                      .text = text };
     (void)file;
     (void)module;
     (void)symbol;
