@@ -36,7 +36,7 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
  * complete. */
 static bool open_source(struct dicom_source *source, struct sp_error *err) {
     const struct import_file *file = source->file;
-    char why[SP_ERROR_TEXT] = "the file has no image";
+    char why[SP_ERROR_TEXT] = "";
     source->call = import_module_load(file, DICOM_BRIDGE_MODULE, DICOM_BRIDGE_SYMBOL, "GDCM",
                                       "libgdcm3.0", err);
     if (!source->call)
@@ -45,6 +45,11 @@ static bool open_source(struct dicom_source *source, struct sp_error *err) {
         return true;
     bool ok = dicom_describe(source, file->fd, &source->image, why);
     source->is_named = ok && !source->image.is_directory;
+    if (source->is_named && source->image.columns == 0)
+        snprintf(why, sizeof why,
+                 "the file has no image (its modality is \"%s\"); open the series that it "
+                 "belongs to",
+                 source->image.modality);
     if (source->is_named)
         ok = source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why);
     const struct dicom_image *image = &source->image;

@@ -28,25 +28,25 @@ enum dicom_trait {
     DICOM_TEXT_AGENT, /* of contrast */
     DICOM_TEXT_COIL,
     DICOM_TEXT_DESCRIPTION, /* of the series or of the derivation */
-    DICOM_TEXT_DIRECTION,   /* of diffusion */
     DICOM_TEXT_OTHER,       /* dimensions that the reader does not know, detectors */
+    DICOM_TEXT_DIRECTION,   /* of diffusion; its key is DICOM_KEY_DIRECTION */
     DICOM_TEXT_COUNT
 };
 
-/* What tells apart images that show the same place, in this order. The first DICOM_TEXT_COUNT keys
- * number the different texts (dicom_slices_rank()). NaN = the file does not say. */
+/* What tells apart images that show the same place, in this order. The first keys number the
+ * different texts (dicom_slices_rank()). NaN = the file does not say. */
 enum dicom_key {
     DICOM_KEY_FLAVOUR = DICOM_TEXT_FLAVOUR,
-    DICOM_KEY_DIRECTION = DICOM_TEXT_DIRECTION,
     DICOM_KEY_OTHER = DICOM_TEXT_OTHER,
-    DICOM_KEY_ECHO = DICOM_TEXT_COUNT, /* time of the echo [ms] */
-    DICOM_KEY_ECHO_NUMBER,             /* where its time is not known */
-    DICOM_KEY_DIFFUSION,               /* b-value [s/mm²] */
-    DICOM_KEY_VOLTAGE,                 /* of the tube [kV] */
-    DICOM_KEY_FLIP,                    /* [degree] */
-    DICOM_KEY_INVERSION,               /* time of the inversion [ms] */
-    DICOM_KEY_THICKNESS,               /* of the slice [mm] */
-    DICOM_KEY_PHASE,                   /* temporal position, a number; the first key of times */
+    DICOM_KEY_ECHO = DICOM_TEXT_OTHER + 1, /* time of the echo [ms] */
+    DICOM_KEY_ECHO_NUMBER,                 /* where its time is not known */
+    DICOM_KEY_DIFFUSION,                   /* b-value [s/mm²] */
+    DICOM_KEY_DIRECTION,                   /* of diffusion: a number for each */
+    DICOM_KEY_VOLTAGE,                     /* of the tube [kV] */
+    DICOM_KEY_FLIP,                        /* [degree] */
+    DICOM_KEY_INVERSION,                   /* time of the inversion [ms] */
+    DICOM_KEY_THICKNESS,                   /* of the slice [mm] */
+    DICOM_KEY_PHASE,                       /* temporal position, a number; the first key of times */
     DICOM_KEY_DELAY, /* time since a trigger, such as a heartbeat, or since the start [s] */
     DICOM_KEY_CLOCK, /* time of the acquisition [s], since 1970; less than a day: no date known */
     DICOM_KEY_ACQUISITION, /* its number */

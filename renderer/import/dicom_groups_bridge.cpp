@@ -359,11 +359,14 @@ void fill_time(const groups &in, dicom_frame &frame) {
     set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(heart, 0x0020, 0x9153), 1e-3);
     set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(heart, 0x0020, 0x9252), 1e-3);
     set_key(frame, DICOM_KEY_PHASE, dicom_value<float>(heart, 0x0020, 0x9241)); /* percent */
+    set_key(frame, DICOM_KEY_ACQUISITION, dicom_value<uint16_t>(content, 0x0020, 0x9156));
     set_key(frame, DICOM_KEY_CLOCK, seconds_of(dicom_text(content, 0x0018, 0x9151)));
     set_key(frame, DICOM_KEY_CLOCK, seconds_of(dicom_text(content, 0x0018, 0x9074)));
     /* Of a file that is one slice. */
     set_key(frame, DICOM_KEY_PHASE, dicom_number(in.file, 0x0020, 0x0100));
+    set_key(frame, DICOM_KEY_PHASE, dicom_value<float>(in.file, 0x0020, 0x9241));
     set_key(frame, DICOM_KEY_DELAY, dicom_number(in.file, 0x0018, 0x1060), 1e-3);
+    set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(in.file, 0x0020, 0x9153), 1e-3);
     set_key(frame, DICOM_KEY_DELAY, dicom_number(in.file, 0x0054, 0x1300), 1e-3);
     set_key(frame, DICOM_KEY_CLOCK, seconds_of(dicom_text(in.file, 0x0008, 0x002a)));
     set_key(frame, DICOM_KEY_CLOCK, acquisition_of(in.file));

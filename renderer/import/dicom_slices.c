@@ -53,17 +53,18 @@ static int compare_texts(const void *a, const void *b, void *user) {
 static void rank_text(struct dicom_slices *slices, enum dicom_trait text, uint32_t *order) {
     struct dicom_slice *s = slices->items;
     struct by_text by = { s, text };
+    const int key = text == DICOM_TEXT_DIRECTION ? DICOM_KEY_DIRECTION : (int)text;
     uint32_t count = 0;
     double rank = 0;
     for (uint32_t i = 0; i < slices->count; i++)
-        if (s[i].is.texts[text][0] && isnan(s[i].is.keys[text]))
+        if (s[i].is.texts[text][0] && isnan(s[i].is.keys[key]))
             order[count++] = i;
     qsort_r(order, count, sizeof *order, compare_texts, &by);
     for (uint32_t i = 0; i < count; i++) {
         const char *own = s[order[i]].is.texts[text];
         const bool is_next = i == 0 || strcmp(own, s[order[i - 1]].is.texts[text]) != 0;
         rank += is_next;
-        s[order[i]].is.keys[text] = rank;
+        s[order[i]].is.keys[key] = rank;
     }
 }
 

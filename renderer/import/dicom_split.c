@@ -166,7 +166,7 @@ static const struct {
     { DICOM_KEY_ECHO, NULL, "echo %.6g ms", false },
     { DICOM_KEY_ECHO_NUMBER, NULL, "echo %.6g", false },
     { DICOM_KEY_DIFFUSION, NULL, "b %.6g s/mm²", false },
-    { DICOM_TEXT_DIRECTION, NULL, "direction %.0f", false },
+    { DICOM_KEY_DIRECTION, NULL, "direction %.0f", false },
     { DICOM_KEY_VOLTAGE, NULL, "%.6g kV", false },
     { DICOM_KEY_FLIP, NULL, "flip angle %.6g°", false },
     { DICOM_KEY_INVERSION, NULL, "inversion %.6g ms", false },
@@ -264,11 +264,25 @@ static void warn_of_fields(const struct dicom_slices *slices, const struct dicom
                 names[chosen], count > 2 ? "others are" : "another is", list);
 }
 
-/* The field of the file that was opened, or else the first one. */
+/* The field with the most slices; of equal ones, and of segments, the first. */
+static unsigned find_largest(const struct dicom_slices *slices, const struct fields *fields) {
+    uint32_t most = 0;
+    unsigned largest = 0;
+    for (unsigned n = 0; n < fields->count && !slices->items[0].is.segment; n++) {
+        uint32_t count = 0;
+        for (uint32_t i = 0; i < slices->count; i++)
+            count += is_same_field(fields, fields->slice[n], &slices->items[i]);
+        largest = count > most ? n : largest;
+        most = count > most ? count : most;
+    }
+    return largest;
+}
+
+/* The field of the file that was opened, or else the largest one. */
 static unsigned find_opened(const struct dicom_slices *slices, const struct dicom_source *source,
                             const struct fields *fields) {
     if (!source->is_named || is_one_file(slices))
-        return 0;
+        return find_largest(slices, fields);
     for (uint32_t i = 0; i < slices->count; i++)
         if (strcmp(slices->items[i].name, source->name) == 0)
             for (unsigned n = 0; n < fields->count; n++)
@@ -324,9 +338,9 @@ static void warn_of_numbers(const struct dicom_slices *slices, const struct dico
         if (!is_same_key(a->is.keys[key], b->is.keys[key]))
             return;
     import_warn(source->file->warnings,
-                "Each place has %u images, and only their numbers (InstanceNumber) differ: they "
-                "are shown as steps in this order, which may be no times.",
-                steps);
+                "Each place has %u images, and only their numbers (%s) differ: they are shown as "
+                "steps in this order, which may be no times.",
+                steps, is_one_file(slices) ? "of frames" : "InstanceNumber");
 }
 
 /* True if slices of one place have numbers that tell them apart. */

@@ -192,6 +192,16 @@ def check_mosaics(tool):
     old = Mosaic(tool, 'mosaic-old')
     tool.equal(old.tiles('a.dcm', slices[0], csa_header(1, NumberOfImagesInMosaic=5, SliceNormalVector=[0, 0, -1])), slices[0],
                direction=[1, 0, 0, 0, 1, 0, 0, 0, -1])
+    directions = Mosaic(tool, 'mosaic-directions')  # too many for fields: steps in the order of their b-values and of the files
+    for t in range(20):
+        one = pydicom.dcmread(directions.tiles(f'{t:02}.dcm', slices[0] + t, csa))
+        block = one.private_block(0x19, 'SIEMENS MR HEADER', create=True)
+        block.add_new(0x0c, 'IS', '1000' if t else '0')
+        if t:
+            block.add_new(0x0e, 'FD', [float(numpy.cos(t)), float(numpy.sin(t)), 0.0])
+        one.save_as(directions.path(f'{t:02}.dcm'))
+    for t in (0, 1, 19):
+        tool.equal(directions.folder, slices[0] + t, step=t, steps=20)
     header = Mosaic(tool, 'mosaic-header')  # no CSA header
     path = header.tiles('a.dcm', slices[0])
     tool.refused(path, 'mosaic', 'dcm2niix')
@@ -313,6 +323,20 @@ def check_reconstructions(tool):
         shifted.add(f'b{z}.dcm', z, 1, ConvolutionKernel='bone', ImagePositionPatient=[5, 6, 2 * z + 0.5])
     whole(tool, f'{shifted.folder}?field=kernel soft', count=4, steps=1)
     whole(tool, f'{shifted.folder}?field=kernel bone', count=4, time=1, origin=[5, 6, 0.5])
+    fewer = Series(tool, 'kinds-fewer')  # the larger kind is shown
+    for z in range(5):
+        fewer.add(f'a{z}.dcm', z, ConvolutionKernel='soft')
+    for z in range(2):
+        fewer.add(f'b{z}.dcm', z, 1, ConvolutionKernel='bone')
+    whole(tool, fewer.folder, count=5, name='kernel soft')
+    phases = Series(tool, 'kinds-phases')
+    for z in range(3):
+        for t in range(3):
+            phases.add(f'{t}{z}.dcm', z, t, NominalPercentageOfCardiacPhase=30.0 * t, InstanceNumber=10 * (t + 1) % 7)
+    whole(tool, phases.folder, count=3, time=1, step=1, steps=3)
+    structures = phases.dataset(pixels(0), 0, Modality='RTSTRUCT', Rows=None, Columns=None, PixelData=None)
+    structures.save_as(tool.path('structures.dcm'), enforce_file_format=True)
+    tool.refused(tool.path('structures.dcm'), 'no image', 'RTSTRUCT', 'open the series')
     parts = Series(tool, 'kinds-parts')  # one kernel for each half of the places: one volume
     for z in range(6):
         parts.add(f'{z}.dcm', z, ConvolutionKernel='soft' if z < 3 else 'bone')
