@@ -10,7 +10,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "import/arrays.h"
+#include "import/array_reader.h"
 #include "volume/unit.h"
 #include "volume/volume.h"
 

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "import/arrays.h"
+#include "import/array_reader.h"
 
 bool arrays_fail(const struct arrays *a, struct sp_error *err, enum sp_code code,
                  const char *format, ...) {
@@ -219,6 +219,13 @@ bool arrays_choose(struct arrays *a, struct sp_error *err) {
 static void name_channel(const struct arrays *a, uint32_t channel, char name[SP_FIELD_BYTES]) {
     char text[ARRAY_NAME_BYTES + 16];
     const char *own = a->info.name[0] || a->channels == 1 ? a->info.name : "channel";
+    text[0] = 0;
+    if (a->call->channel && a->axes.channel >= 0)
+        a->call->channel(a->handle, a->chosen, channel, text, sizeof text);
+    if (text[0]) {
+        import_name(name, text);
+        return;
+    }
     snprintf(text, sizeof text, a->channels > 1 ? "%s %" PRIu32 : "%s", own, channel + 1);
     import_name(name, text);
 }
@@ -226,7 +233,7 @@ static void name_channel(const struct arrays *a, uint32_t channel, char name[SP_
 /* A file that is one array: its field is a colour, "channel 2", or its long name. */
 static bool take_component(struct arrays *a, struct import_header *header, struct sp_error *err) {
     const char *field = a->file->field;
-    char long_name[SP_FIELD_BYTES], *end;
+    char long_name[SP_FIELD_BYTES], name[SP_FIELD_BYTES], *end;
     if (a->axes.are_colors) {
         a->channel = import_header_choose_component(header, field, a->channels, true);
         return true;
@@ -236,6 +243,13 @@ static bool take_component(struct arrays *a, struct import_header *header, struc
         import_name(header->value_name, long_name);
     if (!*field || (a->channels == 1 && strcmp(field, header->value_name) == 0))
         return true;
+    for (uint32_t i = 0; a->call->channel && i < a->channels; i++) {
+        name_channel(a, i, name);
+        if (strcmp(name, field) == 0) {
+            a->channel = i;
+            return true;
+        }
+    }
     const unsigned long number =
         strncmp(field, "channel ", 8) == 0 ? strtoul(field + 8, &end, 10) : 0;
     if (number < 1 || number > a->channels || *end)
@@ -259,7 +273,7 @@ bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp
                            "there is no channel %" PRIu32 ", only 1 to %u", a->channel + 1,
                            a->channels);
     const bool has_names = header->value_name[0]; /* from take_component() */
-    if (!has_names && *a->file->field)
+    if (!has_names && a->info.name[0] && *a->file->field)
         import_name(header->value_name, a->file->field);
     else if (!has_names)
         name_channel(a, a->channel, header->value_name);
@@ -274,4 +288,16 @@ bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp
             import_header_add_other(header, info.name);
     a->call->text(a->handle, a->chosen, "units", header->value_unit, sizeof header->value_unit);
     return true;
+}
+
+bool arrays_take(struct arrays *a, struct import_header *header, struct sp_error *err) {
+    arrays_take_values(a, header);
+    return arrays_take_axes(a, header, err) && arrays_take_names(a, header, err);
+}
+
+void arrays_finish(struct arrays *a) {
+    for (int axis = 0; axis < 3; axis++)
+        free(a->positions[axis]);
+    free(a->times);
+    free(a->auxiliary);
 }

@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "import/arrays.h"
+#include "import/array_reader.h"
 #include "volume/unit.h"
 
 enum { TAGS_BYTES = 8192 };

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <strings.h>
 
-#include "import/arrays.h"
+#include "import/array_reader.h"
 
 /* The value that NetCDF writes where a program wrote none. */
 #define NETCDF_FILL 9.9692099683868690e+36

@@ -2,7 +2,7 @@
  *
  * HDF5 and NetCDF: one array of a file. The libraries are modules (array_bridge.h).
  */
-#include "import/arrays.h"
+#include "import/array_reader.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "import/confine.h"
+#include "import/imaris.h"
 #include "import/module.h"
 #include "import/netcdf_size.h"
 #include "volume/volume.h"
@@ -215,11 +216,6 @@ static bool look_for_default_fill(struct arrays *a, const struct import_header *
     return true;
 }
 
-bool arrays_take(struct arrays *a, struct import_header *header, struct sp_error *err) {
-    arrays_take_values(a, header);
-    return arrays_take_axes(a, header, err) && arrays_take_names(a, header, err);
-}
-
 /* A file that this one names. The path of an absolute name counts if something is there; otherwise
  * its last part is looked for beside this file, as HDF5 does. */
 static bool find_source(const struct array_place *place, const char *name, char real[PATH_MAX]) {
@@ -255,19 +251,14 @@ static bool take(struct arrays *a, struct import_header *header, struct sp_error
     a->handle = a->call->open(&a->place, why, sizeof why);
     if (!a->handle)
         return sp_fail(err, SP_ERR_FORMAT, a->file->shown, "%s", why);
-    if (!arrays_choose(a, err) || !arrays_take(a, header, err) ||
+    struct imaris *imaris;
+    if (!imaris_open(a, &imaris, err) || !arrays_choose(a, err) || !arrays_take(a, header, err) ||
+        (imaris && !imaris_place(imaris, a, header, err)) ||
         !sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err) ||
         !look_for_default_fill(a, header, err))
         return false;
     header->type = a->conversion.type;
     return sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err);
-}
-
-void arrays_finish(struct arrays *a) {
-    for (int axis = 0; axis < 3; axis++)
-        free(a->positions[axis]);
-    free(a->times);
-    free(a->auxiliary);
 }
 
 static void close_arrays(void *reader) {

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "import/arrays.h"
+#include "import/array_reader.h"
 #include "import/remote.h"
 #include "import/zarr_chunk.h"
 #include "import/zarr_fields.h"

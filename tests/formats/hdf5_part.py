@@ -93,7 +93,52 @@ def check_nexus(tool):
         tool.equal(f'{path}?field=entry/detector/mask', ramp(SHAPE, 'u1'))
 
 
+def letters(text):
+    """Imaris writes attributes as lists of letters."""
+    return numpy.array([c.encode() for c in str(text)], 'S1')
+
+
+def write_imaris(path, levels, names=('DAPI', 'GFP'), extents=True):
+    """`levels`: arrays of the dimensions t, c, z, y, x. The arrays of the file are filled up to whole chunks."""
+    with h5py.File(path, 'w') as file:
+        for level, data in enumerate(levels):
+            for t, c in numpy.ndindex(data.shape[:2]):
+                group = file.create_group(f'DataSet/ResolutionLevel {level}/TimePoint {t}/Channel {c}')
+                padded = numpy.zeros([-(-n // 4) * 4 for n in data.shape[2:]], data.dtype)
+                padded[tuple(slice(n) for n in data.shape[2:])] = data[t, c]
+                group.create_dataset('Data', data=padded, chunks=(4, 4, 4), compression='gzip')
+                group.create_dataset('Histogram', data=numpy.zeros(256, 'u8'))
+                for axis, size in zip('ZYX', data.shape[2:]):
+                    group.attrs['ImageSize' + axis] = letters(size)
+        image = file.create_group('DataSetInfo/Image')
+        if extents:
+            for i, (low, high) in enumerate(((10, 13), (-5, 5), (0, 12))):
+                image.attrs[f'ExtMin{i}'], image.attrs[f'ExtMax{i}'] = letters(low), letters(high)
+        image.attrs['Unit'] = letters('um')
+        for c, name in enumerate(names):
+            file.create_group(f'DataSetInfo/Channel {c}').attrs['Name'] = letters(name)
+        times = file.create_group('DataSetInfo/TimeInfo')
+        for t in range(levels[0].shape[0]):
+            times.attrs[f'TimePoint{t + 1}'] = letters(f'2012-02-{28 + t} 23:59:{30 + t}.500')
+
+
+def check_imaris(tool):
+    path = tool.path('cells.ims')
+    levels = [ramp((2, 2, 6, 5, 6), 'u2'), ramp((2, 2, 3, 5, 3), 'u2') + 1]
+    write_imaris(path, levels)
+    layout = 'Imaris: channels, time points, levels of detail and extents'
+    tool.layout('HDF5', layout, path, levels[0][0, 0], name='DAPI', other0='GFP', spacing=[0.5, 2, 2], origin=[10.25, -4, 1], unit='um', warnings=[])
+    tool.layout('HDF5', layout, path + '?level=1&field=GFP', levels[1][1, 1], step=1, steps=2, times=[0, 86401], time_unit='s', spacing=[1, 2, 4],
+                origin=[10.5, -4, 2], name='GFP')
+    tool.equal(path + ':/DataSet/ResolutionLevel 1/TimePoint 0/Channel 0/Data', numpy.pad(levels[1][0, 0], ((0, 1), (0, 3), (0, 1))))
+    tool.refused(path + '?level=2', 'there is no level 2', 'to 1')
+    tool.refused(path + '?field=RFP', 'there is no field RFP')
+    write_imaris(path, [levels[0][:1, :1]], names=(), extents=False)
+    tool.equal(path, levels[0][0, 0], spacing=[1, 1, 1], unit='', warnings=['The image has no extents (ExtMin0 to ExtMax2); its spacing is unknown.'])
+
+
 def check(tool):
+    check_imaris(tool)
     check_links(tool)
     check_sources(tool)
     check_nexus(tool)

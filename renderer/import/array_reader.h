@@ -5,8 +5,8 @@
  *
  *   array_choice (which array) ─► array_values (samples) ─► array_axes (place, time) ─► names
  */
-#ifndef SP_IMPORT_ARRAYS_H
-#define SP_IMPORT_ARRAYS_H
+#ifndef SP_IMPORT_ARRAY_READER_H
+#define SP_IMPORT_ARRAY_READER_H
 
 #include "import/array_bridge.h"
 #include "import/conversion.h"
