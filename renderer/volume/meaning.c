@@ -12,8 +12,8 @@ const char *sp_meaning_name(enum sp_meaning meaning) {
 }
 
 /* Fewer slices than this, and half as many as the others, or voxels that are this much thicker than
- * wide, are a stack. */
-enum { FEW_SLICES = 30, THICK = 5 };
+ * wide, are a stack. A simulation has at least FIELD_SLICES. */
+enum { FEW_SLICES = 30, FIELD_SLICES = 8, THICK = 5 };
 
 /* Cubic voxels of real numbers without a patient are a simulation with a short axis. */
 static bool is_field(const struct sp_volume_info *info, const double spacing[3]) {
@@ -37,7 +37,7 @@ bool sp_volume_is_thick_stack(const struct sp_volume_info *info) {
         if (dims[a] < across && spacing[a] >= THICK * wide)
             return true;
         if (dims[a] < FEW_SLICES && across >= 2 * dims[a] &&
-            (dims[a] == 1 || !is_field(info, spacing)))
+            (dims[a] < FIELD_SLICES || !is_field(info, spacing)))
             return true;
     }
     return false;

@@ -20,6 +20,7 @@ import { SlicesPicture } from './slices_picture.js';
 
 const IDS = ['axial', 'coronal', 'sagittal'];
 const RETRY_MS = 200;
+const BEGUN = 'slices-first'; // key in storage: a volume has chosen this layout, not the user
 const FLAGS = ['i', 'j', 'k']; // of view.slices.planes, by axis of the grid
 
 export function install(app) {
@@ -35,7 +36,6 @@ class Slices extends Emitter {
   #begun = true; // the layout follows what the volume wants, once
   #home = null; // the volume's default camera, which tells what is up where the file does not
   #line = null; // {normal, from, to}: where moves along a normal began, and the position that the last one set
-  #before = null; // the layout before a volume began with slices
   #colors = 'grey';
   #shades = { key: '', values: GREYS };
   grid = null;
@@ -178,7 +178,7 @@ class Slices extends Emitter {
     this.emit('change');
   }
 
-  /** Shows slices first where the volume wants that, unless this tab has shown it before; goes back afterwards. */
+  /** Shows slices first where the volume wants that, unless this tab has shown it before; a later volume goes back to the picture. */
   #begin({ id, first_layout: first }) {
     const { layout, storage } = this.#app;
     const key = `begun:${id}`;
@@ -186,11 +186,11 @@ class Slices extends Emitter {
     if (first === 'slices') {
       if (storage.recall(key) || layout.current !== '3d') return;
       storage.remember(key, '1');
+      storage.remember(BEGUN, '1');
       layout.set('slices');
-      this.#before = '3d';
-    } else if (this.#before && layout.current === 'slices') {
-      layout.set(this.#before);
-      this.#before = null;
+    } else if (storage.recall(BEGUN)) {
+      storage.remember(BEGUN, '');
+      if (layout.current === 'slices') layout.set('3d');
     }
   }
 

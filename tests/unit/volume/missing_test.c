@@ -130,6 +130,9 @@ static void few_or_thick_slices_are_a_thick_stack(void **state) {
     make_info(&info, 125, 125, 25, 1); /* a simulation with a short axis */
     info.type = SP_FLOAT32;
     assert_false(sp_volume_is_thick_stack(&info));
+    info.grid.dims[2] = 7;
+    assert_true(sp_volume_is_thick_stack(&info));
+    info.grid.dims[2] = 25;
     memcpy(info.anatomy, "LPS", 4);
     assert_true(sp_volume_is_thick_stack(&info));
     strcpy(info.source, "demo:phantom");

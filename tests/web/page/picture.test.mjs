@@ -3,7 +3,8 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { boxOf, settle, share, shot, unfold, until, visitMock } from '../support/browser.mjs';
+import { boxOf, firstFrame, settle, share, shot, unfold, until, visitMock } from '../support/browser.mjs';
+import { volume } from '../support/mock-daemon.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
 const { browser } = await share();
@@ -170,4 +171,19 @@ test('on a phone every control fits in the panel and responds to touch', async (
   await until(page, 'the plane', () => document.querySelector('#planes input[role="switch"]')?.checked);
   await shot(page, 'phone-clip');
   assert.deepEqual(it.said, []);
+});
+
+// This daemon has no slices, so their requests fail.
+test('a thick stack begins with slices; the next volume goes back to the picture, also after a reload', async (context) => {
+  const { page } = await visitMock(context, browser, { change: { volumes: [volume('stack', { first_layout: 'slices' }), volume('phantom')] } });
+  const layout = (name) => page.locator(`#layout-${name}[aria-pressed="true"]`).waitFor();
+  await layout('slices');
+  await page.reload();
+  await firstFrame(page);
+  await layout('slices');
+  await page.click('#volumes button[data-id="phantom"]');
+  await layout('3d');
+  await page.click('#volumes button[data-id="stack"]');
+  await until(page, 'the stack', (s) => s.isIdle && s.volume === 'stack');
+  await layout('3d');
 });
