@@ -97,3 +97,18 @@ bool import_foreign_check(const uint8_t *start, size_t size, const char *shown,
                    "this is %s%s, which is not read; unpack it first, with \"%s %.60s\"",
                    strncmp(k->name, "packed", 6) == 0 ? "a file " : "", k->name, k->command, name);
 }
+
+bool import_foreign_check_name(const char *shown, struct sp_error *err) {
+    static const char *const endings[] = { ".img", ".img.gz", ".raw", ".zraw", ".bin", ".dat" };
+    const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
+    for (size_t i = 0; i < sizeof endings / sizeof *endings; i++)
+        if (ends_with(shown, endings[i]))
+            return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                           i < 2 ? "these are the samples of a pair of files; open the header "
+                                   "beside them, %.*s.hdr"
+                                 : "these are samples without a header; open the header that names "
+                                   "them, such as %.*s.mhd or .nhdr, or write a sidecar, %.*s.json",
+                           (int)(strlen(name) - strlen(endings[i])), name,
+                           (int)(strlen(name) - strlen(endings[i])), name);
+    return true;
+}

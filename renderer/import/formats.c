@@ -55,6 +55,8 @@ const struct import_format *import_format_find(const uint8_t *start, size_t size
     if (found) /* NetCDF-4 files are HDF5 files; their names tell */
         return found == &import_hdf5 && import_netcdf.probe(start, size, shown) ? &import_netcdf
                                                                                 : found;
+    if (!import_foreign_check_name(shown, err))
+        return NULL;
     import_fail(
         err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
         "unknown file format; supported are NRRD, DICOM, NIfTI, MetaImage, MRC, MGH, GIPL, PVM, "

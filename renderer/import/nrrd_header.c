@@ -333,19 +333,21 @@ static bool parse_numbers(const struct import_file *file, struct nrrd_header *h,
                             h->dimension);
 }
 
-/* "cell", "node" or unknown per axis. */
+/* "cell", "node" or unknown per axis. Teem takes unknown centers as those of cells. */
 static bool parse_centers(const struct import_file *file, struct nrrd_header *h,
                           struct sp_error *err) {
     const char *text = h->value[NRRD_CENTERS];
     char word[64];
+    for (unsigned axis = 0; axis < h->dimension; axis++)
+        h->is_cell[axis] = true;
     if (!text)
         return true;
     for (unsigned axis = 0; axis < h->dimension; axis++) {
         if (!nrrd_next_word(&text, word))
             return REFUSE(SP_ERR_FORMAT, NRRD_CENTERS, "has %u words instead of %u", axis,
                           h->dimension);
-        h->is_cell[axis] = strcasecmp(word, "cell") == 0;
-        if (!h->is_cell[axis] && strcasecmp(word, "node") != 0 && strcmp(word, "???") != 0 &&
+        h->is_cell[axis] = strcasecmp(word, "node") != 0;
+        if (h->is_cell[axis] && strcasecmp(word, "cell") != 0 && strcmp(word, "???") != 0 &&
             strcasecmp(word, "none") != 0)
             return REFUSE(SP_ERR_FORMAT, NRRD_CENTERS, "\"%.40s\" is neither cell nor node", word);
     }

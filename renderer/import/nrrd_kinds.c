@@ -149,8 +149,10 @@ static void find_time(const struct import_file *file, struct nrrd_header *h) {
     while (h->role[last] != NRRD_DOMAIN)
         last--;
     axis = is_apart ? 0 : last;
+    const char *space = h->value[NRRD_SPACE];
+    const bool is_said = h->value[NRRD_KINDS] || (space && strcasestr(space, "-time"));
     h->role[axis] = NRRD_TIME;
-    if (!h->value[NRRD_KINDS] && h->sizes[axis] > 1 && file->selection.as == IMPORT_AS_FILE)
+    if (!is_said && h->sizes[axis] > 1 && file->selection.as == IMPORT_AS_FILE)
         import_warn(file->warnings,
                     "The file does not say what axis %u is (kinds); its %" PRIu64
                     " entries are read as time steps. ?as=channels makes them fields.",

@@ -157,7 +157,8 @@ def check_nrrd_layouts(tool):
 def check_nrrd_headers(tool):
     data = values('<i2')
     sizes = SHAPE[::-1]
-    for fields in ('spacings: 1 -2 3\n', 'spacings: 1 NaN 3\n', 'space: RAS\nspace directions: (0,2,0) (-1,0,0) (0,0,3)\nspace origin: (7,8,9)\n',
+    for fields in ('spacings: 1 -2 3\n', 'spacings: 1 NaN 3\n', 'spacings: 1 2 3\naxis mins: 10 20 30\n',
+                   'spacings: 1 2 3\naxis mins: 10 20 30\ncenters: cell node ???\n', 'space: RAS\nspace directions: (0,2,0) (-1,0,0) (0,0,3)\nspace origin: (7,8,9)\n',
                    'space: LPS\nspace directions: (1,0,0) (0,-2,0) (0,0.5,3)\nspace origin: (1e9,8,-9e8)\n'):
         path = write(tool, 'place.nrrd', nrrd_header('<i2', sizes, fields=fields), data.tobytes())
         if '0.5' in fields:  # a sheared grid, which ITK refuses
