@@ -15,7 +15,13 @@
 #include "import/samples.h"
 #include "volume/volume.h"
 
-enum { HEADER = 1024, MODE_RGB = 16, VOLUME_STACK = 401, IMOD_STAMP = 1146047817 };
+enum {
+    HEADER = 1024,
+    MODE_RGB = 16,
+    MODE_FOUR_BITS = 101,
+    VOLUME_STACK = 401,
+    IMOD_STAMP = 1146047817
+};
 
 enum place { /* bytes of the header */
              DIMS = 0,
@@ -256,8 +262,10 @@ static bool take_samples(struct parsing *p) {
     if (s->number.size == 0)
         return REFUSE(SP_ERR_UNSUPPORTED, MODE, "mode",
                       "mode %" PRId32 " is not supported; supported are 0 (int8), 1 (int16), 2 "
-                      "(float32), 3 and 4 (complex), 6 (uint16), 12 (float16) and 16 (colours)",
-                      mode);
+                      "(float32), 3 and 4 (complex), 6 (uint16), 12 (float16) and 16 (colours)%s",
+                      mode,
+                      mode == MODE_FOUR_BITS ? "; convert 4 bits with \"newstack -mode 1\" of IMOD"
+                                             : "");
     if (extended < 0)
         return REFUSE(SP_ERR_FORMAT, EXTENDED, "nsymbt", "%" PRId32 " bytes", extended);
     if (mode == 0 && is_unsigned_byte(p))
