@@ -4,6 +4,7 @@
  * Fields are separated by what separates the names: a tab, a semicolon or a comma. They may be
  * quoted. Lines without characters are skipped, and an empty field is NaN.
  */
+#include <ctype.h>
 #include <inttypes.h>
 #include <math.h>
 #include <pthread.h>
@@ -29,6 +30,7 @@ struct csv {
     unsigned count; /* columns */
     char names[COLUMNS_MAX][FIELD_BYTES];
     const char *name_of[COLUMNS_MAX];
+    char unit[SP_UNIT_BYTES]; /* of the coordinates, from their names; "" = unknown */
     struct import_columns columns;
     /* Where every PART rows begin, so that threads can read them; freed with it. */
     struct part {
@@ -136,6 +138,58 @@ static bool check_names(const struct csv *c, struct sp_error *err) {
     return true;
 }
 
+/* The axis of a column: "x", "x [mm]", "x (mm)", or "Points:0" as ParaView writes it. −1 = none. */
+static int axis_of(const char *name, char unit[SP_UNIT_BYTES]) {
+    static const char axes[] = "xyz", pairs[][3] = { "[]", "()" };
+    const char *number = strncasecmp(name, "Points", 6) == 0 ? name + 6 : "";
+    const char *axis = name[0] ? strchr(axes, tolower((unsigned char)name[0])) : NULL;
+    unit[0] = 0;
+    if ((number[0] == ':' || number[0] == '_') && number[1] >= '0' && number[1] <= '2' &&
+        !number[2])
+        return number[1] - '0';
+    if (!axis || (name[1] && name[1] != ' ' && name[1] != '[' && name[1] != '('))
+        return -1;
+    const char *open = name + 1 + strspn(name + 1, " ");
+    const size_t length = strlen(open);
+    for (int i = 0; i < 2 && length > 2; i++)
+        if (open[0] == pairs[i][0] && open[length - 1] == pairs[i][1] && length < SP_UNIT_BYTES)
+            snprintf(unit, SP_UNIT_BYTES, "%.*s", (int)length - 2, open + 1);
+    return unit[0] || !open[0] ? (int)(axis - axes) : -1;
+}
+
+/* Calls the columns of coordinates x, y and z, if there is one of each. */
+static void name_axes(struct csv *c) {
+    static const char *const names[] = { "x", "y", "z" };
+    char units[3][SP_UNIT_BYTES], unit[SP_UNIT_BYTES];
+    int found[3] = { -1, -1, -1 };
+    for (unsigned i = 0; i < c->count; i++) {
+        const int axis = axis_of(c->names[i], unit);
+        if (axis >= 0 && (found[axis] < 0 || !c->names[i][1])) {
+            found[axis] = (int)i;
+            memcpy(units[axis], unit, sizeof unit);
+        }
+    }
+    if (found[0] < 0 || found[1] < 0 || found[2] < 0)
+        return;
+    for (int axis = 0; axis < 3; axis++)
+        c->name_of[found[axis]] = names[axis];
+    if (strcmp(units[0], units[1]) == 0 && strcmp(units[0], units[2]) == 0)
+        memcpy(c->unit, units[0], sizeof c->unit);
+}
+
+static bool refuse_names(const struct csv *c, struct sp_error *err) {
+    struct import_list list;
+    char names[120] = "";
+    import_list_begin(&list, names, sizeof names);
+    for (unsigned i = 0; i < c->count; i++)
+        import_list_add(&list, i ? ", " : "", c->names[i][0] ? c->names[i] : "\"\"");
+    import_list_end(&list);
+    return refuse(c, NULL, err,
+                  "the first line must name columns x, y and z, separated by commas, semicolons or "
+                  "tabs; it names %s. Write x, y and z for the coordinates",
+                  names);
+}
+
 static bool take_names(struct csv *c, struct sp_error *err) {
     bool last = false, failed;
     static const int mark[] = { 0xef, 0xbb, 0xbf }; /* of byte order, as UTF-8 */
@@ -143,6 +197,8 @@ static bool take_names(struct csv *c, struct sp_error *err) {
         c->text.at++;
     if (!find_line(c, &failed, err))
         return failed ? false : refuse(c, NULL, err, "the file has no names of columns");
+    if (import_text_peek(&c->text, err) == '#') /* as numpy.savetxt() begins its header */
+        c->text.at++;
     uint64_t start = c->text.at;
     if (!find_separator(c, err))
         return false;
@@ -156,8 +212,9 @@ static bool take_names(struct csv *c, struct sp_error *err) {
     }
     if (!check_names(c, err))
         return false;
+    name_axes(c);
     if (!import_columns_find(c->name_of, c->count, c->file->field, &c->columns))
-        return refuse(c, NULL, err, "the first line must name columns x, y and z");
+        return refuse_names(c, err);
     c->line++;
     return true;
 }
@@ -214,6 +271,7 @@ static void *open_csv(const struct import_file *file, struct import_header *head
                     SP_ELEMENTS_MAX);
     if (ok) {
         import_columns_use(&c->columns, c->name_of, c->count, (uint32_t)rows, header);
+        memcpy(header->unit, c->unit, sizeof header->unit);
         return c;
     }
     close_csv(c);
@@ -231,6 +289,13 @@ static bool is_used(const struct import_columns *columns, int column) {
     return used;
 }
 
+/* Some countries write 0,5 for 0.5, and separate by something else. */
+static void use_point(char field[FIELD_BYTES]) {
+    char *comma = strchr(field, ',');
+    if (comma && !strchr(comma + 1, ',') && !strchr(field, '.'))
+        *comma = '.';
+}
+
 static bool take_row(struct csv *c, double row[COLUMNS_MAX], struct sp_error *err) {
     char field[FIELD_BYTES], *end;
     bool last = false;
@@ -239,6 +304,8 @@ static bool take_row(struct csv *c, double row[COLUMNS_MAX], struct sp_error *er
             return refuse(c, NULL, err, "the row has %u fields instead of %u", i, c->count);
         if (!take_field(c, field, &last, err))
             return false;
+        if (c->separator != ',')
+            use_point(field);
         row[i] = field[0] ? strtod(field, &end) : NAN;
         if (field[0] && *end && is_used(&c->columns, (int)i))
             return refuse(c, c->names[i], err, "\"%s\" is not a number", field);

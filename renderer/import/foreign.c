@@ -52,6 +52,9 @@ static const struct kind others[] = {
     KIND("PK\3\4", 0, ".npz", "a file of NumPy", NULL),
     KIND("SIMPLE  =", 0, NULL, "a FITS file", NULL),
     KIND("MATLAB 5.0", 0, NULL, "a file of MATLAB 5", NULL),
+    KIND("LASF", 0, NULL, "a LAS file", NULL),
+    KIND("ASTM-E57", 0, NULL, "an E57 file", NULL),
+    KIND("# .PCD", 0, NULL, "a PCD file", NULL),
     KIND("<GIFTI", ANYWHERE, NULL, "a surface of GIFTI", NULL),
     KIND("\377\377\376", 0, NULL, "a surface of FreeSurfer", NULL),
 };
@@ -76,14 +79,27 @@ static const struct kind *find(const struct kind *kinds, size_t count, const uin
 
 #define FIND(kinds) find(kinds, sizeof kinds / sizeof *kinds, start, size, shown)
 
+/* Coordinates as text, without the line that names them. */
+static bool check_text(const uint8_t *start, size_t size, const char *shown, struct sp_error *err) {
+    const bool is_table = ends_with(shown, ".xyz") || ends_with(shown, ".pts") ||
+                          ends_with(shown, ".asc") || ends_with(shown, ".txt");
+    for (size_t i = 0; i < size; i++)
+        if ((start[i] < ' ' && !strchr("\t\r\n", start[i])) || start[i] > '~' || start[i] == 0)
+            return true;
+    return !is_table ||
+           sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                   "this is text; points are read from .csv: write the names of the columns, such "
+                   "as x,y,z,value, as the first line, and separate by commas, semicolons or tabs");
+}
+
 bool import_foreign_check(const uint8_t *start, size_t size, const char *shown,
                           struct sp_error *err) {
     const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
     const struct kind *k = FIND(others);
     if (k)
         return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
-                       "this is %s, which is not read; write it as NRRD, NIfTI, TIFF or HDF5, or a "
-                       "surface as VTK, PLY or STL",
+                       "this is %s, which is not read; write it as NRRD, NIfTI, TIFF or HDF5, "
+                       "points as PLY or CSV, a surface as VTK, PLY or STL",
                        k->name);
     k = FIND(microscopes);
     if (k)
@@ -91,6 +107,8 @@ bool import_foreign_check(const uint8_t *start, size_t size, const char *shown,
                        "this is %s, which is not read; save it as OME-TIFF, with \"%s %.60s "
                        "out.ome.tif\" of Bio-Formats",
                        k->name, k->command, name);
+    if (!check_text(start, size, shown, err))
+        return false;
     k = FIND(packed);
     return !k ||
            sp_fail(err, SP_ERR_UNSUPPORTED, shown,

@@ -194,6 +194,38 @@ static void counting_rows_reports_progress(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* ParaView, numpy, tables with units, and countries that write commas in numbers. */
+static void names_and_numbers_of_other_programs_are_read(void **state) {
+    (void)state;
+    static const struct {
+        const char *text, *name, *unit;
+    } tables[] = {
+        { "\"heat\",\"Points:0\",\"Points:1\",\"Points:2\"\n7,1.5,2,3\n8,4,5,6\n", "heat", "" },
+        { "Points_0,Points_1,Points_2,heat\n1.5,2,3,7\n4,5,6,8\n", "heat", "" },
+        { "# x,y,z,heat\n1.5,2,3,7\n4,5,6,8\n", "heat", "" },
+        { "x [mm],y [mm],z [mm],heat\n1.5,2,3,7\n4,5,6,8\n", "heat", "mm" },
+        { "X (um)\tY(um)\tZ (um)\theat\n1.5\t2\t3\t7\n4\t5\t6\t8\n", "heat", "um" },
+        { "x [mm],y [cm],z [mm],heat\n1.5,2,3,7\n4,5,6,8\n", "heat", "" },
+        { "x;y;z;heat\n1,5;2,0;3;7,0\n4;5;6;8\n", "heat", "" },
+    };
+    for (size_t i = 0; i < sizeof tables / sizeof *tables; i++) {
+        write_text("p.csv", "%s", tables[i].text);
+        struct sp_volume *volume = load("p.csv");
+        const struct sp_elements *e = sp_volume_elements(volume);
+        assert_string_equal(sp_volume_info(volume)->value_name, tables[i].name);
+        assert_string_equal(sp_volume_info(volume)->unit, tables[i].unit);
+        const size_t first = e->positions[0][0] < 2 ? 0 : 1; /* points may change their order */
+        assert_float_equal(e->positions[first][0], 1.5, 0);
+        assert_float_equal(e->positions[first][2], 3, 0);
+        assert_float_equal(e->values[first], 7, 0);
+        sp_volume_unref(&volume);
+    }
+    write_text("p.csv", "longitude,latitude,depth\n1,2,3\n");
+    load_error("p.csv", SP_ERR_FORMAT, "p.csv: line 1", "it names longitude, latitude, depth");
+    write_text("p.xyz", "0 0 0\n1 0 0\n");
+    load_error("p.xyz", SP_ERR_UNSUPPORTED, "p.xyz", "this is text; points are read from .csv");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(separators_quotes_and_blanks_are_read),
@@ -203,6 +235,7 @@ int main(void) {
         cmocka_unit_test(bad_variances_are_not_drawn),
         cmocka_unit_test(errors_name_line_and_column),
         cmocka_unit_test(counting_rows_reports_progress),
+        cmocka_unit_test(names_and_numbers_of_other_programs_are_read),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
