@@ -237,8 +237,12 @@ static bool choose(struct tiff *t, struct import_header *header, struct sp_error
     uint32_t chosen = 0;
     if (!import_header_use_steps(header, t->file, p->steps, err))
         return false;
-    if (p->steps > 1)
+    if (p->steps > 1 && p->times) {
+        header->steps.times = p->times;
+        memcpy(header->steps.unit, p->time_unit, sizeof header->steps.unit);
+    } else if (p->steps > 1) {
         import_header_use_interval(header, 0, p->interval, p->time_unit);
+    }
     if (p->channels == 1 && t->are_colors) {
         chosen = import_header_choose_component(header, t->file->field, t->channels, true);
     } else {

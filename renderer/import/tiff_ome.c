@@ -137,6 +137,35 @@ static void take_pixels(struct ome *o, const char **list) {
         p->names = calloc(p->channels, sizeof *p->names);
 }
 
+/* The time of a step is that of its first plane, if the file gives no interval. Times that do not
+ * rise, or that some steps lack, are dropped in finish(). */
+static void take_plane(struct ome *o, const char **list) {
+    struct tiff_planes *p = o->planes;
+    const char *time = attribute(list, "DeltaT"), *unit = attribute(list, "DeltaTUnit");
+    const uint64_t step = whole(o, list, "TheT", 0);
+    if (!time || p->interval > 0 || p->steps < 2 || step >= p->steps ||
+        whole(o, list, "TheZ", 0) != 0 || whole(o, list, "TheC", 0) != 0)
+        return;
+    if (!p->times) {
+        p->times = malloc(p->steps * sizeof *p->times);
+        for (uint32_t i = 0; p->times && i < p->steps; i++)
+            p->times[i] = NAN;
+    }
+    if (p->times)
+        p->times[step] = strtod(time, NULL);
+    snprintf(p->time_unit, sizeof p->time_unit, "%.31s", unit ? unit : "s");
+}
+
+static void check_times(struct tiff_planes *p) {
+    bool are_sound = p->times != NULL;
+    for (uint32_t i = 0; are_sound && i < p->steps; i++)
+        are_sound = isfinite(p->times[i]) && (i == 0 || p->times[i] > p->times[i - 1]);
+    if (!are_sound) {
+        free(p->times);
+        p->times = NULL;
+    }
+}
+
 static void take_channel(struct ome *o, const char **list) {
     const char *name = attribute(list, "Name");
     struct tiff_planes *p = o->planes;
@@ -215,6 +244,8 @@ static void start_element(void *user, const char *element, const char **list) {
         take_pixels(o, list);
     } else if (o->in_pixels && strcmp(name, "Channel") == 0) {
         take_channel(o, list);
+    } else if (o->in_pixels && strcmp(name, "Plane") == 0) {
+        take_plane(o, list);
     } else if (o->in_pixels && strcmp(name, "TiffData") == 0) {
         begin_block(o, list);
     } else if (o->in_block && strcmp(name, "UUID") == 0) {
@@ -263,6 +294,7 @@ static bool finish(struct ome *o) {
         fail(o, SP_ERR_FORMAT, "the description has no element Pixels");
     if (o->failed)
         return false;
+    check_times(p);
     if (!o->has_blocks) { /* all planes are here, in their order */
         o->block = (struct block){ .count = o->pages };
         end_block(o);

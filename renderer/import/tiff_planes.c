@@ -43,6 +43,12 @@ bool tiff_planes_hide(struct tiff_planes *p, const struct tiff_file *t, uint64_t
     return p->is_hidden;
 }
 
+static void forget_times(struct tiff_planes *p) {
+    p->interval = 0;
+    free(p->times);
+    p->times = NULL;
+}
+
 static bool name_colors(struct tiff_planes *p, const struct import_file *file,
                         struct sp_error *err) {
     static const char *const colors[] = { "red", "green", "blue", "alpha" };
@@ -80,7 +86,7 @@ bool tiff_planes_choose(struct tiff_planes *p, const struct import_file *file, u
         return true;
     }
     if (as == IMPORT_AS_TIME && from != &p->steps)
-        p->interval = 0; /* that of the other axis is none of this one */
+        forget_times(p); /* those of the other axis are none of this one */
     if (as == IMPORT_AS_RGB || from != &p->channels) {
         free(p->names);
         p->names = NULL;
@@ -92,5 +98,6 @@ bool tiff_planes_choose(struct tiff_planes *p, const struct import_file *file, u
 void tiff_planes_finish(struct tiff_planes *p) {
     free(p->pages);
     free(p->names);
+    free(p->times);
     *p = (struct tiff_planes){ .slices = 0 };
 }

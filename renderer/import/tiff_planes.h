@@ -32,6 +32,7 @@ struct tiff_planes {
     bool has_missing; /* numbers equal to `missing` are no samples */
     double missing;
     double interval; /* of the steps; 0 = unknown */
+    double *times;   /* owned: of each step, in place of the interval; NULL = unknown */
     char time_unit[SP_UNIT_BYTES];
 };
 

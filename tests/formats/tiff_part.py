@@ -26,6 +26,11 @@ def check_ome(tool):
             array = ramp((2, channels, 5, 6, 7), 'u1')
             tifffile.imwrite(path, array.transpose(*map('TCZ'.index, axes), 3, 4), metadata={'axes': axes + 'YX'}, photometric='minisblack')
             tool.layout('TIFF', 'OME-XML, every DimensionOrder, 3 or 4 channels', f'{path}?field=channel {channels}', array[1, -1], step=1, steps=2)
+    path = tool.path('times.ome.tif')
+    array = ramp((3, 2, 4, 6, 7), 'u1')
+    planes = {'DeltaT': [float(t * t + 0.25) for t in range(3) for _ in range(8)], 'DeltaTUnit': ['ms'] * 24}
+    tifffile.imwrite(path, array, metadata={'axes': 'TCZYX', 'Plane': planes}, photometric='minisblack')
+    tool.layout('TIFF', 'OME-XML, DeltaT of planes', path, array[2, 0], step=2, result='times of steps', times=[0.25, 1.25, 4.25], time_unit='ms')
     path = tool.path('rgb.ome.tif')
     colours = ramp((4, 5, 6, 3), 'u1')
     tifffile.imwrite(path, colours, metadata={'axes': 'ZYXS'}, photometric='rgb')
