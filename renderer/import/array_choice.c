@@ -11,6 +11,7 @@
 #include <strings.h>
 
 #include "import/array_reader.h"
+#include "import/derived.h"
 
 bool arrays_fail(const struct arrays *a, struct sp_error *err, enum sp_code code,
                  const char *format, ...) {
@@ -108,9 +109,24 @@ static unsigned least_rank(const struct arrays *a) {
     return most;
 }
 
-/* True if the field names the array, or one of its channels: "NAME 2". *channel gets its number. A
- * file that is one array has no name for it; take_component() reads the field. */
-static bool is_wanted(const char *field, const char *name, uint32_t *channel) {
+static bool are_vectors(const struct arrays *a) {
+    return a->file->selection.as == IMPORT_AS_VECTORS;
+}
+
+/* What names the array that is read; "" = the reader chooses. Of vectors it may be their name, and
+ * "magnitude" is that of any. */
+static const char *wanted_of(const struct arrays *a) {
+    const char *field = a->file->field;
+    if (are_vectors(a) && (!*field || import_derived_of(field, "") != IMPORT_NOT_DERIVED))
+        return a->file->vectors;
+    return field;
+}
+
+/* True if the field names the array, or one of its channels: "NAME 2", or of vectors "NAME x".
+ * *channel gets its number. A file that is one array has no name for it; take_component() reads the
+ * field. */
+static bool is_wanted(const struct arrays *a, const char *field, const char *name,
+                      uint32_t *channel) {
     const char *own = *name == '/' ? name + 1 : name;
     const size_t length = strlen(own);
     field += *field == '/';
@@ -121,6 +137,8 @@ static bool is_wanted(const char *field, const char *name, uint32_t *channel) {
     if (strncmp(field, own, length) != 0)
         return false;
     if (!field[length])
+        return true;
+    if (are_vectors(a) && import_derived_names(field, own))
         return true;
     const unsigned long number = strtoul(field + length, &end, 10);
     *channel = (uint32_t)(number - 1);
@@ -174,7 +192,7 @@ static const char *refusal_of(const struct arrays *a) {
 }
 
 bool arrays_choose(struct arrays *a, struct sp_error *err) {
-    const char *field = a->file->field;
+    const char *field = wanted_of(a);
     const char *refusal = refusal_of(a);
     if (refusal)
         return sp_fail(err, SP_ERR_UNSUPPORTED, a->shown, "%s", refusal);
@@ -185,7 +203,7 @@ bool arrays_choose(struct arrays *a, struct sp_error *err) {
     uint32_t channel = 0;
     for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
         const bool is_one =
-            *field ? is_wanted(field, info.name, &channel) : rank_of(a, &info) >= least;
+            *field ? is_wanted(a, field, info.name, &channel) : rank_of(a, &info) >= least;
         if (is_one && found++ == 0) {
             a->chosen = n;
             a->info = info;
@@ -261,10 +279,38 @@ static bool take_component(struct arrays *a, struct import_header *header, struc
     return true;
 }
 
-bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp_error *err) {
+/* Vectors have the name of the array. The field is this one, for their lengths, or one of
+ * derived.h; the '/' before it may be missing. */
+static void name_vectors(const struct arrays *a, struct import_header *header) {
+    const char *field = a->file->field, *own = a->info.name + (a->info.name[0] == '/');
+    const char *name = field + (*field == '/');
+    char path[SP_FIELD_BYTES];
+    snprintf(path, sizeof path, "%s%s", a->info.name[0] == '/' ? "/" : "", name);
+    import_header_add_vectors(header, a->info.name);
+    import_header_use_vectors(header, *wanted_of(a) ? path : field);
+    if (*field && (strcmp(name, own) == 0 || strcmp(path, header->value_name) == 0))
+        import_name(header->value_name, field);
+}
+
+/* Lists the arrays that could be read in place of this one. */
+static void list_others(const struct arrays *a, struct import_header *header) {
     const unsigned least = a->info.rank < 3 ? a->info.rank : 3;
     struct array_info info;
+    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
+        if (n != a->chosen && info.is_number && info.rank >= least && !info.is_alias &&
+            !is_of_axis(a, &info))
+            import_header_add_other(header, info.name);
+    a->call->text(a->handle, a->chosen, "units", header->value_unit, sizeof header->value_unit);
+}
+
+bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp_error *err) {
     char name[SP_FIELD_BYTES];
+    if (a->axes.are_vectors) {
+        a->channels = 1;
+        name_vectors(a, header);
+        list_others(a, header);
+        return true;
+    }
     a->channels = a->axes.channel < 0 ? 1 : (uint32_t)fmin(a->info.shape[a->axes.channel], 1e9);
     if (!a->info.name[0] && !take_component(a, header, err))
         return false;
@@ -282,17 +328,20 @@ bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp
         if (i != a->channel)
             import_header_add_other(header, name);
     }
-    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
-        if (n != a->chosen && info.is_number && info.rank >= least && !info.is_alias &&
-            !is_of_axis(a, &info))
-            import_header_add_other(header, info.name);
-    a->call->text(a->handle, a->chosen, "units", header->value_unit, sizeof header->value_unit);
+    list_others(a, header);
     return true;
 }
 
 bool arrays_take(struct arrays *a, struct import_header *header, struct sp_error *err) {
     arrays_take_values(a, header);
-    return arrays_take_axes(a, header, err) && arrays_take_names(a, header, err);
+    if (!arrays_take_axes(a, header, err))
+        return false;
+    if (a->axes.are_vectors) {
+        header->type = a->conversion.type = SP_FLOAT32;
+        if (!isnan(a->default_fill))
+            arrays_use_default_fill(a);
+    }
+    return arrays_take_names(a, header, err);
 }
 
 void arrays_finish(struct arrays *a) {

@@ -53,6 +53,8 @@ struct reading {
     uint64_t strides[3]; /* of each in the volume [samples] */
     char *numbers;       /* owned: a box */
     char *row;           /* owned: samples of one row of the file */
+    float (*vectors)[3]; /* NULL = reads samples */
+    uint32_t channel;    /* or component of the vectors */
     char *voxels;        /* NULL = looks for default fill values only */
     bool has_fill;       /* and has found one */
     uint64_t done;       /* samples */
@@ -90,17 +92,19 @@ static void put_row(struct reading *r, const char *from, uint64_t count, uint64_
     const struct arrays *a = r->arrays;
     const struct import_conversion *c = &a->conversion;
     const size_t size = sp_type_size(c->type);
-    if (!r->voxels) {
+    if (!r->voxels && !r->vectors) {
         for (uint64_t i = 0; i < count && !r->has_fill; i++)
             r->has_fill = is_default_fill(a, from + i * c->number.size);
         return;
     }
-    char *to = stride == 1 ? r->voxels + at * size : r->row;
+    char *to = stride == 1 && !r->vectors ? r->voxels + at * size : r->row;
     if (import_conversion_is_copy(c))
         memcpy(to, from, count * size);
     else
         import_conversion_put(c, from, count, to);
-    for (uint64_t i = 0; stride != 1 && i < count; i++)
+    for (uint64_t i = 0; r->vectors && i < count; i++)
+        memcpy(&r->vectors[at + i * stride][r->channel], to + i * size, size);
+    for (uint64_t i = 0; !r->vectors && stride != 1 && i < count; i++)
         memcpy(r->voxels + (at + i * stride) * size, to + i * size, size);
 }
 
@@ -116,7 +120,7 @@ static bool read_box(struct reading *r, const struct box *box, struct sp_error *
     for (unsigned d = 0; d < a->info.rank; d++)
         count[d] = 1;
     if (a->axes.channel >= 0)
-        start[a->axes.channel] = a->channel;
+        start[a->axes.channel] = r->channel;
     if (a->axes.time >= 0)
         start[a->axes.time] = a->file->step;
     for (unsigned i = 0; i < r->count; i++) {
@@ -189,9 +193,17 @@ static bool read_all(struct reading *r, const struct import_progress *progress,
 
 static bool read_arrays(void *reader, void *voxels, float (*vectors)[3],
                         const struct import_progress *progress, struct sp_error *err) {
-    struct reading r = { .arrays = reader, .voxels = voxels };
-    (void)vectors;
-    return read_all(&r, progress, err);
+    const struct arrays *a = reader;
+    bool ok = true;
+    for (uint32_t c = 0; ok && c < (a->axes.are_vectors ? 3 : 1); c++) {
+        struct reading r = { .arrays = a, .voxels = voxels, .channel = a->channel };
+        if (a->axes.are_vectors) {
+            r.vectors = vectors;
+            r.channel = c;
+        }
+        ok = read_all(&r, progress, err);
+    }
+    return ok;
 }
 
 /* Opening. */
@@ -201,7 +213,7 @@ static bool read_arrays(void *reader, void *voxels, float (*vectors)[3],
 static bool look_for_default_fill(struct arrays *a, const struct import_header *header,
                                   struct sp_error *err) {
     const bool is_series = header->steps.count > 1;
-    struct reading r = { .arrays = a, .has_fill = is_series };
+    struct reading r = { .arrays = a, .channel = a->channel, .has_fill = is_series };
     if (isnan(a->default_fill))
         return true;
     if (!is_series && !read_all(&r, NULL, err))

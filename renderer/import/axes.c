@@ -83,7 +83,6 @@ bool import_axes_choose(struct import_axes *axes, const struct import_file *file
         .meaning = dimension == axes->time ? IMPORT_AS_TIME
                    : axes->are_colors      ? IMPORT_AS_RGB
                                            : IMPORT_AS_CHANNELS,
-        .no_vectors = true,
         .are_parts = has_both,
     };
     enum import_as as;
@@ -94,5 +93,6 @@ bool import_axes_choose(struct import_axes *axes, const struct import_file *file
     *from = -1;
     *(as == IMPORT_AS_TIME ? &axes->time : &axes->channel) = dimension;
     axes->are_colors = as == IMPORT_AS_RGB;
+    axes->are_vectors = as == IMPORT_AS_VECTORS;
     return true;
 }

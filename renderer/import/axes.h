@@ -13,6 +13,7 @@ struct import_axes {
     int space[3];      /* the dimensions of x, y and z; −1 = none */
     int channel, time; /* −1 = none */
     bool are_colors;   /* the channels are red, green, blue and maybe alpha */
+    bool are_vectors;  /* the channels are x, y and z of vectors */
 };
 
 /* Compares without regard to case; the list ends with NULL. */
@@ -34,7 +35,8 @@ void import_axes_place(struct import_axes *axes, const int *space, unsigned coun
                        const char *const *names);
 
 /* Applies "?as=" of the source: the entries of the dimension of channels, or of time, or without
- * both of the slowest dimension of space, are steps or channels. Without a choice nothing changes.
+ * both of the slowest dimension of space, are steps, channels, colours or components of vectors.
+ * Without a choice nothing changes.
  */
 bool import_axes_choose(struct import_axes *axes, const struct import_file *file,
                         const uint64_t *shape, struct import_header *header, struct sp_error *err);

@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "import/array_reader.h"
+#include "import/derived.h"
 #include "import/remote.h"
 #include "import/zarr_chunk.h"
 #include "import/zarr_fields.h"
@@ -77,6 +78,11 @@ static bool choose_channel(struct zarr *z, struct import_header *header, struct 
     char text[SP_ERROR_TEXT];
     struct import_list list;
     unsigned chosen = *field ? count : 0;
+    if (image->axes.are_vectors) {
+        import_header_add_vectors(header, "");
+        import_header_use_vectors(header, field);
+        return true;
+    }
     if (image->axes.are_colors) {
         z->channel = import_header_choose_component(header, field, image->channels, true);
         return true;
@@ -105,6 +111,8 @@ static bool take_image(struct zarr *z, struct import_header *header, struct sp_e
     if (!zarr_image_choose(&z->image, z->file, header, err))
         return false;
     z->conversion = import_conversion_of(z->image.levels[0].array.number, z->file->warnings);
+    if (z->image.axes.are_vectors)
+        z->conversion.type = SP_FLOAT32;
     header->type = z->conversion.type;
     snprintf(header->unit, sizeof header->unit, "%s", z->image.unit);
     if (!choose_channel(z, header, err) ||
@@ -210,6 +218,9 @@ struct reading {
     size_t strides[3];              /* of x, y and z in a chunk [numbers] */
     size_t base;                    /* of the channel and the step in a chunk [numbers] */
     char *chunk, *row;              /* owned: a chunk, and numbers along x */
+    float *floats;                  /* owned: components along x; NULL = reads samples */
+    float (*vectors)[3];
+    uint32_t channel; /* or component of the vectors */
     char *voxels;
     uint64_t done;  /* samples */
     uint64_t holes; /* chunks that are damaged */
@@ -219,7 +230,8 @@ static bool begin(struct reading *r, struct sp_error *err) {
     const struct zarr_image *image = &r->zarr->image;
     r->chunk = malloc(r->array->chunk_bytes);
     r->row = malloc((size_t)r->level->dims[0] * r->array->number.size);
-    if (!r->chunk || !r->row)
+    r->floats = r->vectors ? malloc((size_t)r->level->dims[0] * sizeof *r->floats) : NULL;
+    if (!r->chunk || !r->row || (r->vectors && !r->floats))
         return sp_fail(err, SP_ERR_MEMORY, r->zarr->store->shown, "out of memory for a chunk");
     size_t step = 1;
     for (unsigned d = r->array->rank; d-- > 0; step *= (size_t)r->array->chunk[d]) {
@@ -227,7 +239,7 @@ static bool begin(struct reading *r, struct sp_error *err) {
             if (image->axes.space[a] == (int)d)
                 r->strides[a] = step;
         if (image->axes.channel == (int)d)
-            r->base += step * (size_t)(r->zarr->channel % r->array->chunk[d]);
+            r->base += step * (size_t)(r->channel % r->array->chunk[d]);
         if (image->axes.time == (int)d)
             r->base += step * (size_t)(r->zarr->file->step % r->array->chunk[d]);
     }
@@ -248,7 +260,7 @@ static void put(struct reading *r, const struct box *box) {
                                  box->first[1] - first[1] + j) *
                                     dims[0] +
                                 box->first[0] - first[0];
-            char *to = r->voxels + at * sample;
+            char *to = r->vectors ? (char *)r->floats : r->voxels + at * sample;
             if (r->strides[0] != 1) {
                 for (uint32_t i = 0; i < box->size[0]; i++)
                     memcpy(r->row + i * number, from + i * r->strides[0] * number, number);
@@ -258,6 +270,8 @@ static void put(struct reading *r, const struct box *box) {
                 memcpy(to, from, box->size[0] * sample);
             else
                 import_conversion_put(c, from, box->size[0], to);
+            for (uint32_t i = 0; r->vectors && i < box->size[0]; i++)
+                r->vectors[at + i][r->channel] = r->floats[i];
         }
     r->done += (uint64_t)box->size[0] * box->size[1] * box->size[2];
 }
@@ -268,7 +282,7 @@ static void find_chunk(const struct reading *r, const uint64_t place[3], uint64_
     const struct zarr_image *image = &r->zarr->image;
     memset(at, 0, ZARR_RANK_MAX * sizeof *at);
     if (image->axes.channel >= 0)
-        at[image->axes.channel] = r->zarr->channel / r->array->chunk[image->axes.channel];
+        at[image->axes.channel] = r->channel / r->array->chunk[image->axes.channel];
     if (image->axes.time >= 0)
         at[image->axes.time] = r->zarr->file->step / r->array->chunk[image->axes.time];
     for (int a = 0; a < 3; a++) {
@@ -326,18 +340,23 @@ static bool read_chunks(struct reading *r, struct zarr_chunks *chunks,
 bool zarr_read(void *reader, void *voxels, float (*vectors)[3],
                const struct import_progress *progress, struct sp_error *err) {
     const struct zarr *z = reader;
+    const bool are_vectors = z->image.axes.are_vectors;
     struct zarr_chunks chunks;
-    struct reading r = {
-        .zarr = z, .level = z->level, .array = &z->level->array, .voxels = voxels
-    };
-    (void)vectors;
-    memcpy(r.out.size, z->level->dims, sizeof r.out.size);
-    bool ok = begin(&r, err);
+    bool ok = true;
     zarr_chunks_init(&chunks, z->store, z->file);
-    ok = ok && read_chunks(&r, &chunks, progress, err);
+    for (uint32_t c = 0; ok && c < (are_vectors ? 3 : 1); c++) {
+        struct reading r = {
+            .zarr = z, .level = z->level, .array = &z->level->array, .voxels = voxels
+        };
+        r.channel = are_vectors ? c : z->channel;
+        r.vectors = are_vectors ? vectors : NULL;
+        memcpy(r.out.size, z->level->dims, sizeof r.out.size);
+        ok = begin(&r, err) && read_chunks(&r, &chunks, progress, err);
+        free(r.chunk);
+        free(r.row);
+        free(r.floats);
+    }
     zarr_chunks_finish(&chunks);
-    free(r.chunk);
-    free(r.row);
     return ok;
 }
 
@@ -366,6 +385,8 @@ static unsigned list_levels(void *reader, struct sp_chunk_level *levels, unsigne
     const struct zarr_level *finest = z->level;
     const size_t left = z->image.level_count - (size_t)(finest - z->image.levels);
     unsigned count = 0;
+    if (z->image.axes.are_vectors)
+        return 0;
     for (; count < most && count < left; count++) {
         const struct zarr_level *level = finest + count;
         bool is_coarser = count == 0;
@@ -402,6 +423,7 @@ static bool read_chunk(void *reader, unsigned l, const uint32_t place[3], void *
         if (!(r = calloc(1, sizeof *r)))
             return sp_fail(err, SP_ERR_MEMORY, z->store->shown, "out of memory for a chunk");
         r->zarr = z;
+        r->channel = z->channel;
         r->level = z->level + l;
         r->array = &r->level->array;
         if (!begin(r, err)) {

@@ -106,7 +106,40 @@ def check(tool):
         check_all(tool, 'NetCDF' if name.endswith('nc') else 'HDF5', tool.path(name), name.endswith('nc'))
     check_zarr(tool)
     check_tags(tool)
+    check_vectors(tool)
     check_sizes(tool)
+
+
+def check_vectors(tool):
+    """Three numbers per voxel as vectors: their lengths and components."""
+    data = ramp((4, 5, 6, 3), 'i2') - 100
+    first = numpy.ascontiguousarray(numpy.moveaxis(data, -1, 0))
+    with h5py.File(tool.path('vectors.h5'), 'w') as file:
+        file['flow'], file['other'] = first, data[..., 0]
+        file['last'] = data
+        file['last'].attrs['axistags'] = tags('zyxc')
+    with netCDF4.Dataset(tool.path('vectors.nc'), 'w') as file:
+        for name, size in zip(('z', 'y', 'x', 'component'), data.shape):
+            file.createDimension(name, size)
+        file.createVariable('last', 'i2', ('z', 'y', 'x', 'component'))[:] = data
+    group = zarr.open_group(tool.path('vectors.zarr'), mode='w')
+    group.create_array('last', shape=data.shape, dtype='i2', chunks=(3, 2, 4, 2), dimension_names=('z', 'y', 'x', 'component'))[...] = data
+    zarr.create_array(tool.path('flow.zarr'), shape=first.shape, dtype='i2', chunks=(2, 3, 2, 4))[...] = first
+    axes = [{'name': 'c', 'type': 'channel'}] + [{'name': n, 'type': 'space'} for n in 'zyx']
+    image = zarr.open_group(tool.path('flow.ome.zarr'), mode='w', attributes={'ome': {'version': '0.5', 'multiscales': [
+        {'axes': axes, 'datasets': [{'path': '0', 'coordinateTransformations': [{'type': 'scale', 'scale': [1, 2, 1, 1]}]}]}]}})
+    image.create_array('0', data=first)
+    lengths = numpy.sqrt((data.astype('f4') ** 2).sum(-1))
+    for form, name, array in (('HDF5', 'vectors.h5', 'flow'), ('HDF5', 'vectors.h5', '/last'), ('NetCDF', 'vectors.nc', 'last'), ('Zarr', 'vectors.zarr', 'last'),
+                              ('Zarr', 'flow.zarr', ''), ('Zarr', 'flow.ome.zarr', '')):
+        source = tool.path(name) + '?as=vectors'
+        for field in [array, *(f'{array} {axis}'.strip() for axis in 'xyz')]:
+            tool.layout(form, '?as=vectors of three numbers per voxel', source + (f'&field={field}' if field else ''),
+                        data[..., 'xyz'.index(field[-1])] if field[-2:-1] in ('', ' ') and field else lengths, type='float32')
+    tool.equal(tool.path('vectors.nc') + '?as=vectors', lengths, name='magnitude', vectors='last', other0='last x')
+    tool.equal(tool.path('vectors.h5') + '?as=vectors&vectors=/flow', lengths, vectors='/flow')
+    tool.refused(tool.path('vectors.h5') + '?as=vectors&field=/other', '?as=vectors', '4 numbers per voxel')
+    tool.refused(tool.path('cf.nc') + '?as=vectors&field=ranged', '?as=vectors', '4 numbers per voxel; choose')
 
 
 def tags(keys, **steps):

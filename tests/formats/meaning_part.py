@@ -210,7 +210,10 @@ def check_free_axis(tool, path, data, array=''):
     else:
         tool.equal(f'{path}?as=rgb&field=green', planes[1], name='green', steps=1)
     says(tool, f'{path}?as=labels{suffix}', meaning='labels')
-    tool.refused(f'{path}?as=vectors{suffix}', 'as=vectors', '3 numbers per voxel', 'time, rgb, channels or labels')
+    if path.endswith('.tif'):
+        tool.refused(f'{path}?as=vectors', 'as=vectors', '3 numbers per voxel', 'time, rgb, channels or labels')
+    else:
+        tool.equal(f'{path}?as=vectors&field={f"{array} z".strip()}', planes[2], type='float32', steps=1)
 
 
 def check_tiff(tool):
