@@ -97,16 +97,23 @@ static bool find_slices(struct dicom *d, struct import_header *header, struct sp
 static bool take_values(struct dicom *d, struct import_header *header, bool *is_uniform,
                         struct sp_error *err) {
     const struct dicom_frame *first = &d->slices.items[0].is;
-    bool has_unit = first->unit[0];
+    bool has_unit = first->unit[0], has_zero = false;
     *is_uniform = true;
     for (uint32_t i = 0; i < d->slices.count; i++) {
-        const struct dicom_slice *s = &d->slices.items[i];
-        if (!isfinite(s->is.slope) || !isfinite(s->is.intercept) || s->is.slope == 0)
+        struct dicom_slice *s = &d->slices.items[i];
+        if (!isfinite(s->is.slope) || !isfinite(s->is.intercept))
             return dicom_fail(&d->source, SP_ERR_FORMAT, s->name,
-                              "the rescale slope is 0 or no number", err);
+                              "the rescale slope or intercept is no number", err);
+        if (s->is.slope == 0) {
+            has_zero = true;
+            s->is.slope = 1;
+        }
         *is_uniform &= s->is.slope == first->slope && s->is.intercept == first->intercept;
         has_unit &= strcmp(s->is.unit, first->unit) == 0;
     }
+    if (has_zero)
+        import_warn(d->source.file->warnings,
+                    "The rescale slope is 0, which would remove all values: it is taken as 1.");
     if (has_unit && d->conversion.components == 1)
         snprintf(header->value_unit, sizeof header->value_unit, "%s", first->unit);
     return true;
@@ -141,10 +148,12 @@ static bool take_type(struct dicom *d, struct import_header *header, struct sp_e
     const struct dicom_frame *first = &d->slices.items[0].is;
     struct import_conversion *c = &d->conversion;
     bool is_uniform;
-    *c = (struct import_conversion){ .slope = first->slope, .offset = first->intercept };
+    *c = (struct import_conversion){ .slope = 1 };
     if (!dicom_samples_type(&d->source, &d->source.image, "", &c->number, &c->components, err) ||
         !take_values(d, header, &is_uniform, err))
         return false;
+    c->slope = first->slope;
+    c->offset = first->intercept;
     if (c->components > 1)
         import_conversion_choose(c, 0, ldexp(1, 8 * (int)c->number.size) - 1);
     else
