@@ -47,7 +47,7 @@ static uint64_t size_of(uint8_t byte) {
 }
 
 static bool describe(void *file, unsigned n, struct array_info *info) {
-    static const char *const names[] = { "time", "x", "lat", "height", "c", "other", "s", "" };
+    static const char *const names[] = { "time", "x", "lat", "height", "c", "/s", "s", "" };
     static const size_t sizes[] = { 1, 2, 4, 8 };
     const size_t at = n * RECORD;
     (void)file;
@@ -60,11 +60,22 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
     if (info->number.kind == IMPORT_FLOAT && info->number.size < 4)
         info->number.size = 4;
     info->is_number = byte_at(at + 2) % 8 != 0;
-    snprintf(info->name, sizeof info->name, "%s", names[byte_at(at + 2) / 8 % 8]);
+    info->has_default_fill = byte_at(at + 2) % 8 == 1;
+    info->is_alias = byte_at(at + 2) % 8 == 2;
+    info->is_preferred = byte_at(at + 2) % 8 == 3;
+    info->is_scale = byte_at(at + 2) % 8 == 4;
+    if (byte_at(0) % 4 == 3) /* Imaris: level, time point and channel */
+        snprintf(info->name, sizeof info->name,
+                 "/DataSet/ResolutionLevel %u/TimePoint %u/Channel %u/Data", n / 2,
+                 byte_at(at + 2) / 8 % 3, byte_at(at + 2) / 32 % 3);
+    else
+        snprintf(info->name, sizeof info->name, "%s", names[byte_at(at + 2) / 8 % 8]);
     for (unsigned d = 0; d < info->rank; d++) {
         info->shape[d] = size_of(byte_at(at + 3 + d));
         info->chunk[d] = size_of(byte_at(at + 11 + d));
         snprintf(info->dims[d], sizeof info->dims[d], "%s", names[byte_at(at + 16 + d) % 8]);
+        snprintf(info->scales[d], sizeof info->scales[d], "%s",
+                 names[byte_at(at + 16 + d) / 8 % 8]);
     }
     return true;
 }
@@ -95,12 +106,35 @@ static size_t numbers(void *file, unsigned n, const char *attribute, double *out
     return choice % 2 ? most : 0;
 }
 
+#define TAGS "{\"axes\": [{\"key\": \"x\", \"resolution\": 2}, {\"key\": \"c\", \"typeFlags\": 1}]}"
+
 static void text(void *file, unsigned n, const char *attribute, char *out, size_t capacity) {
-    static const char *const texts[] = {
-        "", "T", "X", "down", "degrees_east", "true", "hPa", "km", "hours since 1900-01-01"
-    };
+    static const char *const texts[] = { "",
+                                         "T",
+                                         "X",
+                                         "down",
+                                         "degrees_east",
+                                         "true",
+                                         "hPa",
+                                         "km",
+                                         "hours since 1900-01-01",
+                                         "x lat s",
+                                         TAGS,
+                                         "{\"axes\": [1, {}, \"\"]}" };
     (void)file;
-    snprintf(out, capacity, "%s", texts[byte_at(n * 5 + (uint8_t)attribute[0]) % 9]);
+    snprintf(out, capacity, "%s",
+             texts[byte_at(n * 5 + (uint8_t)attribute[0]) % (sizeof texts / sizeof *texts)]);
+}
+
+/* The attributes of Imaris: numbers, dates and names. */
+static void group_text(void *file, const char *group, const char *attribute, char *out,
+                       size_t capacity) {
+    static const char *const texts[] = { "", "0", "3.5", "-1e308", "um", "2012-02-28 23:59:30.5" };
+    const size_t length = strlen(attribute);
+    (void)file;
+    (void)group;
+    snprintf(out, capacity, "%s",
+             texts[byte_at(length + (uint8_t)attribute[length ? length - 1 : 0]) % 6]);
 }
 
 /* In place of module.c. */
@@ -112,7 +146,8 @@ const void *import_module_load(const struct import_file *file, const char *modul
                                                       .describe = describe,
                                                       .read = read_box,
                                                       .numbers = numbers,
-                                                      .text = text };
+                                                      .text = text,
+                                                      .group_text = group_text };
     (void)file;
     (void)module;
     (void)symbol;
