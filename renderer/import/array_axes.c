@@ -201,11 +201,19 @@ static double factor_of(const struct arrays *a, const struct coordinates *c, int
     const double vertical = extent_of(a, c, d);
     if (axis == 1 || is_same || !(vertical > 0) || !(horizontal > 0))
         return 1;
+    const bool is_open = !*c[d].unit || !*c[of_x].unit;
+    if (is_open && c[d].values && c[of_x].values && !is_angle(c[d].unit) &&
+        !is_angle(c[of_x].unit)) {
+        import_warn(a->file->warnings,
+                    "Only some of the axes have a unit; their coordinates were taken as they are.");
+        return 1;
+    }
     import_warn(
         a->file->warnings,
-        "The vertical axis has the unit \"%.30s\" and the horizontal ones \"%.30s\": it was "
-        "scaled to a quarter of their length.",
-        c[d].unit, c[of_x].unit);
+        "The vertical axis has %s%.30s%s and the horizontal ones %s%.30s%s: it was scaled to "
+        "a quarter of their length.",
+        *c[d].unit ? "the unit \"" : "no unit", c[d].unit, *c[d].unit ? "\"" : "",
+        *c[of_x].unit ? "\"" : "none", c[of_x].unit, *c[of_x].unit ? "\"" : "");
     return HEIGHT_SHARE * horizontal / vertical;
 }
 

@@ -34,9 +34,10 @@ bool import_axes_is_one_of(const char *name, const char *const *names) {
 static const char *const times[] = { "t", "time", "times", "step", NULL };
 
 bool import_axes_is_channel(const char *name) {
-    static const char *const channels[] = { "c",    "ch",        "channel",    "channels",
-                                            "band", "component", "components", "rgb",
-                                            "rgba", NULL };
+    static const char *const channels[] = { "c",      "ch",          "channel",   "channels",
+                                            "band",   "bands",       "component", "components",
+                                            "rgb",    "rgba",        "member",    "ensemble",
+                                            "number", "realization", NULL };
     return import_axes_is_one_of(name, channels);
 }
 

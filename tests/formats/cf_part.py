@@ -222,6 +222,18 @@ def check_zarr(tool):
                 value_unit='V', spacing=[2, 1, 1], origin=[7, 0, 0], direction=[-1, 0, 0, 0, 1, 0, 0, 0, 1])
     tool.equal(path + '?field=sub/a', data + 1, spacing=[2, 1, 1])
     tool.refused(path + '?field=c', 'no such array', 'b (2 x 3 x 4)', 'sub/a')
+    group = zarr.open_group(tool.path('units.zarr'), mode='w')
+    for name, values, unit in (('z', [0, 4], ''), ('y', [0, 1, 2], 'mm'), ('x', [0, 1, 2, 3], 'mm'), ('lat', [0, 1, 2], 'degrees_north'),
+                               ('lon', [0, 1, 2, 3], 'degrees_east')):
+        group.create_array(name, shape=(len(values),), dtype='i4', dimension_names=(name,), attributes={'units': unit} if unit else {})[...] = values
+    for name, dims in (('a', ('z', 'y', 'x')), ('b', ('z', 'lat', 'lon')), ('c', ('member', 'lat', 'lon'))):
+        group.create_array(name, shape=data.shape, dtype='f4', dimension_names=dims)[...] = data
+    path = tool.path('units.zarr')
+    tool.equal(path, data, spacing=[1, 1, 4], unit='mm', warnings=['Only some of the axes have a unit; their coordinates were taken as they are.'])
+    tool.equal(path + '?field=b', data, spacing=[1, 1, 0.75], unit='degrees',
+               warnings=['The vertical axis has no unit and the horizontal ones "degrees_east": it was scaled to a quarter of their length.'])
+    tool.layout('Zarr', 'members of an ensemble', path + '?field=c 2', data[1:])
+    path = tool.path('fields.zarr')
     own = ramp((2, 3, 4), 'i2')
     array = zarr.create_array(tool.path('alone.zarr'), shape=own.shape, dtype='i2', zarr_format=2, fill_value=0,
                               attributes={'_ARRAY_DIMENSIONS': ['z', 'y', 'x'], 'long_name': 'dose', 'units': 'Gy', 'add_offset': 1.0})
