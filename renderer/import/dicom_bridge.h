@@ -108,7 +108,7 @@ struct dicom_image { /* what a file says about its images */
     bool has_labels; /* the pixels are labels of segments */
     bool is_tiled;   /* the frames are tiles of one large image, as of a microscope */
     double tiled[2]; /* columns and rows of this image; NaN = not known */
-    unsigned planes; /* of focus, of such tiles; 0 = not known */
+    unsigned planes; /* of focus, or colours, where such an image is one tile; 0 = several tiles */
     bool has_places; /* each frame has a place of its own: frames of several files make a stack */
     bool is_mosaic;  /* the frames are tiles of one image as the file stores it, row by row */
     unsigned tiles;  /* of a mosaic: tiles per row and per column; 0 = not known */

@@ -154,7 +154,7 @@ static void describe_tiles(const gdcm::DataSet &set, dicom_image *image) {
     const bool is_slide = dicom_text(set, 0x0008, 0x0016) == slides ||
                           dicom_text(set, 0x0020, 0x9311).rfind("TILED_", 0) == 0;
     image->is_tiled = is_part || (is_slide && image->frames > 1);
-    image->planes = whole(dicom_value<uint32_t>(set, 0x0048, 0x0303), 0);
+    image->planes = image->is_tiled && !is_part && image->tiled[0] > 0 ? image->frames : 0;
 }
 
 /* True if the values of the real world are in a table. */

@@ -12,12 +12,16 @@ namespace {
 
 enum { CSA_COUNT_MAX = 1000 }; /* elements of a header, and items of an element */
 
-/* The element whose number ends with `low` in the block of this creator; element 0 = none. */
+/* The element whose number ends with `low` in the block of this creator, or in the first block if
+ * that names no creator, as in files that were made anonymous; 0 = none. */
 uint16_t element_of(const gdcm::DataSet &set, uint16_t group, const char *creator, uint16_t low) {
-    for (uint16_t block = 0x10; block <= 0xff; block++)
+    const uint16_t first = 0x10, last = 0x1f;
+    for (uint16_t block = first; block <= last; block++)
         if (dicom_text(set, group, block) == creator)
             return static_cast<uint16_t>(block << 8 | low);
-    return 0;
+    const uint16_t element = static_cast<uint16_t>(first << 8 | low);
+    const bool is_there = set.FindDataElement(gdcm::Tag(group, element));
+    return is_there && dicom_text(set, group, first).empty() ? element : 0;
 }
 
 /* Reads through bytes; past their end come zeros. */

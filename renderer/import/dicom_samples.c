@@ -106,7 +106,8 @@ static bool refuse_tiles(const struct dicom_image *image, char why[SP_ERROR_TEXT
     char size[48] = "";
     if (image->planes > 1) {
         snprintf(why, SP_ERROR_TEXT,
-                 "%u planes of focus of a slide are not supported; export them as a TIFF stack",
+                 "%u frames of one tile of a slide, such as planes of focus, are not supported; "
+                 "export them as a TIFF stack",
                  image->planes);
         return false;
     }

@@ -330,17 +330,22 @@ bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_sou
 
 /* Steps: slices of one place at several times. */
 
-/* Says that only their numbers tell the images of one place apart. */
+/* Says that only a number tells the images of one place apart. */
 static void warn_of_numbers(const struct dicom_slices *slices, const struct dicom_source *source,
                             uint32_t steps) {
     const struct dicom_slice *a = &slices->items[0], *b = &slices->items[1];
-    for (int key = 0; key < DICOM_KEY_COUNT; key++)
+    for (int key = 0; key < DICOM_KEY_ACQUISITION; key++)
         if (!is_same_key(a->is.keys[key], b->is.keys[key]))
             return;
+    const bool is_acquired =
+        !is_same_key(a->is.keys[DICOM_KEY_ACQUISITION], b->is.keys[DICOM_KEY_ACQUISITION]);
     import_warn(source->file->warnings,
                 "Each place has %u images, and only their numbers (%s) differ: they are shown as "
                 "steps in this order, which may be no times.",
-                steps, is_one_file(slices) ? "of frames" : "InstanceNumber");
+                steps,
+                is_acquired           ? "AcquisitionNumber"
+                : is_one_file(slices) ? "of frames"
+                                      : "InstanceNumber");
 }
 
 /* True if slices of one place have numbers that tell them apart. */

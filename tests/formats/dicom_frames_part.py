@@ -285,6 +285,9 @@ def check_refused(tool):
                                       {'DimensionOrganizationType': 'TILED_SPARSE'}, {'SOPClassUID': '1.2.840.10008.5.1.4.1.1.77.1.6'})):
         path = files.changed(files.enhanced(tool.path(f'tiles{number}.dcm'), stack), **members)
         tool.refused(path, '4 tiles of a whole-slide image', 'export')
+    path = files.changed(files.enhanced(tool.path('focus.dcm'), stack), SOPClassUID='1.2.840.10008.5.1.4.1.1.77.1.6', TotalPixelMatrixColumns=10,
+                         TotalPixelMatrixRows=8)
+    tool.refused(path, '4 frames of one tile', 'planes of focus', 'TIFF stack')
     path = files.changed(files.enhanced(tool.path('whole.dcm'), stack[:1]), TotalPixelMatrixColumns=10, TotalPixelMatrixRows=8)
     tool.equal(path, stack[0].values[None])
 

@@ -214,6 +214,10 @@ def check_mosaics(tool):
     one.save_as(path)
     tool.equal(path, slices[0])
     warned(tool, path, 'SliceNormalVector')
+    one = pydicom.dcmread(path)
+    del one[0x00190010]  # made anonymous
+    one.save_as(path)
+    tool.equal(path, slices[0])
 
 
 def check_joined(tool):
