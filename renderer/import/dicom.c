@@ -47,9 +47,8 @@ static bool open_source(struct dicom_source *source, struct sp_error *err) {
     source->is_named = ok && !source->image.is_directory;
     if (source->is_named && source->image.columns == 0)
         snprintf(why, sizeof why,
-                 "the file has no image (its modality is \"%s\"); open the series that it "
-                 "belongs to",
-                 source->image.modality);
+                 "the file has no image (modality %s); open the series that it belongs to",
+                 *source->image.modality ? source->image.modality : "not known");
     if (source->is_named)
         ok = source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why);
     const struct dicom_image *image = &source->image;

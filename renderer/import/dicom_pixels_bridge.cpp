@@ -77,6 +77,53 @@ bool unpack(const gdcm::Image &image, void *out, size_t size, char *why, size_t 
            explain(why, capacity, "the pixels cannot be unpacked: they are cut off or damaged");
 }
 
+/* A segment of RLE: runs of bytes (PS3.5, annex G.3.1). Returns how many bytes it has. */
+size_t unpack_runs(const uint8_t *at, const uint8_t *end, uint8_t *out, size_t count, size_t step) {
+    size_t done = 0;
+    while (at < end && done < count) {
+        const unsigned head = *at++;
+        const bool is_run = head > 128;
+        const size_t length = head == 128 ? 0 : is_run ? 257 - head : head + 1;
+        for (size_t i = 0; i < length && done < count && at < end; i++, at += !is_run)
+            out[step * done++] = *at;
+        at += is_run && at < end;
+    }
+    return done;
+}
+
+/* Colours of several bytes in RLE, of which GDCM 3.0 mixes up the bytes: one segment for each byte
+ * of each channel, the highest byte first. */
+bool unpack_rle(const pixels &p, uint32_t frame, char *out, size_t size, char *why,
+                size_t capacity) {
+    enum { HEADER = 64, SEGMENTS_MAX = 15 };
+    std::vector<uint8_t> bytes;
+    for (size_t i = p.first[frame]; i < p.first[frame + 1]; i++)
+        if (const gdcm::ByteValue *part = p.fragments->GetFragment(i).GetByteValue())
+            bytes.insert(bytes.end(), part->GetPointer(), part->GetPointer() + part->GetLength());
+    const size_t channels = p.format.GetSamplesPerPixel(), wide = p.format.GetBitsAllocated() / 8;
+    const size_t segments = channels * wide, count = size / segments;
+    uint32_t at[SEGMENTS_MAX + 1];
+    if (bytes.size() < HEADER || segments > SEGMENTS_MAX)
+        return explain(why, capacity, "the pixels cannot be unpacked: they are cut off or damaged");
+    memcpy(at, bytes.data(), HEADER); /* their number, then where each begins */
+    for (size_t n = 0; n < segments; n++) {
+        const size_t begin = at[n + 1], end = n + 1 < segments ? at[n + 2] : bytes.size();
+        const size_t to = n / wide * wide + (wide - 1 - n % wide);
+        if (at[0] != segments || begin > end || end > bytes.size() ||
+            unpack_runs(bytes.data() + begin, bytes.data() + end,
+                        reinterpret_cast<uint8_t *>(out) + to, count, segments) != count)
+            return explain(why, capacity,
+                           "the pixels cannot be unpacked: they are cut off or damaged");
+    }
+    return true;
+}
+
+bool is_wide_rle(const pixels &p) {
+    return p.format.GetSamplesPerPixel() > 1 && p.format.GetBitsAllocated() > 8 &&
+           p.reader.GetFile().GetHeader().GetDataSetTransferSyntax() ==
+               gdcm::TransferSyntax::RLELossless;
+}
+
 /* An image of one frame. */
 bool unpack_frame(const pixels &p, uint32_t frame, void *out, size_t size, char *why,
                   size_t capacity) {
@@ -147,6 +194,8 @@ bool dicom_read_frame(void *opened, uint32_t frame, void *out, size_t size, char
     pixels &p = *static_cast<pixels *>(opened);
     if (frame >= p.frames)
         return explain(why, capacity, "the file has fewer frames than its header says");
+    if (!p.first.empty() && is_wide_rle(p))
+        return unpack_rle(p, frame, static_cast<char *>(out), size, why, capacity);
     if (!p.first.empty())
         return unpack_frame(p, frame, out, size, why, capacity);
     if (p.all.empty() && !unpack_all(p, size, why, capacity))

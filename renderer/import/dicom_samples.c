@@ -122,8 +122,8 @@ static bool refuse_tiles(const struct dicom_image *image, char why[SP_ERROR_TEXT
 
 static bool refuse_mosaic(char why[SP_ERROR_TEXT]) {
     snprintf(why, SP_ERROR_TEXT,
-             "a mosaic of an unknown number of slices (NumberOfImagesInMosaic); convert it with "
-             "dcm2niix");
+             "a mosaic whose number of slices (NumberOfImagesInMosaic) is missing or does not fit "
+             "its size; convert it with dcm2niix");
     return false;
 }
 

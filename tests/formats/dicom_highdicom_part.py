@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Segmentations, parametric maps and enhanced images that highdicom writes, against the volumes that highdicom reads from them."""
+"""Segmentations, parametric maps and enhanced images that highdicom writes, against the volumes that highdicom reads from them; compressed
+pixels and files of real devices, against pydicom."""
 import io
+import os
+import shutil
+import warnings
 
 import highdicom
 import numpy
@@ -9,6 +13,7 @@ import pydicom
 from highdicom.content import AlgorithmIdentificationSequence
 from highdicom.sr.coding import CodedConcept
 from pydicom.encaps import encapsulate
+from pydicom.pixels import pixel_array
 from pydicom.sr.codedict import codes
 from pydicom.uid import ExplicitVRLittleEndian, JPEG2000Lossless, JPEGBaseline8Bit, JPEGLSLossless, RLELossless, generate_uid
 
@@ -135,6 +140,14 @@ def check_packed(tool):
             data = series.dataset(one, z, PixelRepresentation=signed, PixelData=one.astype('<i2' if signed else '<u2').tobytes())
             save(series, z, data, bits)
         tool.equal(series.folder, values)
+    wide = numpy.random.default_rng(5).integers(0, 65536, (8, 10, 3), 'u2')  # GDCM mixes up the bytes of RLE
+    for name, syntax in (('rle', RLELossless), ('jpegls', JPEGLSLossless)):
+        series = Series(tool, f'packed-wide-{name}')
+        data = series.dataset(wide[..., 0], 0, SamplesPerPixel=3, PhotometricInterpretation='RGB', PlanarConfiguration=0, PixelData=wide.tobytes())
+        data.compress(syntax)
+        data.save_as(series.path('0.dcm'), enforce_file_format=True)
+        for channel, field in enumerate(('red', 'green', 'blue')):
+            tool.equal(f'{series.path("0.dcm")}?field={field}', wide[None, ..., channel])
     colors = numpy.random.default_rng(4).integers(0, 256, (2, 4, 4, 3), 'u1').repeat(16, 1).repeat(16, 2)
     series = Series(tool, 'packed-colors')
     for z, one in enumerate(colors):
@@ -150,6 +163,29 @@ def check_packed(tool):
         tool.equal(f'{series.folder}?field={name}', unpacked[..., channel])
 
 
+SAMPLES = ['693_J2KI', 'ExplVR_BigEnd', 'JPEG2000', 'JPEGLSNearLossless_16', 'J2K_pixelrep_mismatch', 'MR_small_padded', 'SC_jpeg_no_color_transform',
+           'SC_rgb_dcmtk_+eb+cy+s4', 'SC_rgb_jls_lossy_line', 'SC_rgb_jpeg_app14_dcmd', 'SC_rgb_rle_16bit', 'SC_rgb_rle_32bit_2frame',
+           'SC_rgb_small_odd_big_endian', 'SC_ybr_full_422_uncompressed', 'image_dfl', 'liver_1frame', 'rtdose_rle', 'examples_overlay']
+
+
+def check_samples(tool):
+    """Files of real devices and programs that pydicom brings, the first channel of the first step."""
+    folder = os.path.join(os.path.dirname(pydicom.__file__), 'data', 'test_files')
+    for name in SAMPLES:
+        path = tool.path(f'sample {name}.dcm')
+        shutil.copy(os.path.join(folder, f'{name}.dcm'), path)
+        data = pydicom.dcmread(path)
+        expected = pixel_array(data)
+        expected = expected[..., 0] if data.SamplesPerPixel == 3 else expected
+        expected = expected if expected.ndim == 3 else expected[None]
+        scale = float(data.get('DoseGridScaling') or data.get('RescaleSlope') or 1)
+        info, samples = tool.dump(path + '?as=slice' if len(expected) == 1 else path)
+        tool.checks += 1
+        if info and not numpy.allclose(samples, expected * scale + float(data.get('RescaleIntercept') or 0), rtol=1e-6, atol=1e-6):
+            tool.fail(path, f'the samples differ from those of pydicom: {samples.ravel()[:6]}, {expected.ravel()[:6]}')
+
+
 def check(tool):
-    for part in (check_segmentations, check_maps, check_legacy, check_packed):
+    warnings.filterwarnings('ignore', '.*excess padding')
+    for part in (check_segmentations, check_maps, check_legacy, check_packed, check_samples):
         part(tool)

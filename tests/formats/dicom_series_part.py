@@ -343,7 +343,7 @@ def check_reconstructions(tool):
     whole(tool, phases.folder, count=3, time=1, step=1, steps=3)
     structures = phases.dataset(pixels(0), 0, Modality='RTSTRUCT', Rows=None, Columns=None, PixelData=None)
     structures.save_as(tool.path('structures.dcm'), enforce_file_format=True)
-    tool.refused(tool.path('structures.dcm'), 'no image', 'RTSTRUCT', 'open the series')
+    tool.refused(tool.path('structures.dcm'), 'no image', 'modality RTSTRUCT', 'open the series')
     parts = Series(tool, 'kinds-parts')  # one kernel for each half of the places: one volume
     for z in range(6):
         parts.add(f'{z}.dcm', z, ConvolutionKernel='soft' if z < 3 else 'bone')
