@@ -239,6 +239,10 @@ static bool find_samples(const struct import_file *file, const struct nifti_fiel
             return import_samples_add(s, beside, strlen(beside)) ||
                    sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
     }
+    if (!ends_with(name, ".hdr"))
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, f->layout->magic, "magic",
+                           "the samples are in another file, so this header must be called "
+                           "NAME.hdr and lie beside NAME.img or NAME.img.gz; unpack or rename it");
     return import_fail(err, SP_ERR_NOT_FOUND, file->shown, f->layout->magic, "magic",
                        "the samples are in another file, %.*s.img or .img.gz, which is not there",
                        stem > 0 ? stem : 0, name);

@@ -174,6 +174,7 @@ static void packed_and_foreign_files_are_named(void **state) {
         { "a.7z", "7z\274\257\47\34", 6, "a 7z archive", "7z x" },
         { "a.npz", "PK\3\4", 4, "NumPy", "NRRD" },
         { "a.czi", "ZISRAWFILE", 10, "Zeiss", "bfconvert a.czi" },
+        { "e.hdr", "ENVI\n", 5, "ENVI", "NRRD" },
         { "pair.img", "\1\2\3", 3, "a pair of files", "pair.hdr" },
         { "a.raw", "\1\2\3", 3, "without a header", "a.mhd or .nhdr, or write a sidecar, a.json" },
         { "a.gii", "<?xml version=\"1.0\"?><GIFTI>", 29, "GIFTI", "PLY" },
