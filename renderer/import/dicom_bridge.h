@@ -61,6 +61,7 @@ struct dicom_frame {    /* what a file says about one of its images */
     double along[2][3]; /* directions of a row and of a column, unit length */
     double spacing[3];  /* between columns, rows and slices or frames [mm]; 0 = not known; that of
                            slices is negative where they go against the normal */
+    bool is_ratio;      /* only the ratio of the spacings of pixels is known: they have no unit */
     bool is_spaced;     /* the distance between slices is given, not only their thickness */
     bool is_assumed;    /* the file gives neither: the next frame is taken to lie 1 mm apart */
     double slope, intercept;

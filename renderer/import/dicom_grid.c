@@ -128,7 +128,7 @@ static void warn_of_missing(const struct dicom_slices *slices, const struct dico
     struct import_warnings *warnings = source->file->warnings;
     const struct dicom_frame *first = &slices->items[0].is;
     const bool is_stack = slices->planes > 1, is_body = is_of_body(&source->image);
-    const bool has_pixels = first->spacing[0] > 0 && first->spacing[1] > 0;
+    const bool has_pixels = first->spacing[0] > 0 && first->spacing[1] > 0 && !first->is_ratio;
     if (!first->is_placed && (slices->count == 1 ? is_body : source->image.frames > 1 && is_stack))
         import_warn(warnings, "The file does not say where its images lie: they are shown in the "
                               "order of the file, and left, right, front and back are not known.");
@@ -147,7 +147,7 @@ bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_sourc
     const struct dicom_frame *first = &slices->items[0].is;
     const struct sp_vec3 normal =
         sp_vec3_cross(sp_vec3_from(first->along[0]), sp_vec3_from(first->along[1]));
-    const bool is_mm = first->spacing[0] > 0 && first->spacing[1] > 0;
+    const bool is_mm = first->spacing[0] > 0 && first->spacing[1] > 0 && !first->is_ratio;
     *places = NULL;
     grid->dims[0] = source->image.columns;
     grid->dims[1] = source->image.rows;
@@ -169,4 +169,21 @@ bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_sourc
     if (source->image.is_in_patient)
         import_header_set_anatomy(header, "LPS");
     return true;
+}
+
+void dicom_grid_warn_of_sides(const struct dicom_slices *slices,
+                              const struct dicom_source *source) {
+    double most = 0;
+    for (uint32_t i = 1; i < slices->count; i++) {
+        const struct dicom_slice *a = &slices->items[i - 1], *b = &slices->items[i];
+        if (a->plane == b->plane && a->is.is_placed)
+            most = fmax(most, sp_vec3_length(sp_vec3_sub(sp_vec3_from(a->is.position),
+                                                         sp_vec3_from(b->is.position))));
+    }
+    const struct dicom_frame *first = &slices->items[0].is;
+    if (most > fmax(first->spacing[0], first->spacing[1]))
+        import_warn(source->file->warnings,
+                    "Images of one height lie up to %.4g mm beside each other, such as two knees: "
+                    "the fields or steps are different places.",
+                    most);
 }

@@ -129,6 +129,13 @@ void fill_plain_spacing(const gdcm::DataSet &set, dicom_frame &frame) {
         dicom_value<uint16_t>(region, 0x0018, 0x6026) == centimetres) {
         frame.spacing[0] = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602c));
         frame.spacing[1] = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602e));
+        return;
+    }
+    const numbers ratio = dicom_numbers(set, 0x0028, 0x0034); /* of height and width */
+    frame.is_ratio = ratio.size() == 2 && ratio[0] > 0 && ratio[1] > 0;
+    if (frame.is_ratio) {
+        frame.spacing[0] = 1;
+        frame.spacing[1] = ratio[0] / ratio[1];
     }
 }
 

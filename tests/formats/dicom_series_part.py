@@ -82,6 +82,14 @@ def check_gaps(tool):
         located.add(f'{z}.dcm', z, ImagePositionPatient=None, SliceLocation=3 * z - 5, InstanceNumber=9 - z)
     tool.equal(located.folder, [pixels(z) for z in range(4)], spacing=[0.7, 0.5, 3], origin=[0, 0, -5])
     warned(tool, located.folder, 'SliceLocation', 'not known')
+    ratio = stack(tool, 'ratio', PixelSpacing=None, PixelAspectRatio=[3, 2])
+    whole(tool, ratio.folder, spacing=[1, 1.5, 2], unit='')
+    warned(tool, ratio.folder, 'how far apart its pixels')
+    knees = Series(tool, 'knees')
+    for z in range(3):
+        for n in range(2):
+            knees.add(f'{n}{z}.dcm', z, n, ImagePositionPatient=[5 + 100 * n, 6, 2 * z])
+    warned(tool, knees.folder, 'up to 100 mm beside each other')
     flat = stack(tool, 'flat', RescaleSlope=0, RescaleIntercept=-5)
     tool.equal(flat.folder, [pixels(z).astype('i4') - 5 for z in range(6)])
     warned(tool, flat.folder, 'slope is 0')

@@ -40,6 +40,7 @@ static void mend_frame(struct dicom_frame *frame) {
     mend(&frame->is_placed);
     mend(&frame->is_spaced);
     mend(&frame->is_assumed);
+    mend(&frame->is_ratio);
 }
 
 /* The input changes these numbers, so that zeros are an image. */
