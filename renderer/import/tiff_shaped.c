@@ -4,6 +4,7 @@
  * page. Pages are in the order of the others. The letters of the axes decide what a dimension is,
  * not how it is stored: {"shape": [3, 32, 48], "axes": "ZYX"} may be one page with three samples.
  */
+#include <ctype.h>
 #include <inttypes.h>
 #include <jansson.h>
 #include <stddef.h>
@@ -62,7 +63,8 @@ static bool take_shape(struct shaped *s, const json_t *shape, const char *axes,
         if (size > 1)
             s->dimensions[s->rank++] =
                 (struct dimension){ .size = (uint64_t)size,
-                                    .letter = (char)(are_named ? axes[d] : 0) };
+                                    .letter =
+                                        (char)(are_named ? toupper((unsigned char)axes[d]) : 0) };
     }
     return true;
 }
