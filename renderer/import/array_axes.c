@@ -296,6 +296,27 @@ static bool take_dims(const struct arrays *a, struct import_header *header, stru
     return true;
 }
 
+/* Coordinates of two dimensions, such as those of a curvilinear grid, give no place. */
+static void warn_of_curves(const struct arrays *a) {
+    struct array_info info;
+    char text[512], *left = NULL;
+    a->call->text(a->handle, a->chosen, "coordinates", text, sizeof text);
+    const bool is_placed = a->is_placed[0] && (a->is_placed[1] || a->axes.space[1] < 0);
+    for (char *word = strtok_r(text, " ", &left); word && !is_placed;
+         word = strtok_r(NULL, " ", &left))
+        for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
+            const char *slash = strrchr(info.name, '/');
+            if (info.is_number && info.rank > 1 &&
+                strcmp(slash ? slash + 1 : info.name, word) == 0) {
+                import_warn(a->file->warnings,
+                            "The coordinates %.40s have %u dimensions: the array is shown on an "
+                            "even grid of its indices.",
+                            word, info.rank);
+                return;
+            }
+        }
+}
+
 static bool take_conventions(struct arrays *a, struct coordinates *c, struct import_header *header,
                              struct sp_error *err) {
     double factor[3];
@@ -310,6 +331,7 @@ static bool take_conventions(struct arrays *a, struct coordinates *c, struct imp
     take_unit(a, c, header);
     for (int axis = 0; axis < 3; axis++)
         place_axis(a, c, axis, factor[axis], &header->grid);
+    warn_of_curves(a);
     return true;
 }
 

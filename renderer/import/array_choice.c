@@ -292,14 +292,18 @@ static void name_vectors(const struct arrays *a, struct import_header *header) {
         import_name(header->value_name, field);
 }
 
-/* Lists the arrays that could be read in place of this one. */
+/* Lists the arrays that could be read in place of this one, and says what the numbers are. */
 static void list_others(const struct arrays *a, struct import_header *header) {
+    char flags[8];
     const unsigned least = a->info.rank < 3 ? a->info.rank : 3;
     struct array_info info;
     for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
         if (n != a->chosen && info.is_number && info.rank >= least && !info.is_alias &&
             !is_of_axis(a, &info))
             import_header_add_other(header, info.name);
+    a->call->text(a->handle, a->chosen, "flag_meanings", flags, sizeof flags);
+    if (*flags && import_number_is_whole(import_number_of(header->type)))
+        header->meaning = SP_MEANING_LABELS;
     a->call->text(a->handle, a->chosen, "units", header->value_unit, sizeof header->value_unit);
 }
 

@@ -61,7 +61,8 @@ void arrays_use_default_fill(struct arrays *a);
  * the times. */
 bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err);
 
-/* Takes names and spacing of the dimensions from the attribute "axistags" of vigra. */
+/* Takes names and spacing of the dimensions from the attribute "axistags" of vigra, and names from
+ * those of HDF5 images in colours. */
 void arrays_take_tags(struct arrays *a);
 
 /* Takes the size of a voxel from attributes, where there are no coordinates. */

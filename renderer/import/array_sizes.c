@@ -16,11 +16,24 @@ enum { TAGS_BYTES = 8192 };
 /* The flags of vigra's axis types. */
 enum { VIGRA_CHANNELS = 1, VIGRA_TIME = 8 };
 
+/* An image of HDF5 in colours: rows of pixels, or a plane per colour. */
+static void take_colors(struct arrays *a) {
+    char class[24], mode[24];
+    a->call->text(a->handle, a->chosen, "IMAGE_SUBCLASS", class, sizeof class);
+    a->call->text(a->handle, a->chosen, "INTERLACE_MODE", mode, sizeof mode);
+    if (strcmp(class, "IMAGE_TRUECOLOR") != 0 || a->info.rank != 3)
+        return;
+    const bool is_plane = strcmp(mode, "INTERLACE_PLANE") == 0;
+    for (unsigned d = 0; d < 3; d++)
+        snprintf(a->info.dims[d], sizeof a->info.dims[d], "%c", (is_plane ? "cyx" : "yxc")[d]);
+}
+
 void arrays_take_tags(struct arrays *a) {
     char text[TAGS_BYTES];
     const json_t *axes, *axis;
     json_error_t why;
     size_t d;
+    take_colors(a);
     a->call->text(a->handle, a->chosen, "axistags", text, sizeof text);
     if (!*text)
         return;

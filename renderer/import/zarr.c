@@ -114,6 +114,8 @@ static bool take_image(struct zarr *z, struct import_header *header, struct sp_e
     if (z->image.axes.are_vectors)
         z->conversion.type = SP_FLOAT32;
     header->type = z->conversion.type;
+    if (z->image.are_labels)
+        header->meaning = SP_MEANING_LABELS;
     snprintf(header->unit, sizeof header->unit, "%s", z->image.unit);
     if (!choose_channel(z, header, err) ||
         !import_header_use_steps(header, z->file, z->image.steps, err))

@@ -256,6 +256,7 @@ static bool open_multiscale(struct zarr_image *image, const struct zarr_node *no
     const json_t *multiscale = json_array_get(json_object_get(ome, "multiscales"), 0);
     const json_t *listed = json_object_get(multiscale, "axes");
     struct axes axes = { .rank = 0 };
+    image->are_labels = json_is_object(json_object_get(ome, "image-label"));
     json_t *five = json_pack("[sssss]", "t", "c", "z", "y", "x"); /* before OME-Zarr 0.3 */
     const bool ok = take_axes(image, node, listed ? listed : five, &axes, err);
     json_decref(five);

@@ -107,6 +107,7 @@ def check(tool):
     check_zarr(tool)
     check_tags(tool)
     check_vectors(tool)
+    check_kinds(tool)
     check_sizes(tool)
 
 
@@ -163,6 +164,33 @@ def check_tags(tool):
     for name in ('wrong', 'words'):
         tool.equal(f'{path}:/{name}', ramp((3, 4, 5), 'u1'), warnings=['The attribute axistags was left out: it does not have one axis for each of the '
                                                                           '3 dimensions.'])
+
+
+def check_kinds(tool):
+    """What the numbers are: categories, colours, and places that a grid cannot have."""
+    flags = ramp((3, 4, 5), 'i1') % 4
+    with netCDF4.Dataset(tool.path('kinds.nc'), 'w') as file:
+        for name, size in zip('zyx', flags.shape):
+            file.createDimension(name, size)
+        file.createVariable('lat', 'f4', ('y', 'x'))[:] = 1
+        file.createVariable('flags', 'i1', ('z', 'y', 'x'))[:] = flags
+        file['flags'].setncatts({'flag_values': numpy.arange(4, dtype='i1'), 'flag_meanings': 'sea land ice cloud', 'coordinates': 'lat lon'})
+    tool.layout('NetCDF', 'flag_values and flag_meanings: labels', tool.path('kinds.nc'), flags, meaning='labels', type='int8')
+    tool.layout('NetCDF', 'coordinates of two dimensions', tool.path('kinds.nc'), flags, result='indices, and a warning',
+                warnings=['The coordinates lat have 2 dimensions: the array is shown on an even grid of its indices.'])
+    pixels = ramp((6, 7, 3), 'u1')
+    with h5py.File(tool.path('kinds.h5'), 'w') as file:
+        for name, data, mode in (('pixel', pixels, 'INTERLACE_PIXEL'), ('plane', numpy.ascontiguousarray(numpy.moveaxis(pixels, -1, 0)), 'INTERLACE_PLANE')):
+            file[name] = data
+            for key, value in (('CLASS', 'IMAGE'), ('IMAGE_SUBCLASS', 'IMAGE_TRUECOLOR'), ('INTERLACE_MODE', mode)):
+                file[name].attrs[key] = numpy.bytes_(value)
+    for name in ('pixel', 'plane'):
+        tool.layout('HDF5', 'images in colours (IMAGE_TRUECOLOR)', f"{tool.path('kinds.h5')}:/{name} 2", pixels[None, ..., 1])
+    axes = [{'name': n, 'type': 'space'} for n in 'zyx']
+    group = zarr.open_group(tool.path('labels.zarr'), mode='w', attributes={'ome': {'version': '0.5', 'image-label': {}, 'multiscales': [
+        {'axes': axes, 'datasets': [{'path': '0', 'coordinateTransformations': [{'type': 'scale', 'scale': [1, 1, 1]}]}]}]}})
+    group.create_array('0', data=ramp((3, 4, 5), 'u2'))
+    tool.layout('Zarr', 'labels of OME-Zarr (image-label)', tool.path('labels.zarr'), ramp((3, 4, 5), 'u2'), meaning='labels')
 
 
 def check_sizes(tool):
