@@ -137,7 +137,11 @@ static void take_scales(hid_t file, hid_t dataset, struct array_info *info) {
 }
 
 void hdf5_take_dimensions(hid_t file, hid_t dataset, struct array_info *info) {
-    char text[32];
+    char text[sizeof no_variable];
+    hdf5_text(dataset, "NAME", text, sizeof text);
+    if (strcmp(text, no_variable) == 0)
+        snprintf(info->problem, sizeof info->problem,
+                 "it is a dimension of NetCDF without coordinates");
     hdf5_text(dataset, "CLASS", text, sizeof text);
     info->is_scale = strcmp(text, "DIMENSION_SCALE") == 0;
     info->has_default_fill = H5Aexists(file, "_NCProperties") > 0;

@@ -178,6 +178,12 @@ def check_kinds(tool):
     tool.layout('NetCDF', 'flag_values and flag_meanings: labels', tool.path('kinds.nc'), flags, meaning='labels', type='int8')
     tool.layout('NetCDF', 'coordinates of two dimensions', tool.path('kinds.nc'), flags, result='indices, and a warning',
                 warnings=['The coordinates lat have 2 dimensions: the array is shown on an even grid of its indices.'])
+    with netCDF4.Dataset(tool.path('plain.h5'), 'w') as file:
+        for name, size in zip('tzyx', (2, 3, 4, 5)):
+            file.createDimension(name, size)
+        file.createVariable('v', 'u1', tuple('tzyx'))[:] = ramp((2, 3, 4, 5), 'u1')
+    tool.layout('HDF5', 'dimensions of NetCDF-4 without coordinates', tool.path('plain.h5'), ramp((2, 3, 4, 5), 'u1')[1], step=1, steps=2, name='/v',
+                warnings=[])
     pixels = ramp((6, 7, 3), 'u1')
     with h5py.File(tool.path('kinds.h5'), 'w') as file:
         for name, data, mode in (('pixel', pixels, 'INTERLACE_PIXEL'), ('plane', numpy.ascontiguousarray(numpy.moveaxis(pixels, -1, 0)), 'INTERLACE_PLANE')):
