@@ -152,7 +152,7 @@ static double seen_on_face(const uint64_t counts[SP_FIRST_BINS], int least) {
     return all > 0 ? seen / all : 0;
 }
 
-/* The lowest bin of what is visible. */
+/* The lowest bin whose values are visible. */
 static int least_seen(const double extinction[SP_FIRST_BINS]) {
     int least = 0;
     while (least < SP_FIRST_BINS - 1 && !(extinction[least] > 0))

@@ -194,8 +194,8 @@ static unsigned leave_peak(const uint64_t histogram[BINS], unsigned bin, unsigne
  * its values inside as well. */
 static const double floor_share = 0.15, floor_excess = 5;
 
-/* The end of the values of a floor: of a slab or table along a face. Without a floor, and if its
- * values go on up to `limit`, where those of the object are, the result is `bin`. */
+/* The first bin above the values of a floor, a slab or table along a face. `bin` if there is no
+ * floor, or if its values reach `limit`, where the values of the object begin. */
 static unsigned leave_floor(const struct sp_first_samples *s, unsigned bin, unsigned limit) {
     double volume = (double)total_of(s->histogram);
     unsigned end = bin;
@@ -287,7 +287,7 @@ static const float glow[7][3] = { { 0.36f, 0.26f, 0.80f }, { 0.58f, 0.34f, 0.86f
 /* How the classes look: colours, and the optical depth of a line of sight through the mean depth of
  * each class. */
 struct look {
-    const float (*colors)[3]; /* 7; NULL = those of a field */
+    const float (*colors)[3]; /* 7; NULL = the colours of a field */
     double depth[CLASSES];
     double shell;       /* the bin from which on values belong to a shell; 0 = there is none */
     double shell_depth; /* as classes.depth, and its optical depth */

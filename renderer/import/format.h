@@ -48,9 +48,9 @@ struct import_file {
                 */
 };
 
-/* How a file stores a number. The size in bytes is 1, 2, 4 or 8 of a whole number, 2, 4 or 8 of
- * FLOAT, and twice that of a complex number: the real part, then the imaginary one. COMPLEX has
- * parts of floating point, COMPLEX_SIGNED whole ones. */
+/* How a file stores a number. The size in bytes is 1, 2, 4 or 8 for a whole number and 2, 4 or 8
+ * for FLOAT. A complex number is a real and an imaginary part and has twice the size; the parts are
+ * FLOAT in COMPLEX and whole numbers in COMPLEX_SIGNED. */
 struct import_number {
     enum {
         IMPORT_SIGNED,
@@ -156,7 +156,7 @@ struct import_format {
 const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *shown,
                                                struct sp_error *err);
 
-/* True if the bytes or the name are those of a format; with the name "" the bytes alone count. */
+/* True if the first bytes or the name show a format; with the name "" only the bytes count. */
 bool import_format_is_known(const uint8_t *start, size_t size, const char *shown);
 
 /* True if a format that may suit the file needs a module. */

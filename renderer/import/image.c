@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One PNG or JPEG image: a volume of one slice, which stack.c joins with those of its folder.
+ * One PNG or JPEG image: a volume of one slice. stack.c joins the slices of a folder.
  * OpenImageIO reads it (image_bridge.h).
  */
 #include <stdio.h>

@@ -58,8 +58,8 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
     return size >= 4 && nifti_is_header(start);
 }
 
-/* Dimensions beyond those of the file have one sample, and so have those that some programs write
- * as 0. Dimensions beyond the time are components. */
+/* Dimensions that the file does not have count as one sample, and so does a length of 0, which some
+ * programs write. Dimensions after the time are components. */
 static bool check_dims(const struct import_file *file, struct nifti_fields *f,
                        struct import_header *header, struct sp_error *err) {
     const uint64_t at = f->layout->dims;

@@ -31,7 +31,7 @@ struct nifti_fields {
     bool are_fsl;      /* vectors lie along the axes of the grid, as FSL writes them */
 };
 
-/* True if the first four bytes of a file, unpacked, are those of a header in either byte order. */
+/* True if the unpacked file begins with the size of a header, in either byte order. */
 bool nifti_is_header(const uint8_t start[4]);
 
 bool nifti_header_read(const struct import_file *file, struct nifti_fields *fields,

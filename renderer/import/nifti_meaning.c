@@ -30,7 +30,7 @@ static bool has_name_of_tensor(const char *shown) {
     return dot && dot - name >= 6 && strncasecmp(dot - 6, "tensor", 6) == 0;
 }
 
-/* Adds the squares of one volume to those of the others. */
+/* Adds the squares of one volume to the sums of squares. */
 static bool add_squares(gzFile stream, const struct nifti_fields *f, float *squares,
                         uint64_t count) {
     enum { RUN = 4096 };

@@ -290,7 +290,8 @@ static uint64_t chosen_of(const struct parsing *p, unsigned axis, unsigned compo
                                                           : 0;
 }
 
-/* Axes before those of the volume alternate in the file, axes behind them follow one another. */
+/* Components of an axis before the spatial ones alternate in the file; those of a later axis follow
+ * one another. */
 static bool take_blocks(const struct parsing *p, unsigned component) {
     const struct nrrd_header *h = p->text;
     struct import_samples *s = p->samples;

@@ -333,7 +333,7 @@ static bool parse_numbers(const struct import_file *file, struct nrrd_header *h,
                             h->dimension);
 }
 
-/* "cell", "node" or unknown per axis. Teem takes unknown centers as those of cells. */
+/* "cell", "node" or unknown per axis. Unknown centers count as "cell", as in Teem. */
 static bool parse_centers(const struct import_file *file, struct nrrd_header *h,
                           struct sp_error *err) {
     const char *text = h->value[NRRD_CENTERS];

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the axes of a NRRD file are: those of the volume, time steps, or components of a sample.
+ * Tells the axes of a NRRD file apart: space, time, or components of a sample.
  */
 #include <inttypes.h>
 #include <math.h>

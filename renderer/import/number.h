@@ -41,7 +41,8 @@ void import_narrow(double value, struct import_number number, void *out);
 void import_swap(void *values, size_t size, uint64_t count);
 void import_swap_numbers(void *numbers, struct import_number number, uint64_t count);
 
-/* The numbers that the kind can have; of a floating-point kind those of integers of its size. */
+/* The smallest and largest number of a kind. A floating-point kind gives the range of integers of
+ * its size. */
 void import_number_range(struct import_number number, double *low, double *high);
 
 /* Numbers of 1 to 32 bits without a sign that fill bytes without gaps. */

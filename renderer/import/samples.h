@@ -38,7 +38,7 @@ struct import_samples {
 /* Frees names. */
 void import_samples_finish(struct import_samples *samples);
 
-/* Makes the samples those of one of `blocks` equal blocks, such as time steps, that follow one
+/* Restricts the samples to one of `blocks` equal blocks, such as time steps, that follow one
  * another in one file or in all files. Call it once, when the files are known and `bytes` is that
  * of one block. False if a file holds neither whole blocks nor a whole part of one. */
 bool import_samples_choose_block(struct import_samples *samples, uint64_t blocks, uint64_t block);

@@ -49,7 +49,7 @@ static bool read_lsm(const struct tiff_file *t, struct lsm *lsm) {
            lsm->dims[2] >= 1 && lsm->dims[3] >= 1 && lsm->dims[4] >= 1;
 }
 
-/* The channels are those of a pixel. Slices are faster than time. */
+/* Channels are samples of a pixel. Slices vary faster than time steps. */
 static bool take_lsm(struct tiff_planes *p, const struct tiff_file *t, const struct lsm *lsm,
                      const uint32_t *pages, uint32_t count, struct sp_error *err) {
     p->slices = lsm->dims[2];

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The description that tifffile writes: the shape of an array whose last dimensions are those of a
- * page. Pages are in the order of the others. The letters of the axes decide what a dimension is,
- * not how it is stored: {"shape": [3, 32, 48], "axes": "ZYX"} may be one page with three samples.
+ * The description that tifffile writes: the shape of an array. Its last dimensions form a page; the
+ * others number the pages. The letters of the axes decide what a dimension is, not how it is
+ * stored: {"shape": [3, 32, 48], "axes": "ZYX"} may be one page with three samples.
  */
 #include <ctype.h>
 #include <inttypes.h>
@@ -86,7 +86,7 @@ static unsigned list_parts(const struct tiff_page *page, enum part parts[PAGE_RA
     return count;
 }
 
-/* The last dimensions are those of a page, or else at least their product is. */
+/* Finds the dimensions that form a page: the last ones, or else as many as have its samples. */
 static bool match_page(struct shaped *s, struct sp_error *err) {
     const struct tiff_page *page = &s->tiff->pages[0];
     const uint64_t needed = (uint64_t)page->width * page->height * page->samples;

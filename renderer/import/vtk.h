@@ -148,7 +148,7 @@ const struct import_file *vtk_open_file(struct vtk_volume *v, uint32_t number,
 struct vtk_entry *vtk_find_entry(const struct vtk_volume *v, const struct vtk_piece *piece,
                                  enum vtk_home home, unsigned part, const char *name);
 
-/* True if the array says which points or cells are copies of those of other pieces. */
+/* True if the array marks points or cells that are copies from other pieces. */
 bool vtk_is_ghosts(const struct vtk_entry *entry);
 
 /* Once everything is parsed: chooses the fields, and completes and checks the header and sizes. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Legacy VTK files: five lines of text, then keywords. Each keyword is followed by its numbers,
- * as words or as big-endian bytes. Arrays are skipped by their size; read() returns to those of the
- * volume.
+ * as words or as big-endian bytes. open() skips arrays by their size; read() goes back to the
+ * arrays of the volume.
  */
 #include <ctype.h>
 #include <inttypes.h>

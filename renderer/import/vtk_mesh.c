@@ -164,7 +164,7 @@ static double *read_numbers(const struct reading *r, struct vtk_array *a) {
     return vtk_array_check(r->file, a, r->err) ? vtk_array_read_numbers(r->file, a, r->err) : NULL;
 }
 
-/* Enlarges the arrays for the lines of a piece behind those of earlier ones. */
+/* Enlarges the arrays: the lines of a piece follow the lines of earlier pieces. */
 static bool grow_lines(struct reading *r, uint64_t points, uint64_t lines) {
     struct import_mesh_parts more = { .points = { .count = 0 } };
     struct import_line_points *p = &r->parts->points;

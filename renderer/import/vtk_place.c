@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Values of pieces on their way to their places: a box of a grid, or behind those of other pieces,
- * without copies of points of other pieces (ghosts). Where pieces overlap, the last one counts.
+ * Puts the values of pieces in their places: a box of a grid, or after the values of other pieces.
+ * Leaves out copies of points of other pieces (ghosts). Where pieces overlap, the last one counts.
  */
 #include <stdlib.h>
 #include <string.h>

@@ -16,7 +16,7 @@ struct vtk_unpacker;
 bool vtk_unpack_check(struct vtk_source *source, uint64_t need, uint64_t *least,
                       struct sp_error *err);
 
-/* Reads the lengths and those of the blocks. NULL with *err set on failure. */
+/* Reads the header: the number of blocks and their lengths. NULL with *err set on failure. */
 struct vtk_unpacker *vtk_unpack_open(struct vtk_source *source, uint64_t need,
                                      struct sp_error *err);
 

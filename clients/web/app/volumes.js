@@ -78,7 +78,7 @@ class VolumeList {
     if (isOther) this.#reveal();
   }
 
-  /** Another participant may show a volume that the list does not have yet: asks for it once. The list of a guest has those of the session alone. */
+  /** Another participant may show a volume that is not in the list yet: asks for it once. A guest's list has the volumes of the session only. */
   #learn() {
     const { connection, viewer } = this.#app;
     if (!viewer.isCurrent) return; // the daemon does not know yet

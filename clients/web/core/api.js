@@ -21,7 +21,7 @@ export class Api {
   #base; #fetch;
   #reasons = new Map(); // of failed loads in full: id → {short, reason}
   token;
-  /** The session {id, token} that this client joined by a join token, which reads the volumes of that session alone; null = those of the daemon. */
+  /** The session {id, token} that this client joined by a join token. The token reads the volumes of this session only. null = all volumes of the daemon. */
   joined = null;
   /** What the token may do with volumes: {open, browse, upload, remote}; known after volumes(). */
   may = {};

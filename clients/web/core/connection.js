@@ -123,7 +123,7 @@ export class Connection extends Emitter {
     this.#rpc?.notify(method, params);
   }
 
-  /** Reads the list of volumes again and resolves to it. An answer that comes after that of a later request is out of date and not used. */
+  /** Reads the list of volumes again and resolves to it. An answer that arrives after the answer to a later request is out of date and ignored. */
   async refresh() {
     const asked = ++this.#asked;
     const volumes = await this.#api.volumes();

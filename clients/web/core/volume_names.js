@@ -5,7 +5,7 @@ export const nameOf = (volume) => volume.name || volume.id;
 
 const folderOf = (source = '') => (source.includes('/') ? source.slice(0, source.lastIndexOf('/')) : '');
 
-/** What tells a volume from those of the same name: its folder, or else its id; '' if its name is the only one. */
+/** Tells volumes of one name apart: the folder of the volume, or else its id; '' if no other volume has its name. */
 export function placeOf(volume, volumes) {
   const same = volumes.filter((other) => other.id !== volume.id && nameOf(other) === nameOf(volume));
   if (!same.length) return '';
