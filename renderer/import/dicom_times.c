@@ -161,8 +161,8 @@ static bool leave_out(struct times *t, struct dicom_slices *slices,
     const char *what = t->drops_planes ? "places that lack times" : "times that lack places";
     char list[LIST] = "", text[SP_ERROR_TEXT];
     const uint32_t before = slices->count;
-    snprintf(text, sizeof text, "the image belongs to %s, so it is incomplete: open another file",
-             what);
+    snprintf(text, sizeof text,
+             "the image belongs to %s; open another file, or this one alone with ?as=slice", what);
     if (loses_opened(t, source))
         return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
     for (uint32_t i = 0; i < before; i++)
