@@ -14,7 +14,7 @@ TEXTS = ['', 'a', 'engine', 'Zoë', '🦊', 'x' * 127, 'x' * 128, '/', '~1', '%'
 POSITIVE = '([1-9][0-9]{0,16}([.][0-9]{1,17})?|0[.]0{0,8}[1-9][0-9]{0,8})(e[-+]?[0-9]{1,2})?'
 NUMBER = '[-+]?[0-9]{1,17}([.][0-9]{1,17})?(e[-+]?[0-9]{1,2})?'
 PATTERNS = {
-    '^[^\\u0000]*[.](nrrd|nhdr|dcm|ima|nii|nii[.]gz|hdr|mhd|mha|pvm|vdb|vtk|vti|vtr|vts|vtu|vtp|spz|csv|xyz|p3d|json|tif|tiff|png|jpg|jpeg|ply|stl|obj|gltf|glb)$': ['a.nrrd', 'größe.tif', '../../x.vti', '🦊.vtk', 'a\\b.tiff'],
+    '^[^\\u0000]*[.](nrrd|nhdr|dcm|ima|nii|nii[.]gz|hdr|mrcs?|map|ccp4|rec|st|ali|gipl|mg[hz]|mhd|mha|pvm|vdb|am|vol|longvol|vgi|h5|hdf5|he5|nxs|ims|nc|nc4|cdf|vtk|p?vt[irsup]|vtmb?|spz|csv|xyz|p3d|json|tiff?|lsm|stk|png|jpe?g|ply|stl|obj|gltf|glb|bricks)$': ['a.nrrd', 'größe.tif', '../../x.vti', '🦊.vtk', 'a\\b.tiff'],
     '^demo:[a-z-]+([?]size=[1-9][0-9]{0,3})?$': ['demo:engine?size=8', 'demo:phantom?size=8', 'demo:galaxy?size=9', 'demo:nothing'],
     '^[1-9][0-9]{0,3},[1-9][0-9]{0,3}$': ['16,8', '1,1', '64,64', '9999,1', '8192,1'],
     f'^{POSITIVE}$': ['1', '0.25', '100.5', '0.001', '2e-2'],
