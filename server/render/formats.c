@@ -268,7 +268,8 @@ static void look_at_nrrd(const char *text, size_t size, struct srv_format_peek *
     if (strncmp(text, "NRRD", 4) != 0)
         return;
     const char *sizes = find_line(text, "sizes:"), *type = find_line(text, "type:");
-    if (sizes)
+    const char *dimension = find_line(text, "dimension:");
+    if (sizes && dimension && atoi(dimension) == 3) /* a fourth axis may be the first one */
         read_dims(sizes, peek);
     if (type)
         read_type(type, "\n", peek);

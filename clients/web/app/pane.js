@@ -107,6 +107,7 @@ export class Pane {
   }
 
   zoom(factor, at = this.#size.map((side) => side / 2)) {
+    if (!this.plane) return;
     const { center, zoom } = this.view;
     const fitted = fitPane(this.#slices.grid, this.plane, this.#size).zoom;
     const next = Math.min(Math.max(zoom * factor, fitted / 4), fitted * 200);
@@ -118,6 +119,7 @@ export class Pane {
   }
 
   pan(dx, dy) {
+    if (!this.plane) return;
     const { center, zoom } = this.view;
     this.#view = { zoom, center: add(center, add(scale(this.plane.right, -dx / zoom), scale(this.plane.down, -dy / zoom))) };
     this.update();
@@ -125,6 +127,7 @@ export class Pane {
 
   /** Goes `steps` slices on, towards the viewer if positive. */
   scroll(steps, time) {
+    if (!this.plane) return;
     this.#step = Math.sign(steps) || 1;
     this.#slices.scroll(this.plane, steps, time);
   }
@@ -146,6 +149,7 @@ export class Pane {
     for (const { loader } of this.#channels.values()) loader.stop();
     this.#channels.clear();
     this.#slice = this.#painted = this.#view = null;
+    this.plane = null; // the next volume may have no grid
     this.#key = '';
     this.#shownKey = null;
     this.#problem.hidden = true;
@@ -347,6 +351,7 @@ export class Pane {
       if (this.plane) this.#goTo(this.#slider.valueAsNumber, timeStamp);
     });
     this.#number.addEventListener('change', ({ timeStamp }) => {
+      if (!this.plane) return;
       const { axis, normal } = this.plane;
       if (axis === null) this.#slices.goAlong(normal, this.#number.valueAsNumber, timeStamp);
       else this.#slices.goTo(axis, this.#number.valueAsNumber - 1, timeStamp);

@@ -61,7 +61,8 @@ test('a page about Gaussians has no slices, transfer function or measurements of
   await until(page, 'the engine', (s) => s.isIdle && s.view.layers[0].type === 'volume');
   assert.deepEqual(await visible(page, '#transfer', '#slices', '#edit', '#layout-four', '#tool-part', '#layer-add-surface', '#shading'), Array(7).fill(true));
   await page.click('#layout-four');
-  await page.click('#volumes [data-id="points"]');
+  await page.locator('.slice').first().hover(); // the pointer stays on a slice
+  await page.locator('#volumes [data-id="points"]').evaluate((button) => button.click());
   await until(page, 'the points in one pane', (s) => s.isIdle && s.view.layers[0].type === 'points' && s.layout === '3d');
   assert.deepEqual(await visible(page, '#transfer', '#tool-window', '#gradient', '#slices'), [true, true, false, false]);
   await page.click('#volumes [data-id="engine"]');

@@ -228,17 +228,18 @@ static void files_say_what_they_are(void **state) {
         const char *type;
     } cases[] = {
         { "a.nrrd",
-          "NRRD0005\r\nsizes: 1 2 3\r\ntype: unsigned char\r\n\r\n",
+          "NRRD0005\r\ndimension: 3\r\nsizes: 1 2 3\r\ntype: unsigned char\r\n\r\n",
           { 1, 2, 3 },
           "uint8" },
         { "A.NHDR",
-          "NRRD0001\n# c\ntype: float\nsizes: 512 512 100\n",
+          "NRRD0001\n# c\ntype: float\ndimension: 3\nsizes: 512 512 100\n",
           { 512, 512, 100 },
           "float32" },
         { "a.nrrd", "NRRD0001\n\nsizes: 1 2 3\n", { 0 }, "" },
-        { "a.nrrd", "NRRD0001\nsizes: 1 2\n", { 0 }, "" },
-        { "a.nrrd", "NRRD0001\nsizes: 1 2 99999999999\n", { 0 }, "" },
-        { "a.nrrd", "NRRD0001\nsizes: 1 -2 3\n", { 0 }, "" },
+        { "a.nrrd", "NRRD0001\ndimension: 3\nsizes: 1 2\n", { 0 }, "" },
+        { "a.nrrd", "NRRD0001\ndimension: 4\nsizes: 3 4 5 6\n", { 0 }, "" },
+        { "a.nrrd", "NRRD0001\ndimension: 3\nsizes: 1 2 99999999999\n", { 0 }, "" },
+        { "a.nrrd", "NRRD0001\ndimension: 3\nsizes: 1 -2 3\n", { 0 }, "" },
         { "a.nrrd", "PNG", { 0 }, "" },
         { "a.vtk",
           "# vtk DataFile Version 3.0\nx\nBINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS 7 8 9\n"
