@@ -28,12 +28,14 @@ struct parsing {
     struct import_header *header;
     struct import_samples *samples;
     struct import_conversion *conversion;
+    double **times; /* as in struct nrrd */
     struct sp_error *err;
 };
 
 struct nrrd {
     struct import_samples samples;
     struct import_conversion conversion;
+    double *times; /* owned; of the steps, for the header; NULL = none */
 };
 
 #define REFUSE(p, code, field, ...)                                                                \
@@ -257,6 +259,7 @@ static bool take_data_files(const struct parsing *p) {
 static void close_nrrd(void *reader) {
     struct nrrd *n = reader;
     import_samples_finish(&n->samples);
+    free(n->times);
     free(n);
 }
 
@@ -321,6 +324,25 @@ static bool take_blocks(const struct parsing *p, unsigned component) {
                   "a file holds parts of several time steps or components");
 }
 
+/* The times that a program gives in keys of its own. */
+static bool take_times(const struct parsing *p, uint64_t count) {
+    const struct nrrd_header *h = p->text;
+    *p->times = malloc(count * sizeof **p->times);
+    if (!*p->times)
+        return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory for the times");
+    if (!nrrd_keys_read_times(h, *p->times, count)) {
+        import_warn(p->file->warnings,
+                    "The times of the steps (%.80s) are not %" PRIu64
+                    " rising numbers; the steps are numbered.",
+                    h->times, count);
+        return true;
+    }
+    p->header->steps.times = *p->times;
+    snprintf(p->header->steps.unit, SP_UNIT_BYTES, "%.*s", SP_UNIT_BYTES - 1,
+             h->times_unit ? h->times_unit : h->time_unit);
+    return true;
+}
+
 static bool take_steps(const struct parsing *p) {
     const struct nrrd_header *h = p->text;
     const int axis = h->time;
@@ -328,6 +350,8 @@ static bool take_steps(const struct parsing *p) {
         return true;
     if (!import_header_use_steps(p->header, p->file, h->sizes[axis], p->err))
         return false;
+    if (h->sizes[axis] > 1 && h->times)
+        return take_times(p, h->sizes[axis]);
     if (h->sizes[axis] > 1)
         import_header_use_interval(p->header, isfinite(h->min[axis]) ? h->min[axis] : 0,
                                    h->spacing[axis], h->time_unit);
@@ -341,6 +365,8 @@ static unsigned take_values(const struct parsing *p) {
     *p->conversion = import_conversion_of(h->number, p->file->warnings);
     p->header->type = p->conversion->type;
     p->header->used_as = h->used_as;
+    if (h->segments.are_there && h->number.kind <= IMPORT_UNSIGNED)
+        p->header->meaning = SP_MEANING_LABELS;
     if (h->vectors >= 0) {
         import_header_add_vectors(p->header, name);
         import_header_use_vectors(p->header, p->file->field);
@@ -350,7 +376,8 @@ static unsigned take_values(const struct parsing *p) {
             h->role[h->components] == NRRD_COLOR ? IMPORT_AS_RGB : IMPORT_AS_CHANNELS,
             h->role[h->components] == NRRD_COLOR ? NULL : h->names);
     } else {
-        import_name(p->header->value_name, name);
+        import_name(p->header->value_name,
+                    *name || !h->segments.layer_count ? name : h->segments.layer_names[0]);
     }
     return 0;
 }
@@ -384,6 +411,7 @@ static void *open_nrrd(const struct import_file *file, struct import_header *hea
                                .header = header,
                                .samples = n ? &n->samples : NULL,
                                .conversion = n ? &n->conversion : NULL,
+                               .times = n ? &n->times : NULL,
                                .err = err };
     bool ok =
         n ? build(&p) : sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");

@@ -108,8 +108,7 @@ static bool take_line(const struct import_file *file, struct nrrd_header *h, cha
                            "the header",
                            line);
     if (colon[1] == '=') { /* a key and a value of another program */
-        h->is_diffusion |= strncmp(line, "DWMRI_", 6) == 0 ||
-                           (strncmp(line, "modality:=", 10) == 0 && strstr(line, "DWMRI"));
+        nrrd_keys_take(h, line);
         return true;
     }
     char *name = trim(line, colon);

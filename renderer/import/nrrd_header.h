@@ -13,7 +13,7 @@
 #include "import/stream.h"
 
 enum { NRRD_TEXT_MAX = 1 << 20, NRRD_VALUE_MAX = IMPORT_PATTERN_MAX }; /* bytes */
-enum { NRRD_AXES_MAX = 6 };
+enum { NRRD_AXES_MAX = 6, NRRD_SEGMENTS_MAX = 1024, NRRD_LAYERS_MAX = 64 };
 
 /* The order is that of the table in nrrd_header.c. */
 enum nrrd_field {
@@ -61,6 +61,17 @@ enum nrrd_role { /* of an axis */
                  NRRD_SINGLE,    /* one sample, without a meaning */
 };
 
+/* Of a segmentation by 3D Slicer. Segments of one layer share its numbers; those of several layers
+ * may overlap. */
+struct nrrd_segments {
+    bool are_there;
+    const char *names[NRRD_SEGMENTS_MAX]; /* in the text of the header; NULL = none */
+    unsigned layers[NRRD_SEGMENTS_MAX];   /* from 0 */
+    unsigned layer_count;
+    char layer_names[NRRD_LAYERS_MAX][SP_FIELD_BYTES];
+    const char *layer_list[NRRD_LAYERS_MAX]; /* the same; NULL beyond the last layer */
+};
+
 struct nrrd_header {
     char *text; /* owned; `value` and `list` point into it */
     size_t size;
@@ -78,14 +89,18 @@ struct nrrd_header {
     enum nrrd_role role[NRRD_AXES_MAX];
     unsigned first, axes; /* axes: 2 or 3 */
     int time, vectors, components;
-    bool used_as;                  /* the source chose what an axis is */
-    bool is_diffusion;             /* volumes of one patient, each with a gradient of its own */
-    const char *const *names;      /* of the components; NULL = they have none */
-    uint64_t sizes[NRRD_AXES_MAX]; /* [1, SP_DIM_MAX] each */
+    bool used_as;             /* the source chose what an axis is */
+    bool is_diffusion;        /* volumes of one patient, each with a gradient of its own */
+    const char *const *names; /* of the components; NULL = they have none */
+    struct nrrd_segments segments;
+    const char *times, *times_unit; /* of the steps, in the text; NULL = not given */
+    uint64_t sizes[NRRD_AXES_MAX];  /* [1, SP_DIM_MAX] each */
     /* Per axis of the file, NAN = not given. */
     double spacing[NRRD_AXES_MAX], min[NRRD_AXES_MAX], max[NRRD_AXES_MAX];
     bool is_cell[NRRD_AXES_MAX]; /* samples are centred in cells, not at nodes */
-    unsigned space; /* dimension of the space: `axes` to 3, or 4 with the time; 0 = there is none */
+    /* Dimension of the space: `axes` to 3; 4 = one more for the axis `apart`; 0 = there is none. */
+    unsigned space;
+    int apart; /* the axis of the time or else of the components; -1 = none */
     double direction[NRRD_AXES_MAX][4]; /* direction[axis], if `value` has space directions */
     double origin[4];                   /* if `value` has a space origin */
     double frame[3][3]; /* columns, if `value` has a measurement frame and there are vectors */
@@ -105,11 +120,20 @@ __attribute__((format(printf, 6, 7))) bool
 nrrd_fail(struct sp_error *err, enum sp_code code, const struct import_file *file,
           const struct nrrd_header *header, enum nrrd_field field, const char *format, ...);
 
-/* Shared by nrrd_header.c, nrrd_kinds.c and nrrd_space.c. */
+/* Shared by nrrd.c, nrrd_header.c, nrrd_keys.c, nrrd_kinds.c and nrrd_space.c. */
 
 /* Finds the roles of the axes. The type is known. */
 bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *header,
                      struct sp_error *err);
+
+/* Takes a line "KEY:=VALUE" of another program. */
+void nrrd_keys_take(struct nrrd_header *header, char *line);
+
+/* Names the layers of a segmentation after their segments, or else "layer 1" and so on. */
+void nrrd_keys_name_layers(struct nrrd_segments *segments, unsigned count);
+
+/* Reads header->times, which is not NULL. False if it is no list of `count` rising numbers. */
+bool nrrd_keys_read_times(const struct nrrd_header *header, double *times, uint64_t count);
 
 /* The next word of a list; false at the end. A word of more than 63 bytes is cut. */
 bool nrrd_next_word(const char **text, char word[64]);

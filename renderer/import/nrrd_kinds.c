@@ -152,7 +152,8 @@ static void find_time(const struct import_file *file, struct nrrd_header *h) {
     const char *space = h->value[NRRD_SPACE];
     const bool is_said = h->value[NRRD_KINDS] || (space && strcasestr(space, "-time"));
     h->role[axis] = NRRD_TIME;
-    if (!is_said && h->sizes[axis] > 1 && file->selection.as == IMPORT_AS_FILE)
+    if (!is_said && h->sizes[axis] > 1 && file->selection.as == IMPORT_AS_FILE &&
+        !h->segments.are_there)
         import_warn(file->warnings,
                     "The file does not say what axis %u is (kinds); its %" PRIu64
                     " entries are read as time steps. ?as=channels makes them fields.",
@@ -166,6 +167,23 @@ static void list_gradients(struct nrrd_header *h) {
         if (h->role[axis] == NRRD_VECTOR || h->role[axis] == NRRD_COMPONENT ||
             h->role[axis] == NRRD_COLOR)
             h->role[axis] = NRRD_TIME;
+}
+
+/* In segmentations the axis of the layers is a list of labels, whatever its kind. */
+static void list_layers(struct nrrd_header *h) {
+    for (unsigned axis = 0; axis < h->dimension && h->segments.are_there; axis++)
+        if (h->role[axis] == NRRD_TIME || h->role[axis] == NRRD_VECTOR ||
+            h->role[axis] == NRRD_COLOR)
+            h->role[axis] = NRRD_COMPONENT;
+}
+
+/* Layers are named by their segments. */
+static void name_layers(struct nrrd_header *h) {
+    const uint64_t count = h->components >= 0 ? h->sizes[h->components] : 1;
+    if (!h->segments.are_there || h->time >= 0 || h->vectors >= 0 || count > NRRD_LAYERS_MAX)
+        return;
+    nrrd_keys_name_layers(&h->segments, (unsigned)count);
+    h->names = h->segments.layer_list;
 }
 
 /* What an axis without a place in space means. */
@@ -262,6 +280,7 @@ bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *h, stru
         return false;
     list_gradients(h);
     find_time(file, h);
+    list_layers(h);
     if (!apply_choice(file, h, err))
         return false;
     h->axes = count_domains(h);
@@ -283,5 +302,7 @@ bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *h, stru
         if (!find_axis(file, h, axis, err))
             return false;
     }
+    h->apart = h->time >= 0 ? h->time : h->vectors >= 0 ? h->vectors : h->components;
+    name_layers(h);
     return check_vectors(file, h, err) && join_parts(file, h, err);
 }

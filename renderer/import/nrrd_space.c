@@ -59,12 +59,12 @@ static bool parse_space(const struct import_file *file, struct nrrd_header *h,
         for (const char *c = first; *c && *c != ')'; c++)
             space += *c == ',';
     }
-    const bool has_time = space == 4 && h->time >= 0;
-    if (space != 0 && ((space > 3 && !has_time) || space < h->axes))
+    const bool has_more = space == 4 && h->apart >= 0;
+    if (space != 0 && ((space > 3 && !has_more) || space < h->axes))
         return REFUSE(SP_ERR_UNSUPPORTED, field,
                       "a space of %" PRIu64
                       " dimensions for %u axes; 3 are supported, and 4 with time "
-                      "steps",
+                      "steps or components",
                       space, h->axes);
     h->space = (unsigned)space;
     return true;
@@ -85,17 +85,18 @@ static bool parse_vector(const char **text, unsigned count, double *out) {
     return true;
 }
 
-/* Of a space with the time, time has an axis of its own. */
-static bool split_time(const struct import_file *file, struct nrrd_header *h,
-                       struct sp_error *err) {
+/* Of a space of four dimensions, the last one is that of the time or the components alone. */
+static bool split_space(const struct import_file *file, struct nrrd_header *h,
+                        struct sp_error *err) {
     for (unsigned axis = 0; h->space == 4 && axis < h->dimension; axis++) {
         const double *v = h->direction[axis];
-        const bool is_time = (int)axis == h->time;
-        if (is_time ? v[0] != 0 || v[1] != 0 || v[2] != 0 : v[3] != 0)
+        const bool is_apart = (int)axis == h->apart;
+        if (is_apart ? v[0] != 0 || v[1] != 0 || v[2] != 0 : v[3] != 0)
             return REFUSE(SP_ERR_UNSUPPORTED, NRRD_SPACE_DIRECTIONS,
-                          "vector %u points along space and time; only one of them is supported",
+                          "vector %u points along space and time (or components); only one of them "
+                          "is supported",
                           axis + 1);
-        if (is_time)
+        if (is_apart)
             h->spacing[axis] = v[3];
     }
     return true;
@@ -123,7 +124,7 @@ static bool parse_directions(const struct import_file *file, struct nrrd_header 
     if (*text)
         return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS, "has more than %u vectors",
                       h->dimension);
-    if (!split_time(file, h, err))
+    if (!split_space(file, h, err))
         return false;
     for (unsigned axis = h->first; axis < h->first + h->axes; axis++)
         if (isfinite(h->spacing[axis]) || isfinite(h->min[axis]) || isfinite(h->max[axis]))
@@ -148,7 +149,7 @@ static bool parse_origin(const struct import_file *file, struct nrrd_header *h,
         if (!isfinite(h->origin[i]))
             return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_ORIGIN, "number %u is not a number", i);
     if (h->space == 4)
-        h->min[h->time] = h->origin[3];
+        h->min[h->apart] = h->origin[3];
     return true;
 }
 

@@ -33,7 +33,7 @@ PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'small_
          'hdf5_part': ['numpy', 'h5py'],
          'medical_part': ['numpy', 'nibabel', 'pydicom'], 'dicom_frames_part': ['numpy', 'pydicom'],
          'volumes_part': ['numpy', 'nibabel', 'nrrd', 'mrcfile', 'SimpleITK', 'h5py', 'netCDF4'],
-         'meaning_part': ['numpy', 'nibabel', 'nrrd', 'pydicom', 'h5py', 'netCDF4', 'tifffile', 'zarr'],
+         'meaning_part': ['numpy', 'nibabel', 'nrrd', 'pydicom', 'SimpleITK', 'h5py', 'netCDF4', 'tifffile', 'zarr'],
          'reports_part': ['numpy'],
          'dicom_folder_part': ['numpy', 'pydicom'], 'dicom_series_part': ['numpy', 'pydicom', 'nibabel'],
          'dicom_highdicom_part': ['numpy', 'pydicom', 'highdicom'],

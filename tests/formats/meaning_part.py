@@ -6,6 +6,7 @@ import nibabel
 import nrrd
 import numpy
 import pydicom
+import SimpleITK
 import tifffile
 import zarr
 
@@ -193,6 +194,40 @@ def check_nrrd(tool):
     tool.refused(tool.path('t.nrrd') + '?as=rgb', '7 numbers per voxel', 'time, channels or labels')
 
 
+def check_slicer(tool):
+    """Segmentations and sequences of 3D Slicer, and the four axes of SimpleITK."""
+    labels = numpy.random.default_rng(8).integers(0, 3, size=(2, *SHAPE)).astype('u1')
+    keys = {'Segment0_Name': 'Liver', 'Segment0_Layer': '0', 'Segment1_Name': 'Tumor', 'Segment1_Layer': '1', 'Segment1_LabelValue': '1'}
+    header = {'space': 'left-posterior-superior', 'kinds': ['list', *['domain'] * 3],
+              'space directions': numpy.array([[numpy.nan] * 3, [2, 0, 0], [0, 3, 0], [0, 0, 4.0]])}
+    path = tool.path('a.seg.nrrd')
+    nrrd.write(path, labels, {**header, **keys})
+    tool.equal(path, labels[0].T, steps=1, meaning='labels', name='Liver', other0='Tumor', spacing=[2, 3, 4], warned='')
+    tool.equal(f'{path}?field=Tumor', labels[1].T, steps=1, meaning='labels', name='Tumor', other0='Liver')
+    tool.equal(f'{path}?as=time', labels[1].T, step=1, steps=2)
+    nrrd.write(path, labels, {**header, **keys, 'Segment2_Name': 'Vessel', 'Segment2_Layer': '0'})
+    tool.equal(path, labels[0].T, meaning='labels', name='Liver, Vessel', other0='Tumor')
+    nrrd.write(path, labels, {**header, 'Segmentation_MasterRepresentation': 'Binary labelmap'})
+    tool.equal(path, labels[0].T, meaning='labels', name='layer 1', other0='layer 2')
+    nrrd.write(path, labels[0], {'Segment0_Name': 'Liver', 'Segment0_Layer': '0'})
+    tool.equal(path, labels[0].T, meaning='labels', name='Liver', warned='')
+    data = field(9, 5)
+    path = tool.path('a.seq.nrrd')
+    times = {'axis 0 index type': 'numeric', 'axis 0 index values': '0 1.5 3 6 10'}
+    nrrd.write(path, numpy.moveaxis(data, -1, 0), {**header, **times, 'units': ['s', 'mm', 'mm', 'mm']})
+    tool.equal(path, data[..., 3].T, step=3, steps=5, times=[0, 1.5, 3, 6, 10], time_unit='s', meaning='', warned='')
+    nrrd.write(path, numpy.moveaxis(data, -1, 0), {**header, 'axis 0 index values': '0 3 2 1 5'})
+    tool.equal(path, data[..., 3].T, step=3, steps=5, warned='rising numbers')
+    image = SimpleITK.GetImageFromArray(data[..., :3].T.copy(), isVector=False)
+    image.SetSpacing((2, 3, 4, 5))
+    path = tool.path('four.nrrd')
+    SimpleITK.WriteImage(image, path)
+    tool.equal(f'{path}?as=time', data[..., 2].T, step=2, steps=3, times=[0, 5, 10], spacing=[2, 3, 4])
+    tool.equal(f'{path}?as=labels', data[..., 2].T, step=2, steps=3, meaning='labels')
+    tool.equal(f'{path}?as=channels&field=component 3', data[..., 2].T, steps=1, spacing=[2, 3, 4])
+    has_vectors(tool, f'{path}?as=vectors', data[..., :3], sep='&')
+
+
 def check_free_axis(tool, path, data, array=''):
     """The first axis of `data`, which has 3 entries of z, y, x or y, x, as steps, fields and colours; of an array of a file if it has a name."""
     planes = data if data.ndim == 4 else data[:, None]
@@ -299,5 +334,5 @@ def check_missing(tool):
 
 
 def check(tool):
-    for part in (check_nifti_vectors, check_nifti_intents, check_nifti_others, check_nrrd_lists, check_metaimage, check_nrrd, check_tiff, check_arrays, check_hounsfield, check_missing):
+    for part in (check_nifti_vectors, check_nifti_intents, check_nifti_others, check_nrrd_lists, check_metaimage, check_nrrd, check_slicer, check_tiff, check_arrays, check_hounsfield, check_missing):
         part(tool)
