@@ -201,25 +201,59 @@ static bool skip_decoded(const struct import_samples *s, struct import_stream *s
     return true;
 }
 
-/* Checks that nothing is left. Reading to the end also verifies the checksum of gzip. */
-static bool check_end(const struct import_samples *s, struct import_stream *stream, uint64_t need,
-                      struct sp_error *err) {
-    uint8_t extra[IMPORT_NUMBER_BYTES];
-    size_t got = 0;
-    if (s->encoding == IMPORT_RAW || s->rest == IMPORT_REST_IGNORED || s->after_bytes > 0)
-        return true;
-    if (!import_stream_read(stream, extra, import_number_part(s->number).size, &got, err))
-        return false;
-    if (got == 0)
-        return true;
-    if (s->rest == IMPORT_REST_WARNED) {
-        warn_of_rest(s, stream->shown, "more data");
-        return true;
-    }
+static bool fail_short(const struct import_samples *s, const struct import_stream *stream,
+                       uint64_t need, uint64_t have, struct sp_error *err) {
     return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
-                       "the %s data unpacks to more than the %" PRIu64
-                       " bytes that %s declares; stopped there",
-                       import_encoding_name(s->encoding), need, s->field);
+                       "the samples need %" PRIu64 " bytes, the file has %" PRIu64
+                       ": it is cut off or %s is wrong",
+                       need, have, s->field);
+}
+
+/* Decodes what follows the samples, because packed data has its checksum at the end: a file that is
+ * damaged or cut off is an error whichever part of it is read. *rest gets the decoded bytes behind
+ * the samples. It stops at the first number that decides. */
+static bool read_rest(const struct import_samples *s, struct import_stream *stream, char *scratch,
+                      uint64_t *rest, struct sp_error *err) {
+    const size_t number = import_number_part(s->number).size;
+    const bool is_packed = s->encoding == IMPORT_GZIP || s->encoding == IMPORT_BZIP2;
+    const uint64_t more = is_packed && s->rest != IMPORT_REST_REFUSED ? UINT64_MAX - s->after_bytes
+                          : is_packed || s->rest != IMPORT_REST_IGNORED ? number
+                                                                        : 0;
+    const uint64_t limit = s->after_bytes + more;
+    const size_t chunk = IMPORT_STREAM_CHUNK - IMPORT_STREAM_CHUNK % number;
+    size_t got = 1;
+    for (*rest = 0; got > 0 && *rest < limit; *rest += got) {
+        const size_t n = limit - *rest < chunk ? (size_t)(limit - *rest) : chunk;
+        if (!import_stream_read(stream, scratch, n, &got, err))
+            return false;
+    }
+    return true;
+}
+
+/* Checks that as much follows the samples as the header says. */
+static bool check_end(const struct import_samples *s, struct import_stream *stream, char *scratch,
+                      uint64_t need, struct sp_error *err) {
+    uint64_t rest;
+    if (s->encoding == IMPORT_RAW)
+        return true; /* check_raw_size() has compared the sizes */
+    if (!read_rest(s, stream, scratch, &rest, err))
+        return false;
+    const uint64_t declared = s->before_bytes + need + s->after_bytes;
+    if (rest < s->after_bytes)
+        return fail_short(s, stream, declared, s->before_bytes + need + rest, err);
+    if (rest > s->after_bytes && s->rest == IMPORT_REST_REFUSED)
+        return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
+                           "the %s data unpacks to more than the %" PRIu64
+                           " bytes that %s declares; stopped there",
+                           import_encoding_name(s->encoding), declared, s->field);
+    if (rest > s->after_bytes && s->rest == IMPORT_REST_WARNED)
+        warn_of_rest(s, stream->shown, "more data");
+    if (stream->has_garbage)
+        import_warn(s->file->warnings,
+                    "%.80s has other bytes behind its gzip data. They were not read; the data "
+                    "itself is sound.",
+                    stream->shown);
+    return true;
 }
 
 struct reading {
@@ -278,15 +312,12 @@ static bool read_piece(const struct reading *r, size_t i, uint64_t begin, uint64
                  ? import_stream_read_sparse(stream, out, n, &got, err)
                  : import_stream_read(stream, out, n, &got, err);
         if (ok && got < n)
-            ok = import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
-                             "the samples need %" PRIu64 " bytes, the file has %" PRIu64
-                             ": it is cut off or %s is wrong",
-                             need, at + got, s->field);
+            ok = fail_short(s, stream, need, at + got, err);
         if (ok)
             take_numbers(r, begin + at, out, n);
         at += n;
     }
-    ok = ok && check_end(s, stream, need, err);
+    ok = ok && check_end(s, stream, r->chunk, need, err);
     import_stream_close(stream);
     return ok;
 }

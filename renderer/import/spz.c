@@ -29,7 +29,8 @@ struct spz {
     uint32_t version, count, degree;
     double unit; /* of positions */
     z_stream z;
-    uint64_t at; /* bytes of the file that were read */
+    bool has_ended; /* the gzip data, whose checksum is right */
+    uint64_t at;    /* bytes of the file that were read */
     uint8_t in[IN_ROOM], out[OUT_ROOM];
 };
 
@@ -42,7 +43,7 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
 
 /* Unpacks exactly n bytes. */
 static bool unpack(struct spz *s, void *out, size_t n, struct sp_error *err) {
-    int status = Z_OK;
+    int status = s->has_ended ? Z_STREAM_END : Z_OK;
     s->z.next_out = out;
     s->z.avail_out = (unsigned)n;
     while (s->z.avail_out > 0) {
@@ -60,8 +61,12 @@ static bool unpack(struct spz *s, void *out, size_t n, struct sp_error *err) {
         bool ended = status == Z_STREAM_END || s->z.avail_in == 0;
         if (!ended)
             status = inflate(&s->z, Z_NO_FLUSH);
+        s->has_ended = status == Z_STREAM_END;
         if (status == Z_MEM_ERROR)
             return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while unpacking");
+        if (ended && !s->has_ended)
+            return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, NULL,
+                               "the gzip data is cut off");
         if (ended)
             return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, NULL,
                                "the data ends before the %" PRIu32 " Gaussians", s->count);
@@ -82,6 +87,7 @@ static bool begin(struct spz *s, struct sp_error *err) {
                            "versions are not supported");
     inflateEnd(&s->z);
     memset(&s->z, 0, sizeof s->z);
+    s->has_ended = false;
     s->at = 0;
     return inflateInit2(&s->z, 15 + 16) == Z_OK ||
            sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while unpacking");
@@ -230,6 +236,25 @@ static void take_harmonics(const struct spz *s, const struct sp_elements *e, siz
         e->harmonics[count * i + k] = ((float)b[k - 3] - 128) / 128;
 }
 
+/* Unpacks the rest, because the checksum is at its end. */
+static bool check_end(struct spz *s, struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK };
+    bool has_more = false;
+    while (unpack(s, s->out, 1, &why))
+        has_more = true;
+    if (!s->has_ended) {
+        if (err)
+            *err = why;
+        return false;
+    }
+    if (has_more)
+        import_warn(s->file->warnings,
+                    "The file goes on after Gaussian %" PRIu32
+                    ", the last one that its header declares; the rest is not read.",
+                    s->count);
+    return true;
+}
+
 static bool read_elements(void *reader, const struct sp_elements *elements,
                           const struct import_progress *progress, struct sp_error *err) {
     struct spz *s = reader;
@@ -262,12 +287,7 @@ static bool read_elements(void *reader, const struct sp_elements *elements,
         }
         rest.before += (uint64_t)s->count * arrays[a].floats * sizeof(float);
     }
-    if (unpack(s, s->out, 1, NULL))
-        import_warn(s->file->warnings,
-                    "The file goes on after Gaussian %" PRIu32
-                    ", the last one that its header declares; the rest is not read.",
-                    s->count);
-    return true;
+    return check_end(s, err);
 }
 
 const struct import_format import_spz = { .name = "SPZ",

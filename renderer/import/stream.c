@@ -147,8 +147,8 @@ static bool fail_cut(const struct import_stream *s, struct sp_error *err) {
                        import_encoding_name(s->encoding), s->at);
 }
 
-/* Starts the next gzip member of the file, if one follows. Other bytes are ignored, as gzip does.
- */
+/* Starts the next gzip member of the file, if one follows. Other bytes are ignored, as gzip does;
+ * 0 pads the blocks of tapes. What follows zlib data belongs to the format around it. */
 static bool next_member(struct import_stream *s, struct sp_error *err) {
     if (s->z.avail_in == 0) {
         size_t got;
@@ -157,9 +157,10 @@ static bool next_member(struct import_stream *s, struct sp_error *err) {
         s->z.next_in = s->in;
         s->z.avail_in = (unsigned)got;
     }
-    if (s->z.avail_in == 0 || s->z.next_in[0] != 0x1f)
-        s->ended = true;
-    else
+    s->ended = s->z.avail_in == 0 || s->z.next_in[0] != 0x1f;
+    for (unsigned i = 0; s->ended && s->is_gzip && i < s->z.avail_in; i++)
+        s->has_garbage |= s->z.next_in[i] != 0;
+    if (!s->ended)
         inflateReset(&s->z);
     return true;
 }
@@ -177,6 +178,8 @@ static bool read_gzip(struct import_stream *s, void *out, size_t n, size_t *got,
                 return fail_cut(s, err);
             s->z.next_in = s->in;
             s->z.avail_in = (unsigned)arrived;
+            if (s->z.total_in == 0)
+                s->is_gzip = s->in[0] == 0x1f;
         }
         int status = inflate(&s->z, Z_NO_FLUSH);
         if (status == Z_STREAM_END) {

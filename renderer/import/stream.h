@@ -31,6 +31,8 @@ struct import_stream {
     enum import_encoding encoding;
     struct import_number number; /* of IMPORT_TEXT: what comes out */
     bool ended;
+    bool is_gzip;     /* of IMPORT_GZIP: else zlib */
+    bool has_garbage; /* of gzip: behind its end are other bytes than 0 */
     z_stream z;
     bz_stream bz;
     size_t used, filled; /* of `in`, for HEX and TEXT */

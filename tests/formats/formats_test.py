@@ -78,7 +78,10 @@ class Tool:
 
     def refused(self, source, *words):
         """The source is refused with an error that has these words."""
-        done, _ = self.run(source)
+        self.refused_step(source, 0, *words)
+
+    def refused_step(self, source, step, *words):
+        done, _ = self.run(source, step)
         self.checks += 1
         if done.returncode != 1 or not all(word in done.stdout for word in words):
             self.fail(source, f'expected an error with {words}, got: {done.stdout.strip()}')

@@ -485,11 +485,40 @@ def check_mgh(tool):
     tool.layout_refused('MGH', 'fewer samples than the header says', tool.path('cut.mgh'), 'cut off')
 
 
+def check_packed(tool):
+    """A packed file that is damaged, cut off or continued says so, whichever step is read and whatever its header allows behind the samples."""
+    steps = values('f4', (3, *SHAPE))
+    files = {'one.nii.gz': nibabel.Nifti1Image(steps[0].T, TURNED), 'steps.nii.gz': nibabel.Nifti1Image(steps.T, TURNED),
+             'one.mgz': nibabel.MGHImage(steps[0].T, TURNED), 'steps.mgz': nibabel.MGHImage(steps.T, TURNED)}
+    for name, image in files.items():
+        nibabel.save(image, tool.path(name))
+    with mrcfile.new(tool.path('one.mrc.gz'), compression='gzip', overwrite=True) as file:
+        file.set_data(steps[0])
+    nrrd.write(tool.path('steps.nrrd'), steps.T, {'encoding': 'gzip', 'kinds': ['domain', 'domain', 'domain', 'time']})
+    for name in (*files, 'one.mrc.gz', 'steps.nrrd'):
+        path, count = tool.path(name), 3 if 'steps' in name else 1
+        with open(path, 'rb') as file:
+            content = file.read()
+        for step in range(count):
+            tool.equal(path, steps[step], step=step)
+            for at in (-5, -60):  # of the length, and of the last samples
+                damaged = bytearray(content)
+                damaged[at] ^= 0x55
+                tool.refused_step(write(tool, name, '', bytes(damaged)), step, 'gzip data is')
+            tool.refused_step(write(tool, name, '', content[:-4]), step, 'the gzip data is cut off')
+            tool.equal(write(tool, name, '', content + bytes(512)), steps[step], step=step)
+            tool.equal(write(tool, name, '', content + b'tail'), steps[step], step=step, warned='other bytes behind its gzip data')
+            write(tool, name, '', content)
+    packed = gzip.compress(gzip.decompress(open(tool.path('steps.nii.gz'), 'rb').read())[:-SHAPE[0] * SHAPE[1] * SHAPE[2] * 4])
+    tool.refused_step(write(tool, 'short.nii.gz', '', packed), 0, 'it is cut off or dim is wrong')
+
+
 def check(tool):
     warnings.simplefilter('ignore')
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
     for part in (check_nrrd_types, check_nrrd_layouts, check_nrrd_headers, check_metaimage, check_nifti_types, check_nifti_shapes,
-                 check_nifti_scales, check_nifti_places, check_nifti_offsets, check_analyze, check_mrc, check_gipl, check_mgh, check_minc):
+                 check_nifti_scales, check_nifti_places, check_nifti_offsets, check_analyze, check_mrc, check_gipl, check_mgh, check_minc,
+                 check_packed):
         part(tool)
         for name in os.listdir(tool.folder):
             path = tool.path(name)

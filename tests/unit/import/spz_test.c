@@ -144,7 +144,10 @@ static void bad_files_are_refused(void **state) {
     }
     uint8_t *packed = make(3, 1000, 3, &size);
     write_file("bad.spz", packed, size / 2);
-    load_error("bad.spz", SP_ERR_FORMAT, "byte ", "ends before the 1000 Gaussians");
+    load_error("bad.spz", SP_ERR_FORMAT, "byte ", "the gzip data is cut off");
+    packed[size - 6] ^= 1; /* of the checksum */
+    write_file("bad.spz", packed, size);
+    load_error("bad.spz", SP_ERR_FORMAT, "byte ", "incorrect data check");
     memset(packed + size / 3, 0x55, 200);
     write_file("bad.spz", packed, size);
     load_error("bad.spz", SP_ERR_FORMAT, "byte ", "damaged");
