@@ -62,8 +62,29 @@ static int find_array(const struct arrays *a, unsigned d) {
     return -1;
 }
 
+static bool is_angle(const char *unit) {
+    return begins(unit, "degree") || begins(unit, "rad");
+}
+
+/* True if the numbers are finite and rise or fall throughout. */
+static bool are_ordered(const double *values, uint64_t count) {
+    bool are = count > 0 && isfinite(values[0]);
+    for (uint64_t i = 1; are && i < count; i++)
+        are = isfinite(values[i]) && values[i] != values[i - 1] &&
+              (values[i] > values[i - 1]) == (values[1] > values[0]);
+    return are;
+}
+
+/* Longitudes that go on at −180 after 180, or at 0 after 360. */
+static void unwrap(double *values, uint64_t count, double turn) {
+    for (uint64_t i = 1; i < count; i++)
+        values[i] += turn * round((values[i - 1] - values[i]) / turn);
+}
+
+/* Reads the coordinates of dimension d. False without memory. */
 static bool read_values(const struct arrays *a, int n, unsigned d, struct coordinates *c) {
     struct array_info info;
+    struct import_conversion conversion;
     char why[SP_ERROR_TEXT];
     const uint64_t start[IMPORT_RANK_MAX] = { 0 }, count[IMPORT_RANK_MAX] = { a->info.shape[d] };
     if (count[0] > SP_DIM_MAX || !a->call->describe(a->handle, (unsigned)n, &info))
@@ -73,16 +94,19 @@ static bool read_values(const struct arrays *a, int n, unsigned d, struct coordi
     const bool ok = numbers && c->values;
     bool is_sound =
         ok && a->call->read(a->handle, (unsigned)n, start, count, numbers, why, sizeof why);
-    for (uint64_t i = 0; is_sound && i < count[0]; i++) {
-        c->values[i] = import_widen((char *)numbers + i * info.number.size, info.number);
-        is_sound = isfinite(c->values[i]) &&
-                   (i < 2 || (c->values[i] > c->values[i - 1]) == (c->values[1] > c->values[0])) &&
-                   (i < 1 || c->values[i] != c->values[i - 1]);
+    if (is_sound) {
+        arrays_take_packing(a, (unsigned)n, &info, &conversion);
+        conversion.type = SP_FLOAT64;
+        import_conversion_put(&conversion, numbers, count[0], c->values);
+        if (is_angle(c->unit) && !are_ordered(c->values, count[0]))
+            unwrap(c->values, count[0], begins(c->unit, "rad") ? 2 * M_PI : 360);
+        is_sound = are_ordered(c->values, count[0]);
     }
     free(numbers);
     if (!is_sound) {
         free(c->values);
         c->values = NULL;
+        c->unit[0] = 0; /* the indices that take their place have none */
         import_warn(a->file->warnings,
                     "The coordinates of the dimension %.60s do not rise or fall throughout; they "
                     "were left out.",
@@ -114,7 +138,25 @@ static enum role role_of(const char *name, const char *axis, const char *standar
     if (strcasecmp(axis, "Z") == 0 || import_axes_is_one_of(standard, z) ||
         import_axes_is_one_of(name, z))
         return ROLE_Z;
-    return import_axes_is_channel(name) ? ROLE_CHANNEL : ROLE_NONE;
+    static const char *const spectral[] = { "wavelength",
+                                            "wavelengths",
+                                            "wavenumber",
+                                            "wavenumbers",
+                                            "frequency",
+                                            "frequencies",
+                                            "energy",
+                                            "energies",
+                                            "lambda",
+                                            "spectral",
+                                            "radiation_wavelength",
+                                            "radiation_frequency",
+                                            "sensor_band_central_radiation_wavelength",
+                                            "radiation_wavenumber",
+                                            NULL };
+    return import_axes_is_channel(name) || import_axes_is_one_of(name, spectral) ||
+                   import_axes_is_one_of(standard, spectral)
+               ? ROLE_CHANNEL
+               : ROLE_NONE;
 }
 
 static bool take_coordinates(const struct arrays *a, unsigned d, struct coordinates *c) {
@@ -127,12 +169,10 @@ static bool take_coordinates(const struct arrays *a, unsigned d, struct coordina
         a->call->text(a->handle, (unsigned)n, "axis", axis, sizeof axis);
         a->call->text(a->handle, (unsigned)n, "standard_name", standard, sizeof standard);
         a->call->text(a->handle, (unsigned)n, "positive", positive, sizeof positive);
-        if (!read_values(a, n, d, c))
-            return false;
     }
     c->is_down = strcasecmp(positive, "down") == 0 || import_axes_is_one_of(c->unit, pressure);
     c->role = role_of(a->info.dims[d], axis, standard, c->unit);
-    return true;
+    return n < 0 || read_values(a, n, d, c);
 }
 
 /* Assigns dimensions that play no part to x, y and z, the last ones first. One dimension may be
@@ -183,10 +223,6 @@ static double extent_of(const struct arrays *a, const struct coordinates *c, int
     return d < 0 ? 0 : c[d].values ? fabs(c[d].values[last] - c[d].values[0]) : (double)last;
 }
 
-static bool is_angle(const char *unit) {
-    return begins(unit, "degree") || begins(unit, "rad");
-}
-
 /* What the coordinates of an axis are multiplied by, so that all are in the unit of x. */
 static double factor_of(const struct arrays *a, const struct coordinates *c, int axis) {
     const int d = a->axes.space[axis], of_x = a->axes.space[0];
@@ -199,11 +235,14 @@ static double factor_of(const struct arrays *a, const struct coordinates *c, int
         strcasecmp(c[d].unit, c[of_x].unit) == 0 || (is_angle(c[d].unit) && is_angle(c[of_x].unit));
     const double horizontal = fmax(extent_of(a, c, of_x), extent_of(a, c, a->axes.space[1]));
     const double vertical = extent_of(a, c, d);
+    if (axis == 1 && !is_same && *c[d].unit && *c[of_x].unit)
+        import_warn(a->file->warnings,
+                    "The unit of y is \"%.30s\", that of x \"%.30s\"; y was not converted.",
+                    c[d].unit, c[of_x].unit);
     if (axis == 1 || is_same || !(vertical > 0) || !(horizontal > 0))
         return 1;
     const bool is_open = !*c[d].unit || !*c[of_x].unit;
-    if (is_open && c[d].values && c[of_x].values && !is_angle(c[d].unit) &&
-        !is_angle(c[of_x].unit)) {
+    if (is_open && !is_angle(c[d].unit) && !is_angle(c[of_x].unit)) {
         import_warn(a->file->warnings,
                     "Only some of the axes have a unit; their coordinates were taken as they are.");
         return 1;
@@ -346,12 +385,17 @@ static bool has_names(const struct arrays *a) {
 static bool take_plain(struct arrays *a, struct coordinates *c, struct import_header *header,
                        struct sp_error *err) {
     const char *names[IMPORT_RANK_MAX] = { NULL };
-    return (import_axes_guess(&a->axes, a->info.rank, a->info.shape, names,
-                              a->info.number.size == 1) ||
-            arrays_fail(a, err, SP_ERR_UNSUPPORTED,
-                        "the array has %u dimensions; supported are t, c, z, y and x",
-                        a->info.rank)) &&
-           import_axes_choose(&a->axes, a->file, a->info.shape, header, err) &&
+    const int last = (int)a->info.rank - 1;
+    if (!import_axes_guess(&a->axes, a->info.rank, a->info.shape, names, a->info.number.size == 1))
+        return arrays_fail(a, err, SP_ERR_UNSUPPORTED,
+                           "the array has %u dimensions; supported are t, c, z, y and x",
+                           a->info.rank);
+    if (a->axes.channel == last && !a->axes.are_colors)
+        import_warn(a->file->warnings,
+                    "The dimensions have no names; the last one, of length %" PRIu64
+                    ", was taken for channels.",
+                    a->info.shape[last]);
+    return import_axes_choose(&a->axes, a->file, a->info.shape, header, err) &&
            take_dims(a, header, err) && take_steps(a, c, header, err);
 }
 

@@ -54,6 +54,11 @@ __attribute__((format(printf, 4, 5))) bool arrays_fail(const struct arrays *a, s
 /* How stored numbers become samples: scale_factor, add_offset, _FillValue and others. */
 void arrays_take_values(struct arrays *a, struct import_header *header);
 
+/* The same for array n, which may have coordinates, as its own attributes say. Returns whether it
+ * has a _FillValue. The type in memory is the caller's matter. */
+bool arrays_take_packing(const struct arrays *a, unsigned n, const struct array_info *info,
+                         struct import_conversion *conversion);
+
 /* Default fill values are among the samples: these become floating-point numbers. */
 void arrays_use_default_fill(struct arrays *a);
 

@@ -16,10 +16,10 @@ static bool is_float(enum sp_type type) {
 
 /* An attribute about the numbers as they are stored. With _Unsigned, it is written as if they had a
  * sign, or none. */
-static double stored_value(const struct arrays *a, double value) {
-    const struct import_number number = a->conversion.number;
+static double stored_value(struct import_number number, const struct array_info *info,
+                           double value) {
     const double turn = ldexp(1, 8 * (int)number.size);
-    if (number.kind == a->info.number.kind)
+    if (number.kind == info->number.kind)
         return value;
     if (number.kind == IMPORT_UNSIGNED)
         return value < 0 ? value + turn : value;
@@ -49,38 +49,38 @@ static bool default_fill(struct import_number number, double *fill) {
 }
 
 /* Numbers that stand for no sample: _FillValue and missing_value, and those outside of valid_range
- * or of valid_min and valid_max. */
-static void take_missing(struct arrays *a) {
-    struct import_conversion *c = &a->conversion;
+ * or of valid_min and valid_max. Returns whether there is a _FillValue. */
+static bool take_missing(const struct arrays *a, unsigned n, const struct array_info *info,
+                         struct import_conversion *c) {
     double values[IMPORT_MISSING_MAX], range[2] = { -INFINITY, INFINITY };
-    const bool has_fill = a->call->numbers(a->handle, a->chosen, "_FillValue", values, 1) == 1;
+    const bool has_fill = a->call->numbers(a->handle, n, "_FillValue", values, 1) == 1;
     if (has_fill)
-        import_conversion_add_missing(c, stored_value(a, values[0]));
+        import_conversion_add_missing(c, stored_value(c->number, info, values[0]));
     const size_t count =
-        a->call->numbers(a->handle, a->chosen, "missing_value", values + 1, IMPORT_MISSING_MAX - 1);
+        a->call->numbers(a->handle, n, "missing_value", values + 1, IMPORT_MISSING_MAX - 1);
     for (size_t i = 1; i <= count; i++)
-        import_conversion_add_missing(c, stored_value(a, values[i]));
-    if (!has_fill && a->info.has_default_fill && default_fill(a->info.number, &values[0]))
-        a->default_fill = stored_value(a, values[0]);
-    if (a->call->numbers(a->handle, a->chosen, "valid_range", range, 2) != 2) {
+        import_conversion_add_missing(c, stored_value(c->number, info, values[i]));
+    if (a->call->numbers(a->handle, n, "valid_range", range, 2) != 2) {
         range[0] = -INFINITY;
         range[1] = INFINITY;
-        a->call->numbers(a->handle, a->chosen, "valid_min", &range[0], 1);
-        a->call->numbers(a->handle, a->chosen, "valid_max", &range[1], 1);
+        a->call->numbers(a->handle, n, "valid_min", &range[0], 1);
+        a->call->numbers(a->handle, n, "valid_max", &range[1], 1);
     }
-    range[0] = stored_value(a, range[0]);
-    range[1] = stored_value(a, range[1]);
+    range[0] = stored_value(c->number, info, range[0]);
+    range[1] = stored_value(c->number, info, range[1]);
     const bool is_scaled = import_number_is_whole(c->number) && /* the range is of the samples */
                            ((isfinite(range[0]) && trunc(range[0]) != range[0]) ||
                             (isfinite(range[1]) && trunc(range[1]) != range[1]));
     if (!is_scaled && range[0] <= range[1] && (isfinite(range[0]) || isfinite(range[1])))
         import_conversion_set_range(c, range[0], range[1]);
+    return has_fill;
 }
 
-static struct import_number number_of(const struct arrays *a) {
-    struct import_number number = a->info.number;
+static struct import_number number_of(const struct arrays *a, unsigned n,
+                                      const struct array_info *info) {
+    struct import_number number = info->number;
     char text[16];
-    a->call->text(a->handle, a->chosen, "_Unsigned", text, sizeof text);
+    a->call->text(a->handle, n, "_Unsigned", text, sizeof text);
     if (strcasecmp(text, "true") == 0 && number.kind == IMPORT_SIGNED)
         number.kind = IMPORT_UNSIGNED;
     else if (strcasecmp(text, "false") == 0 && number.kind == IMPORT_UNSIGNED)
@@ -88,28 +88,34 @@ static struct import_number number_of(const struct arrays *a) {
     return number;
 }
 
+bool arrays_take_packing(const struct arrays *a, unsigned n, const struct array_info *info,
+                         struct import_conversion *c) {
+    double value;
+    *c = import_conversion_of(number_of(a, n, info), a->file->warnings);
+    const bool has_fill = take_missing(a, n, info, c);
+    if (a->call->numbers(a->handle, n, "scale_factor", &value, 1) && isfinite(value) && value != 0)
+        c->slope = value;
+    if (a->call->numbers(a->handle, n, "add_offset", &value, 1) && isfinite(value))
+        c->offset = value;
+    return has_fill;
+}
+
 void arrays_take_values(struct arrays *a, struct import_header *header) {
-    const struct import_number number = number_of(a);
-    double value, slope = 1, offset = 0;
-    a->conversion = import_conversion_of(number, a->file->warnings);
+    struct import_conversion *c = &a->conversion;
+    double fill;
+    const bool has_fill = arrays_take_packing(a, a->chosen, &a->info, c);
     a->default_fill = NAN;
-    if (a->call->numbers(a->handle, a->chosen, "scale_factor", &value, 1) && isfinite(value) &&
-        value != 0)
-        slope = value;
-    if (a->call->numbers(a->handle, a->chosen, "add_offset", &value, 1) && isfinite(value))
-        offset = value;
-    take_missing(a);
-    a->conversion.slope = slope;
-    a->conversion.offset = offset;
-    if ((slope != 1 || offset != 0) && !is_float(a->conversion.type))
-        a->conversion.type = number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
+    if (!has_fill && a->info.has_default_fill && default_fill(a->info.number, &fill))
+        a->default_fill = stored_value(c->number, &a->info, fill);
+    if ((c->slope != 1 || c->offset != 0) && !is_float(c->type))
+        c->type = c->number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
     /* Whole numbers stay so unless a sample is missing, and float64 does not tell all of 8 bytes
      * apart: the caller looks for them. */
-    const bool is_exact = is_float(a->conversion.type) &&
-                          (!import_number_is_whole(number) || number.size < sizeof(double));
+    const bool is_exact = is_float(c->type) &&
+                          (!import_number_is_whole(c->number) || c->number.size < sizeof(double));
     if (is_exact && !isnan(a->default_fill))
         arrays_use_default_fill(a);
-    header->type = a->conversion.type;
+    header->type = c->type;
 }
 
 void arrays_use_default_fill(struct arrays *a) {

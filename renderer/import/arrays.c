@@ -14,14 +14,21 @@
 
 #include "import/confine.h"
 #include "import/imaris.h"
+#include "import/itk_hdf5.h"
 #include "import/module.h"
 #include "import/netcdf_size.h"
 #include "volume/volume.h"
 
 enum { BOX_BYTES = 32 << 20 }; /* numbers that are read at once, if a row is not larger */
 
+/* Before the signature there may be a block of the user of 512, 1024, … bytes; MATLAB writes its
+ * name there. */
 static bool is_hdf5(const uint8_t *start, size_t size) {
-    return size >= 8 && memcmp(start, "\x89HDF\r\n\x1a\n", 8) == 0;
+    static const char signature[] = "\x89HDF\r\n\x1a\n";
+    for (size_t at = 0; at + 8 <= size; at = at == 0 ? 512 : 2 * at)
+        if (memcmp(start + at, signature, 8) == 0)
+            return true;
+    return false;
 }
 
 static bool has_ending(const char *shown, const char *ending) {
@@ -264,9 +271,13 @@ static bool take(struct arrays *a, struct import_header *header, struct sp_error
     if (!a->handle)
         return sp_fail(err, SP_ERR_FORMAT, a->file->shown, "%s", why);
     struct imaris *imaris;
-    if (!imaris_open(a, &imaris, err) || !arrays_choose(a, err) || !arrays_take(a, header, err) ||
-        (imaris && !imaris_place(imaris, a, header, err)) ||
-        !sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err) ||
+    if (!imaris_open(a, &imaris, err) || !arrays_choose(a, err))
+        return false;
+    itk_hdf5_name_dimensions(a);
+    if (!arrays_take(a, header, err) || (imaris && !imaris_place(imaris, a, header, err)))
+        return false;
+    itk_hdf5_place(a, header);
+    if (!sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err) ||
         !look_for_default_fill(a, header, err))
         return false;
     header->type = a->conversion.type;

@@ -6,7 +6,7 @@
 
 #include "import/meaning.h"
 
-enum { COLORS_MIN = 3, COLORS_MAX = 4 };
+enum { COLORS_MIN = 3, COLORS_MAX = 4, PARTS_MIN = 2, PARTS_MAX = 4 };
 
 void import_axes_place(struct import_axes *axes, const int *space, unsigned count,
                        const char *const *names) {
@@ -41,6 +41,16 @@ bool import_axes_is_channel(const char *name) {
     return import_axes_is_one_of(name, channels);
 }
 
+/* True if the last dimension of four or five must be that of channels: a few, where all others are
+ * longer, and the one in the place of channels has too many. */
+static bool has_channels_last(unsigned rank, const uint64_t *shape) {
+    const uint64_t parts = rank == 4 || rank == 5 ? shape[rank - 1] : 0;
+    bool has = parts >= PARTS_MIN && parts <= PARTS_MAX && shape[rank - 4] > PARTS_MAX;
+    for (unsigned d = rank - 4; has && d < rank - 1; d++)
+        has = shape[d] > parts;
+    return has;
+}
+
 bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *shape,
                        const char *const *names, bool are_bytes) {
     int space[IMPORT_RANK_MAX];
@@ -52,12 +62,13 @@ bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *
     *axes = (struct import_axes){ .space = { -1, -1, -1 }, .channel = -1, .time = -1 };
     axes->are_colors = !has_names && rank == 4 && are_bytes && shape[last] >= COLORS_MIN &&
                        shape[last] <= COLORS_MAX;
+    const bool is_last = !has_names && (axes->are_colors || has_channels_last(rank, shape));
     for (unsigned d = 0; d < rank; d++) {
         const unsigned behind = last - d; /* dimensions behind this one */
         const bool is_time = has_names ? import_axes_is_one_of(names[d], times) : behind == 4;
-        const bool is_channel = has_names          ? import_axes_is_channel(names[d])
-                                : axes->are_colors ? d == last
-                                                   : behind == 3;
+        const bool is_channel = has_names ? import_axes_is_channel(names[d])
+                                : is_last ? d == last
+                                          : behind == 3;
         if (is_time && axes->time < 0)
             axes->time = (int)d;
         else if (is_channel && axes->channel < 0)

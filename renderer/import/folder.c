@@ -23,8 +23,6 @@
 #include "import/format.h"
 #include "import/numbered.h"
 
-enum { START = 1024 };
-
 static bool grow(struct import_names *list) {
     if (list->count == list->capacity) {
         const uint32_t wanted = list->capacity ? 2 * list->capacity : 64;
@@ -118,11 +116,11 @@ static int open_file(const struct import_file *folder, const char *name, char re
 
 /* Reads the beginning of a file. Returns the number of bytes; 0 if there are none. */
 static size_t read_start(const struct import_file *folder, const char *name,
-                         uint8_t start[static START]) {
+                         uint8_t start[static IMPORT_START_BYTES]) {
     char real[PATH_MAX];
     uint64_t size;
     const int fd = open_file(folder, name, real, &size);
-    const ssize_t got = fd >= 0 ? pread(fd, start, START, 0) : -1;
+    const ssize_t got = fd >= 0 ? pread(fd, start, IMPORT_START_BYTES, 0) : -1;
     if (fd >= 0)
         close(fd);
     return got > 0 ? (size_t)got : 0;
@@ -133,7 +131,7 @@ static size_t read_start(const struct import_file *folder, const char *name,
 static const char *pick_file(const struct import_file *folder, const struct import_names *files,
                              bool *is_dicom) {
     const char *known = NULL, *named = NULL;
-    uint8_t start[START];
+    uint8_t start[IMPORT_START_BYTES];
     *is_dicom = false;
     for (uint32_t i = 0; i < files->count; i++) {
         const char *name = files->names[i];
@@ -158,7 +156,7 @@ static bool open_as_dicom(struct folder *f, struct import_header *header, struct
 /* Opens a file, with those that are numbered like it. */
 static bool open_as_file(struct folder *f, const struct import_file *folder, const char *name,
                          struct import_header *header, struct sp_error *err) {
-    uint8_t start[START];
+    uint8_t start[IMPORT_START_BYTES];
     snprintf(f->shown, sizeof f->shown, "%s/%s", folder->shown, name);
     f->file.is_folder = false;
     f->file.shown = f->shown;

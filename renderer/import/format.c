@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "volume/anatomy.h"
+#include "volume/unit.h"
 
 void import_place(char place[SP_ERROR_PLACE], const char *shown, uint64_t byte, const char *field) {
     snprintf(place, SP_ERROR_PLACE, "%.180s: byte %" PRIu64 "%s%s", shown, byte, field ? ": " : "",
@@ -203,7 +204,8 @@ bool import_header_use_selection(struct import_header *header, const struct impo
         return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
                        "?series=%.60s: only DICOM files have series; open it without ?series=",
                        selection->series);
+    const struct sp_unit *unit = sp_unit_find(selection->unit);
     if (selection->unit[0])
-        snprintf(header->unit, sizeof header->unit, "%s", selection->unit);
+        snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : selection->unit);
     return true;
 }

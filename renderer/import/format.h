@@ -152,6 +152,10 @@ struct import_format {
                  struct sp_error *err);
 };
 
+/* The first bytes of a file that its format is found by. Before the signature of HDF5 there may be
+ * a block of the user, of 512, 1024, … bytes. */
+enum { IMPORT_START_BYTES = 8192 + 8 };
+
 /* Finds the format of a file by its first bytes and its name. NULL with *err set. */
 const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *shown,
                                                struct sp_error *err);

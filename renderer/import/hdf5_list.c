@@ -129,6 +129,8 @@ bool hdf5_list_fill(struct hdf5_list *list, hid_t file) {
     find_default(file, path);
     if (!*path && list->signals == 1)
         memcpy(path, list->signal, sizeof path);
+    if (!*path && H5Lexists(file, "/ITKImage", H5P_DEFAULT) > 0)
+        snprintf(path, sizeof path, "/ITKImage/0/VoxelData");
     for (unsigned i = 0; i < list->count && *path; i++)
         if (strcmp(list->entries[i].name, path) == 0)
             list->preferred = i + 1;

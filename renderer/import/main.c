@@ -32,8 +32,8 @@ const char *__tsan_default_suppressions(void) {
 
 struct job {
     struct import_file file;
-    uint8_t start[1024]; /* first bytes of the file, which tell its format */
-    ssize_t start_size;  /* < 0 = the file cannot be read */
+    uint8_t start[IMPORT_START_BYTES];
+    ssize_t start_size; /* < 0 = the file cannot be read */
     const struct import_format *format;
     struct import_header header;
     struct sp_handover_layout layout; /* of the shared memory */

@@ -65,7 +65,7 @@ static bool open_file(struct series *s, const struct import_file *source, const 
 
 /* Opens the volume of the step. */
 static bool open_step(struct series *s, struct import_header *header, struct sp_error *err) {
-    uint8_t start[1024];
+    uint8_t start[IMPORT_START_BYTES];
     const ssize_t size = pread(s->file.fd, start, sizeof start, 0);
     if (size < 0)
         return sp_fail(

@@ -10,7 +10,8 @@ struct sp_unit {
     double meters;
 };
 
-/* A unit of length by its name or symbol; NULL = none of these. */
+/* A unit of length by its symbol, or by its name: of any case, also in the plural, and "metre" as
+ * well as "meter". NULL = none of these. */
 const struct sp_unit *sp_unit_find(const char *name);
 
 /* Its name in English, as OME-Zarr has it: "millimeter". */

@@ -59,6 +59,7 @@ static const struct format {
     { ".he5", "HDF5", SP_KIND_GRID, NULL },
     { ".nxs", "HDF5", SP_KIND_GRID, NULL },
     { ".ims", "HDF5", SP_KIND_GRID, NULL },
+    { ".mat", "HDF5", SP_KIND_GRID, NULL },
     { ".nc", "NetCDF", SP_KIND_GRID, NULL },
     { ".nc4", "NetCDF", SP_KIND_GRID, NULL },
     { ".cdf", "NetCDF", SP_KIND_GRID, NULL },

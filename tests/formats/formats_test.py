@@ -29,7 +29,7 @@ PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'ren
 PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'small_part': ['numpy', 'SimpleITK'],
          'zarr_part': ['numpy', 'zarr', 'numcodecs'],
          'arrays_part': ['numpy', 'h5py', 'netCDF4', 'numcodecs'], 'tiff_part': ['numpy', 'tifffile'],
-         'cf_part': ['numpy', 'h5py', 'netCDF4', 'zarr'],
+         'cf_part': ['numpy', 'h5py', 'netCDF4', 'zarr'], 'coordinates_part': ['numpy', 'h5py', 'netCDF4', 'SimpleITK', 'zarr'],
          'hdf5_part': ['numpy', 'h5py'],
          'medical_part': ['numpy', 'nibabel', 'pydicom'], 'dicom_frames_part': ['numpy', 'pydicom'],
          'volumes_part': ['numpy', 'nibabel', 'nrrd', 'mrcfile', 'SimpleITK', 'h5py', 'netCDF4'],
@@ -38,7 +38,7 @@ PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'small_
          'dicom_folder_part': ['numpy', 'pydicom'], 'dicom_series_part': ['numpy', 'pydicom', 'nibabel'],
          'dicom_highdicom_part': ['numpy', 'pydicom', 'highdicom'],
          'convert_part': ['numpy', 'nibabel', 'nrrd', 'zarr']}
-GROUPS = {'arrays': ['types_part', 'zarr_part', 'arrays_part', 'cf_part', 'hdf5_part', 'tiff_part'], 'dicom': [part for part in PARTS if part.startswith('dicom_')]}
+GROUPS = {'arrays': ['types_part', 'zarr_part', 'arrays_part', 'cf_part', 'coordinates_part', 'hdf5_part', 'tiff_part'], 'dicom': [part for part in PARTS if part.startswith('dicom_')]}
 GROUPS['rest'] = [part for part in PARTS if part not in GROUPS['arrays'] + GROUPS['dicom']]
 
 

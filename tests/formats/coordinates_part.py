@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Coordinates of arrays: packed ones, names of units, longitudes that wrap, and axes that are no space."""
+import h5py
+import netCDF4
+import numpy
+import SimpleITK
+import zarr
+
+from ramp import ramp
+
+SHAPE = (3, 4, 5)
+
+
+def write_nc(tool, name, axes, data=None, extra=()):
+    """A variable `v` with one-dimensional coordinates: {name: (stored numbers, attributes)}; None = without coordinates."""
+    path = tool.path(name)
+    data = ramp([len(values) for values, _ in axes.values()], 'f4') if data is None else data
+    with netCDF4.Dataset(path, 'w') as file:
+        for (axis, (values, attributes)), size in zip(axes.items(), data.shape):
+            file.createDimension(axis, size)
+            if attributes is None:
+                continue
+            values = numpy.asarray(values)
+            fill = attributes.get('_FillValue')
+            variable = file.createVariable(axis, values.dtype, (axis,), fill_value=fill)
+            variable.set_auto_maskandscale(False)
+            variable.setncatts({key: value for key, value in attributes.items() if key != '_FillValue'})
+            variable[:] = values
+        file.createVariable('v', data.dtype, tuple(axes))[:] = data
+        for key, value in extra:
+            file['v'].setncattr(key, value)
+    return path, data
+
+
+def packed_axes():
+    """Whole numbers with scale_factor and add_offset: x 5, 5.25, …; z falls; y is uneven and unsigned; and the time."""
+    return {'time': (numpy.array([0, 1, 4], 'i2'), {'units': 'hours since 2000-01-01', 'scale_factor': 0.5, 'add_offset': 10.0}),
+            'z': (numpy.array([4, 3, 2, 1], 'i1'), {'units': 'mm', 'scale_factor': 2.0, '_FillValue': numpy.int8(-1)}),
+            'y': (numpy.array([0, 100, -6], 'i1'), {'units': 'mm', '_Unsigned': 'true', 'add_offset': -50.0}),
+            'x': (numpy.arange(5, dtype='i2'), {'units': 'mm', 'scale_factor': 0.25, 'add_offset': 5.0})}
+
+
+def check_packed(tool):
+    axes = packed_axes()
+    path, data = write_nc(tool, 'packed.nc', axes)
+    group = zarr.open_group(tool.path('packed.zarr'), mode='w', zarr_format=2)
+    with h5py.File(tool.path('packed.h5'), 'w') as file:
+        file['v'] = data
+        for d, (name, (values, attributes)) in enumerate(axes.items()):
+            file[name] = values
+            file[name].make_scale(name)
+            file['v'].dims[d].attach_scale(file[name])
+            file[name].attrs.update(attributes)
+            own = {key: value.item() if hasattr(value, 'item') else value for key, value in attributes.items()}
+            group.create_array(name, shape=values.shape, dtype=values.dtype, fill_value=None, attributes={'_ARRAY_DIMENSIONS': [name], **own})[...] = values
+    group.create_array('v', shape=data.shape, dtype='f4', fill_value=None, attributes={'_ARRAY_DIMENSIONS': list(axes)})[...] = data
+    for form, source in (('NetCDF', path), ('HDF5', tool.path('packed.h5')), ('Zarr', tool.path('packed.zarr'))):
+        tool.layout(form, 'packed coordinates (scale_factor, add_offset, _Unsigned)', source, data[2], step=2, steps=3, times=[10, 10.5, 12],
+                    spacing=[0.25, 125, 2], origin=[5, -50, 8], coordinates1=[0, 100, 250], direction=[1, 0, 0, 0, 1, 0, 0, 0, -1], unit='mm')
+    path, data = write_nc(tool, 'gap.nc', {'y': (numpy.arange(3.0), {'units': 'm'}), 'x': (numpy.array([0, 1, -9, 3]), {'units': 'm', '_FillValue': -9})})
+    tool.equal(path, data[None], spacing=[1, 1, 1], unit='', warned='The coordinates of the dimension x')
+
+
+def check_units(tool):
+    """Each unit in the plural and spelled out, against x in another one: (unit of x, unit of z, z in x, what is shown)."""
+    for of_x, of_z, factor, shown in (('kilometers', 'meters', 1e-3, 'km'), ('Metres', 'kilometre', 1e3, 'm'), ('micrometers', 'nanometers', 1e-3, 'um'),
+                                      ('micron', 'Microns', 1, 'um'), ('millimetres', 'centimeters', 10, 'mm'), ('cm', 'inches', 2.54, 'cm'),
+                                      ('feet', 'foot', 1, 'ft'), ('kpc', 'pc', 1e-3, 'kpc'), ('Mpc', 'kiloparsecs', 1e-3, 'Mpc'), ('um', 'Angstroms', 1e-4, 'um')):
+        path, data = write_nc(tool, 'units.nc', {'z': (numpy.arange(3.0), {'units': of_z}), 'y': (numpy.arange(4.0), {'units': of_x}),
+                                                 'x': (numpy.arange(5.0), {'units': of_x})})
+        tool.equal(path, data, spacing=[1, 1, factor], unit=shown, warned='')
+    tool.equal(tool.path('units.nc') + '?unit=micrometres', data, unit='um')
+    path, data = write_nc(tool, 'lone.nc', {'z': ((), None), 'y': ((), None), 'x': (numpy.arange(5.0), {'units': 'micrometers'})}, ramp(SHAPE, 'f4'))
+    tool.equal(path, data, spacing=[1, 1, 1], unit='um', warned='Only some of the axes have a unit')
+
+
+def check_axes(tool):
+    """Wavelengths are no space, and longitudes go on after 180."""
+    data = ramp(SHAPE, 'f4')
+    metres = {'units': 'm'}
+    for name, attributes in (('wavelength', {'units': 'nm'}), ('w', {'units': 'nm', 'standard_name': 'radiation_wavelength'}), ('energy', {'units': 'eV'})):
+        path, _ = write_nc(tool, 'bands.nc', {name: (numpy.arange(400.0, 700, 100), attributes), 'y': (numpy.arange(4.0), metres),
+                                              'x': (numpy.arange(5.0), metres)}, data)
+        tool.layout('NetCDF', 'wavelengths, frequencies and energies', path + '?field=v 2', data[1][None], 'fields', spacing=[1, 1, 1], unit='m', warned='')
+    with h5py.File(tool.path('bands.h5'), 'w') as file:
+        file['v'] = data
+        for d, name in enumerate(('y', 'x', 'wavenumber')):
+            file['v'].dims[d].label = name
+    tool.layout('HDF5', 'wavelengths, frequencies and energies', tool.path('bands.h5') + ':/v 3', data[..., 2][None], 'fields')
+    for numbers, unit, step in (([176, 178, -180, -178, -176], 'degrees_east', 2), ([358, 359, 0, 1, 2], 'degrees_east', 1),
+                                ([-178, 180, 178, 176, 174], 'degree_E', 2)):
+        path, _ = write_nc(tool, 'lon.nc', {'z': (numpy.arange(3.0), metres), 'lat': (numpy.arange(4.0), {'units': 'degrees_north'}),
+                                            'lon': (numpy.array(numbers, 'f4'), {'units': unit})}, data)
+        tool.equal(path, data, spacing=[step, 1, 0.25 * max(4 * step, 3) / 2], origin=[numbers[0], 0, 0], unit='degrees')
+    path, _ = write_nc(tool, 'mixed.nc', {'z': (numpy.arange(3.0), metres), 'lat': (numpy.arange(4.0), {'units': 'degrees_north'}),
+                                          'lon': (numpy.array([5.0, 3, 9, 1, 2]), {'units': 'degrees_east'})}, data)
+    tool.equal(path, data, spacing=[1, 1, 1], unit='', warned='do not rise or fall throughout')
+
+
+def check_itk(tool):
+    """HDF5 of ITK: the place, as SimpleITK reads it; a flat image, one with components, and one with times."""
+    layout = 'images of ITK and SimpleITK (/ITKImage/0/VoxelData)'
+    data = ramp((4, 5, 6), 'i2')
+    turned = (0, 1, 0, -1, 0, 0, 0, 0, 1)
+    for name, array, is_vector in (('scalars', data, False), ('vectors', ramp((4, 5, 6, 3), 'f4'), True)):
+        image = SimpleITK.GetImageFromArray(array, isVector=is_vector)
+        image.SetSpacing((0.7, 0.5, 2))
+        image.SetOrigin((1, 2, 3))
+        image.SetDirection(turned)
+        path = tool.path(f'itk_{name}.h5')
+        SimpleITK.WriteImage(image, path)
+        field = '?field=/ITKImage/0/VoxelData 2' if is_vector else ''
+        tool.layout('HDF5', layout, path + field, array[..., 1] if is_vector else array, spacing=[0.7, 0.5, 2], origin=[1, 2, 3], direction=turned,
+                    unit='mm', anatomy='LPS', warned='')
+    tool.equal(path + '?as=vectors', numpy.sqrt((array ** 2).sum(-1)), spacing=[0.7, 0.5, 2], vectors='/ITKImage/0/VoxelData')
+    flat = SimpleITK.GetImageFromArray(data[0])
+    flat.SetSpacing((0.7, 0.5))
+    flat.SetOrigin((1, 2))
+    SimpleITK.WriteImage(flat, tool.path('itk_flat.h5'))
+    tool.equal(tool.path('itk_flat.h5'), data[:1], spacing=[0.7, 0.5, 0.7], origin=[1, 2, 0], unit='mm')
+    series = SimpleITK.GetImageFromArray(ramp((2, 4, 5, 6), 'u1'), isVector=False)
+    series.SetSpacing((0.7, 0.5, 2, 1.5))
+    SimpleITK.WriteImage(series, tool.path('itk_times.h5'))
+    tool.equal(tool.path('itk_times.h5'), ramp((2, 4, 5, 6), 'u1')[1], step=1, steps=2, spacing=[0.7, 0.5, 2])
+    with h5py.File(tool.path('itk_flat.h5'), 'r+') as file:
+        file['ITKImage/0/Spacing'][:] = [-1, 1]
+    tool.equal(tool.path('itk_flat.h5'), data[:1], spacing=[1, 1, 1], warned='no valid Spacing and Origin')
+
+
+def check_channels_last(tool):
+    """Plain arrays of four or five dimensions, the last one short; and files with a block of the user before the signature."""
+    layout = 'without names, the last dimension short and the others long: channels, with a warning'
+    data, series = ramp((6, 7, 8, 3), 'f4'), ramp((2, 6, 7, 8, 2), 'i2')
+    with h5py.File(tool.path('last.h5'), 'w') as file:
+        file['v'] = data
+    with h5py.File(tool.path('series.h5'), 'w') as file:
+        file['v'] = series
+    zarr.create_array(tool.path('last.zarr'), shape=data.shape, dtype='f4')[...] = data
+    for form, path, name in (('HDF5', tool.path('last.h5'), '/v'), ('Zarr', tool.path('last.zarr'), 'channel')):
+        tool.layout(form, layout, f'{path}?field={name} 2', data[..., 1], warned='the last one, of length 3, was taken for channels')
+        tool.equal(f'{path}?as=vectors', numpy.sqrt((data ** 2).sum(-1)))
+    tool.equal(tool.path('series.h5') + ':/v 2', series[1, ..., 1], step=1, steps=2)
+    for size in (512, 1024, 4096, 8192):
+        path = tool.path(f'user{size}.mat')
+        with h5py.File(path, 'w', userblock_size=size) as file:
+            file['V'] = data[..., 0]
+        with open(path, 'r+b') as file:
+            file.write(b'MATLAB 7.3 MAT-file')
+        tool.layout('HDF5', 'a block of the user before the signature, as MATLAB 7.3 writes it (.mat)', path, data[..., 0])
+    numbers = ramp((3, 4, 5), 'u1')
+    with h5py.File(tool.path('user.nc'), 'w', userblock_size=512) as file:
+        file['V'] = numbers
+    tool.equal(tool.path('user.nc'), numbers)
+
+
+def check(tool):
+    check_itk(tool)
+    check_channels_last(tool)
+    check_packed(tool)
+    check_units(tool)
+    check_axes(tool)
