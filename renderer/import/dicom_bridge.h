@@ -47,6 +47,7 @@ enum dicom_key {
     DICOM_KEY_INVERSION,                   /* time of the inversion [ms] */
     DICOM_KEY_THICKNESS,                   /* of the slice [mm] */
     DICOM_KEY_PHASE,                       /* temporal position, a number; the first key of times */
+    DICOM_KEY_PERCENT,                     /* of the heartbeat */
     DICOM_KEY_DELAY, /* time since a trigger, such as a heartbeat, or since the start [s] */
     DICOM_KEY_CLOCK, /* time of the acquisition [s], since 1970; less than a day: no date known */
     DICOM_KEY_ACQUISITION, /* its number */

@@ -365,13 +365,13 @@ void fill_time(const groups &in, dicom_frame &frame) {
             dicom_value<double>(in.find(0x0020, 0x9310), 0x0020, 0x930d)); /* [s] */
     set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(heart, 0x0020, 0x9153), 1e-3);
     set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(heart, 0x0020, 0x9252), 1e-3);
-    set_key(frame, DICOM_KEY_PHASE, dicom_value<float>(heart, 0x0020, 0x9241)); /* percent */
+    set_key(frame, DICOM_KEY_PERCENT, dicom_value<float>(heart, 0x0020, 0x9241));
     set_key(frame, DICOM_KEY_ACQUISITION, dicom_value<uint16_t>(content, 0x0020, 0x9156));
     set_key(frame, DICOM_KEY_CLOCK, seconds_of(dicom_text(content, 0x0018, 0x9151)));
     set_key(frame, DICOM_KEY_CLOCK, seconds_of(dicom_text(content, 0x0018, 0x9074)));
     /* Of a file that is one slice. */
     set_key(frame, DICOM_KEY_PHASE, dicom_number(in.file, 0x0020, 0x0100));
-    set_key(frame, DICOM_KEY_PHASE, dicom_value<float>(in.file, 0x0020, 0x9241));
+    set_key(frame, DICOM_KEY_PERCENT, dicom_value<float>(in.file, 0x0020, 0x9241));
     set_key(frame, DICOM_KEY_DELAY, dicom_number(in.file, 0x0018, 0x1060), 1e-3);
     set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(in.file, 0x0020, 0x9153), 1e-3);
     set_key(frame, DICOM_KEY_DELAY, dicom_number(in.file, 0x0054, 0x1300), 1e-3);
@@ -565,14 +565,28 @@ static void fill_frame(const groups &in, const dicom_image &image, uint32_t inde
     }
 }
 
+/* FrameTimeVector: the milliseconds from each frame of a film to the next one, which FrameTime
+ * replaces. Empty if there is none. */
+static numbers film_intervals(const gdcm::DataSet &set, const dicom_image &image) {
+    const bool is_vector = image.order == DICOM_ORDER_TIMES && image.frames > 1 &&
+                           !(dicom_number(set, 0x0018, 0x1063) > 0);
+    return is_vector ? dicom_numbers(set, 0x0018, 0x1065) : numbers();
+}
+
 void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom_frame *frames,
                        uint32_t count) {
     const auto own = dicom_sequence(set, 0x5200, 0x9230);
     const std::vector<dimension> dimensions = unknown_dimensions(set);
+    const numbers intervals = film_intervals(set, image);
+    double time = 0;
     groups in = { set, gdcm::DataSet(), dicom_item(set, 0x5200, 0x9229) };
     for (uint32_t i = 0; i < count; i++) {
         in.own = own && i < own->GetNumberOfItems() ? own->GetItem(i + 1).GetNestedDataSet()
                                                     : gdcm::DataSet();
         fill_frame(in, image, i, dimensions, frames[i]);
+        if (i >= intervals.size())
+            continue;
+        time += i > 0 ? intervals[i] / 1000 : 0; /* that of the first frame has no meaning */
+        frames[i].keys[DICOM_KEY_DELAY] = time;
     }
 }

@@ -416,11 +416,9 @@ static bool take_times(struct dicom_slices *slices, const struct dicom_source *s
     static const struct {
         enum dicom_key key;
         const char *unit;
-    } keys[] = { { DICOM_KEY_DELAY, "s" },
-                 { DICOM_KEY_CLOCK, "s" },
-                 { DICOM_KEY_ECHO, "ms" },
-                 { DICOM_KEY_INVERSION, "ms" },
-                 { DICOM_KEY_DIFFUSION, "s/mm²" } };
+    } keys[] = { { DICOM_KEY_DELAY, "s" },      { DICOM_KEY_PERCENT, "%" },
+                 { DICOM_KEY_CLOCK, "s" },      { DICOM_KEY_ECHO, "ms" },
+                 { DICOM_KEY_INVERSION, "ms" }, { DICOM_KEY_DIFFUSION, "s/mm²" } };
     slices->times = malloc(steps * sizeof *slices->times);
     for (size_t i = 0; slices->times && i < sizeof keys / sizeof *keys; i++) {
         if (!fill_times(slices, steps, keys[i].key, slices->times))

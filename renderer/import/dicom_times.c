@@ -16,7 +16,8 @@ struct times {
     uint32_t *order;      /* owned; the slices in the order of their keys */
     uint32_t *count;      /* owned; slices of each time, then of each plane */
     uint32_t times, most; /* times; slices of the plane that has most */
-    bool drops_planes;    /* that lack times; else times that lack planes */
+    enum { DROP_TIMES, DROP_PLANES, KEEP_TIME } rule; /* times that lack planes, or the reverse */
+    uint32_t kept;                                    /* of KEEP_TIME, the only time that stays */
 };
 
 static bool create(struct times *t, const struct dicom_slices *slices) {
@@ -128,50 +129,64 @@ static uint32_t count_full(struct times *t, bool of_planes) {
 
 static bool is_complete(const struct dicom_slice *slice, const void *user) {
     const struct times *t = user;
-    const uint32_t i = (uint32_t)(slice - t->slices->items);
-    return t->drops_planes ? t->count[slice->plane] == t->times
-                           : t->count[t->time[i]] == t->slices->planes;
+    const uint32_t time = t->time[slice - t->slices->items];
+    return t->rule == KEEP_TIME     ? time == t->kept
+           : t->rule == DROP_PLANES ? t->count[slice->plane] == t->times
+                                    : t->count[time] == t->slices->planes;
 }
 
-static void list_name(char list[LIST], const struct dicom_slice *slice) {
-    char name[80];
-    const size_t used = strlen(list);
-    dicom_slice_name(slice, name);
-    if (used + strlen(name) + 8 < LIST)
-        snprintf(list + used, LIST - used, "%s%s", used ? ", " : "", name);
-    else if (used && list[used - 1] != '.')
-        snprintf(list + used, LIST - used, ", ...");
-}
-
-/* True if nothing is left of the file that was opened. */
-static bool loses_opened(const struct times *t, const struct dicom_source *source) {
+/* The first image of the file that was opened; −1 = there is none, or a folder was opened. */
+static int64_t find_opened(const struct times *t, const struct dicom_source *source) {
     const struct dicom_slices *slices = t->slices;
-    bool has_some = false, has_complete = false;
-    for (uint32_t i = 0; i < slices->count; i++) {
-        const struct dicom_slice *s = &slices->items[i];
-        const bool is_opened = *s->name && strcmp(s->name, source->name) == 0;
-        has_some |= is_opened;
-        has_complete |= is_opened && is_complete(s, t);
-    }
-    return source->is_named && has_some && !has_complete;
+    for (uint32_t i = 0; i < slices->count && source->is_named; i++)
+        if (*slices->items[i].name && strcmp(slices->items[i].name, source->name) == 0)
+            return i;
+    return -1;
+}
+
+/* True if images remain, among them the one that was opened. */
+static bool try_rule(struct times *t, int64_t opened) {
+    return count_full(t, t->rule == DROP_PLANES) > 0 &&
+           (opened < 0 || is_complete(&t->slices->items[opened], t));
+}
+
+/* Leaves out whichever is less, since a gap in space is worse than one in time; but the image that
+ * was opened stays, if need be with its own time alone. */
+static bool choose_rule(struct times *t, int64_t opened) {
+    const uint32_t planes = count_full(t, true) * t->times;
+    const uint32_t times = count_full(t, false) * t->slices->planes;
+    t->rule = 2 * times < planes ? DROP_PLANES : DROP_TIMES;
+    if (times == 0 && planes == 0 && opened < 0)
+        return false;
+    if (try_rule(t, opened))
+        return true;
+    t->rule = t->rule == DROP_PLANES ? DROP_TIMES : DROP_PLANES;
+    if (try_rule(t, opened))
+        return true;
+    t->rule = KEEP_TIME;
+    t->kept = opened < 0 ? 0 : t->time[opened];
+    return opened >= 0;
 }
 
 static bool leave_out(struct times *t, struct dicom_slices *slices,
                       const struct dicom_source *source, struct sp_error *err) {
-    const char *what = t->drops_planes ? "places that lack times" : "times that lack places";
-    char list[LIST] = "", text[SP_ERROR_TEXT];
+    const char *const what[] = { [DROP_TIMES] = "incomplete times that lack places",
+                                 [DROP_PLANES] = "incomplete places that lack times",
+                                 [KEEP_TIME] = "other times than that of the file" };
+    struct import_list list;
+    char text[LIST] = "";
     const uint32_t before = slices->count;
-    snprintf(text, sizeof text,
-             "the image belongs to %s; open another file, or this one alone with ?as=slice", what);
-    if (loses_opened(t, source))
-        return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
+    import_list_begin(&list, text, LIST);
     for (uint32_t i = 0; i < before; i++)
-        if (!is_complete(&slices->items[i], t))
-            list_name(list, &slices->items[i]);
+        if (!is_complete(&slices->items[i], t)) {
+            char name[80];
+            dicom_slice_name(&slices->items[i], name);
+            import_list_add(&list, list.used ? ", " : "", name);
+        }
+    import_list_end(&list);
     dicom_slices_keep(slices, is_complete, t);
-    import_warn(source->file->warnings, "Left out %u %s of incomplete %s: %s.",
-                before - slices->count, before - slices->count > 1 ? "images" : "image", what,
-                list);
+    import_warn(source->file->warnings, "Left out %u %s of %s: %s.", before - slices->count,
+                before - slices->count > 1 ? "images" : "image", what[t->rule], text);
     return dicom_slices_sort(slices) ||
            sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
 }
@@ -206,8 +221,8 @@ void dicom_times_pass_midnight(struct dicom_slices *slices) {
 
 bool dicom_times_complete(struct dicom_slices *slices, const struct dicom_source *source,
                           struct sp_error *err) {
-    static const enum dicom_key keys[] = { DICOM_KEY_PHASE, DICOM_KEY_DELAY, DICOM_KEY_CLOCK,
-                                           DICOM_KEY_ACQUISITION };
+    static const enum dicom_key keys[] = { DICOM_KEY_PHASE, DICOM_KEY_PERCENT, DICOM_KEY_DELAY,
+                                           DICOM_KEY_CLOCK, DICOM_KEY_ACQUISITION };
     struct times t;
     bool ok = create(&t, slices), is_known = false;
     if (!ok)
@@ -216,16 +231,8 @@ bool dicom_times_complete(struct dicom_slices *slices, const struct dicom_source
         is_known = number_by_key(&t, keys[i]);
     /* The number of a frame is only its place in the file. */
     is_known = is_known || (ok && source->image.frames <= 1 && number_by_order(&t));
-    if (is_known) {
-        /* A gap in space is worse than one in time. */
-        const uint32_t planes = count_full(&t, true) * t.times;
-        const uint32_t times = count_full(&t, false) * slices->planes;
-        t.drops_planes = 2 * times < planes;
-        if (t.drops_planes)
-            count_full(&t, true);
-        if (times > 0 || planes > 0)
-            ok = leave_out(&t, slices, source, err);
-    }
+    if (is_known && choose_rule(&t, find_opened(&t, source)))
+        ok = leave_out(&t, slices, source, err);
     finish(&t);
     return ok;
 }

@@ -13,8 +13,8 @@
 void dicom_times_pass_midnight(struct dicom_slices *slices);
 
 /* Leaves out the times that lack places, or else the places that lack times, whichever leaves more,
- * and warns of it. The slices are sorted before and after. Does nothing if nothing tells the
- * times apart. Fails if the file that was opened would be left out, or without memory. */
+ * and warns of it. The image that was opened by its name stays. The slices are sorted before and
+ * after. Does nothing if nothing tells the times apart. Fails without memory. */
 bool dicom_times_complete(struct dicom_slices *slices, const struct dicom_source *source,
                           struct sp_error *err);
 

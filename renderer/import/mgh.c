@@ -8,11 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
 #include "import/samples.h"
 #include "volume/volume.h"
 
-enum { HEADER = 284 };
+enum { HEADER = 284, TIME_BYTES = 4 };
 /* Bytes. The version is the last byte of its number; FreeSurfer 7 has an intent before it. */
 enum place {
     VERSION = 3,
@@ -128,6 +129,38 @@ static void take_place(const struct import_file *file, const uint8_t *bytes,
     import_header_set_anatomy(header, "RAS");
 }
 
+/* Reads what follows the samples, by unpacking them. */
+static bool read_after(const struct import_file *file, uint64_t at, uint8_t bytes[TIME_BYTES]) {
+    struct import_stream *s = malloc(sizeof *s);
+    uint8_t *skipped = malloc(IMPORT_STREAM_CHUNK);
+    bool ok = s && skipped;
+    size_t got = 0;
+    if (ok) {
+        import_stream_open(s, file->fd, false, file->shown, file->size);
+        ok = import_stream_seek(s, 0, NULL) && import_stream_begin(s, IMPORT_GZIP, real, NULL);
+        for (; ok && at > 0; at -= got) {
+            const size_t n = at < IMPORT_STREAM_CHUNK ? (size_t)at : IMPORT_STREAM_CHUNK;
+            ok = import_stream_read(s, skipped, n, &got, NULL) && got == n;
+        }
+        ok = ok && import_stream_read(s, bytes, TIME_BYTES, &got, NULL) && got == TIME_BYTES;
+        import_stream_close(s);
+    }
+    free(s);
+    free(skipped);
+    return ok;
+}
+
+/* The time between two steps, TR [ms], may follow the samples. */
+static void take_interval(const struct import_file *file, uint64_t at, bool is_packed,
+                          struct import_header *header) {
+    uint8_t bytes[TIME_BYTES];
+    if (header->steps.count < 2)
+        return;
+    if (is_packed ? read_after(file, at, bytes)
+                  : pread(file->fd, bytes, TIME_BYTES, (off_t)at) == TIME_BYTES)
+        import_header_use_interval(header, 0, number_at(bytes, real), "ms");
+}
+
 static bool take(const struct import_file *file, struct mgh *m, struct import_header *header,
                  struct sp_error *err) {
     uint8_t bytes[HEADER];
@@ -154,8 +187,11 @@ static bool take(const struct import_file *file, struct mgh *m, struct import_he
     s->skip_bytes = HEADER;
     s->conversion = import_conversion_is_copy(c) ? NULL : c;
     s->bytes = header->bytes / sp_type_size(c->type) * s->number.size;
-    return import_samples_choose_block(s, header->steps.count, file->step) &&
-           import_samples_check(s, err);
+    if (!import_samples_choose_block(s, header->steps.count, file->step) ||
+        !import_samples_check(s, err))
+        return false;
+    take_interval(file, HEADER + s->bytes * header->steps.count, is_packed, header);
+    return true;
 }
 
 static void close_mgh(void *reader) {

@@ -338,7 +338,15 @@ def check_uneven_times(tool):
     for step in range(2):
         whole(tool, aborted.folder, count=4, time=step, step=step)
     warned(tool, aborted.folder, '2 images', 'incomplete')
-    tool.refused(aborted.path('21.dcm'), '21.dcm', 'incomplete')
+    for step in range(3):  # a file that is opened by its name stays: the places of its time
+        whole(tool, aborted.path('21.dcm'), count=2, time=step, step=step, steps=3)
+    warned(tool, aborted.path('21.dcm'), '4 images', 'places that lack times')
+    twice = Series(tool, 'twice')  # the last two times lack different places
+    for z, t in [(z, t) for z in range(3) for t in range(4) if (z, t) not in ((1, 3), (2, 2))]:
+        twice.add(f'{t}{z}.dcm', z, t, TemporalPositionIdentifier=t + 1)
+    whole(tool, twice.folder, count=3, time=1, step=1, steps=2)
+    whole(tool, twice.path('21.dcm'), count=2, time=2, steps=1)
+    warned(tool, twice.path('21.dcm'), '8 images of other times than that of the file')
     hole = Series(tool, 'hole')  # time 1 lacks a place; only the identifier tells
     for z in range(4):
         for t in range(3):

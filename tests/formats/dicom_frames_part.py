@@ -171,6 +171,8 @@ def check_plain(tool):
     for t in range(4):
         tool.equal(path, values[t:t + 1], step=t, steps=4, times=[0.0, 0.04, 0.08, 0.12], time_unit='s')
     tool.equal(files.capture(tool.path('xa.dcm'), stack, Modality='XA', CineRate=25), values[3:], step=3, steps=4)
+    uneven = files.capture(tool.path('xa2.dcm'), stack, Modality='XA', FrameIncrementPointer=0x00181065, FrameTimeVector=[0, 10, 10, 20])
+    tool.equal(uneven, values[3:], step=3, steps=4, times=[0, 0.01, 0.02, 0.04], time_unit='s')
     for offsets in ((0, 2.5, 5, 7.5), (3, 5.5, 8, 10.5), (0, -2.5, -5, -7.5), (0, 2.5, 7.5, 10)):
         shift = offsets[0]
         dose = [Frame(f.values, position=(1, 2, 3 + n - shift), slope=0.001) for f, n in zip(stack, offsets)]

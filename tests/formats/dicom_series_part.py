@@ -348,7 +348,7 @@ def check_reconstructions(tool):
     for z in range(3):
         for t in range(3):
             phases.add(f'{t}{z}.dcm', z, t, NominalPercentageOfCardiacPhase=30.0 * t, InstanceNumber=10 * (t + 1) % 7)
-    whole(tool, phases.folder, count=3, time=1, step=1, steps=3)
+    whole(tool, phases.folder, count=3, time=1, step=1, steps=3, times=[0, 30, 60], time_unit='%')
     structures = phases.dataset(pixels(0), 0, Modality='RTSTRUCT', Rows=None, Columns=None, PixelData=None)
     structures.save_as(tool.path('structures.dcm'), enforce_file_format=True)
     tool.refused(tool.path('structures.dcm'), 'no image', 'modality RTSTRUCT', 'open the series')

@@ -475,6 +475,11 @@ def check_mgh(tool):
     path = tool.path('frames.mgz')
     nibabel.save(nibabel.MGHImage(steps.T, TURNED), path)
     tool.layout('MGH', 'several frames', path, steps[1], step=1, result='steps', steps=2)
+    for ending in ('.mgh', '.mgz'):
+        image = nibabel.MGHImage(steps.T, TURNED)
+        image.header['tr'] = 2000
+        nibabel.save(image, tool.path('tr' + ending))
+        tool.equal(tool.path('tr' + ending), steps[1], step=1, steps=2, times=[0, 2000], time_unit='ms')
     header = struct.pack('>7ih', 1, 5, 4, 3, 1, 3, 0, 0) + bytes(254)
     path = write(tool, 'unplaced.mgh', '', header + values('f4').astype('>f4').tobytes())
     tool.layout('MGH', 'no place (goodRASFlag 0)', path, values('f4'), result='coronal, with a warning', warned='coronal', origin=[2.5, -1.5, 2],
