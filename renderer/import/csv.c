@@ -213,7 +213,7 @@ static bool take_names(struct csv *c, struct sp_error *err) {
     if (!check_names(c, err))
         return false;
     name_axes(c);
-    if (!import_columns_find(c->name_of, c->count, c->file->field, &c->columns))
+    if (!import_columns_find(c->file, c->name_of, c->count, &c->columns))
         return refuse_names(c, err);
     c->line++;
     return true;

@@ -44,6 +44,7 @@ struct import_file {
     const char *pattern;
     struct import_selection selection; /* of the source */
     uint32_t step;                     /* of a time series, from 0 */
+    struct import_shift *shift;        /* of the positions of elements (shift.h); NULL = none */
     int level; /* of detail, for formats that have several: 0 = the finest, −1 = the reader chooses
                 */
 };

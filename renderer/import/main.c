@@ -19,6 +19,7 @@
 #include "import/format.h"
 #include "import/handover.h"
 #include "import/sandbox.h"
+#include "import/shift.h"
 #include "import/vectors.h"
 #include "volume/elements.h"
 
@@ -40,6 +41,7 @@ struct job {
     uint64_t reported;                /* bytes in the last progress message */
     uint64_t folded;                  /* as in struct sp_volume_info */
     struct import_warnings warnings;
+    struct import_shift shift;
     bool is_remote; /* remote.h */
     bool serves;    /* chunks, as they are asked for */
     bool lists;     /* series */
@@ -212,10 +214,17 @@ static void write_times(const struct job *job, char *memory) {
 static bool read_elements(struct job *job, void *reader, char *memory, struct sp_error *err) {
     const struct import_progress progress = { .report = report, .user = job };
     const struct sp_elements elements = sp_elements_at(&job->header.elements, memory);
+    const size_t count = elements.triangles ? elements.shape.vertex_count : elements.shape.count;
+    bool ok = job->format->read_elements(reader, &elements, &progress, err);
+    while (ok &&
+           import_shift_find(&job->shift, elements.positions, sizeof *elements.positions, count)) {
+        memset(memory, 0, sp_elements_bytes(&job->header.elements));
+        ok = job->format->read_elements(reader, &elements, &progress, err);
+    }
     *(float *)(void *)memory = NAN; /* the only sample */
-    return job->format->read_elements(reader, &elements, &progress, err) &&
-           import_elements_finish(&job->file, &job->header, &elements, &progress, &job->folded,
-                                  err);
+    import_shift_warn(&job->file);
+    return ok && import_elements_finish(&job->file, &job->header, &elements, &progress,
+                                        &job->folded, err);
 }
 
 /* Fills the shared memory. */
@@ -439,6 +448,7 @@ int main(int argc, char **argv) {
                        .lists = strcmp(argv[SP_ARGUMENT_MODE], SP_IMPORT_LIST) == 0 };
     struct sp_error err;
     job.file.warnings = &job.warnings;
+    job.file.shift = &job.shift;
     job.is_remote = sp_address_is_remote(argv[SP_ARGUMENT_PATH]);
     job.file.is_folder = S_ISDIR(st.st_mode);
     job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);

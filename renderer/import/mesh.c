@@ -163,6 +163,8 @@ static bool take_all(struct mesh *m, struct sp_error *err) {
         return false;
     m->call->close(m->bridge);
     m->bridge = NULL;
+    import_shift_warn_of_steps(m->file, m->parts.built.vertices, sizeof *m->parts.built.vertices,
+                               m->parts.built.vertex_count);
     return import_mesh_finish(&m->parts.built) ||
            fail(err, SP_ERR_MEMORY, m, "out of memory for normals");
 }

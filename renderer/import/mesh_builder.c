@@ -86,6 +86,11 @@ bool import_mesh_vertex(struct import_mesh_builder *b, const struct import_verte
     return true;
 }
 
+bool import_mesh_shift(const struct import_mesh_builder *b, struct import_shift *shift) {
+    return b->vertex_count &&
+           import_shift_find(shift, b->vertices, sizeof *b->vertices, b->vertex_count);
+}
+
 bool import_mesh_triangle(struct import_mesh_builder *b, const uint32_t vertices[3]) {
     void *larger =
         grow(b->triangles, b->triangle_count, &b->triangle_capacity, sizeof *b->triangles);

@@ -11,6 +11,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "import/shift.h"
+
 /* Triangles at a vertex belong to one smooth surface if their normals differ by less than this. */
 #define IMPORT_SMOOTH_DEGREES 40
 
@@ -31,6 +33,9 @@ struct import_mesh_builder {
 bool import_mesh_vertex(struct import_mesh_builder *builder, const struct import_vertex *vertex,
                         uint32_t *number);
 bool import_mesh_triangle(struct import_mesh_builder *builder, const uint32_t vertices[3]);
+
+/* import_shift_find() for the vertices. */
+bool import_mesh_shift(const struct import_mesh_builder *builder, struct import_shift *shift);
 
 /* Finds the normals that are not known. */
 bool import_mesh_finish(struct import_mesh_builder *builder);

@@ -41,6 +41,13 @@ bool import_mesh_parts_describe(const struct import_mesh_parts *parts,
     return true;
 }
 
+bool import_mesh_parts_shift(const struct import_mesh_parts *parts, struct import_shift *shift) {
+    const struct import_line_points *p = &parts->points;
+    return parts->built.vertex_count
+               ? import_mesh_shift(&parts->built, shift)
+               : p->count && import_shift_find(shift, p->positions, sizeof *p->positions, p->count);
+}
+
 /* The diagonal of the box around all vertices and points. */
 static double find_diameter(const struct import_mesh_parts *m) {
     const struct import_mesh_builder *b = &m->built;

@@ -307,7 +307,8 @@ static bool read_elements(void *reader, const struct sp_elements *e,
         const struct import_vectors out = { .number = { IMPORT_FLOAT, grid->real },
                                             .count = n,
                                             .planar = true,
-                                            .out = e->positions + first };
+                                            .out = e->positions + first,
+                                            .shift = p->file->shift };
         const uint64_t start = at + grid->marker;
         flow_at += 3 * flow->marker + 4 * flow->real;
         if (!read_numbers(&p->grid, start, 3 * n, &out, err) ||

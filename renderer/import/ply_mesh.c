@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "import/ply.h"
+#include "import/shift.h"
 
 static const char *const position[] = { "x", "y", "z" };
 
@@ -115,9 +116,10 @@ static bool has_normals(const struct columns *c) {
     return c->normal[0] >= 0 && c->normal[1] >= 0 && c->normal[2] >= 0;
 }
 
-static void set_vertex(const struct columns *c, const double *row, struct import_vertex *v) {
+static void set_vertex(const struct columns *c, struct import_shift *shift, const double *row,
+                       struct import_vertex *v) {
     for (int a = 0; a < 3; a++) {
-        v->position[a] = (float)row[c->position[a]];
+        v->position[a] = import_shift_put(shift, a, row[c->position[a]]);
         v->normal[a] = has_normals(c) ? (float)row[c->normal[a]] : 0;
     }
     for (int k = 0; k < 4; k++)
@@ -139,7 +141,7 @@ static bool read_vertices(const struct ply *ply, uint32_t count, take_vertex *ta
         struct import_vertex v;
         ok = row != NULL;
         if (ok) {
-            set_vertex(&columns, row, &v);
+            set_vertex(&columns, ply->file->shift, row, &v);
             ok = take(user, i, &v);
         }
         if (i % 4096 == 0)
@@ -159,8 +161,12 @@ static bool build_vertex(void *user, uint32_t number, const struct import_vertex
 static void build_mesh(struct ply *ply, uint32_t vertices) {
     uint32_t *numbers = malloc((vertices + (size_t)1) * sizeof *numbers);
     struct faces f = { .ply = ply, .vertices = vertices, .build = &ply->mesh, .numbers = numbers };
-    bool ok = numbers && read_vertices(ply, vertices, build_vertex, &f, NULL, NULL) &&
-              read_faces(&f, NULL) && !f.is_out_of_memory && import_mesh_finish(&ply->mesh);
+    bool ok = numbers && read_vertices(ply, vertices, build_vertex, &f, NULL, NULL);
+    while (ok && import_mesh_shift(&ply->mesh, ply->file->shift)) {
+        import_mesh_free(&ply->mesh);
+        ok = read_vertices(ply, vertices, build_vertex, &f, NULL, NULL);
+    }
+    ok = ok && read_faces(&f, NULL) && !f.is_out_of_memory && import_mesh_finish(&ply->mesh);
     free(numbers);
     if (ok)
         return;

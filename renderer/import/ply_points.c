@@ -13,7 +13,7 @@ static bool find_columns(const struct ply *ply, const char *names[PLY_PROPERTIES
         const struct ply_property *p = &ply->properties[vertex->first + i];
         names[i] = p->length.size ? NULL : p->name;
     }
-    return import_columns_find(names, vertex->properties, ply->file->field, columns);
+    return import_columns_find(ply->file, names, vertex->properties, columns);
 }
 
 /* Programs that know only meshes write points as the vertices of a mesh without faces. */

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "import/shift.h"
 #include "volume/curvilinear.h"
 
 static const char *const position[] = { "x", "y", "z" };
@@ -100,8 +101,10 @@ static bool find_colors(const char *const *names, unsigned count, int color[3]) 
     return false;
 }
 
-bool import_columns_find(const char *const *names, unsigned count, const char *field,
+bool import_columns_find(const struct import_file *file, const char *const *names, unsigned count,
                          struct import_columns *columns) {
+    const char *field = file->field;
+    columns->shift = file->shift;
     for (int a = 0; a < 3; a++)
         if ((columns->position[a] = find(names, count, position[a])) < 0)
             return false;
@@ -163,7 +166,7 @@ static bool factor(const double v[6], float out[6], double *determinant) {
 void import_columns_take(const struct import_columns *columns, const double *row,
                          const struct sp_elements *points, uint32_t i) {
     for (int a = 0; a < 3; a++)
-        points->positions[i][a] = (float)row[columns->position[a]];
+        points->positions[i][a] = import_shift_put(columns->shift, a, row[columns->position[a]]);
     for (int a = 0; a < 3 && points->harmonics; a++)
         points->harmonics[3 * (size_t)i + (size_t)a] = (float)row[columns->color[a]];
     if (points->values)

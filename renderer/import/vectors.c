@@ -5,31 +5,37 @@
 
 #include "import/derived.h"
 #include "import/number.h"
+#include "import/shift.h"
 
 enum { BLOCK = 512 }; /* numbers that are converted at once */
 
-static void convert(struct import_number number, const void *numbers, size_t n, float *out,
-                    size_t stride) {
+/* `axis`: of the first number; the others follow in turn where the stride is 1. */
+static void convert(const struct import_vectors *v, unsigned axis, const void *numbers, size_t n,
+                    float *out, size_t stride) {
+    const struct import_number number = v->number;
     double values[BLOCK];
     for (size_t at = 0, run; at < n; at += run) {
         run = n - at < BLOCK ? n - at : BLOCK;
         import_widen_all((const char *)numbers + at * number.size, number, number.size, run,
                          values);
         for (size_t i = 0; i < run; i++)
-            out[(at + i) * stride] = (float)values[i];
+            out[(at + i) * stride] =
+                v->shift ? import_shift_put(
+                               v->shift, (int)(stride == 1 ? (axis + at + i) % 3 : axis), values[i])
+                         : (float)values[i];
     }
 }
 
 void import_vectors_put(const struct import_vectors *v, uint64_t first, const void *numbers,
                         size_t n) {
     if (!v->planar) {
-        convert(v->number, numbers, n, (float *)(void *)v->out + first, 1);
+        convert(v, (unsigned)(first % 3), numbers, n, (float *)(void *)v->out + first, 1);
         return;
     }
     while (n > 0) {
         uint64_t component = first / v->count, at = first % v->count, run = v->count - at;
         run = run < n ? run : n;
-        convert(v->number, numbers, (size_t)run, v->out[at] + component, 3);
+        convert(v, (unsigned)component, numbers, (size_t)run, v->out[at] + component, 3);
         numbers = (const char *)numbers + run * v->number.size;
         first += run;
         n -= (size_t)run;

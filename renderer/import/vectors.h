@@ -14,6 +14,7 @@ struct import_vectors {
     uint64_t count; /* vectors */
     bool planar;    /* all x come first, then all y, then all z; otherwise x, y and z alternate */
     float (*out)[3];
+    struct import_shift *shift; /* of positions; NULL = none */
 };
 
 /* Converts `n` aligned numbers in native byte order, before which `first` numbers came. Integers

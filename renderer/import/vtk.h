@@ -200,6 +200,7 @@ struct vtk_stream { /* one array of all pieces */
     struct vtk_choice choice;
     const struct import_conversion *conversion; /* NULL = tuples of three floats */
     char *out;                                  /* of all pieces */
+    struct import_shift *shift;                 /* of positions; NULL = none */
     const struct import_progress *progress;     /* NULL = none */
 };
 

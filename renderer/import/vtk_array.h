@@ -63,9 +63,9 @@ bool vtk_array_read(const struct import_file *file, const struct vtk_array *arra
 bool vtk_array_copy(const struct import_file *file, const struct vtk_array *array, void *out,
                     const struct vtk_sink *report, struct sp_error *err);
 
-/* Reads all values as float32. */
+/* Reads all values as float32. `shift`: of positions; NULL = none. */
 bool vtk_array_read_floats(const struct import_file *file, const struct vtk_array *array,
-                           float *out, struct sp_error *err);
+                           float *out, struct import_shift *shift, struct sp_error *err);
 
 /* Reads a small array as doubles into malloc'ed memory of the caller. NULL with *err set on
  * failure. */

@@ -33,8 +33,9 @@ static bool fail_memory(const struct reading *r) {
                    SP_ELEMENTS_MAX);
 }
 
-/* Reads an array of points; NULL with *err set on failure. */
-static float *read_array(const struct reading *r, const struct vtk_entry *e) {
+/* Reads an array of points, of positions with their shift; NULL with *err set on failure. */
+static float *read_array(const struct reading *r, const struct vtk_entry *e,
+                         struct import_shift *shift) {
     struct vtk_array a = e->array;
     a.count = r->count * e->components;
     if (!vtk_array_check(r->file, &a, r->err))
@@ -42,7 +43,7 @@ static float *read_array(const struct reading *r, const struct vtk_entry *e) {
     float *out = malloc(a.count * sizeof *out);
     if (!out)
         fail_memory(r);
-    if (out && vtk_array_read_floats(r->file, &a, out, r->err))
+    if (out && vtk_array_read_floats(r->file, &a, out, shift, r->err))
         return out;
     free(out);
     return NULL;
@@ -70,9 +71,9 @@ static bool read_points(struct reading *r) {
     memset(r->numbers, 0xff, n * sizeof *r->numbers);
     r->color_components = colors ? colors->components : 0;
     r->color_scale = colors && colors->array.type->number.kind != IMPORT_FLOAT ? 1 / 255.0f : 1;
-    return (r->positions = (float(*)[3])(void *)read_array(r, at)) != NULL &&
-           (!normals || (r->normals = (float(*)[3])(void *)read_array(r, normals)) != NULL) &&
-           (!colors || (r->colors = read_array(r, colors)) != NULL);
+    return (r->positions = (float(*)[3])(void *)read_array(r, at, r->v->file->shift)) != NULL &&
+           (!normals || (r->normals = (float(*)[3])(void *)read_array(r, normals, NULL)) != NULL) &&
+           (!colors || (r->colors = read_array(r, colors, NULL)) != NULL);
 }
 
 static void find_color(const struct reading *r, uint64_t point, float color[4]) {
@@ -275,11 +276,20 @@ static bool read_piece(struct vtk_volume *v, const struct vtk_piece *piece, stru
     return ok;
 }
 
-bool vtk_mesh_open(struct vtk_volume *v, struct import_header *header, struct sp_error *err) {
-    struct import_mesh_parts *parts = &v->mesh.parts;
+static bool read_pieces(struct vtk_volume *v, struct sp_error *err) {
+    import_mesh_parts_free(&v->mesh.parts);
     for (size_t p = 0; p < v->piece_count; p++)
         if (v->pieces[p].count && !read_piece(v, &v->pieces[p], err))
             return false;
+    return true;
+}
+
+bool vtk_mesh_open(struct vtk_volume *v, struct import_header *header, struct sp_error *err) {
+    struct import_mesh_parts *parts = &v->mesh.parts;
+    do {
+        if (!read_pieces(v, err))
+            return false;
+    } while (import_mesh_parts_shift(parts, v->file->shift));
     if (!import_mesh_finish(&parts->built))
         return fail_memory(&(struct reading){ .file = v->file, .err = err });
     warn(v, header);

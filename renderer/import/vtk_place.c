@@ -59,7 +59,8 @@ static void put(const struct placing *p, uint64_t at, const char *values, size_t
     const struct import_number number = p->entry->array.type->number;
     if (!s->conversion) {
         const struct import_vectors out = { .number = number,
-                                            .out = (float(*)[3])(void *)s->out + at };
+                                            .out = (float(*)[3])(void *)s->out + at,
+                                            .shift = s->shift };
         import_vectors_put(&out, 0, values, 3 * n);
     } else if (import_conversion_is_copy(s->conversion)) {
         memcpy(s->out + at * number.size, values, n * number.size);
@@ -183,7 +184,8 @@ static bool is_direct(const struct placing *p) {
     const bool is_copy = s->conversion
                              ? import_conversion_is_copy(s->conversion)
                              : number.kind == IMPORT_FLOAT && number.size == sizeof(float);
-    return is_copy && !p->ghosts && (!p->in_grid || memcmp(p->dims, p->whole, sizeof p->dims) == 0);
+    return is_copy && !p->ghosts && !import_shift_is_there(s->shift) &&
+           (!p->in_grid || memcmp(p->dims, p->whole, sizeof p->dims) == 0);
 }
 
 /* Passes the values of a piece to `take`. */

@@ -117,6 +117,7 @@ bool vtk_read_elements(void *volume, const struct sp_elements *e,
         e->positions[i][0] = e->positions[i][1] = e->positions[i][2] = e->values[i] = NAN;
     const struct vtk_stream positions = { .choice = positions_of(v),
                                           .out = (char *)e->positions[0],
+                                          .shift = v->file->shift,
                                           .progress = progress };
     if (!vtk_stream_read(v, &positions, err))
         return false;

@@ -272,8 +272,10 @@ static void take_floats(void *user, uint64_t first, const void *values, size_t n
 }
 
 bool vtk_array_read_floats(const struct import_file *file, const struct vtk_array *a, float *out,
-                           struct sp_error *err) {
-    struct import_vectors vectors = { .number = a->type->number, .out = (float(*)[3])(void *)out };
+                           struct import_shift *shift, struct sp_error *err) {
+    struct import_vectors vectors = { .number = a->type->number,
+                                      .out = (float(*)[3])(void *)out,
+                                      .shift = shift };
     return vtk_array_read(file, a, &(struct vtk_sink){ take_floats, &vectors }, err);
 }
 

@@ -217,9 +217,45 @@ def check_jpeg(tool):
     tool.typed('JPEG', 'RGB', path + '?field=green', SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(path))[None, ..., 1])
 
 
+# Elements
+
+def far_files(tool, points, triangles):
+    """The points with coordinates as float64 or text, as points and as a mesh."""
+    count, faces = len(points), len(triangles)
+    text = [' '.join(f'{x:.4f}' for x in p) for p in points]
+    ply = 'ply\nformat {} 1.0\nelement vertex %d\nproperty double x\nproperty double y\nproperty double z\n' % count
+    poly = f'# vtk DataFile Version 3.0\ntitle\nBINARY\nDATASET POLYDATA\nPOINTS {count} double\n'
+    raw, cells = points.astype('>f8').tobytes(), b''.join(struct.pack('>4i', 3, *t) for t in triangles)
+    yield write(tool.path('far.csv'), 'x,y,z\n' + '\n'.join(line.replace(' ', ',') for line in text))
+    yield write(tool.path('far.ply'), ply.format('binary_big_endian') + 'end_header\n', raw)
+    yield write(tool.path('far.mesh.ply'), ply.format('ascii') + f'element face {faces}\nproperty list uchar int vertex_indices\nend_header\n',
+                '\n'.join([*text, *(f'3 {a} {b} {c}' for a, b, c in triangles)]))
+    yield write(tool.path('far.vtk'), poly, raw, '\n')
+    yield write(tool.path('far.mesh.vtk'), poly, raw, f'\nPOLYGONS {faces} {4 * faces}\n', cells, '\n')
+    yield write(tool.path('far.vtu'), '<VTKFile type="UnstructuredGrid" byte_order="LittleEndian"><UnstructuredGrid>'
+                f'<Piece NumberOfPoints="{count}" NumberOfCells="0"><Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">',
+                ' '.join(text), '</DataArray></Points></Piece></UnstructuredGrid></VTKFile>')
+
+
+def check_far_elements(tool):
+    """Points with the coordinates of a map keep their digits, and a warning names the shift; nothing is moved without need."""
+    grid = numpy.array([[0.01 * i, 0.02 * j, 0.01 * i * j] for j in range(5) for i in range(6)])
+    triangles = [t for j in range(4) for i in range(5) for a in (6 * j + i,) for t in ((a, a + 1, a + 6), (a + 1, a + 7, a + 6))]
+    for path in far_files(tool, grid + [500000.123, 5400000.5, 100], triangles):
+        tool.equal(path, [[[numpy.nan]]], warned='moved by (-500000, -5400000, -100)', spacing=[0.05, 0.08, 0.2], origin=[0.148, 0.54, 0.1])
+    for path in far_files(tool, grid + [0.123, 5.5, 10], triangles):
+        tool.equal(path, [[[numpy.nan]]], warned='', spacing=[0.05, 0.08, 0.2], origin=[0.148, 5.54, 10.1])
+    tool.equal(write(tool.path('far.csv'), 'x,y,z\n' + '\n'.join(f'{1e9 + 0.1 * i:.1f},5,7' for i in range(11))), [[[numpy.nan]]],
+               warned='add (1000000000, 0, 0)', origin=[0.5, 5, 7])
+    tool.equal(write(tool.path('far.csv'), 'x,y,z\n' + '500000.1,5,7\n' * 3), [[[numpy.nan]]], warned='at one place, (500000', origin=[500000.1, 5, 7])
+    tool.equal(write(tool.path('far.csv'), 'x,y,z\n' + '\n'.join(f'{500000 + i},5,7' for i in range(11))), [[[numpy.nan]]], warned='', origin=[500005, 5, 7])
+    mesh = ''.join(f'v {500000.123 + x:.4f} {5400000.5 + y:.4f} {z:.4f}\n' for x, y, z in grid) + ''.join(f'f {a + 1} {b + 1} {c + 1}\n' for a, b, c in triangles)
+    tool.equal(write(tool.path('far.obj'), mesh), [[[numpy.nan]]], warned='rounded to steps of about 0.64')
+
+
 def check(tool):
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
-    for part in (check_vtk_legacy, check_vtk_xml, check_amira, check_vol, check_pvm, check_png, check_jpeg):
+    for part in (check_vtk_legacy, check_vtk_xml, check_amira, check_vol, check_pvm, check_png, check_jpeg, check_far_elements):
         part(tool)
     for name in os.listdir(tool.folder):  # others would take the images for a stack
         if name.endswith(('.png', '.jpg')):
