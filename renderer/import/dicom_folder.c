@@ -9,26 +9,17 @@
 
 #include "import/dicom_frames.h"
 
-enum { LIST = 160 }; /* bytes of a list of names in a warning or an error */
+enum { LIST = 160, UID_END = 12 }; /* bytes of a list of names; of a UID that tells series apart */
 
-/* Appends to a list what fits, and then "…". */
-__attribute__((format(printf, 3, 4))) static void append(char *list, size_t size,
+/* Adds a name to a list. */
+__attribute__((format(printf, 2, 3))) static void append(struct import_list *list,
                                                          const char *format, ...) {
-    static const char more[] = "…";
-    char item[128];
+    char item[160];
     va_list args;
     va_start(args, format);
     vsnprintf(item, sizeof item, format, args);
     va_end(args);
-    const size_t used = strlen(list), ending = sizeof more - 1;
-    const bool is_full = used >= ending && strcmp(list + used - ending, more) == 0;
-    const char *comma = used > 0 ? ", " : "";
-    if (is_full)
-        return;
-    if (used + strlen(comma) + strlen(item) + 2 + ending < size)
-        snprintf(list + used, size - used, "%s%s", comma, item);
-    else
-        snprintf(list + used, size - used, "%s%s", comma, more);
+    import_list_add(list, list->used ? ", " : "", item);
 }
 
 /* What warnings call a file. */
@@ -39,27 +30,59 @@ static const char *name_of(const struct dicom_source *source, const char *name) 
 
 /* The choice of a series. */
 
-/* How well a series matches a text: its unique id, its number, its description, a part of that. */
+/* The last bytes of the unique id of a series. */
+static const char *uid_end(const struct dicom_image *image) {
+    const size_t n = strlen(image->series);
+    return image->series + (n > UID_END ? n - UID_END : 0);
+}
+
+/* How well a series matches a text: its unique id, its number, its description, the end of the
+ * unique id, a part of the description. */
 static int match(const struct dicom_image *image, const char *wanted) {
     char number[24];
     snprintf(number, sizeof number, "%ld", image->number);
-    return strcmp(image->series, wanted) == 0                 ? 4
-           : image->has_number && strcmp(number, wanted) == 0 ? 3
-           : strcasecmp(image->description, wanted) == 0      ? 2
+    return strcmp(image->series, wanted) == 0                 ? 5
+           : image->has_number && strcmp(number, wanted) == 0 ? 4
+           : strcasecmp(image->description, wanted) == 0      ? 3
+           : strcmp(uid_end(image), wanted) == 0              ? 2
            : strcasestr(image->description, wanted) != NULL   ? 1
                                                               : 0;
 }
 
-/* "NUMBER "DESCRIPTION" (n images)" */
-static void append_series(const struct dicom_scan *scan, uint32_t n, char list[LIST]) {
+/* True if neither number nor description tells the series from the others. */
+static bool is_unnamed(const struct dicom_scan *scan, const struct dicom_image *image) {
+    for (uint32_t n = 0; n < scan->stack_count; n++) {
+        const struct dicom_image *other = dicom_scan_image(scan, n);
+        if (!dicom_is_same_series(other, image) && other->has_number == image->has_number &&
+            other->number == image->number && strcmp(other->description, image->description) == 0)
+            return true;
+    }
+    return !image->has_number && !image->description[0];
+}
+
+/* How many bytes of a text fit, without a part of a UTF-8 character. */
+static int fitting(const char *text, size_t most) {
+    size_t n = strlen(text);
+    if (n > most)
+        for (n = most; n > 0 && ((unsigned char)text[n] & 0xc0) == 0x80;)
+            n--;
+    return (int)n;
+}
+
+/* "NUMBER "DESCRIPTION" (n images)"; "MR …1.2.3 (n images)" where these do not tell them apart. */
+static void append_series(const struct dicom_scan *scan, uint32_t n, struct import_list *list) {
     const struct dicom_stack *stack = &scan->stacks[n];
     const struct dicom_image *image = &scan->images[stack->first].image;
-    char number[24] = "", description[72] = "";
+    char number[24] = "", description[72] = "", uid[72] = "";
     if (image->has_number)
         snprintf(number, sizeof number, "%ld ", image->number);
     if (image->description[0])
-        snprintf(description, sizeof description, "\"%.40s\" ", image->description);
-    append(list, LIST, "%s%s(%u %s)", number, description, stack->frames,
+        snprintf(description, sizeof description, "\"%.*s\" ", fitting(image->description, 30),
+                 image->description);
+    if (is_unnamed(scan, image))
+        snprintf(uid, sizeof uid, "%.20s%s…%s ", image->modality, image->modality[0] ? " " : "",
+                 uid_end(image));
+    append(list, "%s%s%s(%u %s)", number, description, uid, stack->frames,
            stack->frames == 1 ? "image" : "images");
 }
 
@@ -74,13 +97,16 @@ static bool is_main(const struct dicom_scan *scan, uint32_t n) {
 
 static bool fail_unknown(const struct dicom_source *source, const struct dicom_scan *scan,
                          struct sp_error *err) {
-    char list[LIST] = "";
+    char text[LIST] = "";
+    struct import_list list;
+    import_list_begin(&list, text, sizeof text);
     for (uint32_t n = 0; n < scan->stack_count; n++)
         if (is_main(scan, n))
-            append_series(scan, n, list);
+            append_series(scan, n, &list);
+    import_list_end(&list);
     return sp_fail(err, SP_ERR_NOT_FOUND, source->file->shown,
                    "there is no series \"%.64s\"; there are: %s", source->file->selection.series,
-                   list);
+                   text);
 }
 
 /* The largest stack, or that of the series which the source names. */
@@ -119,17 +145,23 @@ static bool choose(const struct dicom_source *source, const struct dicom_scan *s
 
 static void warn_of_series(const struct dicom_source *source, const struct dicom_scan *scan,
                            uint32_t chosen) {
-    char shown[LIST] = "", others[LIST] = "";
+    enum { REST = 110 }; /* bytes of the sentences without the names */
+    char shown[LIST] = "", others[SP_WARNING_BYTES] = "";
+    struct import_list list;
     unsigned count = 0;
     if (*source->file->selection.series)
         return;
+    import_list_begin(&list, shown, sizeof shown);
+    append_series(scan, chosen, &list);
+    const size_t left = SP_WARNING_BYTES - REST, used = strlen(shown);
+    import_list_begin(&list, others, used + 60 < left ? left - used : 60);
     for (uint32_t n = 0; n < scan->stack_count; n++)
         if (is_main(scan, n) &&
             !dicom_is_same_series(dicom_scan_image(scan, n), dicom_scan_image(scan, chosen))) {
-            append_series(scan, n, others);
+            append_series(scan, n, &list);
             count++;
         }
-    append_series(scan, chosen, shown);
+    import_list_end(&list);
     if (count > 0)
         import_warn(source->file->warnings,
                     "This is series %s, the largest of %u. The others are %s. ?series= chooses by "
@@ -140,31 +172,39 @@ static void warn_of_series(const struct dicom_source *source, const struct dicom
 /* Other stacks of the same series. */
 static void warn_of_stacks(const struct dicom_source *source, const struct dicom_scan *scan,
                            uint32_t chosen) {
-    char list[LIST] = "";
+    char text[LIST] = "";
+    struct import_list list;
     unsigned count = 0;
+    import_list_begin(&list, text, sizeof text);
     for (uint32_t i = 0; i < scan->count; i++) {
         const struct dicom_found *found = &scan->images[i];
         if (found->is_copy || found->stack == chosen ||
             !dicom_is_same_series(&found->image, dicom_scan_image(scan, chosen)))
             continue;
-        append(list, sizeof list, "%.60s", name_of(source, found->name));
+        append(&list, "%.60s", name_of(source, found->name));
         count += found->image.frames;
     }
+    import_list_end(&list);
     if (count > 0)
         import_warn(source->file->warnings,
                     "Left out %u other %s of the series, whose size, kind, spacing or direction "
                     "differs: %s.",
-                    count, count > 1 ? "images" : "image", list);
+                    count, count > 1 ? "images" : "image", text);
 }
 
 static void warn_of_files(const struct dicom_source *source, const struct dicom_scan *scan) {
-    char copies[LIST] = "", damaged[LIST] = "";
+    char copies[LIST] = "", damaged[SP_WARNING_BYTES - 44] = ""; /* 44: the sentence */
+    struct import_list list;
+    import_list_begin(&list, copies, sizeof copies);
     for (uint32_t i = 0; i < scan->count; i++)
         if (scan->images[i].is_copy)
-            append(copies, sizeof copies, "%.50s (of %.50s)", name_of(source, scan->images[i].name),
+            append(&list, "%.50s (of %.50s)", name_of(source, scan->images[i].name),
                    name_of(source, scan->images[scan->images[i].copy_of].name));
+    import_list_end(&list);
+    import_list_begin(&list, damaged, sizeof damaged);
     for (uint32_t i = 0; i < scan->damaged.count; i++)
-        append(damaged, sizeof damaged, "%s", scan->damaged.names[i]);
+        append(&list, "%.130s", scan->damaged.names[i]);
+    import_list_end(&list);
     if (scan->copies > 0)
         import_warn(source->file->warnings,
                     "Left out %u %s with the same SOPInstanceUID or pixels: %s.", scan->copies,

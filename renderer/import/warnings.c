@@ -34,8 +34,8 @@ void import_list_add(struct import_list *list, const char *before, const char *n
 
 void import_list_end(struct import_list *list) {
     if (list->left_out)
-        snprintf(list->text + list->used, list->capacity - list->used, " and %u more",
-                 list->left_out);
+        snprintf(list->text + list->used, list->capacity - list->used,
+                 list->used ? " and %u more" : "%u", list->left_out);
 }
 
 void import_warn(struct import_warnings *warnings, const char *format, ...) {

@@ -171,6 +171,21 @@ def check_series(tool):
     whole(tool, os.path.join(folder, 'b5.dcm'), time=1)
 
 
+def check_unnamed_series(tool):
+    """Series without number and description are told apart by the end of their UID; a long list leaves its remedy."""
+    folder = tool.path('unnamed')
+    both = [Series(tool, f'unnamed-{i}', folder, SeriesNumber=None) for i in range(2)]
+    for i, one in enumerate(both):
+        for z in range(2 + i):
+            one.add(f'{i}{z}.dcm', z, i)
+    warned(tool, folder, f'MR …{both[1].uid[-12:]} (3 images)', f'MR …{both[0].uid[-12:]} (2 images)', 'UID.')
+    whole(tool, f'{folder}?series={both[0].uid[-12:]}', count=2)
+    many = tool.path('many')
+    for i in range(9):
+        Series(tool, f'many-{i}', many, SeriesNumber=i, SeriesDescription=f'Series with a long name number {i}').add(f'{i}.dcm', 0)
+    warned(tool, many, 'largest of 9', ' more. ?series= chooses by number, description or UID.')
+
+
 def check_folders(tool):
     study = tool.path('study')
     for name, number, count, time in (('SE0', 1, 3, 0), ('SE1', 2, 6, 1), ('deep/er/SE2', 3, 2, 2)):
@@ -384,6 +399,6 @@ def check_simpleitk(tool):
 
 
 def check(tool):
-    for part in (check_strays, check_directory, check_copies, check_series, check_folders, check_damage, check_mixtures, check_places, check_times,
+    for part in (check_strays, check_directory, check_copies, check_series, check_unnamed_series, check_folders, check_damage, check_mixtures, check_places, check_times,
                  check_fields, check_uneven_times, check_simpleitk):
         part(tool)

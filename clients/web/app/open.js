@@ -76,9 +76,16 @@ function about({ dims, type, format, contents, bytes }, isSlice) {
 }
 
 /** Number and description of a DICOM series. */
-function nameOf({ number, description }) {
+function plainName({ number, description }) {
   const name = number === undefined ? '' : t('open.series.number', { number });
   return [name, description].filter(Boolean).join(' · ') || t('open.series.unnamed');
+}
+
+/** The same; the end of the UID tells series of one name apart. */
+function nameOf(series, all) {
+  const name = plainName(series);
+  const isShared = all.some((other) => other !== series && plainName(other) === name);
+  return isShared && series.uid ? `${name} …${series.uid.slice(-12)}` : name;
 }
 
 function aboutSeries({ modality, images, size, bytes }) {
@@ -343,7 +350,7 @@ class OpenDialog {
   }
 
   #seriesRow(series) {
-    const name = nameOf(series);
+    const name = nameOf(series, this.#series);
     return this.#row(name, aboutSeries(series), { 'data-name': name, 'data-kind': 'series' }, icon('box'), () => this.open({ source: series.source, name, named: true }));
   }
 
