@@ -16,6 +16,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -176,9 +177,24 @@ static bool open_as_file(struct folder *f, const struct import_file *folder, con
     return f->reader != NULL;
 }
 
+/* Data sets of N5, and groups of them, have attributes.json. Its first bytes are enough. */
+static bool refuse_n5(const struct import_file *folder, struct sp_error *err) {
+    char text[IMPORT_START_BYTES + 1];
+    const size_t size = read_start(folder, "attributes.json", (uint8_t *)text), n = strlen(".n5");
+    const char *shown = folder->shown;
+    text[size] = 0;
+    const bool is_named = strlen(shown) > n && strcasecmp(shown + strlen(shown) - n, ".n5") == 0;
+    return !(is_named || strstr(text, "\"blockSize\"") || strstr(text, "\"n5\"")) ||
+           sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                   "this is a folder of N5, which is not read; convert it to OME-Zarr or TIFF, "
+                   "for example in Fiji: open it with the N5 plugin and save it as TIFF");
+}
+
 static bool take(struct folder *f, const struct import_file *folder, struct import_header *header,
                  struct sp_error *err) {
     struct import_names files = { .count = 0 }, folders = { .count = 0 };
+    if (!refuse_n5(folder, err))
+        return false;
     bool is_dicom, ok = import_names_add(&files, folder->folder, "", false, IMPORT_FILES_MAX) &&
                         import_names_add(&folders, folder->folder, "", true, 1);
     if (!ok) {

@@ -24,13 +24,55 @@ static bool may_list(const struct sp_import_place *p, const char *name) {
                               (strcmp(real, p->root) == 0 || sp_is_below(p->root, real)));
 }
 
+static const char *const metadata_names[] = { "zarr.json", ".zarray", ".zgroup", ".zattrs" };
+enum { METADATA_NAMES = sizeof metadata_names / sizeof *metadata_names };
+
 /* Finds the metadata of a Zarr hierarchy, which is a folder. */
 static bool find_metadata(int folder, char name[NAME_MAX + 1]) {
-    static const char *const names[] = { "zarr.json", ".zarray", ".zgroup", ".zattrs" };
-    for (size_t i = 0; i < sizeof names / sizeof *names && !*name; i++)
-        if (faccessat(folder, names[i], R_OK, 0) == 0)
-            strcpy(name, names[i]);
+    for (size_t i = 0; i < METADATA_NAMES && !*name; i++)
+        if (faccessat(folder, metadata_names[i], R_OK, 0) == 0)
+            strcpy(name, metadata_names[i]);
     return *name;
+}
+
+/* Cuts a resolved path to the folder around it. Returns the name of its metadata; "" = none. */
+static const char *go_up(char path[PATH_MAX], char metadata[NAME_MAX + 1]) {
+    char *slash = strrchr(path, '/');
+    metadata[0] = 0;
+    if (!slash || slash == path)
+        return metadata;
+    *slash = 0;
+    const int folder = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (folder >= 0) {
+        find_metadata(folder, metadata);
+        close(folder);
+    }
+    return metadata;
+}
+
+/* A folder of chunks has no metadata: the array is around it. Other folders pass. */
+static bool refuse_chunks(const struct sp_import_place *p, struct sp_error *err) {
+    enum { DEPTH_MAX = 8 };
+    char path[PATH_MAX], metadata[NAME_MAX + 1];
+    if (!realpath(p->path, path))
+        return true;
+    for (int depth = 0; depth < DEPTH_MAX; depth++) {
+        go_up(path, metadata);
+        if (p->given_root && strcmp(path, p->root) != 0 && !sp_is_below(p->root, path))
+            return true;
+        if (strcmp(metadata, ".zarray") == 0 || strcmp(metadata, "zarr.json") == 0) {
+            const char *name = strrchr(path, '/'), *around = name;
+            while (around > path && *--around != '/')
+                continue;
+            return sp_fail(err, SP_ERR_UNSUPPORTED, p->path,
+                           "this folder is a part of a Zarr array or group; open the folder "
+                           "%.100s, or the image around it",
+                           around + 1);
+        }
+        if (*metadata)
+            return true;
+    }
+    return true;
 }
 
 /* A hierarchy of Zarr is opened by its metadata; other folders are opened themselves. */
@@ -41,6 +83,8 @@ static bool take_folder(struct sp_import_place *p, struct sp_error *err) {
         return sp_fail(err, SP_ERR_IO, p->path, "cannot list the folder: %s", strerror(errno));
     p->is_folder = !find_metadata(folder, metadata);
     close(folder);
+    if (p->is_folder && !refuse_chunks(p, err))
+        return false;
     const size_t length = strlen(p->path);
     if (length + strlen(metadata) + 2 > sizeof p->path)
         return sp_fail(err, SP_ERR_INVALID, p->path, "the path has more than %d bytes, the limit",
@@ -95,6 +139,14 @@ static bool find_file(struct sp_import_place *p, struct sp_error *err) {
     return !is_folder || !may_list(p, NULL) || take_folder(p, err);
 }
 
+/* The place of a level is in the metadata of the image around it. */
+static void widen_root(struct sp_import_place *p) {
+    char path[PATH_MAX], metadata[NAME_MAX + 1];
+    memcpy(path, p->root, sizeof path);
+    while (*go_up(path, metadata))
+        memcpy(p->root, path, sizeof path);
+}
+
 static bool find_root(struct sp_import_place *p, struct sp_error *err) {
     const char *root = p->given_root;
     if (root) {
@@ -111,7 +163,12 @@ static bool find_root(struct sp_import_place *p, struct sp_error *err) {
     if (p->is_folder)
         return true;
     char *slash = strrchr(p->root, '/');
+    bool is_zarr = false;
+    for (size_t i = 0; i < METADATA_NAMES; i++)
+        is_zarr |= strcmp(slash + 1, metadata_names[i]) == 0;
     slash[slash == p->root] = 0;
+    if (is_zarr)
+        widen_root(p);
     return true;
 }
 

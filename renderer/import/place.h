@@ -22,7 +22,8 @@ struct sp_import_place {
 };
 
 /* Fills in everything from `path`. Without `root`, it is the folder itself, or that of the
- * file. */
+ * file; of an array in a Zarr hierarchy the folder of the outermost group. Fails for a folder of
+ * chunks. */
 bool sp_import_place_find(struct sp_import_place *place, const char *root, struct sp_error *err);
 
 #endif

@@ -159,6 +159,36 @@ static bool take_plain(struct zarr *z, const struct zarr_node *node, struct impo
     return true;
 }
 
+/* An array in a folder that lists it as a level of its image: it has the place that the image gives
+ * it. Returns true. */
+static bool take_as_level(struct zarr *z) {
+    enum { DEPTH_MAX = 2 }; /* "image.zarr/0" and "image.zarr/scale0/image" */
+    const char *folder = z->store->list ? z->file->folder : "", *own = folder + strlen(folder);
+    char up[3 * DEPTH_MAX] = "..";
+    for (int depth = 0; depth < DEPTH_MAX && *folder; depth++, strcpy(up, "../..")) {
+        struct zarr_image image;
+        struct zarr_node node;
+        struct sp_error why;
+        while (own > folder && *--own != '/')
+            continue;
+        if (zarr_node_open(&node, z->store, up, &why) != ZARR_FOUND)
+            continue;
+        const enum zarr_found found = zarr_image_open_level(&image, &node, own + 1, &why);
+        zarr_node_close(&node);
+        if (found == ZARR_FOUND) {
+            zarr_image_close(&z->image);
+            z->image = image;
+            return true;
+        }
+        if (found == ZARR_FAILED)
+            import_warn(z->file->warnings,
+                        "The image that has this level cannot be read (%.200s); the spacing is "
+                        "unknown.",
+                        why.text);
+    }
+    return true;
+}
+
 static bool take(struct zarr *z, struct import_header *header, struct sp_error *err) {
     struct zarr_node node;
     import_header_init(header);
@@ -170,7 +200,7 @@ static bool take(struct zarr *z, struct import_header *header, struct sp_error *
     if (found != ZARR_FOUND)
         return false;
     const bool ok =
-        zarr_image_open(&z->image, &node, err) &&
+        zarr_image_open(&z->image, &node, err) && (!node.is_array || take_as_level(z)) &&
         (z->image.is_plain ? take_plain(z, &node, header, err) : take_image(z, header, err));
     zarr_node_close(&node);
     return ok;

@@ -169,29 +169,34 @@ static void place_level(const struct zarr_image *image, struct zarr_level *level
         level->spacing[2] = level->spacing[0];
 }
 
+/* `only`: the path of the one level that is taken; NULL = all. */
 static bool take_levels(struct zarr_image *image, const struct zarr_node *node,
-                        const json_t *multiscale, const struct axes *axes, struct sp_error *err) {
+                        const json_t *multiscale, const struct axes *axes, const char *only,
+                        struct sp_error *err) {
     const json_t *dataset;
     size_t i;
     json_array_foreach(json_object_get(multiscale, "datasets"), i, dataset) {
         char path[ZARR_KEY_BYTES], pointer[64];
         double scale[ZARR_RANK_MAX], shift[ZARR_RANK_MAX] = { 0 };
+        struct zarr_level *level = &image->levels[image->level_count];
+        const bool is_first = image->level_count == 0;
         snprintf(pointer, sizeof pointer, "/multiscales/0/datasets/%zu", i);
-        if (i >= ZARR_LEVELS_MAX)
+        if (image->level_count >= ZARR_LEVELS_MAX)
             break;
+        if (only && strcmp(text_of(dataset, "path"), only) != 0)
+            continue;
         if (!zarr_key(path, node->path, text_of(dataset, "path")))
             return zarr_node_fail(node, err, SP_ERR_INVALID, pointer, "the path is too long");
         for (unsigned d = 0; d < axes->rank; d++)
             scale[d] = 1;
         if (!add_level(image, node->store, path, err))
             return false;
-        if (image->levels[i].array.rank != axes->rank)
+        if (level->array.rank != axes->rank)
             return zarr_node_fail(node, err, SP_ERR_FORMAT, pointer,
                                   "the array has %u dimensions, the image %u axes",
-                                  image->levels[i].array.rank, axes->rank);
-        if (i > 0 && image->axes.time >= 0 &&
-            image->levels[i].array.shape[image->axes.time] <
-                image->levels[0].array.shape[image->axes.time])
+                                  level->array.rank, axes->rank);
+        if (!is_first && image->axes.time >= 0 &&
+            level->array.shape[image->axes.time] < image->levels[0].array.shape[image->axes.time])
             return zarr_node_fail(node, err, SP_ERR_FORMAT, pointer,
                                   "has fewer steps in time than level 0");
         if (!transform(node, json_object_get(dataset, "coordinateTransformations"), axes->rank,
@@ -199,8 +204,8 @@ static bool take_levels(struct zarr_image *image, const struct zarr_node *node,
             !transform(node, json_object_get(multiscale, "coordinateTransformations"), axes->rank,
                        "/multiscales/0/coordinateTransformations", scale, shift, err))
             return false;
-        place_level(image, &image->levels[i], scale, shift, axes->factor);
-        if (i == 0 && image->axes.time >= 0) {
+        place_level(image, level, scale, shift, axes->factor);
+        if (is_first && image->axes.time >= 0) {
             image->first_time = shift[image->axes.time];
             image->interval = scale[image->axes.time];
         }
@@ -252,7 +257,7 @@ static bool take_channels(struct zarr_image *image, const struct zarr_node *node
 }
 
 static bool open_multiscale(struct zarr_image *image, const struct zarr_node *node,
-                            const json_t *ome, struct sp_error *err) {
+                            const json_t *ome, const char *only, struct sp_error *err) {
     const json_t *multiscale = json_array_get(json_object_get(ome, "multiscales"), 0);
     const json_t *listed = json_object_get(multiscale, "axes");
     struct axes axes = { .rank = 0 };
@@ -260,7 +265,7 @@ static bool open_multiscale(struct zarr_image *image, const struct zarr_node *no
     json_t *five = json_pack("[sssss]", "t", "c", "z", "y", "x"); /* before OME-Zarr 0.3 */
     const bool ok = take_axes(image, node, listed ? listed : five, &axes, err);
     json_decref(five);
-    if (!ok || !take_levels(image, node, multiscale, &axes, err))
+    if (!ok || !take_levels(image, node, multiscale, &axes, only, err))
         return false;
     for (unsigned i = 1; image->axes.channel >= 0 && i < image->level_count; i++)
         if (image->levels[i].array.shape[image->axes.channel] !=
@@ -287,12 +292,16 @@ bool zarr_image_use_array(struct zarr_image *image, const struct zarr_array *arr
     return true;
 }
 
+static const json_t *ome_of(const struct zarr_node *node) {
+    const json_t *of_v3 = json_object_get(node->attributes, "ome");
+    return of_v3 ? of_v3 : node->attributes;
+}
+
 static bool open_node(struct zarr_image *image, const struct zarr_node *node, bool is_nested,
                       struct sp_error *err) {
-    const json_t *of_v3 = json_object_get(node->attributes, "ome");
-    const json_t *ome = of_v3 ? of_v3 : node->attributes;
+    const json_t *ome = ome_of(node);
     if (!node->is_array && json_array_size(json_object_get(ome, "multiscales")) > 0)
-        return open_multiscale(image, node, ome, err);
+        return open_multiscale(image, node, ome, NULL, err);
     if (!node->is_array && (json_object_get(ome, "plate") || json_object_get(ome, "well")))
         return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "",
                               "this is a plate or well of several images; open one of them, such "
@@ -310,12 +319,33 @@ static bool open_node(struct zarr_image *image, const struct zarr_node *node, bo
     return true;
 }
 
-bool zarr_image_open(struct zarr_image *image, const struct zarr_node *node, struct sp_error *err) {
+static bool init(struct zarr_image *image, const struct zarr_node *node, struct sp_error *err) {
     *image = (struct zarr_image){ .steps = 1 };
     image->axes = (struct import_axes){ .space = { -1, -1, -1 }, .channel = -1, .time = -1 };
     image->levels = calloc(ZARR_LEVELS_MAX, sizeof *image->levels);
-    if (!image->levels)
-        return sp_fail(err, SP_ERR_MEMORY, node->store->shown, "out of memory");
+    return image->levels || sp_fail(err, SP_ERR_MEMORY, node->store->shown, "out of memory");
+}
+
+enum zarr_found zarr_image_open_level(struct zarr_image *image, const struct zarr_node *node,
+                                      const char *path, struct sp_error *err) {
+    const json_t *ome = ome_of(node), *dataset;
+    const json_t *multiscale = json_array_get(json_object_get(ome, "multiscales"), 0);
+    bool is_listed = false;
+    size_t i;
+    json_array_foreach(json_object_get(multiscale, "datasets"), i, dataset) {
+        is_listed |= strcmp(text_of(dataset, "path"), path) == 0;
+    }
+    if (node->is_array || !is_listed)
+        return ZARR_MISSING;
+    if (init(image, node, err) && open_multiscale(image, node, ome, path, err))
+        return ZARR_FOUND;
+    zarr_image_close(image);
+    return ZARR_FAILED;
+}
+
+bool zarr_image_open(struct zarr_image *image, const struct zarr_node *node, struct sp_error *err) {
+    if (!init(image, node, err))
+        return false;
     const bool ok = open_node(image, node, false, err);
     if (!ok || image->is_plain) {
         free(image->levels);

@@ -38,6 +38,10 @@ struct zarr_image {
 /* Finds the image at a node. All levels have one rank and number type, and dims in [1, SP_DIM_MAX]
  * or more: the caller checks them. */
 bool zarr_image_open(struct zarr_image *image, const struct zarr_node *node, struct sp_error *err);
+/* Finds the image at the node of a group, with the level of this path as the only one. ZARR_MISSING
+ * if the group has no image that lists it. */
+enum zarr_found zarr_image_open_level(struct zarr_image *image, const struct zarr_node *node,
+                                      const char *path, struct sp_error *err);
 /* Makes an array the only level of a plain image. False without memory. */
 bool zarr_image_use_array(struct zarr_image *image, const struct zarr_array *array,
                           const struct import_axes *axes);

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coordinates of arrays: packed ones, names of units, longitudes that wrap, and axes that are no space."""
+import json
+import os
+
 import h5py
 import netCDF4
 import numpy
@@ -153,7 +156,45 @@ def check_channels_last(tool):
     tool.equal(tool.path('user.nc'), numbers)
 
 
+def write_ome(tool, name, version, paths, data):
+    """OME-Zarr of two levels in micrometers; the second one is half as fine and lies half a sample further."""
+    places = [[{'type': 'scale', 'scale': [2 * f, 0.5 * f, 0.25 * f]}, {'type': 'translation', 'translation': [f, 2, 3]}] for f in (1, 2)]
+    image = {'axes': [{'name': n, 'type': 'space', 'unit': 'micrometer'} for n in 'zyx'],
+             'datasets': [{'path': path, 'coordinateTransformations': place} for path, place in zip(paths, places)]}
+    attributes = {'multiscales': [{'version': '0.4', **image}]} if version == 2 else {'ome': {'version': '0.5', 'multiscales': [image]}}
+    group = zarr.open_group(tool.path(name), mode='w', zarr_format=version, attributes=attributes)
+    for i, path in enumerate(paths):
+        group.create_array(path, data=data[::i + 1, ::i + 1, ::i + 1], chunks=(2, 3, 4), **({'chunk_key_encoding': {'name': 'v2', 'separator': '/'}} if version == 2 else {}))
+    return tool.path(name)
+
+
+def check_levels(tool):
+    """A level of OME-Zarr that is opened itself, folders of chunks, and N5."""
+    data = ramp((4, 6, 8), 'u2')
+    for version, paths in ((2, ('0', '1')), (3, ('0', '1')), (3, ('scale0/image', 'scale1/image'))):
+        path = write_ome(tool, f'level{version}{len(paths[0])}.zarr', version, paths, data)
+        for i, own in enumerate(paths):
+            tool.layout('Zarr', 'a level of OME-Zarr, opened as a folder', os.path.join(path, own), data[::i + 1, ::i + 1, ::i + 1],
+                        spacing=[0.25 * (i + 1), 0.5 * (i + 1), 2 * (i + 1)], origin=[3, 2, i + 1], unit='um', warned='')
+        tool.refused(os.path.join(path, paths[1]) + '?level=1', 'there is no level 1')
+        chunks = os.path.join(path, paths[0], 'c' if version == 3 else '0')
+        tool.refused(chunks, 'part of a Zarr array', f'open the folder {"/".join(os.path.join(path, paths[0]).split("/")[-2:])}')
+        tool.refused(os.path.join(chunks, '0'), 'part of a Zarr array')
+    with open(os.path.join(path, 'zarr.json'), 'r+', encoding='utf-8') as file:
+        text = file.read().replace('"scale"', '"shear"')
+        file.seek(0)
+        file.write(text)
+        file.truncate()
+    tool.equal(os.path.join(path, paths[0]), data, spacing=[1, 1, 1], warned='the spacing is unknown')
+    for name, attributes in (('n5', {'n5': '2.5.1'}), ('n5/s0', {'dimensions': [8, 6, 4], 'blockSize': [8, 6, 4], 'dataType': 'uint16'})):
+        os.makedirs(os.path.join(tool.path(name), '0'))
+        with open(os.path.join(tool.path(name), 'attributes.json'), 'w', encoding='utf-8') as file:
+            json.dump(attributes, file)
+        tool.refused(tool.path(name), 'a folder of N5', 'convert it to OME-Zarr or TIFF')
+
+
 def check(tool):
+    check_levels(tool)
     check_itk(tool)
     check_channels_last(tool)
     check_packed(tool)

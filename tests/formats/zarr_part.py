@@ -156,7 +156,7 @@ def check_ome(tool):
         tool.equal(path, levels[0][0, 0], name='DAPI', other0='GFP', unit='um', spacing=[1, 1, 2], origin=[0, 0, 1])
         tool.equal(path + '?level=1&field=GFP', levels[1][0, 1], name='GFP', spacing=[2, 2, 2], origin=[0.5, 0.5, 1])
         tool.equal(path, levels[0][1, 0], step=1, steps=2, times=[3, 5], time_unit='s')
-        tool.equal(os.path.join(path, 's2'), levels[2][0, 0], name='channel 1')
+        tool.equal(os.path.join(path, 's2'), levels[2][0, 0], name='DAPI')
         tool.refused(path + '?level=3', 'no level 3', 'to 2')
     check_turned(tool)
     old = zarr.open_group(tool.path('old.zarr'), mode='w', zarr_format=2, attributes={'multiscales': [{'version': '0.1', 'datasets': [{'path': '0'}]}]})
