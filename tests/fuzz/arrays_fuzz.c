@@ -48,6 +48,8 @@ static uint64_t size_of(uint8_t byte) {
 
 static bool describe(void *file, unsigned n, struct array_info *info) {
     static const char *const names[] = { "time", "x", "lat", "height", "c", "/s", "s", "" };
+    static const char *const itk[] = { "VoxelData", "Dimension", "Spacing", "Origin",
+                                       "Directions" };
     static const size_t sizes[] = { 1, 2, 4, 8 };
     const size_t at = n * RECORD;
     (void)file;
@@ -68,6 +70,8 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
         snprintf(info->name, sizeof info->name,
                  "/DataSet/ResolutionLevel %u/TimePoint %u/Channel %u/Data", n / 2,
                  byte_at(at + 2) / 8 % 3, byte_at(at + 2) / 32 % 3);
+    else if (byte_at(0) % 16 == 2)
+        snprintf(info->name, sizeof info->name, "/ITKImage/0/%s", itk[n % 5]);
     else
         snprintf(info->name, sizeof info->name, "%s", names[byte_at(at + 2) / 8 % 8]);
     for (unsigned d = 0; d < info->rank; d++) {

@@ -115,7 +115,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const struct zarr_store store = {
         .user = &input, .shown = "input", .size = size_of, .read = read_from, .list = list
     };
-    const struct import_file file = { .fd = -1, .shown = "input", .field = "s", .level = -1 };
+    const struct import_file file = {
+        .fd = -1, .shown = "input", .folder = "/image/0", .field = "s", .level = -1
+    };
     const struct import_progress progress = { .report = ignore };
     struct import_header header = { .bytes = 0 };
     struct sp_error err = { .code = SP_OK };
