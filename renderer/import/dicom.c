@@ -201,7 +201,8 @@ static void *open_dicom(const struct import_file *file, struct import_header *he
     return NULL;
 }
 
-/* Writes the label of a segment where its pixels are not 0. Returns how many had another one. */
+/* Writes the label of a segment where its pixels are not 0. Returns the number of these
+ * pixels that already had another label. */
 static uint64_t put_label(const struct dicom *d, const uint8_t *mask, size_t pixels, uint32_t label,
                           char *out) {
     const size_t size = sp_type_size(d->conversion.type);

@@ -128,6 +128,7 @@ struct dicom_palette {
     long first;
     uint32_t count;
     uint8_t (*colors)[3]; /* owned; release with free() */
+    bool is_rounded;      /* the file has 16 bits per colour that 8 do not hold */
 };
 
 struct dicom_bridge_functions {

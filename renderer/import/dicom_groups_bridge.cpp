@@ -17,7 +17,7 @@
 
 namespace {
 
-struct groups { /* where to look for what concerns a frame */
+struct groups { /* the functional groups of one frame */
     const gdcm::DataSet &file;
     gdcm::DataSet own, shared;
 

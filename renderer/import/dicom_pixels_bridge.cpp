@@ -231,6 +231,8 @@ static bool read_table(const gdcm::DataSet &set, uint16_t channel, dicom_palette
     for (uint32_t i = 0; i < count; i++) {
         const unsigned wide =
             is_wide ? static_cast<unsigned>(bytes[2 * i] | bytes[2 * i + 1] << 8) : bytes[i];
+        palette->is_rounded |=
+            is_wide && is[2] > 8 && (wide & 255) != 0 && (wide & 255) != wide >> 8;
         palette->colors[i][channel] = static_cast<uint8_t>(is_wide && is[2] > 8 ? wide >> 8 : wide);
     }
     return true;

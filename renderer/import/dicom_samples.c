@@ -190,6 +190,9 @@ bool dicom_samples_open(struct dicom_samples *s, const struct dicom_source *sour
     if (s->image.colors == DICOM_PALETTE &&
         !source->call->read_palette(path, &s->palette, why, sizeof why))
         return fail(s, why, err);
+    if (s->palette.is_rounded)
+        import_warn(source->file->warnings,
+                    "The palette has colours of 16 bits; they were rounded to 8 bits.");
     if (!s->image.is_packed)
         return true;
     s->packed = source->call->open_pixels(path, why, sizeof why);

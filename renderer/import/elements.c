@@ -92,8 +92,8 @@ static bool is_flat(const struct sp_elements *e) {
     return e->shape.count > 0;
 }
 
-/* Of the elements that are not drawn, folded ones are counted on their own, and so are those that
- * the file hides. */
+/* Warns of elements that are not drawn. Folded elements and elements that the file hides have a
+ * warning of their own. */
 static void warn(struct import_warnings *warnings, const struct sp_elements *e, uint64_t folded) {
     static const struct {
         const char *name, *reason;

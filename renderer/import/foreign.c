@@ -45,6 +45,15 @@ static const struct kind microscopes[] = {
          "bfconvert"),
     KIND("\332\316\276\12", 0, NULL, "an ND2 file of Nikon", "bfconvert"),
     KIND("\160\0\0\0", 0, ".lif", "a LIF file of Leica", "bfconvert"),
+    KIND("\0\0\0\3", 0, ".dm3", "a DM3 file of Gatan", "bfconvert"),
+    KIND("\0\0\0\4", 0, ".dm4", "a DM4 file of Gatan", "bfconvert"),
+};
+
+/* Trained scenes; their endings tell what they are. */
+static const struct kind scenes[] = {
+    KIND("", 0, ".splat", "a .splat file", "splat-transform"),
+    KIND("", 0, ".ksplat", "a .ksplat file", "splat-transform"),
+    KIND("PK\3\4", 0, ".sog", "an SOG file", "splat-transform"),
 };
 
 static const struct kind others[] = {
@@ -104,6 +113,12 @@ bool import_foreign_check(const uint8_t *start, size_t size, const char *shown,
                        "this is %s, which is not read; write it as NRRD, NIfTI, TIFF or HDF5, "
                        "points as PLY or CSV, a surface as VTK, PLY or STL",
                        k->name);
+    k = FIND(scenes);
+    if (k)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                       "this is %s of Gaussians, which is not read; save it as PLY or SPZ, with "
+                       "\"%s %.60s out.ply\" of PlayCanvas",
+                       k->name, k->command, name);
     k = FIND(microscopes);
     if (k)
         return sp_fail(err, SP_ERR_UNSUPPORTED, shown,

@@ -31,7 +31,7 @@ unsigned import_meaning_choose_component(const struct import_file *file,
                                          struct import_header *header, unsigned count,
                                          enum import_as as, const char *const *names);
 
-/* Of an intent code of NIfTI: what the samples and the entries of the fifth axis are. */
+/* What an intent code of NIfTI says about the samples and the entries of the fifth axis. */
 struct import_intent {
     enum sp_meaning meaning;
     enum import_as as;        /* IMPORT_AS_FILE = the code does not say */

@@ -229,7 +229,8 @@ static void search_one(const struct import_nearest_tree *t, size_t point,
     visitor->visit(visitor->user, point, &s.nearest);
 }
 
-/* The points of a leaf together. Arrays have PADDING numbers more. */
+/* The search for all points of a leaf at once. Arrays end with PADDING extra numbers, so that whole
+ * vectors can be read. */
 struct group {
     const struct import_nearest_tree *tree;
     struct range leaf;              /* its box is that of its points */

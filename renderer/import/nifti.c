@@ -267,6 +267,22 @@ static bool take_offset(const struct import_file *file, const struct nifti_field
     return true;
 }
 
+/* SPM writes the place of an ANALYZE file into a file of MATLAB beside it. */
+static void warn_of_analyze(const struct import_file *file) {
+    const char *slash = strrchr(file->shown, '/'), *name = slash ? slash + 1 : file->shown;
+    char beside[NAME_MAX + 8], path[PATH_MAX + NAME_MAX + 10];
+    import_warn(file->warnings, "An ANALYZE file does not say where left and right are.");
+    if (!ends_with(name, ".hdr"))
+        return;
+    snprintf(beside, sizeof beside, "%.*s.mat", (int)strlen(name) - 4, name);
+    snprintf(path, sizeof path, "%s/%s", file->folder, beside);
+    if (access(path, F_OK) == 0)
+        import_warn(file->warnings,
+                    "The place of the volume is in %.100s, which is not read: position and "
+                    "orientation are wrong. Save the image as NIfTI with SPM.",
+                    beside);
+}
+
 static bool take(const struct import_file *file, struct nifti *n, struct import_header *header,
                  struct sp_error *err) {
     static const char *const units[8] = { "", "m", "mm", "um", "", "", "", "" };
@@ -284,7 +300,7 @@ static bool take(const struct import_file *file, struct nifti *n, struct import_
     const bool is_mm = f.units == 0 && (header->anatomy[0] || f.is_analyze);
     snprintf(header->unit, sizeof header->unit, "%s", units[is_mm ? UNIT_MM : f.units]);
     if (f.is_analyze)
-        import_warn(file->warnings, "An ANALYZE file does not say where left and right are.");
+        warn_of_analyze(file);
     return describe(file, &f, n, header, err) && take_offset(file, &f, &n->samples, err) &&
            find_samples(file, &f, &n->samples, err) && import_samples_check(&n->samples, err);
 }

@@ -78,23 +78,28 @@ static bool unpack(struct spz *s, void *out, size_t n, struct sp_error *err) {
     return true;
 }
 
+static uint32_t word(const uint8_t *b) {
+    return (uint32_t)b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24;
+}
+
 static bool begin(struct spz *s, struct sp_error *err) {
-    uint8_t magic[2];
-    if (pread(s->file->fd, magic, sizeof magic, 0) != sizeof magic || magic[0] != 0x1f ||
-        magic[1] != 0x8b)
+    uint8_t magic[8] = { 0 };
+    const bool is_read = pread(s->file->fd, magic, sizeof magic, 0) >= 2;
+    if (is_read && memcmp(magic, "NGSP", 4) == 0)
+        return import_fail(err, SP_ERR_UNSUPPORTED, s->file->shown, 4, "version",
+                           "is %" PRIu32 "; supported are 1 to 3; save the scene as one of these, "
+                           "or as PLY",
+                           word(magic + 4));
+    if (!is_read || magic[0] != 0x1f || magic[1] != 0x8b)
         return import_fail(err, SP_ERR_UNSUPPORTED, s->file->shown, 0, NULL,
-                           "the file is not packed by gzip, as versions 1 to 3 of SPZ are; other "
-                           "versions are not supported");
+                           "the file is not packed by gzip, as versions 1 to 3 of SPZ are; save "
+                           "the scene as one of these, or as PLY");
     inflateEnd(&s->z);
     memset(&s->z, 0, sizeof s->z);
     s->has_ended = false;
     s->at = 0;
     return inflateInit2(&s->z, 15 + 16) == Z_OK ||
            sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while unpacking");
-}
-
-static uint32_t word(const uint8_t *b) {
-    return (uint32_t)b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24;
 }
 
 static size_t position_bytes(const struct spz *s) {
@@ -119,10 +124,14 @@ static bool take_header(struct spz *s, struct sp_error *err) {
     s->unit = ldexp(1, -b[13]);
     if (s->version < 1 || s->version > 3)
         return import_fail(err, SP_ERR_UNSUPPORTED, shown, 4, "version",
-                           "is %" PRIu32 "; supported are 1 to 3", s->version);
+                           "is %" PRIu32
+                           "; supported are 1 to 3; save the scene as one of these, or "
+                           "as PLY",
+                           s->version);
     if (s->degree > SP_HARMONICS_DEGREE_MAX)
-        return import_fail(err, SP_ERR_UNSUPPORTED, shown, 12, "shDegree",
-                           "is %" PRIu32 "; supported are 0 to 3", s->degree);
+        return import_fail(
+            err, SP_ERR_UNSUPPORTED, shown, 12, "shDegree",
+            "is %" PRIu32 "; supported are 0 to 3; save the scene with fewer harmonics", s->degree);
     if (s->count > SP_ELEMENTS_MAX)
         return import_fail(err, SP_ERR_UNSUPPORTED, shown, 8, "numPoints",
                            "is %" PRIu32 "; a volume has at most %d", s->count, SP_ELEMENTS_MAX);

@@ -39,7 +39,8 @@ static bool find_files(struct stack *s, struct sp_error *err) {
            sp_numbered_list(s->file->folder, pattern, SP_DIM_MAX, &s->slices, s->file->shown, err);
 }
 
-/* Opens slice n and its reader. `warnings` NULL = they are lost. NULL with *err set. */
+/* Opens slice n and its reader. If `warnings` is NULL, warnings are discarded. Returns
+ * NULL with *err set on failure. */
 static void *open_slice(const struct stack *s, uint32_t n, struct slice *slice,
                         struct import_header *header, struct import_warnings *warnings,
                         struct sp_error *err) {

@@ -35,7 +35,8 @@ struct tiff {
     unsigned channels;     /* of a pixel, as fields: samples, or the colours of a palette */
     bool are_colors;
     struct import_conversion conversion;
-    uint8_t *palette; /* owned: red, green and blue of each index; NULL = none */
+    uint16_t *palette;    /* owned: red, green and blue of each index; NULL = none */
+    bool is_palette_wide; /* the colours have 16 bits, else 8 */
     struct tiff_planes planes;
     const uint32_t *chosen; /* the pages of the volume, one per slice */
 };
@@ -89,7 +90,7 @@ static bool find_number(const struct tiff *t, struct import_number *number, stru
 static bool take_palette(struct tiff *t, uint32_t n, struct sp_error *err) {
     const size_t count = (size_t)1 << t->page.bits;
     double *values = malloc(COLORS * count * sizeof *values), most = 0;
-    t->palette = malloc(COLORS * count);
+    t->palette = malloc(COLORS * count * sizeof *t->palette);
     bool ok = (values && t->palette) ||
               sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for a palette");
     if (ok &&
@@ -98,9 +99,12 @@ static bool take_palette(struct tiff *t, uint32_t n, struct sp_error *err) {
                        "the palette of the page does not have %zu colours", count);
     for (size_t i = 0; ok && i < COLORS * count; i++)
         most = fmax(most, values[i]);
-    for (size_t i = 0; ok && i < COLORS * count; i++) /* old programs write 8 bits */
-        t->palette[i % count * COLORS + i / count] =
-            (uint8_t)(most > 255 ? values[i] / 256 : values[i]);
+    /* Old programs write 8 bits; others write 8 bits twice, or in the upper byte. */
+    for (size_t i = 0; ok && most > 255 && i < COLORS * count; i++)
+        t->is_palette_wide |= fmod(values[i], 256) != 0 && fmod(values[i], 257) != 0;
+    const double unit = most > 255 && !t->is_palette_wide ? 256 : 1;
+    for (size_t i = 0; ok && i < COLORS * count; i++)
+        t->palette[i % count * COLORS + i / count] = (uint16_t)(values[i] / unit);
     free(values);
     return ok;
 }
@@ -148,6 +152,11 @@ static bool take_type(struct tiff *t, struct import_header *header, struct sp_er
         return tiff_fail(&t->pages, n, err, SP_ERR_UNSUPPORTED,
                          "YCbCr colours are supported with JPEG (compression 7) only; save the "
                          "image as RGB");
+    if (page->compression == TIFF_JPEG && page->bits != 8)
+        return tiff_fail(&t->pages, n, err, SP_ERR_UNSUPPORTED,
+                         "JPEG with %u bits is not supported, only with 8; save the image with "
+                         "deflate or LZW",
+                         page->bits);
     if (has_stray_predictor(t))
         return tiff_fail(&t->pages, n, err, SP_ERR_UNSUPPORTED,
                          "a predictor is not supported with compression %u; save the image with "
@@ -161,7 +170,7 @@ static bool take_type(struct tiff *t, struct import_header *header, struct sp_er
     if (has_palette && !take_palette(t, n, err))
         return false;
     if (has_palette)
-        number = (struct import_number){ IMPORT_UNSIGNED, 1 };
+        number = (struct import_number){ IMPORT_UNSIGNED, t->is_palette_wide ? 2 : 1 };
     t->conversion = import_conversion_of(number, t->file->warnings);
     t->channels = has_palette ? COLORS : t->planes.split ? 1 : page->samples;
     t->are_colors = has_palette ||
@@ -176,7 +185,7 @@ static bool take_type(struct tiff *t, struct import_header *header, struct sp_er
         import_conversion_add_missing(&t->conversion, t->planes.missing);
     t->conversion.components = has_palette ? COLORS : page->planes == 1 ? page->samples : 1;
     header->type = t->conversion.type;
-    header->bits = has_palette ? 8 : page->bits;
+    header->bits = !has_palette ? page->bits : t->is_palette_wide ? 16 : 8;
     return true;
 }
 
@@ -400,12 +409,17 @@ static bool read_hidden(const struct reading *r, uint32_t n, uint32_t first, uin
 }
 
 /* Replaces indices by colours. */
-static void look_up(const struct reading *r, const void *indices, bool are_wide, uint8_t *out) {
+static void look_up(const struct reading *r, const void *indices, bool are_wide, void *out) {
     const size_t count = (size_t)1 << r->tiff->page.bits;
+    const bool is_wide = r->tiff->is_palette_wide;
     for (size_t i = 0; i < r->row_numbers; i++) {
         const size_t index =
             are_wide ? ((const uint16_t *)indices)[i] : ((const uint8_t *)indices)[i];
-        memcpy(out + i * COLORS, r->tiff->palette + (index < count ? index : 0) * COLORS, COLORS);
+        const uint16_t *color = r->tiff->palette + (index < count ? index : 0) * COLORS;
+        for (size_t c = 0; c < COLORS && is_wide; c++)
+            ((uint16_t *)out)[i * COLORS + c] = color[c];
+        for (size_t c = 0; c < COLORS && !is_wide; c++)
+            ((uint8_t *)out)[i * COLORS + c] = (uint8_t)color[c];
     }
 }
 
@@ -494,7 +508,7 @@ static bool read_tiff(void *reader, void *voxels, float (*vectors)[3],
                          .row_numbers = (size_t)t->page.width * (t->page.samples / t->page.planes),
                          .err = err };
     (void)vectors; /* a TIFF has none */
-    r.numbers = malloc(r.row_numbers * (t->palette ? COLORS : sizeof(uint32_t)));
+    r.numbers = malloc(r.row_numbers * (t->palette ? COLORS * sizeof(uint16_t) : sizeof(uint32_t)));
     uint8_t *indices = malloc(r.row_numbers * sizeof(uint16_t));
     const bool ok = (r.numbers && indices) ||
                     sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for a row");

@@ -267,9 +267,9 @@ static bool take_scalars(struct vtk_legacy *l, const char *keyword) {
     if (!type)
         return vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, keyword,
                                  "values of type \"%s\" are not supported", kind);
-    if (components < 1 || components > 4)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "%d components, outside [1, 4]",
-                                 components);
+    if (components < 1 || components > COMPONENTS_MAX) /* SimpleITK writes more than 4 */
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "%d components, outside [1, %d]",
+                                 components, COMPONENTS_MAX);
     if (!vtk_legacy_word(l, word))
         return false;
     if (strcasecmp(word, "LOOKUP_TABLE") != 0)

@@ -272,7 +272,8 @@ def check_colors(tool):
         path = files.palette(tool.path('palette.dcm'), indices, table, first)
         rows = table[numpy.clip(indices.astype(int) - first, 0, 149)] >> 8
         for channel, name in enumerate(('red', 'green', 'blue')):
-            tool.layout('DICOM', f'a palette, {dtype[1]} bytes per index', f'{path}?field={name}', rows[1:2, ..., channel], step=1, result='RGB')
+            tool.layout('DICOM', f'a palette, {dtype[1]} bytes per index', f'{path}?field={name}', rows[1:2, ..., channel], step=1, result='RGB',
+                        warned='rounded to 8 bits')
 
 
 def check_refused(tool):

@@ -59,6 +59,15 @@ def check_vtk_legacy(tool):
         tool.typed('VTK legacy', kind, tool.path('itk.vtk'), widened(samples(kind, SHAPE)), 'as SimpleITK writes it')
 
 
+def check_vtk_components(tool):
+    """SimpleITK writes any number of components as SCALARS."""
+    data = numpy.stack([samples('uint16', SHAPE) // (i + 1) for i in range(6)], -1)
+    for count in (2, 5, 6):
+        SimpleITK.WriteImage(SimpleITK.GetImageFromArray(numpy.ascontiguousarray(data[..., :count]), isVector=True), tool.path('many.vtk'))
+        for i in (0, count - 1):
+            tool.equal(f'{tool.path("many.vtk")}?field=scalars component {i + 1}', data[..., i])
+
+
 def check_colours(tool, form, kind, path, colours, before=''):
     for i, name in enumerate(COLOURS[:colours.shape[-1]]):
         tool.typed(form, kind, f'{path}?field={before}{name}', colours[..., i], name=before + name)
@@ -255,7 +264,7 @@ def check_far_elements(tool):
 
 def check(tool):
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
-    for part in (check_vtk_legacy, check_vtk_xml, check_amira, check_vol, check_pvm, check_png, check_jpeg, check_far_elements):
+    for part in (check_vtk_legacy, check_vtk_components, check_vtk_xml, check_amira, check_vol, check_pvm, check_png, check_jpeg, check_far_elements):
         part(tool)
     for name in os.listdir(tool.folder):  # others would take the images for a stack
         if name.endswith(('.png', '.jpg')):

@@ -220,6 +220,10 @@ def check_values(tool):
     tifffile.imwrite(path, indices, photometric='palette', colormap=colours * 257, **plain)
     for i, name in enumerate(('red', 'green', 'blue')):
         tool.layout('TIFF', 'palette', f'{path}?field={name}', colours[i][indices], result='read as RGB', name=name)
+    wide = (colours * 257 + 1).astype('u2')
+    tifffile.imwrite(path, indices, photometric='palette', colormap=wide, **plain)
+    for i, name in enumerate(('red', 'green', 'blue')):
+        tool.layout('TIFF', 'palette with colours of 16 bits', f'{path}?field={name}', wide[i][indices], result='read as RGB', name=name, type='uint16')
     tifffile.imwrite(path, indices, photometric='palette', colormap=colours * 257)
     tool.layout('TIFF', 'palette of ImageJ, OME or tifffile (a lookup table)', path, indices, result='the indices are read')
     missing = ramp((2, 5, 13), 'i2')
@@ -238,6 +242,11 @@ def check_values(tool):
     tool.layout('TIFF', 'more than 4 samples per pixel', f'{path}?field=channel 6', many[5:6], result='fields channel 1, channel 2, …')
     tifffile.imwrite(path, data, photometric='minisblack', volumetric=True, **plain)
     tool.layout_refused('TIFF', 'pages with depth (SGI)', path, 'has depth')
+    tifffile.imwrite(path, ramp((2, 5, 13), 'u2'), **plain)
+    with tifffile.TiffFile(path, mode='r+b') as file:
+        file.pages[0].tags['Compression'].overwrite(7)
+        file.pages[0].tags['BitsPerSample'].overwrite(12)
+    tool.refused(path, 'JPEG with 12 bits', 'deflate')
 
 
 def replace(path, old, new):

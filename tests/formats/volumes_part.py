@@ -389,6 +389,8 @@ def check_analyze(tool):
         tool.layout('NIfTI', f'ANALYZE 7.5 ({kind.__name__} of nibabel)', tool.path('a.hdr'), data.T, spacing=[1.5, 2, 3], unit='mm', anatomy='',
                     result='read, without left and right')
         warned(tool, tool.path('a.hdr'), 'left and right')
+    write(tool, 'a.mat', '', bytes(128))  # as SPM has the place beside the image
+    warned(tool, tool.path('a.hdr'), 'a.mat, which is not read')
 
 
 # MRC
