@@ -98,7 +98,8 @@ static bool read_values(const struct arrays *a, int n, unsigned d, struct coordi
         arrays_take_packing(a, (unsigned)n, &info, &conversion);
         conversion.type = SP_FLOAT64;
         import_conversion_put(&conversion, numbers, count[0], c->values);
-        if (is_angle(c->unit) && !are_ordered(c->values, count[0]))
+        const bool is_round = is_angle(c->unit) || (!*c->unit && begins(a->info.dims[d], "lon"));
+        if (is_round && !are_ordered(c->values, count[0]))
             unwrap(c->values, count[0], begins(c->unit, "rad") ? 2 * M_PI : 360);
         is_sound = are_ordered(c->values, count[0]);
     }
@@ -287,9 +288,10 @@ static void place_axis(struct arrays *a, struct coordinates *c, int axis, double
 
 /* "hours since 1900-01-01": the unit before the date. */
 static void take_times(struct arrays *a, struct coordinates *c, struct import_header *header) {
-    static const char *const known[][2] = { { "second", "s" }, { "minute", "min" },
-                                            { "hour", "h" },   { "day", "d" },
-                                            { "msec", "ms" },  { "millisecond", "ms" } };
+    static const char *const known[][2] = { { "second", "s" },       { "minute", "min" },
+                                            { "hour", "h" },         { "day", "d" },
+                                            { "msec", "ms" },        { "millisecond", "ms" },
+                                            { "microsecond", "us" }, { "nanosecond", "ns" } };
     const char *since = strstr(c->unit, " since ");
     char unit[64];
     snprintf(unit, sizeof unit, "%.*s", since ? (int)(since - c->unit) : 63, c->unit);
@@ -390,7 +392,7 @@ static bool take_plain(struct arrays *a, struct coordinates *c, struct import_he
         return arrays_fail(a, err, SP_ERR_UNSUPPORTED,
                            "the array has %u dimensions; supported are t, c, z, y and x",
                            a->info.rank);
-    if (a->axes.channel == last && !a->axes.are_colors)
+    if (a->axes.channel == last && (!a->axes.are_colors || last == 2))
         import_warn(a->file->warnings,
                     "The dimensions have no names; the last one, of length %" PRIu64
                     ", was taken for channels.",

@@ -6,7 +6,7 @@
 
 #include "import/meaning.h"
 
-enum { COLORS_MIN = 3, COLORS_MAX = 4, PARTS_MIN = 2, PARTS_MAX = 4 };
+enum { COLORS_MIN = 3, COLORS_MAX = 4, PARTS_MIN = 2, PARTS_MAX = 4, IMAGE_MIN = 16 };
 
 void import_axes_place(struct import_axes *axes, const int *space, unsigned count,
                        const char *const *names) {
@@ -41,13 +41,16 @@ bool import_axes_is_channel(const char *name) {
     return import_axes_is_one_of(name, channels);
 }
 
-/* True if the last dimension of four or five must be that of channels: a few, where all others are
- * longer, and the one in the place of channels has too many. */
+/* True if the last dimension must be that of channels: a few, where all others of space are longer,
+ * and the one in the place of channels has too many. Three dimensions are an image in colours only
+ * if it is large. */
 static bool has_channels_last(unsigned rank, const uint64_t *shape) {
-    const uint64_t parts = rank == 4 || rank == 5 ? shape[rank - 1] : 0;
-    bool has = parts >= PARTS_MIN && parts <= PARTS_MAX && shape[rank - 4] > PARTS_MAX;
-    for (unsigned d = rank - 4; has && d < rank - 1; d++)
-        has = shape[d] > parts;
+    const uint64_t parts = rank >= 3 && rank <= 5 ? shape[rank - 1] : 0;
+    const unsigned first = rank == 5; /* behind the time */
+    bool has = parts >= (rank == 3 ? COLORS_MIN : PARTS_MIN) && parts <= PARTS_MAX &&
+               shape[first] > PARTS_MAX;
+    for (unsigned d = first; has && d < rank - 1; d++)
+        has = shape[d] > (rank == 3 ? IMAGE_MIN : parts);
     return has;
 }
 
@@ -60,9 +63,10 @@ bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *
         has_names &= names[d] && *names[d];
     const unsigned last = rank - 1;
     *axes = (struct import_axes){ .space = { -1, -1, -1 }, .channel = -1, .time = -1 };
-    axes->are_colors = !has_names && rank == 4 && are_bytes && shape[last] >= COLORS_MIN &&
-                       shape[last] <= COLORS_MAX;
-    const bool is_last = !has_names && (axes->are_colors || has_channels_last(rank, shape));
+    const bool has_few = !has_names && has_channels_last(rank, shape);
+    axes->are_colors = !has_names && are_bytes && (rank == 4 || has_few) &&
+                       shape[last] >= COLORS_MIN && shape[last] <= COLORS_MAX;
+    const bool is_last = axes->are_colors || has_few;
     for (unsigned d = 0; d < rank; d++) {
         const unsigned behind = last - d; /* dimensions behind this one */
         const bool is_time = has_names ? import_axes_is_one_of(names[d], times) : behind == 4;

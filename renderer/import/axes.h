@@ -26,8 +26,8 @@ bool import_axes_is_channel(const char *name);
  * Without a name for each (NULL or "") they are t, c, z, y, x, of which the first may be missing;
  * an array of bytes with four dimensions, the last of length 3 or 4, has colours there. Two to four
  * entries of the last dimension are channels if the others are longer, and five or more are in the
- * place of channels. False if more than three dimensions are left for space; *axes is not valid
- * then. */
+ * place of channels; so are three or four of a plane of more than 16 by 16. False if more than
+ * three dimensions are left for space; *axes is not valid then. */
 bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *shape,
                        const char *const *names, bool are_bytes);
 

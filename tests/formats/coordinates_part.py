@@ -91,10 +91,12 @@ def check_axes(tool):
             file['v'].dims[d].label = name
     tool.layout('HDF5', 'wavelengths, frequencies and energies', tool.path('bands.h5') + ':/v 3', data[..., 2][None], 'fields')
     for numbers, unit, step in (([176, 178, -180, -178, -176], 'degrees_east', 2), ([358, 359, 0, 1, 2], 'degrees_east', 1),
-                                ([-178, 180, 178, 176, 174], 'degree_E', 2)):
+                                ([-178, 180, 178, 176, 174], 'degree_E', 2), ([178, 179, 180, -179, -178], 'degrees', 1)):
         path, _ = write_nc(tool, 'lon.nc', {'z': (numpy.arange(3.0), metres), 'lat': (numpy.arange(4.0), {'units': 'degrees_north'}),
                                             'lon': (numpy.array(numbers, 'f4'), {'units': unit})}, data)
         tool.equal(path, data, spacing=[step, 1, 0.25 * max(4 * step, 3) / 2], origin=[numbers[0], 0, 0], unit='degrees')
+    path, _ = write_nc(tool, 'bare.nc', {'lat': (numpy.arange(4.0), {}), 'lon': (numpy.array([178, 179, -180, -179, -178.0]), {})}, data[0])
+    tool.equal(path, data[:1], spacing=[1, 1, 1], origin=[178, 0, 0], warned='')
     path, _ = write_nc(tool, 'mixed.nc', {'z': (numpy.arange(3.0), metres), 'lat': (numpy.arange(4.0), {'units': 'degrees_north'}),
                                           'lon': (numpy.array([5.0, 3, 9, 1, 2]), {'units': 'degrees_east'})}, data)
     tool.equal(path, data, spacing=[1, 1, 1], unit='', warned='do not rise or fall throughout')
@@ -150,6 +152,11 @@ def check_channels_last(tool):
         with open(path, 'r+b') as file:
             file.write(b'MATLAB 7.3 MAT-file')
         tool.layout('HDF5', 'a block of the user before the signature, as MATLAB 7.3 writes it (.mat)', path, data[..., 0])
+    for name, dtype in (('bytes', 'u1'), ('floats', 'f4')):
+        pixels = ramp((20, 30, 3), dtype)
+        with h5py.File(tool.path(name + '.h5'), 'w') as file:
+            file['v'] = pixels
+        tool.equal(tool.path(name + '.h5') + ':/v 3', pixels[None, ..., 2], warned='was taken for channels')
     numbers = ramp((3, 4, 5), 'u1')
     with h5py.File(tool.path('user.nc'), 'w', userblock_size=512) as file:
         file['V'] = numbers
