@@ -17,6 +17,13 @@ bool sp_is_below(const char *root, const char *real) {
 }
 
 bool sp_fail_missing(struct sp_error *err, const char *shown) {
+    const char *query = strrchr(shown, '?');
+    if (query && strchr(query, '=') && strncmp(query, "?field=", 7) != 0)
+        return sp_fail(err, SP_ERR_NOT_FOUND, shown,
+                       "there is no such file, and \"%.60s\" are no choices: known are level, "
+                       "series, as, unit, vectors and field, each once, with a value, the last two "
+                       "at the end: FILE?as=time&field=NAME",
+                       query);
     return sp_fail(
         err, SP_ERR_NOT_FOUND, shown,
         strstr(shown, ":/") || strstr(shown, "?field=")

@@ -205,6 +205,10 @@ bool import_header_use_selection(struct import_header *header, const struct impo
                        "?series=%.60s: only DICOM files have series; open it without ?series=",
                        selection->series);
     const struct sp_unit *unit = sp_unit_find(selection->unit);
+    if (file->level >= 0 && header->level_count == 0)
+        return sp_fail(
+            err, SP_ERR_UNSUPPORTED, file->shown,
+            "?level=%d: the file has no levels of detail; open it without ?level=", file->level);
     if (selection->unit[0])
         snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : selection->unit);
     return true;

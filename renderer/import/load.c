@@ -8,13 +8,25 @@
 #include "import/launch.h"
 #include "volume/procedural.h"
 
-/* A value of the query ends at '&' and must not be empty. Returns the text after it, or NULL. */
+static bool is_key(const char *at) {
+    static const char *const keys[] = { "level=", "series=", "as=", "unit=", "vectors=", "field=" };
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+        if (strncmp(at, keys[i], strlen(keys[i])) == 0)
+            return true;
+    return false;
+}
+
+/* A value of the query ends at '&' and must not be empty. The description of a series may have a
+ * '&' that no key follows. Returns the text after it, or NULL. */
 static const char *read_value(const char *at, const char *key, char *value, size_t size) {
     const size_t length = strlen(key);
+    const bool is_free = strcmp(key, "series=") == 0;
     if (strncmp(at, key, length) != 0)
         return NULL;
     at += length;
-    const size_t n = strcspn(at, "&");
+    size_t n = strcspn(at, "&");
+    while (is_free && at[n] && !is_key(at + n + 1))
+        n += 1 + strcspn(at + n + 1, "&");
     snprintf(value, size, "%.*s", (int)n, at);
     return n > 0 ? at + n + (at[n] == '&') : NULL;
 }

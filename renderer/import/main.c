@@ -453,6 +453,7 @@ int main(int argc, char **argv) {
     job.file.is_folder = S_ISDIR(st.st_mode);
     job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);
     if (!import_as_parse(argv[SP_ARGUMENT_AS], &job.file.selection.as, job.file.shown, &err) ||
+        !import_unit_check(job.file.selection.unit, job.file.shown, &err) ||
         !enter_sandbox(&job, atoi(argv[SP_ARGUMENT_CPU_SECONDS]), &err))
         return say_error(&err);
     return job.lists ? list_series(&job) : run(&job);

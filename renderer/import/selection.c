@@ -18,6 +18,14 @@ bool import_as_parse(const char *name, enum import_as *as, const char *shown,
                    name);
 }
 
+bool import_unit_check(const char *unit, const char *shown, struct sp_error *err) {
+    for (const char *c = unit; *c; c++)
+        if ((unsigned char)*c <= ' ')
+            return sp_fail(err, SP_ERR_INVALID, shown,
+                           "?unit=%s: a unit is one word without spaces, such as mm or um", unit);
+    return true;
+}
+
 const char *import_as_name(enum import_as as) {
     return names[as];
 }

@@ -3,6 +3,10 @@
  * What the query of a source says about its file: "PATH?series=3&as=time&unit=mm". A reader that
  * honours `series` or `as` says so in its header; otherwise the load fails, because a choice
  * without effect would give a wrong image without a warning.
+ *
+ * The keys are level, series, as, unit, vectors and field (load.c), each once, with a value; the
+ * last two come last. '&' joins them; in the description of a series it is part of the value
+ * unless a key and '=' follow it. Without such keys the whole text is the name of a file.
  */
 #ifndef SP_IMPORT_SELECTION_H
 #define SP_IMPORT_SELECTION_H
@@ -29,6 +33,9 @@ struct import_selection {
 
 /* Reads the name of a meaning; "" is IMPORT_AS_FILE. SP_ERR_INVALID at `shown`. */
 bool import_as_parse(const char *name, enum import_as *as, const char *shown, struct sp_error *err);
+
+/* A unit is one word. SP_ERR_INVALID at `shown`. */
+bool import_unit_check(const char *unit, const char *shown, struct sp_error *err);
 
 /* True if it says what an axis, or the components, are. */
 bool import_as_is_axis(enum import_as as);

@@ -182,7 +182,8 @@ def check_unnamed_series(tool):
     whole(tool, f'{folder}?series={both[0].uid[-12:]}', count=2)
     many = tool.path('many')
     for i in range(9):
-        Series(tool, f'many-{i}', many, SeriesNumber=i, SeriesDescription=f'Series with a long name number {i}').add(f'{i}.dcm', 0)
+        Series(tool, f'many-{i}', many, SeriesNumber=i, SeriesDescription=f'Long name & number {i} of Ü & T1*').add(f'{i}.dcm', 0)
+    tool.equal(f'{many}?series=long NAME & number 3 of Ü & T1*&unit=um', pixels(0)[None], unit='um')
     warned(tool, many, 'largest of 9', ' more. ?series= chooses by number, description or UID.')
 
 

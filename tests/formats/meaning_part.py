@@ -228,6 +228,19 @@ def check_slicer(tool):
     has_vectors(tool, f'{path}?as=vectors', data[..., :3], sep='&')
 
 
+def check_choices(tool):
+    """Choices that are unknown, empty, repeated or without effect are errors that name the known ones."""
+    path = tool.path('plain.nrrd')
+    nrrd.write(path, field(10))
+    for query in ('foo=1', 'as=', 'unit=', 'as=time&as=rgb', 'unit=mm&foo=1'):
+        tool.refused(f'{path}?{query}', query, 'level, series, as, unit, vectors and field')
+    tool.refused(f'{path}?level=2', 'no levels of detail')
+    tool.refused(f'{path}?unit=foo bar', 'one word')
+    named = tool.path('plain?foo=1.nrrd')
+    nrrd.write(named, field(10))
+    tool.equal(named, field(10).T)
+
+
 def check_free_axis(tool, path, data, array=''):
     """The first axis of `data`, which has 3 entries of z, y, x or y, x, as steps, fields and colours; of an array of a file if it has a name."""
     planes = data if data.ndim == 4 else data[:, None]
@@ -334,5 +347,5 @@ def check_missing(tool):
 
 
 def check(tool):
-    for part in (check_nifti_vectors, check_nifti_intents, check_nifti_others, check_nrrd_lists, check_metaimage, check_nrrd, check_slicer, check_tiff, check_arrays, check_hounsfield, check_missing):
+    for part in (check_nifti_vectors, check_nifti_intents, check_nifti_others, check_nrrd_lists, check_metaimage, check_nrrd, check_slicer, check_choices, check_tiff, check_arrays, check_hounsfield, check_missing):
         part(tool)

@@ -180,6 +180,9 @@ static void a_source_may_name_a_field(void **state) {
         { "ct?series=1.2.3&as=time&level=2&field=x", 2, 2, "x", "", "1.2.3", "time", "" },
         { "a.tif?unit=um", 5, -1, "", "", "", "", "um" },
         { "a.tif?unit=um&vectors=v", 5, -1, "", "v", "", "", "um" },
+        { "ct?series=CT Head & Neck", 2, -1, "", "", "CT Head & Neck", "", "" },
+        { "ct?series=a&b&as=time&field=c&d", 2, -1, "c&d", "", "a&b", "time", "" },
+        { "a.tif?unit=um&foo=1", 19, -1, "", "", "", "", "" },
         { "a.tif?as=", 9, -1, "", "", "", "", "" },
         { "a.tif?as=time&as=rgb", 20, -1, "", "", "", "", "" },
     };
