@@ -18,6 +18,7 @@
 #include "import/mesh_bridge.h"
 #include "import/mesh_check.h"
 #include "import/mesh_parts.h"
+#include "import/mesh_text.h"
 #include "import/module.h"
 
 enum { FILES_MAX = 32 }; /* the file itself and those that it names */
@@ -163,8 +164,6 @@ static bool take_all(struct mesh *m, struct sp_error *err) {
         return false;
     m->call->close(m->bridge);
     m->bridge = NULL;
-    import_shift_warn_of_steps(m->file, m->parts.built.vertices, sizeof *m->parts.built.vertices,
-                               m->parts.built.vertex_count);
     return import_mesh_finish(&m->parts.built) ||
            fail(err, SP_ERR_MEMORY, m, "out of memory for normals");
 }
@@ -180,18 +179,42 @@ static bool explain(const struct mesh *m, const char *extension, const struct me
     return is_empty || fail(err, SP_ERR_FORMAT, m, why);
 }
 
-/* Reads the triangles and lines by assimp. */
+/* Unmaps files from number `first` on. */
+static void unmap(struct mesh *m, int first) {
+    while (m->files > first) {
+        m->files--;
+        munmap((void *)(uintptr_t)m->bytes[m->files].start, m->bytes[m->files].size);
+    }
+}
+
+/* Reads the triangles and lines by assimp. Text far from 0 is read once more, moved. */
 static bool read_all(struct mesh *m, const char *extension, const struct mesh_bytes *bytes,
                      struct sp_error *err) {
-    char why[SP_ERROR_TEXT];
+    const char *word = import_mesh_text_word(extension, bytes);
+    struct import_shift *shift = m->file->shift;
+    struct mesh_bytes source = *bytes;
+    char why[SP_ERROR_TEXT], *text = NULL;
     m->call = import_module_load(m->file, MESH_BRIDGE_MODULE, MESH_BRIDGE_SYMBOL, "assimp",
                                  "libassimp5", err);
-    if (!m->call)
-        return false;
-    m->bridge = m->call->open(bytes, extension, find_file, m, why, sizeof why);
-    if (!m->bridge)
-        return explain(m, extension, bytes, why, err);
-    return take_all(m, err);
+    bool ok = m->call != NULL;
+    if (shift && word)
+        shift->is_rounded = true; /* as far as assimp tells */
+    while (ok) {
+        m->bridge = m->call->open(&source, extension, find_file, m, why, sizeof why);
+        ok = m->bridge ? take_all(m, err) : explain(m, extension, bytes, why, err);
+        if (!ok || !word || !import_mesh_parts_shift(&m->parts, shift))
+            break;
+        import_mesh_parts_free(&m->parts);
+        unmap(m, 1);
+        free(text);
+        ok = import_mesh_text_move(bytes, word, shift, &text, &source) ||
+             fail(err, SP_ERR_MEMORY, m, "out of memory to move the vertices near 0");
+    }
+    free(text);
+    if (ok && !import_shift_is_there(shift))
+        import_shift_warn_of_steps(m->file, m->parts.built.vertices,
+                                   sizeof *m->parts.built.vertices, m->parts.built.vertex_count);
+    return ok;
 }
 
 static bool open_bytes(struct mesh *m, struct import_header *header, struct sp_error *err) {
@@ -213,8 +236,7 @@ static void close_mesh(void *reader) {
     struct mesh *m = reader;
     if (m->bridge)
         m->call->close(m->bridge);
-    for (int i = 0; i < m->files; i++)
-        munmap((void *)(uintptr_t)m->bytes[i].start, m->bytes[i].size);
+    unmap(m, 0);
     import_mesh_parts_free(&m->parts);
     free(m);
 }

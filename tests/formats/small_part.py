@@ -258,8 +258,14 @@ def check_far_elements(tool):
                warned='add (1000000000, 0, 0)', origin=[0.5, 5, 7])
     tool.equal(write(tool.path('far.csv'), 'x,y,z\n' + '500000.1,5,7\n' * 3), [[[numpy.nan]]], warned='at one place, (500000', origin=[500000.1, 5, 7])
     tool.equal(write(tool.path('far.csv'), 'x,y,z\n' + '\n'.join(f'{500000 + i},5,7' for i in range(11))), [[[numpy.nan]]], warned='', origin=[500005, 5, 7])
-    mesh = ''.join(f'v {500000.123 + x:.4f} {5400000.5 + y:.4f} {z:.4f}\n' for x, y, z in grid) + ''.join(f'f {a + 1} {b + 1} {c + 1}\n' for a, b, c in triangles)
-    tool.equal(write(tool.path('far.obj'), mesh), [[[numpy.nan]]], warned='rounded to steps of about 0.64')
+    wanted = {'warned': 'moved by (-500000, -5400000, -100)', 'spacing': [0.05, 0.08, 0.2], 'origin': [0.148, 0.54, 0.1]}
+    mesh = ''.join(f'v {500000.123 + x:.4f} {5400000.5 + y:.4f} {100 + z:.4f} 1 0 0\r\n' for x, y, z in grid) + ''.join(f'f {a + 1} {b + 1} {c + 1}\n' for a, b, c in triangles)
+    tool.equal(write(tool.path('far.obj'), mesh), [[[numpy.nan]]], **wanted)
+    facets = ''.join('facet normal 0 0 1\n outer loop\n' + ''.join('  vertex {:.4f} {:.4f} {:.4f}\n'.format(*(grid[k] + [500000.123, 5400000.5, 100]))
+                                                                for k in t) + ' endloop\nendfacet\n' for t in triangles)
+    tool.equal(write(tool.path('far.stl'), f'solid far\n{facets}endsolid far\n'), [[[numpy.nan]]], **wanted)
+    raw = b''.join(struct.pack('<12fH', 0, 0, 1, *(grid[list(t)] + [500000.123, 5400000.5, 100]).ravel(), 0) for t in triangles)
+    tool.equal(write(tool.path('far.stl'), bytes(80) + struct.pack('<I', len(triangles)), raw), [[[numpy.nan]]], warned='rounded to steps of about 0.64')
 
 
 def check(tool):
