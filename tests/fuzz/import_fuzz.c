@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "import/elements.h"
+#include "import/shift.h"
 #include "import/vectors.h"
 #include "volume/elements.h"
 #include "volume/volume.h"
@@ -69,8 +70,13 @@ static void read_elements(const struct import_format *format, const struct impor
         return;
     memset(memory, 0, sp_elements_bytes(&header->elements));
     const struct sp_elements elements = sp_elements_at(&header->elements, memory);
-    bool ok = format->read_elements(reader, &elements, &progress, &err) &&
-              import_elements_finish(file, header, &elements, &progress, &folded, &err);
+    const size_t count = elements.triangles ? elements.shape.vertex_count : elements.shape.count;
+    bool ok = format->read_elements(reader, &elements, &progress, &err);
+    while (ok &&
+           import_shift_find(file->shift, elements.positions, sizeof *elements.positions, count))
+        ok = format->read_elements(reader, &elements, &progress, &err);
+    import_shift_warn(file);
+    ok = ok && import_elements_finish(file, header, &elements, &progress, &folded, &err);
     if (!ok && err.code == SP_OK)
         abort();
     free(memory);
@@ -98,6 +104,7 @@ int fuzz_import(const struct import_format *format, const char *shown, const uin
     if (fd < 0 || write(fd, data, size) != (ssize_t)size || lseek(fd, 0, SEEK_SET) != 0)
         abort();
     struct import_warnings warnings = { .count = 0 };
+    struct import_shift shift = { .is_found = false };
     const struct import_file file = { .fd = fd,
                                       .size = size,
                                       .shown = shown,
@@ -108,6 +115,7 @@ int fuzz_import(const struct import_format *format, const char *shown, const uin
                                       .pattern = "",
                                       .selection = { .series = "", .unit = "" },
                                       .step = size % 8 == 7,
+                                      .shift = &shift,
                                       .warnings = &warnings };
     struct import_header header = { .bytes = 0 };
     struct sp_error err = { .code = SP_OK };

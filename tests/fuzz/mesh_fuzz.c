@@ -9,6 +9,7 @@
 
 #include "import/mesh_builder.h"
 #include "import/mesh_check.h"
+#include "import/mesh_text.h"
 #include "import/tubes.h"
 
 enum { POINTS_MAX = 24 };
@@ -89,8 +90,19 @@ static void check(const uint8_t *data, size_t size) {
     import_gltf_check(&file, &(struct mesh_bytes){ data, size }, &is_empty, &err);
 }
 
+static void move(const uint8_t *data, size_t size, const char *word) {
+    struct import_shift shift = { .offset = { 1e6, -1e300, 0.1 } };
+    struct mesh_bytes moved;
+    char *text;
+    if (!import_mesh_text_move(&(struct mesh_bytes){ data, size }, word, &shift, &text, &moved))
+        abort();
+    free(text);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     check(data, size);
+    move(data, size, "v");
+    move(data, size, "vertex");
     struct import_mesh_builder builder = { .vertices = NULL };
     add(&builder, data, size);
     import_mesh_free(&builder);
