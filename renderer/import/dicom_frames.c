@@ -52,7 +52,8 @@ static unsigned find_stacks(const struct dicom_slices *slices, struct stack *sta
 /* Keeps the largest stack, and says which ones are left out. */
 static void keep_stack(struct dicom_slices *slices, const struct dicom_source *source) {
     struct stack stacks[STACKS_MAX];
-    char others[SP_WARNING_BYTES] = "";
+    char others[140] = "";
+    struct import_list list;
     const unsigned count = find_stacks(slices, stacks);
     const uint32_t all = slices->count;
     unsigned best = 0;
@@ -61,19 +62,21 @@ static void keep_stack(struct dicom_slices *slices, const struct dicom_source *s
     for (unsigned n = 1; n < count; n++)
         if (stacks[n].count > stacks[best].count)
             best = n;
+    import_list_begin(&list, others, sizeof others);
     for (unsigned n = 0; n < count; n++) {
-        const size_t used = strlen(others);
         const char *name = stacks[n].first->stack;
+        char one[64];
+        snprintf(one, sizeof one, "%s%.20s%s%u from frame %u on", *name ? "stack " : "", name,
+                 *name ? ": " : "", stacks[n].count, stacks[n].number);
         if (n != best)
-            snprintf(others + used, sizeof others - used, "%s%s%.20s%s%u from frame %u on",
-                     used ? ", " : "", *name ? "stack " : "", name, *name ? ": " : "",
-                     stacks[n].count, stacks[n].number);
+            import_list_add(&list, list.used ? ", " : "", one);
     }
+    import_list_end(&list);
     const struct dicom_frame kept = *stacks[best].first;
     dicom_slices_keep(slices, is_in_stack, &kept);
     if (slices->count < all)
         import_warn(source->file->warnings,
-                    "Left out %u frames of other stacks, directions or spacings (%.120s); the "
+                    "Left out %u frames of other stacks, directions or spacings (%s); the "
                     "largest stack is shown.",
                     all - slices->count, others);
 }

@@ -250,18 +250,19 @@ static bool is_one_file(const struct dicom_slices *slices) {
 static void warn_of_fields(const struct dicom_slices *slices, const struct dicom_source *source,
                            char names[FIELDS_MAX][SP_FIELD_BYTES], unsigned count,
                            unsigned chosen) {
-    char list[LIST] = "";
+    char text[LIST] = "";
+    struct import_list list;
     if (is_one_file(slices))
         return;
-    for (unsigned n = 0; n < count; n++) {
-        const size_t used = strlen(list);
-        if (n != chosen && used + strlen(names[n]) + 8 < sizeof list)
-            snprintf(list + used, sizeof list - used, "%s%s", used ? ", " : "", names[n]);
-    }
+    import_list_begin(&list, text, sizeof text);
+    for (unsigned n = 0; n < count; n++)
+        if (n != chosen)
+            import_list_add(&list, list.used ? ", " : "", names[n]);
+    import_list_end(&list);
     import_warn(source->file->warnings,
                 "The images of one place differ: \"%s\" is shown, %s left out (%s). ?field= "
                 "chooses.",
-                names[chosen], count > 2 ? "others are" : "another is", list);
+                names[chosen], count > 2 ? "others are" : "another is", text);
 }
 
 /* The field with the most slices; of equal ones, and of segments, the first. */
