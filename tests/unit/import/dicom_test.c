@@ -135,9 +135,12 @@ static void slices_of_one_place_are_time_steps(void **state) {
         check_slice(volume, 1, 3 - (int)step, -24);
         sp_volume_unref(&volume);
     }
-    remove(in_folder("t3.dcm")); /* one place has two slices, the other one has one */
-    load_error("t0.dcm", SP_ERR_UNSUPPORTED, "t0.dcm", "belongs to times that lack places");
-    struct sp_volume *volume = load("t1.dcm");
+    remove(in_folder("t3.dcm"));               /* one place has two slices, the other one has one */
+    struct sp_volume *volume = load("t0.dcm"); /* the image that is opened stays: its place does */
+    assert_int_equal(sp_volume_info(volume)->steps.count, 2);
+    assert_int_equal(sp_volume_info(volume)->grid.dims[2], 1);
+    sp_volume_unref(&volume);
+    volume = load("t1.dcm");
     assert_int_equal(sp_volume_info(volume)->steps.count, 1);
     assert_int_equal(sp_volume_info(volume)->grid.dims[2], 2);
     assert_string_equal(sp_volume_info(volume)->warnings[2],
