@@ -16,7 +16,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -180,10 +179,10 @@ static bool open_as_file(struct folder *f, const struct import_file *folder, con
 /* Data sets of N5, and groups of them, have attributes.json. Its first bytes are enough. */
 static bool refuse_n5(const struct import_file *folder, struct sp_error *err) {
     char text[IMPORT_START_BYTES + 1];
-    const size_t size = read_start(folder, "attributes.json", (uint8_t *)text), n = strlen(".n5");
-    const char *shown = folder->shown;
+    const size_t size = read_start(folder, "attributes.json", (uint8_t *)text);
+    const char *shown = folder->shown, *at = strstr(shown, ".n5");
     text[size] = 0;
-    const bool is_named = strlen(shown) > n && strcasecmp(shown + strlen(shown) - n, ".n5") == 0;
+    const bool is_named = at && (at[3] == 0 || at[3] == '/'); /* or inside of one */
     return !(is_named || strstr(text, "\"blockSize\"") || strstr(text, "\"n5\"")) ||
            sp_fail(err, SP_ERR_UNSUPPORTED, shown,
                    "this is a folder of N5, which is not read; convert it to OME-Zarr or TIFF, "

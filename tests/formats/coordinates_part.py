@@ -193,11 +193,12 @@ def check_levels(tool):
         file.write(text)
         file.truncate()
     tool.equal(os.path.join(path, paths[0]), data, spacing=[1, 1, 1], warned='the spacing is unknown')
-    for name, attributes in (('n5', {'n5': '2.5.1'}), ('n5/s0', {'dimensions': [8, 6, 4], 'blockSize': [8, 6, 4], 'dataType': 'uint16'})):
+    for name, attributes in (('a.n5', {'n5': '2.5.1'}), ('a.n5/s0', {'dimensions': [8, 6, 4], 'blockSize': [8, 6, 4], 'dataType': 'uint16'})):
         os.makedirs(os.path.join(tool.path(name), '0'))
         with open(os.path.join(tool.path(name), 'attributes.json'), 'w', encoding='utf-8') as file:
             json.dump(attributes, file)
-        tool.refused(tool.path(name), 'a folder of N5', 'convert it to OME-Zarr or TIFF')
+        for source in (tool.path(name), os.path.join(tool.path(name), '0')):
+            tool.refused(source, 'a folder of N5', 'convert it to OME-Zarr or TIFF')
 
 
 def check(tool):
