@@ -5,7 +5,10 @@ import { t } from './text.js';
 const VIDEO = new Set(['vp8', 'vp9', 'h264', 'av1']);
 const REASONS = {
   quality: () => t('policy.quality'),
-  bandwidth: ({ moving, final }) => t(VIDEO.has(moving.format) && !isSmaller(moving, final) ? 'policy.bandwidth.video' : 'policy.bandwidth'),
+  bandwidth: ({ moving, final }) => {
+    const isSharp = VIDEO.has(moving.format) && !isSmaller(moving, final);
+    return t(isSharp ? 'policy.bandwidth.video' : 'policy.bandwidth');
+  },
   time: ({ sharp_ms: sharp, budget_ms: budget }) =>
     (Number.isFinite(sharp) && Number.isFinite(budget)
       ? t('policy.time', { sharp: Math.round(sharp), budget: Math.round(budget) }) : t('policy.time.long')),
