@@ -337,7 +337,7 @@ static bool take_dims(const struct arrays *a, struct import_header *header, stru
     return true;
 }
 
-/* Coordinates of two dimensions, such as those of a curvilinear grid, give no place. */
+/* Coordinates with two dimensions, as of a curvilinear grid, do not place the samples. */
 static void warn_of_curves(const struct arrays *a) {
     struct array_info info;
     char text[512], *left = NULL;

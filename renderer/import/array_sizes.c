@@ -59,7 +59,7 @@ void arrays_take_tags(struct arrays *a) {
     json_decref(tags);
 }
 
-/* Attributes that hold the size of a voxel, and the unit that their names tell. */
+/* Attributes with the size of a voxel. Some have the unit in their names. */
 static const struct size_name {
     const char *name, *unit;
 } names[] = {
@@ -147,6 +147,6 @@ void arrays_take_sizes(struct arrays *a, struct import_header *header) {
     take_unit(a, from, owner, header);
     if (!from->unit)
         import_warn(a->file->warnings,
-                    "The spacing is that of the attribute %s, in the order of the dimensions%s.",
+                    "The attribute %s gives the spacing, in the order of the dimensions%s.",
                     from->name, header->unit[0] ? "" : "; the file does not tell its unit");
 }

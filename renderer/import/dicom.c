@@ -103,8 +103,9 @@ static bool take_values(struct dicom *d, struct import_header *header, bool *is_
     for (uint32_t i = 0; i < d->slices.count; i++) {
         struct dicom_slice *s = &d->slices.items[i];
         if (!isfinite(s->is.slope) || !isfinite(s->is.intercept))
-            return dicom_fail(&d->source, SP_ERR_FORMAT, s->name,
-                              "the rescale slope or intercept is no number", err);
+            return dicom_fail(
+                &d->source, SP_ERR_FORMAT, s->name,
+                "RescaleSlope or RescaleIntercept is not a number; correct it in the file", err);
         if (s->is.slope == 0) {
             has_zero = true;
             s->is.slope = 1;

@@ -221,7 +221,7 @@ def check_sizes(tool):
             file['falling'].dims[d].attach_scale(file['scales/' + name])
             file['scaled'].dims[d].attach_scale(file['scales/' + ('d' if d == 0 else name)])
             file['scaled'].dims[d].label = label
-    note = 'The spacing is that of the attribute {}, in the order of the dimensions{}.'
+    note = 'The attribute {} gives the spacing, in the order of the dimensions{}.'
     layout = 'the size of a voxel as an attribute (element_size_um, spacing, voxel_size, pixel_size, resolution)'
     tool.layout('HDF5', layout, f'{path}:/stack 2', ramp((2, 4, 5, 6), 'u1')[1], spacing=[0.5, 2, 3], unit='um', warnings=[])
     tool.layout('HDF5', layout, f'{path}:/spacing', data, spacing=[0.5, 2, 3], unit='',
