@@ -17,6 +17,7 @@ export class Companion extends Emitter {
   #view;
   #drawn = { seq: 0, isFinal: false, count: 0 };
   #timer = null;
+  #isBehind = false; // a view of the daemon was not taken, because changes were on their way
   #isStopped = false;
 
   /** api: of the page; made: {id, tokens, view}; isGuests: a join token made it; canvas: where it draws. */
@@ -32,7 +33,7 @@ export class Companion extends Emitter {
     this.#updates = new UpdateQueue({
       send: (params) => this.#connection.call('view.update', params),
       schedule: nextFrame, now: () => performance.now(),
-      done: (patch) => patch.volume && this.#reload(),
+      done: (patch) => (patch.volume || (this.#isBehind && this.#updates.isIdle)) && this.#reload(),
       fail: (error) => this.emit('failed', error),
     });
     this.#order = new FrameOrder({
@@ -94,7 +95,8 @@ export class Companion extends Emitter {
   async #reload() {
     try {
       const { view } = await this.#connection.call('view.get');
-      if (!this.#updates.isIdle) return;
+      this.#isBehind = !this.#updates.isIdle; // then again when the changes on their way have arrived
+      if (this.#isBehind) return;
       this.#view = view;
       this.emit('view');
     } catch { /* the stream reports a lost daemon */ }

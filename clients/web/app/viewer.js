@@ -31,7 +31,7 @@ export class Viewer extends Emitter {
   #home = null; // {id, camera}: a promise of the default camera of the volume `id`
   #isKnown = false; // the description of the volume
   #part = null; // {key, part} of the newest answer of visiblePart()
-  #isBehind = false; // another participant's change was not taken
+  #isBehind = false; // a view of the daemon was not taken, because changes of this client were on their way
   #isSwitching = false;
   #isRestoring = false; // to a complete view, whose camera stays
   #canControl = true;
@@ -171,6 +171,7 @@ export class Viewer extends Emitter {
       const answer = await this.#connection.call('view.get');
       const view = answer.view ?? answer;
       if (this.updates.isIdle) this.take(view);
+      else this.#isBehind = true; // again when the changes on their way have arrived
     } catch (error) {
       if (this.#connection.isLive) this.emit('refused', error);
     }
