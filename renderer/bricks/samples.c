@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "volume/bins.h"
+
 static inline size_t row_at(const struct sp_brick_view *v, uint32_t y, uint32_t z) {
     return ((v->first[2] + z) * v->height + v->first[1] + y) * v->width + v->first[0];
 }
@@ -196,20 +198,16 @@ double sp_brick_longest(const float (*vectors)[3], size_t count) {
     return sqrt(longest);
 }
 
-/* The bins of volume/measure.c, to the bit. Halves, because the span may overflow. */
 #define COUNT(element)                                                                             \
     for (size_t i = 0; i < count; i++) {                                                           \
-        double value = (double)((const element *)samples)[i];                                      \
-        if (!isfinite(value))                                                                      \
-            continue;                                                                              \
-        double bin = (value * 0.5 - half_low) / half_span * SP_HISTOGRAM_BINS;                     \
-        histogram[bin > 0 ? bin < SP_HISTOGRAM_BINS - 1 ? (int)bin : SP_HISTOGRAM_BINS - 1 : 0]++; \
+        const double value = (double)((const element *)samples)[i];                                \
+        if (isfinite(value))                                                                       \
+            histogram[sp_bin_of(&bins, value)]++;                                                  \
     }
 
 void sp_brick_count_values(const void *samples, enum sp_type type, size_t count,
                            const double range[2], uint64_t histogram[SP_HISTOGRAM_BINS]) {
-    const double half_low = range[0] * 0.5, half = range[1] * 0.5 - half_low;
-    const double half_span = half > 0 ? half : INFINITY; /* one value: all in the first bin */
+    const struct sp_bins bins = sp_bins_between(range[0], range[1], SP_HISTOGRAM_BINS);
     switch (type) {
     case SP_UINT8:
         COUNT(uint8_t)

@@ -5,6 +5,7 @@
 
 #include "classify/gradient.h"
 #include "sp/histogram.h"
+#include "volume/bins.h"
 #include "volume/sample.h"
 
 /* Mixes the bits of a counter (the finaliser of SplitMix64, Steele et al. 2014). */
@@ -27,12 +28,6 @@ static double magnitude_at(const struct sp_gradient_grid *grid, uint64_t at) {
     double g[3];
     sp_gradient_at(grid, i, g);
     return sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]) / grid->scale;
-}
-
-/* Returns the bin of the share `t` in [0, 1] of an axis. */
-static unsigned bin_of(double t, unsigned bins) {
-    unsigned bin = t > 0 ? (unsigned)(t * bins) : 0;
-    return bin < bins ? bin : bins - 1;
 }
 
 bool sp_joint_histogram_count(const struct sp_volume *volume, struct sp_joint_histogram *h,
@@ -59,14 +54,13 @@ bool sp_joint_histogram_count(const struct sp_volume *volume, struct sp_joint_hi
     }
     if (!(h->gradients[1] > 0))
         h->gradients[1] = 1;
-    double low = h->values[0] * 0.5, half_span = h->values[1] * 0.5 - low;
+    const struct sp_bins values = sp_bins_between(h->values[0], h->values[1], SP_JOINT_VALUES);
+    const struct sp_bins gradients = sp_bins_between(0, h->gradients[1], SP_JOINT_GRADIENTS);
     for (uint64_t p = 0; p < parts; p++) {
         if (!isfinite(magnitudes[p]))
             continue;
-        double value = sp_sample(voxels, info->type, sample_of_part(p, parts, count));
-        double t = half_span > 0 ? (value * 0.5 - low) / half_span : 0;
-        h->counts[bin_of(magnitudes[p] / h->gradients[1], SP_JOINT_GRADIENTS)]
-                 [bin_of(t, SP_JOINT_VALUES)]++;
+        const double value = sp_sample(voxels, info->type, sample_of_part(p, parts, count));
+        h->counts[sp_bin_of(&gradients, magnitudes[p])][sp_bin_of(&values, value)]++;
         h->samples++;
     }
     free(magnitudes);

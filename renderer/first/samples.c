@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "volume/bins.h"
 #include "volume/grid.h"
 #include "volume/sample.h"
 
@@ -59,12 +60,11 @@ static void read_values(const struct sp_first_samples *s, const void *voxels, do
 static uint64_t count_fine(const double *values, size_t n, double low, double high, double common,
                            uint64_t fine[FINE_BINS]) {
     uint64_t total = 0;
-    double scale = FINE_BINS / (high - low);
+    const struct sp_bins bins = sp_bins_between(low, high, FINE_BINS);
     memset(fine, 0, FINE_BINS * sizeof *fine);
     for (size_t i = 0; i < n; i++)
         if (values[i] >= low && values[i] <= high && values[i] != common) {
-            int bin = (int)((values[i] - low) * scale);
-            fine[bin < FINE_BINS ? bin : FINE_BINS - 1]++;
+            fine[sp_bin_of(&bins, values[i])]++;
             total++;
         }
     return total;

@@ -6,6 +6,7 @@
 
 #include "base/vec.h"
 #include "measure/statistics.h"
+#include "volume/bins.h"
 #include "volume/grid.h"
 #include "volume/interpolate.h"
 #include "volume/sample.h"
@@ -232,15 +233,11 @@ static void add_to_sums(void *user, const struct sp_run *run) {
 
 static void add_to_histogram(void *user, const struct sp_run *run) {
     struct sp_measure_result *result = user;
-    const double low = result->statistics.min * 0.5; /* halves: the span may overflow */
-    const double span = result->statistics.max * 0.5 - low;
-    const double scale = span > 0 ? SP_MEASURE_BINS / span : 0;
-    for (unsigned i = 0; i < run->count; i++) {
-        if (!isfinite(run->values[i]))
-            continue;
-        const double place = fmin((run->values[i] * 0.5 - low) * scale, SP_MEASURE_BINS - 1);
-        result->histogram[(int)place]++;
-    }
+    const struct sp_bins bins =
+        sp_bins_between(result->statistics.min, result->statistics.max, SP_MEASURE_BINS);
+    for (unsigned i = 0; i < run->count; i++)
+        if (isfinite(run->values[i]))
+            result->histogram[sp_bin_of(&bins, run->values[i])]++;
 }
 
 static double samples_of(const struct lattice *l) {

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "base/parallel_for.h"
+#include "volume/bins.h"
 #include "volume/missing.h"
 #include "volume/sample.h"
 #include "volume/volume.h"
@@ -96,17 +97,14 @@ static void find_range(void *user, size_t begin, size_t end, unsigned worker) {
 static void fill_bins(void *user, size_t begin, size_t end, unsigned worker) {
     const struct measure *m = user;
     uint64_t *bins = m->partials[worker].bins;
-    /* Half: the span of float64 may overflow. */
-    double run[RUN], half_low = m->low * 0.5, half_span = m->high * 0.5 - half_low;
+    const struct sp_bins range = sp_bins_between(m->low, m->high, SP_HISTOGRAM_BINS);
+    double run[RUN];
     for (size_t at = begin; at < end; at += RUN) {
         size_t n = end - at < RUN ? end - at : RUN;
         sp_samples_widen(m->voxels, m->type, at, n, run);
-        for (size_t i = 0; i < n; i++) {
-            if (!(run[i] >= m->low && run[i] <= m->high))
-                continue;
-            int bin = (int)((run[i] * 0.5 - half_low) / half_span * SP_HISTOGRAM_BINS);
-            bins[bin < SP_HISTOGRAM_BINS ? bin : SP_HISTOGRAM_BINS - 1]++;
-        }
+        for (size_t i = 0; i < n; i++)
+            if (run[i] >= m->low && run[i] <= m->high)
+                bins[sp_bin_of(&range, run[i])]++;
     }
 }
 

@@ -17,6 +17,7 @@
 #include "splat/camera.h"
 #include "support/compare.h"
 #include "volume/anatomy.h"
+#include "volume/sample.h"
 #include "volume/volume.h"
 
 typedef double value_at(double x, double y, double z);
@@ -42,12 +43,9 @@ static struct sp_volume *make_field(const uint32_t dims[3], enum sp_type type, c
     memcpy(info.anatomy, anatomy, strlen(anatomy) + 1);
     memcpy(info.others[0], other, strlen(other) + 1);
     for (size_t i = 0; i < count; i++) {
-        double v = value((double)(i % dims[0]), (double)(i / dims[0] % dims[1]),
-                         (double)(i / dims[0] / dims[1]));
-        if (type == SP_FLOAT32)
-            ((float *)voxels)[i] = (float)v;
-        else
-            ((uint8_t *)voxels)[i] = (uint8_t)v;
+        const double v = value((double)(i % dims[0]), (double)(i / dims[0] % dims[1]),
+                               (double)(i / dims[0] / dims[1]));
+        sp_sample_set(voxels, type, i, v);
     }
     struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, capacity, release, NULL);
     assert_non_null(volume);
@@ -446,6 +444,28 @@ static void one_value_beside_padding_is_a_range(void **state) {
     sp_volume_unref(&volume);
 }
 
+static double tiny(double x, double y, double z) {
+    return ball(x, y, z) * 1e-308;
+}
+
+static double tiniest(double x, double y, double z) {
+    return ball(x, y, z) > 2 ? 5e-324 : 0;
+}
+
+/* Ranges whose inverse is no number. */
+static void tiny_ranges_have_a_view(void **state) {
+    (void)state;
+    static value_at *const values[] = { tiny, tiniest };
+    for (size_t i = 0; i < sizeof values / sizeof values[0]; i++) {
+        struct sp_volume *volume =
+            make((const uint32_t[3]){ 48, 48, 48 }, SP_FLOAT64, "", values[i]);
+        const struct sp_view view = choose(volume);
+        for (uint32_t p = 0; p < view.transfer_function.point_count; p++)
+            assert_true(isfinite(view.transfer_function.points[p].value));
+        sp_volume_unref(&volume);
+    }
+}
+
 static void volumes_without_contrast_keep_the_plain_default(void **state) {
     (void)state;
     static value_at *const values[] = { constant, nothing };
@@ -509,6 +529,7 @@ int main(void) {
         cmocka_unit_test(a_shell_does_not_hide_what_is_inside),
         cmocka_unit_test(wild_and_missing_values_do_not_count),
         cmocka_unit_test(one_value_beside_padding_is_a_range),
+        cmocka_unit_test(tiny_ranges_have_a_view),
         cmocka_unit_test(volumes_without_contrast_keep_the_plain_default),
         cmocka_unit_test(the_result_is_always_the_same),
     };

@@ -6,12 +6,14 @@
 
 #include <cmocka.h>
 
+#include <float.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "sp/histogram.h"
 #include "support/compare.h"
 #include "volume/volume.h"
 
@@ -179,6 +181,38 @@ static void unusual_contents_have_a_valid_range(void **state) {
     assert_int_equal(info->histogram[248], 1);
     assert_int_equal(info->histogram[255], 1);
     sp_volume_unref(&volume);
+}
+
+/* Ranges that are too small for a quotient: half of the first one is denormal, and workers flush
+ * denormals to zero. */
+static void tiny_ranges_have_a_histogram(void **state) {
+    (void)state;
+    enum { N = 80, COUNT = N * N * N }; /* for several workers, each with one of the values first */
+    const struct sp_grid grid = grid_of(N, N, N);
+    const double ends[] = { 3e-308, 1e-306, 1e-310, 5e-324 };
+    double *samples = malloc(COUNT * sizeof *samples);
+    assert_non_null(samples);
+    for (size_t e = 0; e < sizeof ends / sizeof ends[0]; e++)
+        for (int is_low = 0; is_low < 2; is_low++) {
+            for (int i = 0; i < COUNT; i++)
+                samples[i] = (i < COUNT / 2) == is_low ? 0 : ends[e];
+            struct sp_error err;
+            struct sp_volume *volume = sp_volume_create(&grid, SP_FLOAT64, samples, "tiny", &err);
+            assert_non_null(volume);
+            const struct sp_volume_info *info = sp_volume_info(volume);
+            uint64_t total = 0;
+            for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
+                total += info->histogram[b];
+            assert_int_equal(total, COUNT);
+            if (ends[e] > DBL_MIN) {
+                assert_int_equal(info->histogram[0], COUNT / 2);
+                assert_int_equal(info->histogram[255], COUNT / 2);
+            }
+            struct sp_joint_histogram joint;
+            assert_true(sp_joint_histogram_count(volume, &joint, &err));
+            sp_volume_unref(&volume);
+        }
+    free(samples);
 }
 
 static void bad_grids_are_refused(void **state) {
@@ -398,6 +432,7 @@ int main(void) {
         cmocka_unit_test(samples_are_copied_and_described),
         cmocka_unit_test(histograms_follow_their_definition),
         cmocka_unit_test(unusual_contents_have_a_valid_range),
+        cmocka_unit_test(tiny_ranges_have_a_histogram),
         cmocka_unit_test(bad_grids_are_refused),
         cmocka_unit_test(the_volume_copies_its_coordinates),
         cmocka_unit_test(coordinates_give_the_positions_of_samples),
