@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -183,7 +184,7 @@ static uint32_t sort_blocks(struct preparation *p, uint32_t *starts) {
             low = fminf(low, p->records[b].depth);
             high = fmaxf(high, p->records[b].depth);
         }
-    float scale = high > low ? (DEPTH_RANGES - 1) / (high - low) : 0;
+    const float scale = high > low ? fminf((DEPTH_RANGES - 1) / (high - low), FLT_MAX) : 0;
     memset(starts, 0, (DEPTH_RANGES + 1) * sizeof *starts);
     for (uint32_t b = 0; b < count; b++)
         if (p->records[b].x1 > p->records[b].x0)
