@@ -105,7 +105,8 @@ static void on_durable(void *user, bool durable) {
 
 void srv_request_reply_when_durable(struct srv_request *request) {
     struct srv_store *store = request->app->store;
-    srv_request_suspend(request);
+    if (!request->is_suspended)
+        srv_request_suspend(request);
     /* From here on the request may be answered, and gone, at any moment. */
     srv_store_flush(store, on_durable, request);
 }

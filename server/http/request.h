@@ -77,9 +77,9 @@ proto_json *srv_request_json(const struct srv_request *request, struct srv_reply
  * finishes the work fills request->reply, touches nothing else, and calls complete once. */
 void srv_request_suspend(struct srv_request *request);
 void srv_request_complete(struct srv_request *request);
-/* Replaces both, as the last call of a handler that has filled its reply: sends the answer once the
- * changes of the store are on disk. The header X-Durable is "no" if they are only in memory (no
- * --state, or a full disk). */
+/* Replaces both, or complete if the request is suspended, as the last call of whoever has filled
+ * the reply: sends the answer once the changes of the store and of sessions are on disk. The header
+ * X-Durable is "no" if they are only in memory (no --state, or a full disk). */
 void srv_request_reply_when_durable(struct srv_request *request);
 /* Reserves memory (snapshot_memory.h) and quota (tokens.h) for a snapshot, until
  * srv_request_end_snapshot() or the end of the request. False: *err names the limit or quota that

@@ -288,7 +288,8 @@ static void reply_change_error(struct sp_error *err, struct srv_reply *reply) {
     srv_reply_error(reply, err);
 }
 
-/* Puts the measurement of the body into the session `session`; `id` NULL = a new one. */
+/* Puts the measurement of the body into the session `session`; `id` NULL = a new one. Fills the
+ * reply. */
 static void put(struct srv_request *request, const char *session, const char *id,
                 enum srv_measure_change change, struct srv_reply *reply) {
     static const char *const known[] = {
@@ -330,7 +331,10 @@ static void run_put(struct srv_work *work) {
     if (may_begin(request))
         put(request, waiting->session, waiting->id, waiting->change, &request->reply);
     free(waiting);
-    srv_request_complete(request);
+    if (request->reply.status < 300)
+        srv_request_reply_when_durable(request);
+    else
+        srv_request_complete(request);
 }
 
 /* True if the body may give the place of a part or a path: only the session knows the kind of a
@@ -354,6 +358,8 @@ static void put_in_turn(struct srv_request *request, const char *session, const 
                         enum srv_measure_change change, struct srv_reply *reply) {
     if (!may_be_slow(request)) {
         put(request, session, id, change, reply);
+        if (reply->status < 300)
+            srv_request_reply_when_durable(request);
         return;
     }
     struct put_request *waiting = malloc(sizeof *waiting);
@@ -390,8 +396,10 @@ void srv_patch_session_measure(struct srv_request *request, struct srv_reply *re
 void srv_delete_session_measure(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     const char *id = split(request);
-    if (srv_hub_measure_remove(request->app->hub, request->param, id, srv_clock_ms(), &err))
-        reply->status = 204;
-    else
+    if (!srv_hub_measure_remove(request->app->hub, request->param, id, srv_clock_ms(), &err)) {
         reply_change_error(&err, reply);
+        return;
+    }
+    reply->status = 204;
+    srv_request_reply_when_durable(request);
 }

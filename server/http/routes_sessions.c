@@ -263,6 +263,8 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
         }
     }
     proto_json_free(&body);
+    if (reply->status == 200)
+        srv_request_reply_when_durable(request);
 }
 
 void srv_reply_for_session(struct srv_request *request, srv_volume_reply *answer,

@@ -8,6 +8,7 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
@@ -230,6 +231,37 @@ static bool read_json(struct srv_request *request, struct wanted *wanted, struct
     return ok;
 }
 
+/* An answer that waits for the disk thread. */
+struct sync {
+    struct srv_work work; /* first: it is this struct */
+    struct srv_request *request;
+    struct srv_upload_info info;
+};
+
+static void run_sync(struct srv_work *work) {
+    struct sync *sync = (struct sync *)work;
+    struct srv_request *request = sync->request;
+    struct srv_uploads *uploads = request->app->uploads;
+    const bool is_new = request->reply.status == 201;
+    const bool is_durable = is_new ? srv_uploads_sync(uploads, &sync->info)
+                                   : srv_uploads_sync_removal(uploads, sync->info.id);
+    srv_reply_header(&request->reply, "X-Durable", "%s", is_durable ? "yes" : "no");
+    free(sync);
+    srv_request_complete(request);
+}
+
+/* Replies once the upload, or its removal, is on the disk. */
+static void reply_when_synced(struct srv_request *request, const struct srv_upload_info *info) {
+    struct sync *sync = malloc(sizeof *sync);
+    if (!sync) {
+        srv_reply_header(&request->reply, "X-Durable", "no");
+        return;
+    }
+    *sync = (struct sync){ .work = { .run = run_sync }, .request = request, .info = *info };
+    srv_request_suspend(request);
+    srv_work_queue_add(request->app->disk, &sync->work);
+}
+
 void srv_post_upload(struct srv_request *request, struct srv_reply *reply) {
     struct wanted wanted = { .header = "" };
     struct srv_upload_info info;
@@ -263,6 +295,7 @@ void srv_post_upload(struct srv_request *request, struct srv_reply *reply) {
     }
     srv_reply_header(reply, "Location", "uploads/%s", info.id);
     srv_upload_headers(reply, &info);
+    reply_when_synced(request, &info);
 }
 
 void srv_get_upload(struct srv_request *request, struct srv_reply *reply) {
@@ -280,14 +313,18 @@ void srv_get_upload(struct srv_request *request, struct srv_reply *reply) {
 }
 
 void srv_delete_upload(struct srv_request *request, struct srv_reply *reply) {
+    struct srv_upload_info info;
     struct sp_error err;
     if (!check(request, reply))
         return;
-    if (!srv_uploads_remove(request->app->uploads, request->param, srv_request_scope(request),
+    if (!srv_uploads_get(request->app->uploads, request->param, srv_request_scope(request),
+                         srv_clock_ms(), &info, &err) ||
+        !srv_uploads_remove(request->app->uploads, request->param, srv_request_scope(request),
                             &err)) {
         srv_uploads_reply_error(reply, &err);
         return;
     }
     reply->status = 204;
     srv_upload_headers(reply, NULL);
+    reply_when_synced(request, &info);
 }

@@ -151,6 +151,7 @@ static void reply_end(struct srv_upload_body *body, const struct srv_upload_info
     } else {
         reply->status = 204;
         srv_upload_headers(reply, info);
+        srv_reply_header(reply, "X-Durable", "%s", info->is_private ? "no" : "yes");
     }
 }
 

@@ -59,8 +59,37 @@ static char *encode(const struct srv_upload *upload, size_t *size) {
     return text;
 }
 
+/* Syncs a file or a folder. */
+static bool sync_path(const char *path) {
+    int fd = open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
+    bool ok = fd >= 0 && fsync(fd) == 0;
+    if (fd >= 0)
+        close(fd);
+    return ok;
+}
+
+static bool sync_name(const struct srv_uploads *uploads, const char *id, const char *name) {
+    char path[SRV_UPLOAD_PATH_BYTES];
+    path_of(uploads, id, name, path);
+    return sync_path(path);
+}
+
+bool srv_uploads_sync(struct srv_uploads *uploads, const struct srv_upload_info *info) {
+    const char *data = info->header[0] ? info->header : info->id;
+    return !uploads->is_private && sync_name(uploads, info->id, "info") &&
+           sync_name(uploads, data, "files") && sync_name(uploads, info->id, "") &&
+           sync_path(uploads->root);
+}
+
+bool srv_uploads_sync_removal(struct srv_uploads *uploads, const char *id) {
+    char path[SRV_UPLOAD_PATH_BYTES];
+    path_of(uploads, id, "", path);
+    return !uploads->is_private && access(path, F_OK) != 0 && errno == ENOENT &&
+           sync_path(uploads->root);
+}
+
 bool srv_upload_files_save(const struct srv_uploads *uploads, const struct srv_upload *upload,
-                           struct sp_error *err) {
+                           bool syncs, struct sp_error *err) {
     char part[SRV_UPLOAD_PATH_BYTES], path[SRV_UPLOAD_PATH_BYTES];
     size_t size;
     char *text = encode(upload, &size);
@@ -74,8 +103,10 @@ bool srv_upload_files_save(const struct srv_uploads *uploads, const struct srv_u
     bool ok = written == (ssize_t)size;
     if (written >= 0 && !ok)
         errno = ENOSPC;
+    ok = ok && (!syncs || fsync(fd) == 0);
     ok = (fd < 0 || close(fd) == 0) && ok;
-    return (ok && rename(part, path) == 0) || srv_upload_disk_error("record", err);
+    return (ok && rename(part, path) == 0 && (!syncs || sync_name(uploads, upload->id, ""))) ||
+           srv_upload_disk_error("record", err);
 }
 
 bool srv_upload_files_create(const struct srv_uploads *uploads, const struct srv_upload *upload,
@@ -90,7 +121,7 @@ bool srv_upload_files_create(const struct srv_uploads *uploads, const struct srv
     ok = fd >= 0 || srv_upload_disk_error("create", err);
     if (fd >= 0)
         close(fd);
-    ok = ok && srv_upload_files_save(uploads, upload, err);
+    ok = ok && srv_upload_files_save(uploads, upload, false, err);
     if (!ok) {
         srv_upload_files_forget(uploads, upload);
         srv_folder_remove_id(uploads->root, upload->id);

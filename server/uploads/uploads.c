@@ -54,7 +54,8 @@ void srv_upload_describe(const struct srv_uploads *uploads, const struct srv_upl
     double expires_ms = expires_at(uploads, upload);
     *info = (struct srv_upload_info){ .bytes = upload->bytes,
                                       .offset = upload->offset,
-                                      .modified_ms = upload->modified_ms };
+                                      .modified_ms = upload->modified_ms,
+                                      .is_private = uploads->is_private };
     memcpy(info->id, upload->id, sizeof info->id);
     memcpy(info->header, upload->header, sizeof info->header);
     memcpy(info->name, upload->name, sizeof info->name);

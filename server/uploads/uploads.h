@@ -58,6 +58,7 @@ struct srv_upload_info {
     uint64_t bytes, offset;           /* declared; received so far */
     int64_t modified_ms; /* when the client's file changed last, since 1970; 0 = not known */
     double expires_ms;   /* from now; INFINITY = it belongs to a volume */
+    bool is_private;     /* its folder is removed when the daemon ends */
 };
 
 /* Opens the folder, removes what cannot be continued there, and finds the uploads of an earlier
@@ -98,6 +99,11 @@ bool srv_uploads_at(struct srv_uploads *uploads, unsigned i, const char *by, dou
  * SP_ERR_NOT_FOUND, SP_ERR_NOT_READY (it belongs to a volume). */
 bool srv_uploads_remove(struct srv_uploads *uploads, const char *id, const char *by,
                         struct sp_error *err);
+/* True once the upload that srv_uploads_add() has begun is on the disk, also after a crash of the
+ * machine. False for a private folder, and if the disk fails. Wait for the disk, as the next. */
+bool srv_uploads_sync(struct srv_uploads *uploads, const struct srv_upload_info *info);
+/* The same for the removal of an upload. Call it on the disk thread, behind the removal. */
+bool srv_uploads_sync_removal(struct srv_uploads *uploads, const char *id);
 /* Removes expired uploads. */
 void srv_uploads_tick(struct srv_uploads *uploads, double now_ms);
 
@@ -136,7 +142,8 @@ bool srv_upload_begin(struct srv_uploads *uploads, const char *id, const char *b
 bool srv_upload_write(struct srv_upload_writer *writer, const void *bytes, size_t size,
                       double now_ms, struct sp_error *err);
 /* Ends writing, always. `keeps` false: the bytes of an atomic writer do not count. Waits for the
- * disk. Writes the state of the upload to *info. Errors as above. */
+ * disk: unless the folder is private, the bytes that count and their number are on it afterwards.
+ * Writes the state of the upload to *info. Errors as above. */
 bool srv_upload_end(struct srv_upload_writer *writer, bool keeps, double now_ms,
                     struct srv_upload_info *info, struct sp_error *err);
 

@@ -64,9 +64,9 @@ void srv_upload_path(const struct srv_uploads *uploads, const struct srv_upload 
 /* Creates the folder with an empty data file and the info. False: nothing is left. */
 bool srv_upload_files_create(const struct srv_uploads *uploads, const struct srv_upload *upload,
                              struct sp_error *err);
-/* Replaces the info. */
+/* Replaces the info. `syncs`: it is on the disk afterwards, else in the cache of the system. */
 bool srv_upload_files_save(const struct srv_uploads *uploads, const struct srv_upload *upload,
-                           struct sp_error *err);
+                           bool syncs, struct sp_error *err);
 /* Reads the info of a folder. False: it cannot be continued. */
 bool srv_upload_files_read(const struct srv_uploads *uploads, const char *id,
                            struct srv_upload *upload);

@@ -137,6 +137,15 @@ static bool open_data(struct srv_upload_writer *writer, const struct srv_upload 
     return writer->fd >= 0 || srv_upload_disk_error("open", err);
 }
 
+/* Records the offset. The bytes before it are on the disk first: after a crash of the machine, too,
+ * no byte counts that is not there. */
+static bool save(const struct srv_upload_writer *writer, const struct srv_upload *upload,
+                 struct sp_error *err) {
+    if (writer->fd >= 0 && !writer->uploads->is_private && fdatasync(writer->fd) != 0)
+        return srv_upload_disk_error("write", err);
+    return srv_upload_files_save(writer->uploads, upload, !writer->uploads->is_private, err);
+}
+
 bool srv_upload_write(struct srv_upload_writer *writer, const void *bytes, size_t size,
                       double now_ms, struct sp_error *err) {
     struct srv_upload upload;
@@ -156,22 +165,17 @@ bool srv_upload_write(struct srv_upload_writer *writer, const void *bytes, size_
         return false;
     bool is_due = before / SAVE_BYTES != writer->position / SAVE_BYTES && !writer->is_atomic;
     if (is_due && !writer->uploads->is_private)
-        srv_upload_files_save(writer->uploads, &upload, NULL); /* only limits what a crash costs */
+        save(writer, &upload, NULL); /* only limits what a crash costs */
     return true;
 }
 
-/* A complete upload is on the disk before the client learns it. */
-static bool complete(const struct srv_upload_writer *writer, const struct srv_upload *upload,
-                     struct sp_error *err) {
-    if (writer->fd >= 0 && !writer->uploads->is_private && fdatasync(writer->fd) != 0)
-        return srv_upload_disk_error("write", err);
+static void log_complete(const struct srv_upload_writer *writer, const struct srv_upload *upload) {
     if (writer->start == upload->bytes)
-        return true; /* an empty request after the end */
+        return; /* an empty request after the end */
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "upload", upload->id }),
                 "upload %s of %s is complete: %s, %" PRIu64 " bytes", upload->id, upload->owner,
                 upload->name, upload->bytes);
     srv_metrics_add(writer->uploads->options.metrics, SRV_COUNT_UPLOAD_COMPLETE, 1);
-    return true;
 }
 
 static bool finish(struct srv_upload_writer *writer, bool keeps, double now_ms,
@@ -185,10 +189,10 @@ static bool finish(struct srv_upload_writer *writer, bool keeps, double now_ms,
                    writer->id);
         writer->position = writer->start;
     }
-    if (!advance(writer, &upload, err) ||
-        (upload.offset == upload.bytes && !complete(writer, &upload, err)) ||
-        !srv_upload_files_save(writer->uploads, &upload, err))
+    if (!advance(writer, &upload, err) || !save(writer, &upload, err))
         return false;
+    if (upload.offset == upload.bytes)
+        log_complete(writer, &upload);
     srv_upload_describe(writer->uploads, &upload, now_ms, info);
     return true;
 }

@@ -23,6 +23,8 @@ failures = 0
 # Statuses that any request may get; 405 belongs to a path.
 EVERYWHERE = {'400', '414', '429', '503'}
 METHODS = {'get', 'post', 'patch', 'delete', 'put', 'options'}
+# Requests that change nothing although their methods could; every other answer to a change says whether it is durable.
+COMPUTES = {'render', 'measure', 'measureSession'}
 
 
 def check(ok, text):
@@ -87,6 +89,8 @@ def check_operations(document):
                 if int(status) >= 400:
                     check(list(answer.get('content', {})) == ['application/problem+json'],
                           f'{name} {status} is not a problem document')
+                if method in METHODS - {'get', 'options'} and int(status) < 300 and operation['operationId'] not in COMPUTES:
+                    check('X-Durable' in answer.get('headers', {}), f'{name} {status} does not say whether the change is durable')
             named = {p for p in re.findall(r'\{(\w+)\}', path)}
             declared = set()
             for p in item.get('parameters', []) + operation.get('parameters', []):
