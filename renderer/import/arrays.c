@@ -4,6 +4,7 @@
  */
 #include "import/array_reader.h"
 
+#include <fcntl.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -235,22 +236,33 @@ static bool look_for_default_fill(struct arrays *a, const struct import_header *
     return true;
 }
 
-/* A file that this one names. The path of an absolute name counts if something is there; otherwise
- * its last part is looked for beside this file, as HDF5 does. */
-static bool find_source(const struct array_place *place, const char *name, char real[PATH_MAX]) {
-    const struct arrays *a = place->user;
-    char path[2 * PATH_MAX];
-    struct sp_error ignored;
+static bool can_open(const char *root, const char *path, char real[PATH_MAX]) {
     uint64_t size;
-    const char *slash = strrchr(name, '/');
-    if (*name == '/' && access(name, F_OK) != 0)
-        name = slash + 1;
-    snprintf(path, sizeof path, "%s%s%s", *name == '/' ? "" : place->folder,
-             *name == '/' ? "" : "/", name);
-    const int fd = sp_open_confined(a->file->root, path, name, real, &size, &ignored);
+    struct sp_error ignored;
+    const int fd = sp_open_confined(root, path, path, real, &size, &ignored);
     if (fd >= 0)
         close(fd);
     return fd >= 0;
+}
+
+/* A file that this one names. HDF5 tries an absolute name first and then its last part, beside this
+ * file. It must not reach a file outside of the root by the first, which Landlock prevents: there
+ * no such file opens, whether it exists or not. */
+static bool find_source(const struct array_place *place, const char *name, char real[PATH_MAX]) {
+    const struct arrays *a = place->user;
+    char path[2 * PATH_MAX];
+    if (*name == '/') {
+        if (can_open(a->file->root, name, real))
+            return true;
+        const int fd = open(name, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+        if (fd >= 0) {
+            close(fd);
+            return false;
+        }
+        name = strrchr(name, '/') + 1;
+    }
+    snprintf(path, sizeof path, "%s/%s", place->folder, name);
+    return can_open(a->file->root, path, real);
 }
 
 static bool take(struct arrays *a, struct import_header *header, struct sp_error *err) {

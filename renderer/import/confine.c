@@ -44,31 +44,143 @@ static bool fail_errno(struct sp_error *err, int error, const char *shown, const
     return sp_fail(err, SP_ERR_IO, shown, "cannot %s: %s", what, strerror(error));
 }
 
-/* Opens `real` folder by folder. A resolved path contains no links; a link found now was created in
- * the meantime and fails with ELOOP. openat2() would need one call, but the seccomp filter cannot
- * check its arguments. */
-static int open_path(const char *root, const char *real) {
-    int fd = open(root, O_PATH | O_DIRECTORY | O_CLOEXEC);
-    const char *name = real + strlen(root);
-    while (fd >= 0 && *name) {
+/* The walk from "/" along a path, which only looks below the root: names above and beside the root
+ * are followed as text. So nothing outside of the root is ever touched, and no answer depends on
+ * what is there. openat2(RESOLVE_BENEATH) would refuse absolute links to places below the root, and
+ * the seccomp filter cannot check its arguments. */
+struct walk {
+    const char *root;
+    char *real;          /* the resolved part of the path; "" = "/" */
+    char left[PATH_MAX]; /* the part to resolve */
+    int fd;              /* of `real` if that is the root or below; -1 = not open */
+    unsigned links;      /* followed */
+};
+
+static bool fail_with(int error) {
+    errno = error;
+    return false;
+}
+
+static bool is_root_or_below(const char *root, const char *real) {
+    return strcmp(root, *real ? real : "/") == 0 || sp_is_below(root, real);
+}
+
+static void leave(struct walk *w) {
+    const int error = errno;
+    if (w->fd >= 0)
+        close(w->fd);
+    w->fd = -1;
+    errno = error;
+}
+
+/* Opens the folder `real`, which the walk has resolved before: a link found now was created in the
+ * meantime. */
+static bool enter(struct walk *w) {
+    const char *name = w->real + (*w->real ? strlen(w->root) : 0);
+    w->fd = open(w->root, O_PATH | O_DIRECTORY | O_CLOEXEC);
+    while (w->fd >= 0 && *name) {
         char part[NAME_MAX + 1];
         name += strspn(name, "/");
-        size_t size = strcspn(name, "/");
-        bool is_last = !name[size];
-        int folder = fd;
-        snprintf(part, sizeof part, "%.*s", (int)size, name);
-        fd = openat(folder, part, O_PATH | O_NOFOLLOW | O_CLOEXEC | (is_last ? 0 : O_DIRECTORY));
-        int error = errno == ENOTDIR ? ELOOP : errno;
-        close(folder);
-        errno = error;
-        name += size;
+        snprintf(part, sizeof part, "%.*s", (int)strcspn(name, "/"), name);
+        name += strcspn(name, "/");
+        const int next = openat(w->fd, part, O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+        leave(w);
+        w->fd = next;
     }
-    return fd;
+    return w->fd >= 0 || fail_with(errno == ENOTDIR || errno == ELOOP ? ESTALE : errno);
+}
+
+/* Puts what a link says before the part to resolve. */
+static bool follow(struct walk *w, int link, const char *rest) {
+    enum { LINKS_MAX = 40 }; /* as Linux */
+    char target[PATH_MAX], left[2 * PATH_MAX];
+    const ssize_t size = readlinkat(link, "", target, sizeof target);
+    if (size < 0)
+        return false;
+    if (++w->links > LINKS_MAX)
+        return fail_with(ELOOP);
+    const int n = snprintf(left, sizeof left, "%.*s%s", (int)size, target, rest);
+    if (n >= PATH_MAX)
+        return fail_with(ENAMETOOLONG);
+    memcpy(w->left, left, (size_t)n + 1);
+    if (target[0] == '/') {
+        w->real[0] = 0;
+        leave(w);
+    }
+    return true;
+}
+
+/* Opens `name` below the root, in the folder `real`. `rest` is the path behind it. */
+static bool step(struct walk *w, const char *name, size_t used, const char *rest) {
+    struct stat st;
+    if (w->fd < 0 && !enter(w))
+        return false;
+    const int fd = openat(w->fd, name, O_PATH | O_NOFOLLOW | O_CLOEXEC);
+    bool ok = fd >= 0 && fstat(fd, &st) == 0;
+    if (ok && S_ISLNK(st.st_mode)) {
+        ok = follow(w, fd, rest);
+    } else if (ok && *rest && !S_ISDIR(st.st_mode)) {
+        ok = fail_with(ENOTDIR);
+    } else if (ok) {
+        leave(w);
+        w->fd = fd;
+        sprintf(w->real + used, "/%s", name);
+        memmove(w->left, rest, strlen(rest) + 1);
+        return true;
+    }
+    const int error = errno;
+    if (fd >= 0)
+        close(fd);
+    errno = error;
+    return ok;
+}
+
+/* Takes the first name of what is left. */
+static bool advance(struct walk *w) {
+    char name[PATH_MAX];
+    const size_t used = strlen(w->real), before = strspn(w->left, "/"),
+                 size = strcspn(w->left + before, "/");
+    const char *rest = w->left + before + size;
+    memcpy(name, w->left + before, size);
+    name[size] = 0;
+    if (used + 1 + size >= PATH_MAX)
+        return fail_with(ENAMETOOLONG);
+    if (strcmp(name, "..") == 0) {
+        char *slash = strrchr(w->real, '/');
+        w->real[slash ? slash - w->real : 0] = 0;
+        leave(w);
+    } else if (size && strcmp(name, ".") != 0) {
+        if (is_root_or_below(w->root, w->real))
+            return step(w, name, used, rest);
+        sprintf(w->real + used, "/%s", name);
+    }
+    memmove(w->left, rest, strlen(rest) + 1);
+    return true;
+}
+
+/* Resolves all of a path. False with errno set; w->fd is open where the path ends at the root
+ * or below. */
+static bool walk(struct walk *w, const char *path) {
+    const bool is_relative = path[0] != '/';
+    w->real[0] = w->left[0] = 0;
+    if (is_relative && !getcwd(w->left, sizeof w->left))
+        return false;
+    const size_t used = strlen(w->left);
+    if (used + is_relative + strlen(path) >= sizeof w->left)
+        return fail_with(ENAMETOOLONG);
+    snprintf(w->left + used, sizeof w->left - used, "%s%s", is_relative ? "/" : "", path);
+    while (*w->left)
+        if (!advance(w))
+            return false;
+    if (is_root_or_below(w->root, w->real) && w->fd < 0 && !enter(w))
+        return false;
+    if (!*w->real)
+        strcpy(w->real, "/");
+    return true;
 }
 
 static const char *kind_name(mode_t mode) {
     return S_ISDIR(mode)    ? "a folder"
-           : S_ISLNK(mode)  ? "now a symbolic link"
            : S_ISFIFO(mode) ? "a pipe"
            : S_ISSOCK(mode) ? "a socket"
            : S_ISCHR(mode)  ? "a character device"
@@ -76,40 +188,27 @@ static const char *kind_name(mode_t mode) {
                             : "not a regular file";
 }
 
-/* A path that names a place below the root, but ends elsewhere, holds a symbolic link. */
-static bool fail_outside(struct sp_error *err, const char *root, const char *path, const char *real,
-                         const char *shown) {
-    if (strcmp(root, real) == 0)
+static bool fail_outside(struct sp_error *err, const struct walk *w, const char *shown) {
+    if (strcmp(w->root, w->real) == 0)
         return sp_fail(err, SP_ERR_DENIED, shown, "is a folder, not a regular file");
-    bool is_link = sp_is_below(root, path) && !strstr(path, "/../");
     return sp_fail(err, SP_ERR_DENIED, shown,
-                   is_link ? "is a symbolic link that leads out of %s" : "lies outside of %s",
-                   root);
+                   w->links ? "is a symbolic link that leads out of %s" : "lies outside of %s",
+                   w->root);
 }
 
 /* Resolves a path and opens what it names without reading it. -1 with *err set. */
 static int open_unread(const char *root, const char *path, const char *shown, char real[PATH_MAX],
                        bool may_be_root, struct stat *st, struct sp_error *err) {
-    if (!realpath(path, real)) {
-        fail_errno(err, errno, shown, "resolve the path");
-        return -1;
-    }
-    if (!sp_is_below(root, real) && !(may_be_root && strcmp(root, real) == 0)) {
-        fail_outside(err, root, path, real, shown);
-        return -1;
-    }
-    int fd = open_path(root, real);
-    if (fd < 0) {
-        if (errno == ELOOP)
-            sp_fail(err, SP_ERR_DENIED, shown, "became a symbolic link while it was opened");
-        else
-            fail_errno(err, errno, shown, "open");
-        return -1;
-    }
-    if (fstat(fd, st) == 0)
-        return fd;
-    fail_errno(err, errno, shown, "look at the file");
-    close(fd);
+    struct walk w = { .root = root, .real = real, .fd = -1 };
+    if (!walk(&w, path))
+        fail_errno(err, errno, shown, "open");
+    else if (!sp_is_below(root, real) && !(may_be_root && strcmp(root, real) == 0))
+        fail_outside(err, &w, shown);
+    else if (fstat(w.fd, st) != 0)
+        fail_errno(err, errno, shown, "look at the file");
+    else
+        return w.fd;
+    leave(&w);
     return -1;
 }
 
@@ -119,7 +218,7 @@ static int open_read(int unread, int flags, const char *shown, struct sp_error *
     snprintf(self, sizeof self, "/proc/self/fd/%d", unread);
     const int fd = open(self, O_RDONLY | O_CLOEXEC | flags);
     if (fd < 0)
-        sp_fail(err, SP_ERR_IO, shown, "cannot open the folder: %s", strerror(errno));
+        sp_fail(err, SP_ERR_IO, shown, "cannot open: %s", strerror(errno));
     close(unread);
     return fd;
 }

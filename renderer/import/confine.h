@@ -13,7 +13,9 @@
 #include "sp/status.h"
 
 /* Opens the regular file `path` for reading if it lies below `root` after every symbolic link is
- * resolved. `root` is absolute and resolved. Never blocks on a FIFO and never opens a device.
+ * resolved. `root` is absolute and resolved. Nothing outside of `root` is looked at: links there
+ * are not followed, and no answer tells what exists there. Never blocks on a FIFO and never opens a
+ * device.
  * Returns a descriptor that closes on exec, or -1 with *err set: SP_ERR_NOT_FOUND, SP_ERR_DENIED
  * (outside the root), SP_ERR_INVALID (not a regular file), SP_ERR_IO. err->place is `shown`. `real`
  * receives the resolved path, *size the file's size in bytes. */

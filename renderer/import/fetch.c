@@ -8,14 +8,11 @@
 #include <curl/curl.h>
 #include <errno.h>
 #include <inttypes.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/mman.h>
-#include <sys/prctl.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
@@ -23,6 +20,7 @@
 #include "import/address.h"
 #include "import/child.h"
 #include "import/remote.h"
+#include "import/sandbox.h"
 
 enum {
     REDIRECTS_MAX = 5,
@@ -35,7 +33,7 @@ enum {
 
 struct fetch {
     const char *base, *allowed;
-    struct sp_address address;
+    struct sp_address address; /* of the current request or redirection */
     CURL *curl;
     char *memory;
     /* Of the current request. */
@@ -116,26 +114,33 @@ static void fail(struct remote_reply *reply, enum sp_code code, const char *text
     snprintf(reply->text, sizeof reply->text, "%s", text);
 }
 
-/* Where an answer redirects to: only to the same host, and not from https to http. */
+static bool refuse_redirect(struct remote_reply *reply, const struct sp_address *to,
+                            const char *why) {
+    char text[SP_ERROR_TEXT];
+    snprintf(text, sizeof text, "the host redirects to %s://%.200s:%u, %s",
+             to->is_secure ? "https" : "http", to->host, to->port, why);
+    fail(reply, SP_ERR_DENIED, text);
+    return false;
+}
+
+/* Where an answer redirects to: only to the same host, not from https to http, and only to a port
+ * that the list allows. The IP address is checked again when it connects. */
 static bool follow(struct fetch *f, char address[SP_ADDRESS_BYTES * 4],
                    struct remote_reply *reply) {
     struct sp_address to;
-    char *location = NULL, text[SP_ERROR_TEXT];
+    char *location = NULL;
     curl_easy_getinfo(f->curl, CURLINFO_REDIRECT_URL, &location);
     if (!location || !sp_address_parse(location, &to, NULL)) {
         fail(reply, SP_ERR_IO, "the host redirects to an address that is not supported");
         return false;
     }
-    const bool is_same = strcasecmp(to.host, f->address.host) == 0 &&
-                         (to.is_secure == f->address.is_secure ? to.port == f->address.port
-                                                               : to.is_secure && to.port == 443);
-    if (!is_same) {
-        snprintf(text, sizeof text,
-                 "the host redirects to %.200s, another host, which is refused; load it from there",
-                 to.host);
-        fail(reply, SP_ERR_DENIED, text);
-        return false;
-    }
+    if (strcasecmp(to.host, f->address.host) != 0)
+        return refuse_redirect(reply, &to, "another host, which is refused; load it from there");
+    if (f->address.is_secure && !to.is_secure)
+        return refuse_redirect(reply, &to, "without encryption, which is refused");
+    if (sp_address_allowed(&to, f->allowed) == SP_NOT_ALLOWED)
+        return refuse_redirect(reply, &to, "a port that --allow-host does not list");
+    f->address = to;
     snprintf(address, SP_ADDRESS_BYTES * 4, "%s", location);
     return true;
 }
@@ -228,8 +233,8 @@ static void serve(struct fetch *f, const struct remote_request *request,
                   struct remote_reply *reply) {
     char address[SP_ADDRESS_BYTES * 4];
     long status;
-    if (!make_address(f, request->key, address) || !request->size ||
-        request->size > REMOTE_WINDOW || request->offset > INT64_MAX / 2) {
+    if (!sp_address_parse(f->base, &f->address, NULL) || !make_address(f, request->key, address) ||
+        !request->size || request->size > REMOTE_WINDOW || request->offset > INT64_MAX / 2) {
         reply->found = REMOTE_MISSING;
         return;
     }
@@ -283,12 +288,17 @@ static bool set_up(struct fetch *f) {
     return f->memory != MAP_FAILED;
 }
 
-/* No files are written, no core dump, and the process ends with its parent. */
-static bool confine(void) {
-    const struct rlimit none = { 0, 0 };
-    return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 &&
-           setrlimit(RLIMIT_CORE, &none) == 0 && dup2(0, 2) == 2 &&
-           (close_range(SP_IMPORT_FILE, ~0u, 0) == 0 || errno == ENOSYS);
+/* Name resolution and TLS read their configuration, certificates and modules; nothing is written.
+ */
+static bool confine(const char *shown) {
+    const char *certificates = getenv("SSL_CERT_FILE");
+    const char *const readable[] = { "/etc",       "/usr",       "/lib",
+                                     "/lib64",     "/nix/store", "/run/systemd/resolve",
+                                     certificates, NULL };
+    const struct import_sandbox sandbox = { .first_fd = SP_IMPORT_FILE,
+                                            .readable = readable,
+                                            .has_network = true };
+    return import_sandbox_enter(&sandbox, shown, NULL);
 }
 
 int main(int argc, char **argv) {
@@ -298,7 +308,8 @@ int main(int argc, char **argv) {
         fprintf(stderr, "splat-fetch is started by splatd; it has no use on its own\n");
         return 2;
     }
-    if (sp_address_allowed(&f.address, f.allowed) == SP_NOT_ALLOWED || !confine() || !set_up(&f))
+    if (sp_address_allowed(&f.address, f.allowed) == SP_NOT_ALLOWED || !confine(f.base) ||
+        !set_up(&f))
         return 1;
     for (;;) {
         const ssize_t n = recv(SP_IMPORT_SOCKET, &request, sizeof request, 0);

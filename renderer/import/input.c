@@ -47,7 +47,10 @@ bool sp_source_host(const char *source, char host[SP_SOURCE_HOST_BYTES], struct 
         return true;
     if (!take_address(source, address, err) || !sp_address_parse(address, &parts, err))
         return false;
-    snprintf(host, SP_SOURCE_HOST_BYTES, "%s:%u", parts.host, parts.port);
+    if (parts.port == 80 || parts.port == 443)
+        snprintf(host, SP_SOURCE_HOST_BYTES, "%s", parts.host);
+    else
+        snprintf(host, SP_SOURCE_HOST_BYTES, "%s:%u", parts.host, parts.port);
     return true;
 }
 
@@ -99,12 +102,12 @@ bool sp_import_input_open(struct sp_import_input *input, const struct sp_import_
     }
     if (place->is_folder) {
         input->fds[0] =
-            sp_open_confined_folder(place->root, place->path, place->path, input->folder, err);
+            sp_open_confined_folder(place->root, place->file, place->path, input->folder, err);
         input->count = 1;
         return input->fds[0] >= 0;
     }
     input->fds[0] =
-        sp_open_confined(place->root, place->path, place->path, input->folder, &size, err);
+        sp_open_confined(place->root, place->file, place->path, input->folder, &size, err);
     input->count = 1;
     if (input->fds[0] < 0)
         return false;

@@ -313,7 +313,7 @@ static int open_bricks(const struct import *im) {
     uint64_t size;
     if (im->place.is_remote)
         return -1;
-    int file = sp_open_confined(im->place.root, im->place.path, im->place.path, real, &size, NULL);
+    int file = sp_open_confined(im->place.root, im->place.file, im->place.path, real, &size, NULL);
     if (file >= 0 && !sp_brick_file_is(file)) {
         close(file);
         file = -1;

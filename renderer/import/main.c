@@ -100,8 +100,10 @@ static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_erro
              one = strtok_r(NULL, ":", &rest))
             readable[n++] = one;
     }
-    bool ok = libraries ? import_sandbox_enter(cpu_seconds, SP_IMPORT_FILE + 1 + job->is_remote,
-                                               readable, job->file.shown, err)
+    const struct import_sandbox sandbox = { .cpu_seconds = cpu_seconds < 1 ? 1 : cpu_seconds,
+                                            .first_fd = SP_IMPORT_FILE + 1 + job->is_remote,
+                                            .readable = readable };
+    bool ok = libraries ? import_sandbox_enter(&sandbox, job->file.shown, err)
                         : sp_fail(err, SP_ERR_MEMORY, job->file.shown, "out of memory");
     free(libraries);
     return ok;

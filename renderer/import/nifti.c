@@ -9,6 +9,7 @@
  *   header ─► nifti_header.c: struct nifti_fields ─► nifti_place.c: grid
  *                                                └► conversion, place of the samples ─► samples.c
  */
+#include <fcntl.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -235,7 +236,7 @@ static bool find_samples(const struct import_file *file, const struct nifti_fiel
         snprintf(beside, sizeof beside, "%.*s%s", stem, name, endings[i]);
         snprintf(path, sizeof path, "%s/%s", file->folder, beside);
         s->encoding = i == 1 ? IMPORT_GZIP : IMPORT_RAW;
-        if (access(path, R_OK) == 0)
+        if (faccessat(AT_FDCWD, path, F_OK, AT_SYMLINK_NOFOLLOW) == 0)
             return import_samples_add(s, beside, strlen(beside)) ||
                    sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
     }
@@ -276,7 +277,7 @@ static void warn_of_analyze(const struct import_file *file) {
         return;
     snprintf(beside, sizeof beside, "%.*s.mat", (int)strlen(name) - 4, name);
     snprintf(path, sizeof path, "%s/%s", file->folder, beside);
-    if (access(path, F_OK) == 0)
+    if (faccessat(AT_FDCWD, path, F_OK, AT_SYMLINK_NOFOLLOW) == 0)
         import_warn(file->warnings,
                     "The place of the volume is in %.100s, which is not read: position and "
                     "orientation are wrong. Save the image as NIfTI with SPM.",

@@ -149,17 +149,16 @@ static void widen_root(struct sp_import_place *p) {
 
 static bool find_root(struct sp_import_place *p, struct sp_error *err) {
     const char *root = p->given_root;
-    if (root) {
-        if (realpath(root, p->root))
-            return true;
-        return sp_fail(err, SP_ERR_IO, root, "cannot resolve this folder: %s", strerror(errno));
-    }
+    if (root)
+        return realpath(root, p->root) ||
+               sp_fail(err, SP_ERR_IO, root, "cannot resolve this folder: %s", strerror(errno));
     /* The folder, or that of the file, after links are resolved. */
     if (!realpath(p->path, p->root)) {
         if (errno == ENOENT || errno == ENOTDIR)
             return sp_fail_missing(err, p->path);
         return sp_fail(err, SP_ERR_IO, p->path, "cannot resolve the path: %s", strerror(errno));
     }
+    memcpy(p->file, p->root, sizeof p->file);
     if (p->is_folder)
         return true;
     char *slash = strrchr(p->root, '/');
@@ -189,6 +188,18 @@ static void find_remote(struct sp_import_place *p) {
     p->is_remote = true;
 }
 
+/* The root may be given by a name with links, and the path by the same name. */
+static bool take_path(struct sp_import_place *p, struct sp_error *err) {
+    const size_t given = strlen(p->given_root);
+    const bool is_same =
+        strncmp(p->path, p->given_root, given) == 0 && (p->path[given] == '/' || !p->path[given]);
+    const int n = snprintf(p->file, sizeof p->file, "%s%s", is_same ? p->root : "",
+                           p->path + (is_same ? given : 0));
+    return n < (int)sizeof p->file ||
+           sp_fail(err, SP_ERR_INVALID, p->path, "the path has more than %d bytes, the limit",
+                   PATH_MAX - 1);
+}
+
 bool sp_import_place_find(struct sp_import_place *p, const char *root, struct sp_error *err) {
     if (sp_address_is_remote(p->path)) {
         find_remote(p);
@@ -196,6 +207,6 @@ bool sp_import_place_find(struct sp_import_place *p, const char *root, struct sp
     }
     p->given_root = root;
     if (root)
-        return find_root(p, err) && find_file(p, err);
+        return find_root(p, err) && find_file(p, err) && take_path(p, err);
     return find_file(p, err) && find_root(p, err);
 }

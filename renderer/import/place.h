@@ -13,6 +13,7 @@
 
 struct sp_import_place {
     char path[PATH_MAX];       /* of the source, then of its file; the name in errors */
+    char file[PATH_MAX];       /* what to open for `path`, below `root` */
     char series[NAME_MAX + 1]; /* pattern of the files of a time series; "" = no series */
     char name[SP_NAME_BYTES];  /* of the volume; cut if it is too long */
     char root[PATH_MAX];       /* resolved; files are read only below it */

@@ -42,8 +42,10 @@ struct ruleset {
     uint64_t handled_access_fs, handled_access_net, scoped;
 };
 
+enum { BIND_TCP = 1, CONNECT_TCP = 2 }; /* of handled_access_net */
+
 /* The accesses that this kernel's Landlock can refuse; all 0 if it has none or is disabled. */
-static struct ruleset landlock_rules(void) {
+static struct ruleset landlock_rules(bool has_network) {
     long version = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
     return (struct ruleset){
         .handled_access_fs = version < 1    ? 0
@@ -51,7 +53,10 @@ static struct ruleset landlock_rules(void) {
                              : version == 2 ? 0x3fff /* LANDLOCK_ACCESS_FS_REFER */
                              : version < 5  ? 0x7fff /* LANDLOCK_ACCESS_FS_TRUNCATE */
                                             : 0xffff, /* LANDLOCK_ACCESS_FS_IOCTL_DEV */
-        .scoped = version < 6 ? 0 : 3,               /* abstract sockets, signals to others */
+        .handled_access_net = version < 4   ? 0
+                              : has_network ? BIND_TCP
+                                            : BIND_TCP | CONNECT_TCP,
+        .scoped = version < 6 ? 0 : 3, /* abstract sockets, signals to others */
     };
 }
 
@@ -70,8 +75,8 @@ static bool allow_reading(int rules, const char *path) {
     return ok;
 }
 
-static bool confine_reading(const char *const *readable) {
-    const struct ruleset wanted = landlock_rules();
+static bool confine_reading(const char *const *readable, bool has_network) {
+    const struct ruleset wanted = landlock_rules(has_network);
     if (wanted.handled_access_fs == 0)
         return true;
     int rules = (int)syscall(SYS_landlock_create_ruleset, &wanted, sizeof wanted, 0);
@@ -95,20 +100,21 @@ static bool has_one_thread(void) {
     return false;
 }
 
-bool import_sandbox_enter(int cpu_seconds, int first_fd, const char *const *readable,
-                          const char *shown, struct sp_error *err) {
-    bool ok = close_range((unsigned)first_fd, ~0u, 0) == 0 || errno == ENOSYS;
-    rlim_t cpu = (rlim_t)(cpu_seconds < 1 ? 1 : cpu_seconds);
+bool import_sandbox_enter(const struct import_sandbox *sandbox, const char *shown,
+                          struct sp_error *err) {
+    const rlim_t cpu = (rlim_t)sandbox->cpu_seconds;
+    bool ok = close_range((unsigned)sandbox->first_fd, ~0u, 0) == 0 || errno == ENOSYS;
     ok = ok && prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0;
     ok = ok && prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
-    ok = ok && limit(RLIMIT_CPU, cpu, cpu + 1) && limit(RLIMIT_CORE, 0, 0);
+    ok = ok && (cpu == 0 || limit(RLIMIT_CPU, cpu, cpu + 1)) && limit(RLIMIT_CORE, 0, 0);
     ok = ok && limit(RLIMIT_NOFILE, 64, 64);
     /* Standard input is the null device. Standard error becomes it, too: the output of a library
      * must not reach a log file. */
     if (!SANITIZED)
         ok = ok && dup2(0, 2) == 2 && prctl(PR_SET_DUMPABLE, 0) == 0 && limit(RLIMIT_FSIZE, 0, 0) &&
              limit(RLIMIT_AS, IMPORT_MARGIN_BYTES, RLIM_INFINITY) && has_one_thread() &&
-             confine_reading(readable) && import_syscall_filter_load();
+             confine_reading(sandbox->readable, sandbox->has_network) &&
+             import_syscall_filter_load(sandbox->has_network);
     return ok || sp_fail(err, SP_ERR_IO, shown, "cannot enter the sandbox of the reader: %s",
                          strerror(errno));
 }
@@ -118,7 +124,7 @@ bool import_sandbox_is_complete(void) {
 }
 
 bool import_sandbox_confines_reading(void) {
-    return !SANITIZED && landlock_rules().handled_access_fs != 0;
+    return !SANITIZED && landlock_rules(false).handled_access_fs != 0;
 }
 
 bool import_sandbox_allow_samples(uint64_t bytes, const char *shown, struct sp_error *err) {

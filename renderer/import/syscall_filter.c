@@ -6,7 +6,9 @@
 #include <sched.h>
 #include <seccomp.h>
 #include <stddef.h>
+#include <sys/ioctl.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 static const int refused_calls[] = {
@@ -18,12 +20,11 @@ static const int refused_calls[] = {
     SCMP_SYS(setpriority), SCMP_SYS(ioprio_set), SCMP_SYS(sched_setaffinity),
     SCMP_SYS(sched_setattr), SCMP_SYS(sched_setparam), SCMP_SYS(sched_setscheduler),
     SCMP_SYS(migrate_pages), SCMP_SYS(move_pages),
-    /* The network and messages. ioctl(FIOSETOWN) sends signals, and a terminal's ioctls take the
-     * input of its owner. */
-    SCMP_SYS(socket), SCMP_SYS(socketpair), SCMP_SYS(connect), SCMP_SYS(bind), SCMP_SYS(listen),
-    SCMP_SYS(ioctl), SCMP_SYS(shmget), SCMP_SYS(shmat), SCMP_SYS(shmctl), SCMP_SYS(msgget),
-    SCMP_SYS(msgsnd), SCMP_SYS(msgrcv), SCMP_SYS(msgctl), SCMP_SYS(semget), SCMP_SYS(semop),
-    SCMP_SYS(semtimedop), SCMP_SYS(semctl), SCMP_SYS(mq_open), SCMP_SYS(mq_unlink),
+    /* Servers and messages. */
+    SCMP_SYS(listen), SCMP_SYS(accept), SCMP_SYS(accept4), SCMP_SYS(shmget), SCMP_SYS(shmat),
+    SCMP_SYS(shmctl), SCMP_SYS(msgget), SCMP_SYS(msgsnd), SCMP_SYS(msgrcv), SCMP_SYS(msgctl),
+    SCMP_SYS(semget), SCMP_SYS(semop), SCMP_SYS(semtimedop), SCMP_SYS(semctl), SCMP_SYS(mq_open),
+    SCMP_SYS(mq_unlink),
     /* The file tree. */
     SCMP_SYS(creat), SCMP_SYS(open_by_handle_at), SCMP_SYS(unlink), SCMP_SYS(unlinkat),
     SCMP_SYS(rename), SCMP_SYS(renameat), SCMP_SYS(renameat2), SCMP_SYS(mkdir), SCMP_SYS(mkdirat),
@@ -41,6 +42,9 @@ static const int refused_calls[] = {
     SCMP_SYS(userfaultfd), SCMP_SYS(perf_event_open), SCMP_SYS(reboot), SCMP_SYS(init_module),
     SCMP_SYS(finit_module), SCMP_SYS(io_uring_setup)
 };
+
+static const int network_calls[] = { SCMP_SYS(socket), SCMP_SYS(socketpair), SCMP_SYS(connect),
+                                     SCMP_SYS(bind) };
 
 /* Their arguments lie in memory, which a filter cannot read. */
 static const int absent_calls[] = { SCMP_SYS(openat2), SCMP_SYS(clone3) };
@@ -99,8 +103,24 @@ static int add_argument_rules(scmp_filter_ctx filter) {
     return rc == 0 ? add_fcntl_rules(filter) : rc;
 }
 
-static int add_rules(scmp_filter_ctx filter) {
+/* Without the network no sockets; otherwise only the families that name resolution and TLS need. */
+static int add_network_rules(scmp_filter_ctx filter, bool has_network) {
     int rc = 0;
+    for (size_t i = 0; rc == 0 && !has_network && i < COUNT(network_calls); i++)
+        rc = add(filter, REFUSE, network_calls[i]);
+    for (unsigned family = 0; rc == 0 && has_network && family < AF_NETLINK; family++)
+        if (family != AF_UNIX && family != AF_INET && family != AF_INET6)
+            rc = refuse_if(filter, SCMP_SYS(socket), SCMP_A0(SCMP_CMP_EQ, family));
+    if (rc == 0 && has_network)
+        rc = refuse_if(filter, SCMP_SYS(socket), SCMP_A0(SCMP_CMP_GT, AF_NETLINK));
+    /* FIOSETOWN sends signals, and the calls of a terminal take the input of its owner. */
+    return rc != 0       ? rc
+           : has_network ? refuse_if(filter, SCMP_SYS(ioctl), SCMP_A1(SCMP_CMP_NE, FIONREAD))
+                         : add(filter, REFUSE, SCMP_SYS(ioctl));
+}
+
+static int add_rules(scmp_filter_ctx filter, bool has_network) {
+    int rc = add_network_rules(filter, has_network);
     for (size_t i = 0; rc == 0 && i < COUNT(refused_calls); i++)
         rc = add(filter, REFUSE, refused_calls[i]);
     for (size_t i = 0; rc == 0 && i < COUNT(absent_calls); i++)
@@ -110,7 +130,7 @@ static int add_rules(scmp_filter_ctx filter) {
     return rc == 0 ? add_argument_rules(filter) : rc;
 }
 
-bool import_syscall_filter_load(void) {
+bool import_syscall_filter_load(bool has_network) {
     enum { BINARY_TREE = 2 };
     scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
     if (!filter) {
@@ -123,7 +143,7 @@ bool import_syscall_filter_load(void) {
     if (rc == 0) /* seccomp_load() returns the kernel's errno */
         rc = seccomp_attr_set(filter, SCMP_FLTATR_API_SYSRAWRC, 1);
     if (rc == 0)
-        rc = add_rules(filter);
+        rc = add_rules(filter, has_network);
     bool is_built = rc == 0;
     if (is_built)
         rc = seccomp_load(filter);

@@ -2,7 +2,7 @@
 // Remote OME-Zarr over HTTP: shown from its chunks, from allowed hosts only, with errors that say what is wrong.
 import assert from 'node:assert/strict';
 import { execFile, execFileSync } from 'node:child_process';
-import { createReadStream, existsSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
+import { createReadStream, existsSync, mkdtempSync, readFileSync, readdirSync, rmSync, statSync } from 'node:fs';
 import http from 'node:http';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
@@ -21,6 +21,8 @@ let host; // "127.0.0.1:PORT"
 const asked = []; // paths of requests
 let hangs = false;
 const waiting = new Set(); // answers that do not come
+let other; // a server of the same host on a port that is not allowed
+let otherAsked = 0;
 
 /** Serves files of the folder with ranges, as the hosts of such data do. */
 function answer(request, response) {
@@ -29,6 +31,9 @@ function answer(request, response) {
   const [, first, ...rest] = pathname.split('/');
   const say = (status, headers = {}) => { response.writeHead(status, headers); response.end(); };
   if (first === 'away.zarr') return say(302, { Location: `http://localhost:${server.address().port}/v.zarr/${rest.join('/')}` });
+  if (first === 'port.zarr') return say(302, { Location: `http://127.0.0.1:${other.address().port}/v.zarr/${rest.join('/')}` });
+  if (first === 'secure.zarr') return say(302, { Location: `https://${request.headers.host.split(':')[0]}/v.zarr/${rest.join('/')}` });
+  if (first === 'file.zarr') return say(302, { Location: `file://${folder}/v.zarr/${rest.join('/')}` });
   if (first === 'moved.zarr') return say(301, { Location: `/v.zarr/${rest.join('/')}` });
   if (first === 'broken.zarr') return say(500);
   if (first === 'closed.zarr') return say(401);
@@ -63,13 +68,17 @@ before(async () => {
   server = http.createServer(answer);
   await new Promise((ready) => { server.listen(0, '127.0.0.1', ready); });
   host = `127.0.0.1:${server.address().port}`;
-  daemon = await Daemon.start(['--data', folder, '--memory', '64M', '--allow-host', `${host},*.example.org`], { backend: 'cpu' });
+  other = http.createServer((_, response) => { otherAsked += 1; response.end(); });
+  await new Promise((ready) => { other.listen(0, '127.0.0.1', ready); });
+  daemon = await Daemon.start(['--data', folder, '--memory', '64M',
+    '--allow-host', `${host},*.example.org,near.localhost:${server.address().port},*.localhost`], { backend: 'cpu' });
 });
 after(async () => {
   const status = await daemon?.stop();
   for (const response of waiting) response.destroy();
   server.closeAllConnections(); // also after a failure: an open server would keep this process
   server.close();
+  other.close();
   rmSync(folder, { recursive: true });
   assert.equal(status, 0);
 });
@@ -117,9 +126,37 @@ test('a redirection within the host is followed', { skip }, async () => {
 
 test('errors say what is wrong', { skip }, async () => {
   await fails('missing.zarr', /no OME-Zarr at this address: the host answered with the status 404/);
-  await fails('away.zarr', /redirects to localhost, another host, which is refused/);
+  await fails('away.zarr', /redirects to http:\/\/localhost:\d+, another host, which is refused/);
   await fails('broken.zarr', /answered with the status 500/);
   await fails('closed.zarr', /answered with the status 401/);
+});
+
+test('each redirection is checked as the first address is', { skip }, async () => {
+  await fails('port.zarr', /redirects to http:\/\/127\.0\.0\.1:\d+, a port that --allow-host does not list/);
+  await fails('secure.zarr', /redirects to https:\/\/127\.0\.0\.1:443, a port that --allow-host does not list/);
+  await fails('file.zarr', /redirects to an address that is not supported/);
+  assert.equal(otherAsked, 0);
+  // The name and its port are allowed at any IP address, its other ports by *.localhost, at public ones only.
+  const near = await load(`http://near.localhost:${server.address().port}/secure.zarr`);
+  assert.match(JSON.stringify(near.loaded), /near\.localhost has a private IP address/);
+});
+
+/** The processes that a process has started: [{name, status}], with its status as /proc tells it. */
+function children(pid) {
+  const list = readdirSync(`/proc/${pid}/task`).flatMap((task) => readFileSync(`/proc/${pid}/task/${task}/children`, 'utf8').split(' '));
+  return list.filter(Boolean).map((child) => ({ name: readFileSync(`/proc/${child}/comm`, 'utf8').trim(), status: readFileSync(`/proc/${child}/status`, 'utf8') }));
+}
+
+test('the process that fetches runs in a sandbox', { skip: skip || (process.env.SPLATD_SANITIZE && 'sanitizer builds have no sandbox') }, async () => {
+  const posted = await daemon.post('/api/v1/volumes', { source: `http://${host}/hanging.zarr`, id: 'waits' });
+  assert.equal(posted.status, 202);
+  while (!waiting.size) await new Promise((next) => { setImmediate(next); });
+  const { status } = children(daemon.child.pid).find(({ name }) => name === 'splat-fetch');
+  assert.match(status, /NoNewPrivs:\s+1/);
+  assert.match(status, /Seccomp:\s+2/);
+  await daemon.fetch('/api/v1/volumes/waits', { method: 'DELETE' });
+  for (const response of waiting) response.destroy();
+  waiting.clear();
 });
 
 test('hosts that are not allowed are refused at once', async () => {

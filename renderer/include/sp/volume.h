@@ -229,8 +229,9 @@ struct sp_load_options {
 /* True for the address of a remote volume, "http://…" or "https://…". */
 SP_API bool sp_source_is_remote(const char *source);
 #define SP_SOURCE_HOST_BYTES 264
-/* Writes the host of an address and its port, "HOST:PORT": the entry of allowed_hosts that allows
- * no other. "" for other sources. SP_ERR_INVALID. */
+/* Writes the entry of allowed_hosts that allows an address: "HOST" for the ports 80 and 443, so
+ * that redirections from http to https are followed, or else "HOST:PORT". "" for other sources.
+ * SP_ERR_INVALID. */
 SP_API bool sp_source_host(const char *source, char host[SP_SOURCE_HOST_BYTES],
                            struct sp_error *err);
 /* Checks a list of hosts, as in allowed_hosts: SP_ERR_INVALID. */

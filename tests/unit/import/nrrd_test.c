@@ -514,59 +514,6 @@ static void gzip_data_must_have_the_declared_size(void **state) {
     free(samples);
 }
 
-static void data_files_outside_the_root_are_denied(void **state) {
-    (void)state;
-    uint8_t samples[COUNT];
-    make_ramp(SP_UINT8, COUNT, samples);
-    assert_int_equal(mkdir(in_folder("root"), 0700), 0);
-    assert_int_equal(mkdir(in_folder("root/sub"), 0700), 0);
-    write_file("secret.raw", samples, COUNT);
-    write_file("root/open.raw", samples, COUNT);
-    char target[512];
-    snprintf(target, sizeof target, "%s", in_folder("secret.raw"));
-    assert_int_equal(symlink(target, in_folder("root/sub/link.raw")), 0);
-    assert_int_equal(symlink("../open.raw", in_folder("root/sub/inside.raw")), 0);
-    snprintf(target, sizeof target, "%s", in_folder("root/open.raw"));
-
-    const struct {
-        const char *name;
-        bool with_root; /* the root is "root"; without it, the folder of the file, "root/sub" */
-        enum sp_code code;
-    } cases[] = {
-        { "../open.raw", true, SP_OK },
-        { "inside.raw", true, SP_OK },
-        { target, true, SP_OK },
-        { "../open.raw", false, SP_ERR_DENIED },
-        { "inside.raw", false, SP_ERR_DENIED },
-        { target, false, SP_ERR_DENIED },
-        { "link.raw", true, SP_ERR_DENIED },
-        { "../../secret.raw", true, SP_ERR_DENIED },
-        { "/etc/passwd", true, SP_ERR_DENIED },
-        { "/proc/self/environ", true, SP_ERR_DENIED },
-        { "../../../../../../../dev/zero", true, SP_ERR_DENIED },
-        { "missing.raw", true, SP_ERR_NOT_FOUND },
-        { "..", true, SP_ERR_DENIED },
-        { ".", true, SP_ERR_INVALID },
-    };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        write_text("root/sub/head.nhdr",
-                   "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: raw\n"
-                   "data file: %s\n",
-                   cases[i].name);
-        struct sp_load_options options = importer_options();
-        options.root = cases[i].with_root ? in_folder("root") : NULL;
-        struct sp_error err = { .code = SP_OK };
-        struct sp_volume *volume = sp_volume_load(in_folder("root/sub/head.nhdr"), &options, &err);
-        if (err.code != cases[i].code)
-            fail_msg("%s: %s: %s", cases[i].name, sp_code_name(err.code), err.text);
-        if (volume)
-            assert_is_ramp(volume, COUNT);
-        else
-            assert_string_equal(err.place, cases[i].name);
-        sp_volume_unref(&volume);
-    }
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_type_byte_order_and_encoding_is_read),
@@ -580,7 +527,6 @@ int main(void) {
         cmocka_unit_test(errors_explain_hostile_headers),
         cmocka_unit_test(errors_explain_truncated_headers),
         cmocka_unit_test(gzip_data_must_have_the_declared_size),
-        cmocka_unit_test(data_files_outside_the_root_are_denied),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

@@ -11,6 +11,7 @@
 #include <linux/landlock.h>
 #include <linux/openat2.h>
 #include <linux/seccomp.h>
+#include <netinet/in.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
@@ -35,12 +36,18 @@
 enum { FIRST_FD = 6 };
 #define MIB (UINT64_C(1) << 20)
 
+static bool has_network; /* of the sandbox that the attempts enter */
+
 static void enter_sandbox_or_exit(int cpu_seconds) {
     const char *const readable[] = { folder_path(), "/nowhere", NULL };
     struct sp_error err;
     int null = open("/dev/null", O_RDWR);
     dup2(null, 0); /* descriptor 0, as launch.c sets it up */
-    if (!import_sandbox_enter(cpu_seconds, FIRST_FD, readable, "test", &err))
+    const struct import_sandbox sandbox = { .cpu_seconds = cpu_seconds,
+                                            .first_fd = FIRST_FD,
+                                            .readable = readable,
+                                            .has_network = has_network };
+    if (!import_sandbox_enter(&sandbox, "test", &err))
         _exit(99);
 }
 
@@ -65,6 +72,29 @@ static int no_other_programs(void) {
 static int no_sockets(void) {
     enter_sandbox_or_exit(10);
     return !refused(socket(AF_INET, SOCK_STREAM, 0)) || !refused(socket(AF_UNIX, SOCK_STREAM, 0));
+}
+
+/* splat-fetch connects to hosts and asks for names, and serves nobody. */
+static int connections_but_no_servers(void) {
+    enum { TCP_RULES = 4 };
+    const long version =
+        syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
+    const struct sockaddr_in any = { .sin_family = AF_INET };
+    int size = 0, pair[2];
+    enter_sandbox_or_exit(10);
+    const int tcp = socket(AF_INET, SOCK_STREAM, 0), udp = socket(AF_INET6, SOCK_DGRAM, 0),
+              list = socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, 0);
+    if (tcp < 0 || (udp < 0 && errno != EAFNOSUPPORT) || list < 0 ||
+        socketpair(AF_UNIX, SOCK_STREAM, 0, pair) != 0 || ioctl(pair[0], FIONREAD, &size) != 0)
+        return 1;
+    if (connect(tcp, (const struct sockaddr *)&any, sizeof any) == 0 || errno != ECONNREFUSED)
+        return 2; /* port 0 of this machine */
+    return !refused(listen(tcp, 1)) || !refused(accept(tcp, NULL, NULL)) ||
+           !refused(ioctl(tcp, FIOSETOWN, &size)) || !refused(socket(AF_PACKET, SOCK_RAW, 0)) ||
+           !refused(socket(AF_VSOCK, SOCK_STREAM, 0)) ||
+           !refused(socket(AF_ALG, SOCK_SEQPACKET, 0)) ||
+           (version >= TCP_RULES &&
+            (bind(tcp, (const struct sockaddr *)&any, sizeof any) == 0 || errno != EACCES));
 }
 
 static int no_signals_to_others(void) {
@@ -232,7 +262,10 @@ static int limits_beside_a_thread(void) {
     struct sp_error err;
     pthread_t thread;
     pthread_create(&thread, NULL, wait_for_ever, NULL);
-    return import_sandbox_enter(10, FIRST_FD, readable, "test", &err);
+    const struct import_sandbox sandbox = { .cpu_seconds = 10,
+                                            .first_fd = FIRST_FD,
+                                            .readable = readable };
+    return import_sandbox_enter(&sandbox, "test", &err);
 }
 
 static int abort_still_works(void) {
@@ -289,6 +322,35 @@ static void forbidden_operations_fail_in_the_sandbox(void **state) {
     assert_int_equal(access(in_folder("new"), F_OK), -1);
 }
 
+/* The sandbox of splat-fetch. */
+static void the_network_opens_nothing_else(void **state) {
+    (void)state;
+    static const struct {
+        const char *name;
+        int (*attempt)(void);
+    } attempts[] = {
+        { "descriptors", descriptors_are_closed },
+        { "programs", no_other_programs },
+        { "connections", connections_but_no_servers },
+        { "signals", no_signals_to_others },
+        { "parent", it_is_killed_when_its_parent_ends },
+        { "IPC", no_ipc_with_other_processes },
+        { "processes", no_other_processes },
+        { "threads", threads_can_be_created },
+        { "reading", no_other_files_read },
+        { "files", no_files_written },
+        { "limits", limits_are_set },
+    };
+    has_network = true;
+    write_text("kept", "x");
+    for (size_t i = 0; i < sizeof attempts / sizeof attempts[0]; i++) {
+        int status = status_of(attempts[i].attempt);
+        if (status != 0)
+            fail_msg("%s: the wait status is 0x%x", attempts[i].name, status);
+    }
+    has_network = false;
+}
+
 static void abort_and_the_cpu_limit_end_the_process(void **state) {
     (void)state;
     int status = status_of(abort_still_works);
@@ -306,6 +368,7 @@ int main(void) {
     }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(forbidden_operations_fail_in_the_sandbox),
+        cmocka_unit_test(the_network_opens_nothing_else),
         cmocka_unit_test(abort_and_the_cpu_limit_end_the_process),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
