@@ -81,9 +81,8 @@ static bool find_slices(struct dicom *d, struct import_header *header, struct sp
     if (!list_slices(d, header, err))
         return false;
     dicom_times_pass_midnight(slices);
-    const bool has_gaps = slices->items[0].is.segment || source->image.has_labels;
-    const bool is_sorted = dicom_slices_rank(slices) && dicom_slices_sort(slices) &&
-                           (!has_gaps || dicom_slices_fill_gaps(slices));
+    slices->has_gaps = slices->items[0].is.segment || source->image.has_labels;
+    const bool is_sorted = dicom_slices_rank(slices) && dicom_slices_sort(slices);
     if (is_sorted && slices->count > slices->planes)
         dicom_grid_warn_of_sides(slices, source);
     if (source->image.has_labels)

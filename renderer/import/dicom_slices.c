@@ -8,7 +8,8 @@
 
 #include "base/vec.h"
 
-/* Slices share their place within this share of a pixel, or this many mm. */
+/* Slices closer than this part of a pixel have one place. Without a pixel size the limit is
+ * SAME_PLACE [mm]. */
 #define SAME_SHARE 0.01
 #define SAME_PLACE 1e-4
 
@@ -146,42 +147,20 @@ static void join_places(struct dicom_slices *slices) {
     }
 }
 
-bool dicom_slices_sort(struct dicom_slices *slices) {
-    if (slices->count == 0)
-        return true;
-    const struct dicom_frame *first = &slices->items[0].is;
-    const struct sp_vec3 normal =
-        sp_vec3_cross(sp_vec3_from(first->along[0]), sp_vec3_from(first->along[1]));
-    for (uint32_t i = 0; i < slices->count; i++) {
-        struct dicom_slice *s = &slices->items[i];
-        const double place = sp_vec3_dot(sp_vec3_from(s->is.position), normal);
-        s->place = !s->is.is_placed ? s->is.slot : slices->is_falling ? -place : place;
-    }
-    qsort(slices->items, slices->count, sizeof *slices->items, by_place);
-    join_places(slices);
-    qsort(slices->items, slices->count, sizeof *slices->items, by_place);
-    free(slices->plane);
-    slices->plane = malloc(slices->planes * sizeof *slices->plane);
-    for (uint32_t i = slices->count; slices->plane && i-- > 0;) {
-        const struct dicom_slice *s = &slices->items[i];
-        slices->plane[s->plane].place = s->place;
-        memcpy(slices->plane[s->plane].position, s->is.position, sizeof s->is.position);
-    }
-    return slices->plane != NULL;
-}
-
 /* The number of the last plane at this distance from each other; 0 = they do not fit. */
 static uint32_t last_of_grid(const struct dicom_slices *slices, double step) {
     for (uint32_t i = 1; i < slices->planes; i++) {
         const double n = (slices->plane[i].place - slices->plane[0].place) / step;
-        if (!(n < SP_DIM_MAX) || fabs(n - round(n)) > 0.05)
+        if (!(n < SP_DIM_MAX - 0.5) || fabs(n - round(n)) > 0.05)
             return 0;
     }
     return (uint32_t)round((slices->plane[slices->planes - 1].place - slices->plane[0].place) /
                            step);
 }
 
-bool dicom_slices_fill_gaps(struct dicom_slices *slices) {
+/* Adds planes without slices where places lie on a grid of their smallest distance, as files leave
+ * out empty frames of segments. False if there is no memory. */
+static bool fill_gaps(struct dicom_slices *slices) {
     const struct dicom_frame *first = &slices->items[0].is;
     double step = first->is_spaced ? fabs(first->spacing[2]) : INFINITY;
     for (uint32_t i = 1; i < slices->planes; i++)
@@ -209,6 +188,30 @@ bool dicom_slices_fill_gaps(struct dicom_slices *slices) {
     slices->plane = filled;
     slices->planes = last + 1;
     return true;
+}
+
+bool dicom_slices_sort(struct dicom_slices *slices) {
+    if (slices->count == 0)
+        return true;
+    const struct dicom_frame *first = &slices->items[0].is;
+    const struct sp_vec3 normal =
+        sp_vec3_cross(sp_vec3_from(first->along[0]), sp_vec3_from(first->along[1]));
+    for (uint32_t i = 0; i < slices->count; i++) {
+        struct dicom_slice *s = &slices->items[i];
+        const double place = sp_vec3_dot(sp_vec3_from(s->is.position), normal);
+        s->place = !s->is.is_placed ? s->is.slot : slices->is_falling ? -place : place;
+    }
+    qsort(slices->items, slices->count, sizeof *slices->items, by_place);
+    join_places(slices);
+    qsort(slices->items, slices->count, sizeof *slices->items, by_place);
+    free(slices->plane);
+    slices->plane = malloc(slices->planes * sizeof *slices->plane);
+    for (uint32_t i = slices->count; slices->plane && i-- > 0;) {
+        const struct dicom_slice *s = &slices->items[i];
+        slices->plane[s->plane].place = s->place;
+        memcpy(slices->plane[s->plane].position, s->is.position, sizeof s->is.position);
+    }
+    return slices->plane && (!slices->has_gaps || fill_gaps(slices));
 }
 
 void dicom_slice_name(const struct dicom_slice *slice, char out[80]) {

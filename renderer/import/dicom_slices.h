@@ -34,6 +34,8 @@ struct dicom_slices {
     uint32_t count, capacity;
     struct dicom_plane *plane; /* owned; the different places, sorted */
     uint32_t planes;           /* how many there are */
+    bool has_gaps;     /* planes without slices are added where places lie on a grid of their smallest
+                          distance, as files leave out empty frames of segments */
     bool is_falling;   /* sorted against the normal: the file has its frames in this order */
     bool are_together; /* the slices of one plane are segments of one label volume */
     double *times;     /* owned; of the steps, for import_header */
@@ -55,12 +57,8 @@ void dicom_slices_keep(struct dicom_slices *slices,
 bool dicom_slices_rank(struct dicom_slices *slices);
 
 /* Sorts the slices by their places, and those of one place by their keys and numbers, and finds the
- * planes. False if there is no memory. */
+ * planes, with those of has_gaps. False if there is no memory. */
 bool dicom_slices_sort(struct dicom_slices *slices);
-
-/* Adds planes without slices where places lie on a grid of their smallest distance, as files leave
- * out empty frames of segments. False if there is no memory. */
-bool dicom_slices_fill_gaps(struct dicom_slices *slices);
 
 /* What messages call a slice: the name of its file, or the number of its frame. */
 void dicom_slice_name(const struct dicom_slice *slice, char out[80]);

@@ -14,21 +14,30 @@ struct times {
     const struct dicom_slices *slices;
     uint32_t *time;       /* owned; of each slice, from 0 */
     uint32_t *order;      /* owned; the slices in the order of their keys */
-    uint32_t *count;      /* owned; slices of each time, then of each plane */
+    uint32_t *count;      /* owned; slices of each time, or of each plane; or the ranks of planes */
     uint32_t times, most; /* times; slices of the plane that has most */
-    enum { DROP_TIMES, DROP_PLANES, KEEP_TIME } rule; /* times that lack planes, or the reverse */
-    uint32_t kept;                                    /* of KEEP_TIME, the only time that stays */
+    uint32_t places;      /* planes that have slices */
+    /* Leaves out the times that lack planes, the planes that lack times, or all times but one. */
+    enum { DROP_TIMES, DROP_PLANES, KEEP_TIME } rule;
+    uint32_t kept; /* of KEEP_TIME, the only time that stays */
 };
+
+/* Times are at most as many as slices. Planes may be more, because some have none. */
+static size_t count_groups(const struct dicom_slices *slices) {
+    return slices->planes > slices->count ? slices->planes : slices->count;
+}
 
 static bool create(struct times *t, const struct dicom_slices *slices) {
     const uint32_t count = slices->count;
     *t = (struct times){ .slices = slices,
                          .time = calloc(count, sizeof *t->time),
                          .order = calloc(count, sizeof *t->order),
-                         .count = calloc(count, sizeof *t->count) };
-    for (uint32_t i = 0, run = 1; t->order && i < count; i++) {
+                         .count = calloc(count_groups(slices), sizeof *t->count) };
+    for (uint32_t i = 0, run = 0; t->order && i < count; i++) {
+        const bool is_next = i == 0 || slices->items[i].plane != slices->items[i - 1].plane;
         t->order[i] = i;
-        run = i > 0 && slices->items[i].plane == slices->items[i - 1].plane ? run + 1 : 1;
+        t->places += is_next;
+        run = is_next ? 1 : run + 1;
         t->most = run > t->most ? run : t->most;
     }
     return t->time && t->order && t->count;
@@ -83,10 +92,10 @@ static int compare_numbers(const void *a, const void *b, void *items) {
     return (p->is.instance > q->is.instance) - (p->is.instance < q->is.instance);
 }
 
-/* Where each plane comes in the first time; 0 = not there, which leaves the times unknown. */
+/* Where each plane comes in the first time. False if one is not there: the times stay unknown. */
 static bool find_ranks(const struct times *t, uint32_t *rank) {
     const struct dicom_slices *slices = t->slices;
-    for (uint32_t i = 0; i < slices->planes; i++) {
+    for (uint32_t i = 0; i < t->places; i++) {
         const uint32_t plane = slices->items[t->order[i]].plane;
         if (rank[plane])
             return false;
@@ -98,7 +107,7 @@ static bool find_ranks(const struct times *t, uint32_t *rank) {
 static bool number_by_order(struct times *t) {
     const struct dicom_slices *slices = t->slices;
     uint32_t *rank = t->count, before = 0;
-    memset(rank, 0, slices->count * sizeof *rank);
+    memset(rank, 0, count_groups(slices) * sizeof *rank);
     qsort_r(t->order, slices->count, sizeof *t->order, compare_numbers, slices->items);
     if (!find_ranks(t, rank))
         return false;
@@ -117,9 +126,9 @@ static bool number_by_order(struct times *t) {
 static uint32_t count_full(struct times *t, bool of_planes) {
     const struct dicom_slices *slices = t->slices;
     const uint32_t groups = of_planes ? slices->planes : t->times;
-    const uint32_t wanted = of_planes ? t->times : slices->planes;
+    const uint32_t wanted = of_planes ? t->times : t->places;
     uint32_t full = 0;
-    memset(t->count, 0, slices->count * sizeof *t->count);
+    memset(t->count, 0, count_groups(slices) * sizeof *t->count);
     for (uint32_t i = 0; i < slices->count; i++)
         t->count[of_planes ? slices->items[i].plane : t->time[i]]++;
     for (uint32_t i = 0; i < groups; i++)
@@ -132,7 +141,7 @@ static bool is_complete(const struct dicom_slice *slice, const void *user) {
     const uint32_t time = t->time[slice - t->slices->items];
     return t->rule == KEEP_TIME     ? time == t->kept
            : t->rule == DROP_PLANES ? t->count[slice->plane] == t->times
-                                    : t->count[time] == t->slices->planes;
+                                    : t->count[time] == t->places;
 }
 
 /* The first image of the file that was opened; −1 = there is none, or a folder was opened. */
@@ -154,7 +163,7 @@ static bool try_rule(struct times *t, int64_t opened) {
  * was opened stays, if need be with its own time alone. */
 static bool choose_rule(struct times *t, int64_t opened) {
     const uint32_t planes = count_full(t, true) * t->times;
-    const uint32_t times = count_full(t, false) * t->slices->planes;
+    const uint32_t times = count_full(t, false) * t->places;
     t->rule = 2 * times < planes ? DROP_PLANES : DROP_TIMES;
     if (times == 0 && planes == 0 && opened < 0)
         return false;
@@ -192,7 +201,7 @@ static bool leave_out(struct times *t, struct dicom_slices *slices,
 }
 
 /* The last time of the morning: the one before the widest gap, if that is longer than half a day.
- * −1 = there is none. */
+ * −1 = no time is before noon, or there is no such gap. */
 static double last_of_morning(const struct dicom_slices *slices) {
     const struct dicom_slice *s = slices->items;
     double last = -1;
