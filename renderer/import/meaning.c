@@ -117,7 +117,7 @@ struct import_intent import_intent_of(int code) {
     case 1006: /* displacements */
         return (struct import_intent){ .name = "displacement", .as = IMPORT_AS_VECTORS };
     case 1007:
-    case 2006: /* a field of FSL's FNIRT */
+    case IMPORT_INTENT_FNIRT:
         return (struct import_intent){ .name = "", .as = IMPORT_AS_VECTORS };
     case 1010:
         return (struct import_intent){

@@ -42,6 +42,8 @@ struct import_intent {
     unsigned name_count;
 };
 
+enum { IMPORT_INTENT_FNIRT = 2006 }; /* a field of displacements by FSL's FNIRT */
+
 struct import_intent import_intent_of(int code);
 
 /* The names of the six entries of a symmetric matrix, row by row of its upper part, as FSL and NRRD

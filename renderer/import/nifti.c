@@ -24,7 +24,6 @@
 #include "import/samples.h"
 #include "volume/volume.h"
 
-enum { COMPONENTS_MAX = 65536 };
 enum { TYPE_RGB = 128, TYPE_RGBA = 2304, UNIT_MM = 2 };
 
 struct nifti {
@@ -85,14 +84,14 @@ static bool check_dims(const struct import_file *file, struct nifti_fields *f,
             "the file declares %g time steps; they must be a whole number of at least 1",
             f->dims[4]);
     for (int i = 5; i < 8; i++)
-        if (!(f->dims[i] >= 1 && f->dims[i] <= COMPONENTS_MAX && trunc(f->dims[i]) == f->dims[i]))
+        if (!(f->dims[i] >= 1 && f->dims[i] <= NIFTI_COMPONENTS_MAX && trunc(f->dims[i]) == f->dims[i]))
             return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim",
                                "dimension %d has %g samples, outside [1, %d]", i, f->dims[i],
-                               COMPONENTS_MAX);
+                               NIFTI_COMPONENTS_MAX);
     f->dims[5] *= f->dims[6] * f->dims[7];
-    return f->dims[5] <= COMPONENTS_MAX ||
+    return f->dims[5] <= NIFTI_COMPONENTS_MAX ||
            import_fail(err, SP_ERR_UNSUPPORTED, file->shown, at, "dim",
-                       "%g components are more than %d, the limit", f->dims[5], COMPONENTS_MAX);
+                       "%g components are more than %d, the limit", f->dims[5], NIFTI_COMPONENTS_MAX);
 }
 
 static bool take_steps(const struct import_file *file, const struct nifti_fields *f,
@@ -141,6 +140,9 @@ static unsigned choose_component(const struct import_file *file, const struct ni
     const unsigned colors = f->datatype == TYPE_RGB ? 3 : f->datatype == TYPE_RGBA ? 4 : 1;
     const unsigned images = (unsigned)f->dims[5];
     if (colors > 1) {
+        if (images > 1)
+            import_warn(file->warnings,
+                        "Each voxel has %u colours (dimension 5); the first one is shown.", images);
         n->conversion.components = colors;
         n->conversion.component =
             import_meaning_choose_component(file, header, colors, f->as, NULL);
@@ -190,6 +192,8 @@ static bool describe_vectors(const struct import_file *file, const struct nifti_
                            "file");
     n->samples.is_vectors = n->samples.is_planar = true;
     n->samples.bytes *= 3;
+    n->samples.conversion = n->conversion.slope != 1 || n->conversion.offset != 0 ? &n->conversion
+                                                                                   : NULL;
     import_header_add_vectors(header, f->intent_name);
     import_header_use_vectors(header, file->field);
     return sp_grid_check(&header->grid, header->type, file->shown, &header->bytes, err);

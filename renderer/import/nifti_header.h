@@ -7,7 +7,10 @@
 
 #include "import/meaning.h"
 
-enum { NIFTI_SINGLE_START = 4 }; /* bytes between a header and samples in one file, at least */
+enum {
+    NIFTI_SINGLE_START = 4, /* bytes between a header and samples in one file, at least */
+    NIFTI_COMPONENTS_MAX = 65536
+};
 
 /* Where a version of the header has its numbers, and of which type they are. */
 struct nifti_layout {
@@ -28,7 +31,7 @@ struct nifti_fields {
     double quaternion[3], shift[3], rows[3][4];
     char intent_name[17];
     enum import_as as; /* of the entries of dims[5], or of dims[4] if it is TIME */
-    bool are_fsl;      /* vectors lie along the axes of the grid, as FSL writes them */
+    bool are_fsl;      /* vectors lie along the axes of the grid, x to the left, as in FSL */
 };
 
 /* True if the unpacked file begins with the size of a header, in either byte order. */

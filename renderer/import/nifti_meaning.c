@@ -35,7 +35,9 @@ static bool add_squares(gzFile stream, const struct nifti_fields *f, float *squa
                         uint64_t count) {
     enum { RUN = 4096 };
     const struct import_number number = { IMPORT_FLOAT, f->datatype == TYPE_FLOAT ? 4 : 8 };
-    const double slope = isfinite(f->slope) && f->slope != 0 ? f->slope : 1;
+    const bool has_slope = isfinite(f->slope) && f->slope != 0;
+    const double slope = has_slope ? f->slope : 1;
+    const double inter = has_slope && isfinite(f->inter) ? f->inter : 0;
     char run[RUN * sizeof(double)];
     for (uint64_t at = 0; at < count;) {
         const size_t n = count - at < RUN ? (size_t)(count - at) : RUN;
@@ -44,7 +46,8 @@ static bool add_squares(gzFile stream, const struct nifti_fields *f, float *squa
         if (f->is_swapped)
             import_swap(run, number.size, n);
         for (size_t i = 0; i < n; i++) {
-            const float value = (float)(slope * import_widen(run + i * number.size, number));
+            const float value =
+                (float)(slope * import_widen(run + i * number.size, number) + inter);
             squares[at + i] += value * value;
         }
         at += n;
@@ -97,8 +100,10 @@ static enum import_as meaning_of(const struct import_file *file, struct nifti_fi
     const bool are_bytes = f->datatype == TYPE_BYTE && said == IMPORT_AS_VECTORS;
     if ((are_bytes || said == IMPORT_AS_RGB) && (entries == 3 || entries == 4))
         return IMPORT_AS_RGB; /* SimpleITK calls colours a vector */
-    if (said == IMPORT_AS_VECTORS && entries == 3 && is_number)
+    if (said == IMPORT_AS_VECTORS && entries == 3 && is_number) {
+        f->are_fsl = f->intent == IMPORT_INTENT_FNIRT;
         return IMPORT_AS_VECTORS;
+    }
     if (is_fifth || said == IMPORT_AS_VECTORS || said == IMPORT_AS_RGB)
         return said == IMPORT_AS_TIME && f->dims[4] == 1 ? IMPORT_AS_TIME : IMPORT_AS_CHANNELS;
     if (entries == 6 && has_name_of_tensor(file->shown))
@@ -154,7 +159,15 @@ bool nifti_choose_axes(const struct import_file *file, struct nifti_fields *f,
     if (!import_meaning_choose(file, &extra, header, &f->as, err))
         return false;
     if (wanted == IMPORT_AS_VECTORS)
-        f->are_fsl = has_name_of_directions(file->shown);
+        f->are_fsl = f->intent == IMPORT_INTENT_FNIRT || has_name_of_directions(file->shown);
+    if (f->as == IMPORT_AS_VECTORS && f->intent == IMPORT_INTENT_FNIRT)
+        import_warn(file->warnings,
+                    "The vectors are taken as relative displacements of FSL's FNIRT. If the field "
+                    "is absolute, they are coordinates; convertwarp --relout makes it relative.");
+    if (!is_fifth && f->as != IMPORT_AS_TIME && f->dims[4] > NIFTI_COMPONENTS_MAX)
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, f->layout->dims, "dim",
+                           "%.0f components are more than %d, the limit", f->dims[4],
+                           NIFTI_COMPONENTS_MAX);
     if (!is_fifth && f->as != IMPORT_AS_TIME && f->dims[4] > 1) {
         f->dims[5] = f->dims[4];
         f->dims[4] = 1;
@@ -170,7 +183,7 @@ void nifti_place_vectors(const struct nifti_fields *f, struct import_header *hea
     const double(*d)[3] = header->grid.direction;
     if (!f->are_fsl)
         return;
-    /* Directions of FSL lie along the axes of the grid, the first of which points to the left. */
+    /* Vectors of FSL lie along the axes of the grid, the first of which points to the left. */
     const double determinant = d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) -
                                d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
                                d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]);

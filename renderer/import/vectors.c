@@ -18,6 +18,8 @@ static void convert(const struct import_vectors *v, unsigned axis, const void *n
         run = n - at < BLOCK ? n - at : BLOCK;
         import_widen_all((const char *)numbers + at * number.size, number, number.size, run,
                          values);
+        for (size_t i = 0; i < run && v->scale; i++)
+            values[i] = v->scale->slope * values[i] + v->scale->offset;
         for (size_t i = 0; i < run; i++)
             out[(at + i) * stride] =
                 v->shift ? import_shift_put(

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the numbers of a file mean: intents of NIfTI, components, ?as=, ?unit=, Hounsfield units."""
+import struct
+
 import h5py
 import netCDF4
 import nibabel
@@ -46,6 +48,13 @@ def says(tool, source, **wanted):
             tool.fail(source, f'{key} is {got!r}, expected {value!r}')
 
 
+def warns(tool, source, words):
+    info, _ = tool.dump(source)
+    tool.checks += 1
+    if info and words not in ' | '.join(info['warnings']):
+        tool.fail(source, f'expected the warning "{words}", got {info["warnings"]}')
+
+
 def has_vectors(tool, source, expected, sep='?'):
     """The vectors along the axes of the world, x, y, z, component."""
     for i, name in enumerate('xyz'):
@@ -76,6 +85,13 @@ def check_nifti_vectors(tool):
         has_vectors(tool, path, field(2, 1, 3)[..., 0, :])
         path = write_nifti(tool, 'v4.nii', field(2, 3), intent)
         has_vectors(tool, path, field(2, 3))
+    for affine in (numpy.diag([-2, 2, 2, 1.0]), numpy.diag([2, 2, 2, 1.0]), turned):  # FNIRT's lie along the axes of the grid, as those of dtifit
+        own = field(2, 3)
+        if numpy.linalg.det(affine) > 0:
+            own[..., 0] *= -1
+        path = write_nifti(tool, 'fnirt.nii', field(2, 3), 2006, affine=affine)
+        has_vectors(tool, path, own @ (affine[:3, :3] / 2).T)
+        warns(tool, path, 'relative displacements of FSL')
     # Three volumes that are no directions stay steps.
     path = write_nifti(tool, 'steps.nii', field(3, 3))
     says(tool, path, steps=3, vectors='')
@@ -88,6 +104,25 @@ def check_nifti_vectors(tool):
     says(tool, tool.path('five.nii') + '?as=time', steps=5)
     says(tool, write_nifti(tool, 'both.nii', field(3, 2, 3)), steps=2, name='component 1')
     tool.refused(tool.path('both.nii') + '?as=vectors', '3 numbers per voxel')
+
+
+def check_nifti_scaled_vectors(tool):
+    """scl_slope and scl_inter hold for vectors, too; the directions of FSL may be whole numbers or shifted."""
+    raw = numpy.random.default_rng(2).integers(-900, 900, size=(*SHAPE, 1, 3)).astype('i2')
+    path = write_nifti(tool, 'scaled.nii', raw, 1007)
+    set_slope(path, 0.01, 5)
+    has_vectors(tool, path, nibabel.load(path).get_fdata()[..., 0, :])
+    unit = directions(1)
+    path = write_nifti(tool, 'shifted.nii', (unit - numpy.float32(0.5)) * 2)
+    set_slope(path, 0.5, 0.5)
+    has_vectors(tool, path, unit)
+
+
+def set_slope(path, slope, inter):
+    """Into a header of NIfTI-1, since nibabel would rescale the samples."""
+    with open(path, 'r+b') as file:
+        file.seek(112)
+        file.write(struct.pack('<2f', slope, inter))
 
 
 def check_nifti_intents(tool):
@@ -169,7 +204,7 @@ def check_metaimage(tool):
     has_vectors(tool, path + '?as=vectors', v, sep='&')
     tool.equal(path + '?as=channels&field=component 3', v[..., 2].T)
     tool.equal(tool.path('v.mha') + '?as=rgb&field=green', v[..., 1].T)
-    says(tool, tool.path('v.mha') + '?as=time', steps=3)
+    says(tool, tool.path('v.mha') + '?as=time', steps=3, times=None)  # channels have no interval
     tool.equal(tool.path('v.mha') + '?as=time', v[..., 2].T, step=2)
     says(tool, write_meta(tool, 'rgb.mha', numpy.zeros((*SHAPE, 3), 'u1'), 3), name='red', others=['green', 'blue'])
     tool.refused(write_meta(tool, 'two.mha', field(5, 2), 2) + '?as=rgb', '2 numbers per voxel', 'time, channels or labels')
@@ -347,5 +382,5 @@ def check_missing(tool):
 
 
 def check(tool):
-    for part in (check_nifti_vectors, check_nifti_intents, check_nifti_others, check_nrrd_lists, check_metaimage, check_nrrd, check_slicer, check_choices, check_tiff, check_arrays, check_hounsfield, check_missing):
+    for part in (check_nifti_vectors, check_nifti_scaled_vectors, check_nifti_intents, check_nifti_others, check_nrrd_lists, check_metaimage, check_nrrd, check_slicer, check_choices, check_tiff, check_arrays, check_hounsfield, check_missing):
         part(tool)

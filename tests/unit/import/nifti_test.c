@@ -237,8 +237,17 @@ static void version_two_is_read(void **state) {
                          .vox_offset = 544 };
     memcpy(h.magic, "n+2\0\r\n\032\n", 8);
     uint8_t file[544 + COUNT] = { 0 };
-    memcpy(file, &h, sizeof h);
     make_ramp(SP_UINT8, COUNT, file + 544);
+    h.dim[0] = 4;
+    h.dim[4] = UINT32_MAX;
+    h.intent_code = 1007; /* the entries of a vector */
+    memcpy(file, &h, sizeof h);
+    write_file("two.nii", file, sizeof file);
+    load_error("two.nii", SP_ERR_UNSUPPORTED, "dim", "4294967295 components are more than 65536");
+    h.dim[0] = 3;
+    h.dim[4] = 1;
+    h.intent_code = 0;
+    memcpy(file, &h, sizeof h);
     write_file("two.nii", file, sizeof file);
     struct sp_volume *volume = load("two.nii");
     assert_is_ramp(volume, COUNT);
