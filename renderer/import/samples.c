@@ -171,6 +171,12 @@ bool import_samples_check(const struct import_samples *s, struct sp_error *err) 
         return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->shown,
                        "a sample and its components have %zu bytes, more than %d", sample_size(s),
                        IMPORT_STREAM_CHUNK);
+    if (s->bytes % pieces != 0 || s->bytes / pieces % sample_size(s) != 0)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->shown,
+                       "each of the %zu data files holds %" PRIu64
+                       " bytes, but a sample and its components have %zu; write whole samples into "
+                       "each file",
+                       pieces, s->bytes / pieces, sample_size(s));
     struct import_stream *stream = malloc(sizeof *stream);
     if (!stream)
         return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory");
@@ -332,6 +338,7 @@ bool import_samples_read(const struct import_samples *s, void *voxels, float (*v
                          .vectors = { .number = s->number,
                                       .count = s->bytes / (3 * s->number.size),
                                       .planar = s->is_planar,
+                                      .scale = s->is_vectors ? s->conversion : NULL,
                                       .out = vectors },
                          .progress = progress,
                          .stream = malloc(sizeof *r.stream),

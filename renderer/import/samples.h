@@ -30,7 +30,8 @@ struct import_samples {
     uint64_t start;                     /* count == 0: where the header ends */
     struct import_number number;
     bool is_vectors, is_planar;                 /* as in struct import_vectors */
-    const struct import_conversion *conversion; /* of `number`; NULL = samples are the numbers */
+    /* Of `number`; of vectors only slope and offset. NULL = samples are the numbers. */
+    const struct import_conversion *conversion;
     uint64_t bytes;                             /* of all numbers; a multiple of max(count, 1) */
     const char *field; /* the header field in errors about the size: "sizes", "dims" */
 };
