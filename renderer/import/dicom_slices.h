@@ -34,9 +34,9 @@ struct dicom_slices {
     uint32_t count, capacity;
     struct dicom_plane *plane; /* owned; the different places, sorted */
     uint32_t planes;           /* how many there are */
-    bool has_gaps;     /* planes without slices are added where places lie on a grid of their smallest
-                          distance, as files leave out empty frames of segments */
-    bool is_falling;   /* sorted against the normal: the file has its frames in this order */
+    bool has_gaps;   /* planes without slices are added where places lie on a grid of their smallest
+                        distance, as files leave out empty frames of segments */
+    bool is_falling; /* sorted against the normal: the file has its frames in this order */
     bool are_together; /* the slices of one plane are segments of one label volume */
     double *times;     /* owned; of the steps, for import_header */
 };

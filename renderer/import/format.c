@@ -136,6 +136,18 @@ void import_report(const struct import_progress *progress, uint64_t bytes) {
         progress->report(progress->user, progress->before + bytes);
 }
 
+void import_grid_normalize(struct sp_grid *grid) {
+    const double rounding = 1e-5;
+    for (int axis = 0; axis < 3; axis++) {
+        const double length = hypot(hypot(grid->direction[0][axis], grid->direction[1][axis]),
+                                    grid->direction[2][axis]);
+        for (int row = 0; row < 3 && length > 0; row++)
+            grid->direction[row][axis] /= length;
+        if (length > 0 && fabs(length - 1) > rounding)
+            grid->spacing[axis] *= length;
+    }
+}
+
 void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions) {
     uint32_t last = grid->dims[axis] - 1;
     double first = positions[0], sign = positions[last] < first ? -1 : 1;

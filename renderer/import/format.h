@@ -248,6 +248,11 @@ void import_report(const struct import_progress *progress, uint64_t bytes);
  */
 void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions);
 
+/* Moves the lengths of the directions into the spacing, so that the grid stays where it is and each
+ * direction has the length 1. A length within 1e-5 of 1 is the rounding of written digits and
+ * changes no spacing. A direction of length 0 stays. */
+void import_grid_normalize(struct sp_grid *grid);
+
 /* Sets the anatomical letters of the world, valid and not empty, once the grid is complete. The
  * world of a view is right-handed: a left-handed one would show the patient as in a mirror. So its
  * axis between front and back changes its sign: "LAS" becomes "LPS". Vectors change with it, so the

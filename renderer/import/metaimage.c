@@ -247,7 +247,8 @@ static bool take_dims(struct parsing *p) {
     return true;
 }
 
-/* The rows of the matrix are the directions of the axes. */
+/* The rows of the matrix are the directions of the axes. Their lengths scale the spacing: ITK does
+ * the same. */
 static bool take_directions(const struct parsing *p) {
     double matrix[16] = { 0 };
     const unsigned n = p->dimensions;
@@ -263,7 +264,7 @@ static bool take_directions(const struct parsing *p) {
             return refuse(p, SP_ERR_FORMAT, TRANSFORM, "the direction of axis %u has length 0",
                           axis + 1);
         for (unsigned row = 0; row < n && row < 3; row++)
-            p->header->grid.direction[row][axis] = matrix[n * axis + row] / sqrt(length);
+            p->header->grid.direction[row][axis] = matrix[n * axis + row];
     }
     return true;
 }
@@ -280,7 +281,8 @@ static bool take_geometry(const struct parsing *p) {
         for (int row = 0; row < 3 && spacing[axis] < 0; row++) /* ITK turns the axis around, too */
             p->header->grid.direction[row][axis] = 0 - p->header->grid.direction[row][axis];
     }
-    if (p->header->steps.count > 1)
+    import_grid_normalize(&p->header->grid);
+    if (p->header->steps.count > 1 && p->dimensions == 4)
         import_header_use_interval(p->header, origin[3], spacing[3], "");
     /* ITK's world is in mm, and so are the files of its users. */
     const char *unit = p->values[UNIT] ? p->values[UNIT] : "";

@@ -119,6 +119,7 @@ static void take_place(const struct import_file *file, const uint8_t *bytes,
                 grid->direction[row][axis] * grid->spacing[axis] * grid->dims[axis] / 2;
         }
     }
+    import_grid_normalize(grid);
     if (!is_placed)
         import_warn(file->warnings,
                     "The header gives no place (goodRASFlag 0); the volume is taken "

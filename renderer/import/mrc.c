@@ -20,8 +20,12 @@ enum {
     MODE_RGB = 16,
     MODE_FOUR_BITS = 101,
     VOLUME_STACK = 401,
-    IMOD_STAMP = 1146047817
+    IMOD_STAMP = 1146047817,
+    MRC_2014 = 20140 /* the least version that is one */
 };
+
+/* Flags of IMOD. */
+enum { SIGNED_BYTES = 1, ORIGIN_OF_MRC = 4, HALF_BYTES = 16 };
 
 enum place { /* bytes of the header */
              DIMS = 0,
@@ -35,6 +39,7 @@ enum place { /* bytes of the header */
              HIGH = 80,
              SPACE_GROUP = 88,
              EXTENDED = 92,
+             VERSION = 108,
              STAMP = 152,
              FLAGS = 156,
              ORIGIN = 196,
@@ -135,7 +140,9 @@ static bool find_order(struct parsing *p) {
             return true;
     }
     return REFUSE(SP_ERR_FORMAT, DIMS, "nx",
-                  "this is no MRC file: the header makes no sense in either byte order");
+                  "this is no MRC file: nx is %" PRId32 " and mode %" PRId32
+                  ", also wrong in the other byte order; nx must be in [1, %u], mode in [0, 999]",
+                  whole_at(p, DIMS), whole_at(p, MODE), SP_DIM_MAX);
 }
 
 static bool take_dims(struct parsing *p) {
@@ -212,6 +219,18 @@ static bool find_spacing(const struct parsing *p, double spacing[3]) {
     return is_given;
 }
 
+/* The flags of IMOD; 0 if another program wrote the file. */
+static int32_t flags_of(const struct parsing *p) {
+    return whole_at(p, STAMP) == IMOD_STAMP ? whole_at(p, FLAGS) : 0;
+}
+
+/* The origin of IMOD is where the world begins, seen from the first sample: the negative of that of
+ * MRC2014, unless a flag or the version says otherwise. */
+static bool is_origin_of_imod(const struct parsing *p) {
+    return whole_at(p, STAMP) == IMOD_STAMP && (flags_of(p) & ORIGIN_OF_MRC) == 0 &&
+           whole_at(p, VERSION) < MRC_2014;
+}
+
 /* The origin of MRC2014, or else the first sample of CCP4, counted in steps along its axes. */
 static void find_origin(const struct parsing *p, const double edges[3][3], const double spacing[3],
                         double origin[3]) {
@@ -220,6 +239,7 @@ static void find_origin(const struct parsing *p, const double edges[3][3], const
         origin[row] = real_at(p, ORIGIN + 4 * (size_t)row);
         if (!isfinite(origin[row]) || !has_magic(p->bytes, HEADER))
             origin[row] = 0;
+        origin[row] = is_origin_of_imod(p) ? 0 - origin[row] : origin[row];
         is_given |= origin[row] != 0;
     }
     for (int i = 0; i < 3 && !is_given; i++)
@@ -247,10 +267,11 @@ static void take_grid(struct parsing *p) {
     }
 }
 
-/* Bytes have a sign since MRC2014. IMOD says whether they have; others tell by their values. */
+/* Bytes are signed since MRC2014. IMOD has a flag for it. In files of other programs the largest
+ * value shows whether they are. */
 static bool is_unsigned_byte(const struct parsing *p) {
     if (whole_at(p, STAMP) == IMOD_STAMP)
-        return (whole_at(p, FLAGS) & 1) == 0;
+        return (flags_of(p) & SIGNED_BYTES) == 0;
     return real_at(p, LOW) >= 0 && real_at(p, HIGH) > INT8_MAX && real_at(p, HIGH) <= UINT8_MAX;
 }
 
@@ -259,15 +280,20 @@ static bool take_samples(struct parsing *p) {
     struct import_conversion *c = &p->mrc->conversion;
     const int32_t mode = whole_at(p, MODE), extended = whole_at(p, EXTENDED);
     s->number = number_of(mode);
+    if (mode == MODE_FOUR_BITS || (mode == 0 && (flags_of(p) & HALF_BYTES)))
+        return REFUSE(SP_ERR_UNSUPPORTED, MODE, "mode",
+                      "mode %" PRId32 " with samples of 4 bits is not supported; convert it with "
+                      "\"newstack -mode 1\" of IMOD",
+                      mode);
     if (s->number.size == 0)
         return REFUSE(SP_ERR_UNSUPPORTED, MODE, "mode",
                       "mode %" PRId32 " is not supported; supported are 0 (int8), 1 (int16), 2 "
-                      "(float32), 3 and 4 (complex), 6 (uint16), 12 (float16) and 16 (colours)%s",
-                      mode,
-                      mode == MODE_FOUR_BITS ? "; convert 4 bits with \"newstack -mode 1\" of IMOD"
-                                             : "");
+                      "(float32), 3 and 4 (complex), 6 (uint16), 12 (float16) and 16 (colours)",
+                      mode);
     if (extended < 0)
-        return REFUSE(SP_ERR_FORMAT, EXTENDED, "nsymbt", "%" PRId32 " bytes", extended);
+        return REFUSE(SP_ERR_FORMAT, EXTENDED, "nsymbt",
+                      "the extended header has %" PRId32 " bytes; it must have at least 0",
+                      extended);
     if (mode == 0 && is_unsigned_byte(p))
         s->number.kind = IMPORT_UNSIGNED;
     *c = import_conversion_of(s->number, p->file->warnings);

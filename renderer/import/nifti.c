@@ -84,14 +84,16 @@ static bool check_dims(const struct import_file *file, struct nifti_fields *f,
             "the file declares %g time steps; they must be a whole number of at least 1",
             f->dims[4]);
     for (int i = 5; i < 8; i++)
-        if (!(f->dims[i] >= 1 && f->dims[i] <= NIFTI_COMPONENTS_MAX && trunc(f->dims[i]) == f->dims[i]))
+        if (!(f->dims[i] >= 1 && f->dims[i] <= NIFTI_COMPONENTS_MAX &&
+              trunc(f->dims[i]) == f->dims[i]))
             return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim",
                                "dimension %d has %g samples, outside [1, %d]", i, f->dims[i],
                                NIFTI_COMPONENTS_MAX);
     f->dims[5] *= f->dims[6] * f->dims[7];
     return f->dims[5] <= NIFTI_COMPONENTS_MAX ||
            import_fail(err, SP_ERR_UNSUPPORTED, file->shown, at, "dim",
-                       "%g components are more than %d, the limit", f->dims[5], NIFTI_COMPONENTS_MAX);
+                       "%g components are more than %d, the limit", f->dims[5],
+                       NIFTI_COMPONENTS_MAX);
 }
 
 static bool take_steps(const struct import_file *file, const struct nifti_fields *f,
@@ -192,8 +194,8 @@ static bool describe_vectors(const struct import_file *file, const struct nifti_
                            "file");
     n->samples.is_vectors = n->samples.is_planar = true;
     n->samples.bytes *= 3;
-    n->samples.conversion = n->conversion.slope != 1 || n->conversion.offset != 0 ? &n->conversion
-                                                                                   : NULL;
+    n->samples.conversion =
+        n->conversion.slope != 1 || n->conversion.offset != 0 ? &n->conversion : NULL;
     import_header_add_vectors(header, f->intent_name);
     import_header_use_vectors(header, file->field);
     return sp_grid_check(&header->grid, header->type, file->shown, &header->bytes, err);

@@ -29,10 +29,10 @@ struct import_samples {
     uint64_t before_bytes, after_bytes; /* of other steps and components, decoded */
     uint64_t start;                     /* count == 0: where the header ends */
     struct import_number number;
-    bool is_vectors, is_planar;                 /* as in struct import_vectors */
+    bool is_vectors, is_planar; /* as in struct import_vectors */
     /* Of `number`; of vectors only slope and offset. NULL = samples are the numbers. */
     const struct import_conversion *conversion;
-    uint64_t bytes;                             /* of all numbers; a multiple of max(count, 1) */
+    uint64_t bytes;    /* of all numbers; a multiple of max(count, 1) */
     const char *field; /* the header field in errors about the size: "sizes", "dims" */
 };
 

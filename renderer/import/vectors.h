@@ -15,12 +15,12 @@ struct import_vectors {
     uint64_t count; /* vectors */
     bool planar;    /* all x come first, then all y, then all z; otherwise x, y and z alternate */
     float (*out)[3];
-    struct import_shift *shift; /* of positions; NULL = none */
+    struct import_shift *shift;            /* of positions; NULL = none */
     const struct import_conversion *scale; /* its slope and offset; NULL = none */
 };
 
-/* Converts `n` aligned numbers in native byte order, before which `first` numbers came. Only `scale`
- * changes their values. Numbers beyond the range of float32 become infinite. */
+/* Converts `n` aligned numbers in native byte order, before which `first` numbers came. Only
+ * `scale` changes their values. Numbers beyond the range of float32 become infinite. */
 void import_vectors_put(const struct import_vectors *vectors, uint64_t first, const void *numbers,
                         size_t n);
 

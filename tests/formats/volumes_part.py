@@ -73,6 +73,8 @@ def like_itk(tool, path, step=0, is_ras=False, compare=None, **wanted):
     if is_ras:  # ITK's world is LPS
         turn = numpy.diag([-1, -1, 1])
         direction, origin = turn @ direction, turn @ origin
+    lengths = numpy.linalg.norm(direction, axis=0)  # ITK keeps directions of any length
+    direction, spacing = direction / lengths, lengths * spacing
     (compare or tool.equal)(path, shown(data[step] if size == 4 else data), step=step, spacing=list(spacing), origin=list(origin),
                             direction=direction.ravel().tolist(), **wanted)
 
@@ -154,6 +156,16 @@ def check_nrrd_layouts(tool):
     tool.equal(tool.path('two.nrrd') + '?field=component 2', values('f4', SHAPE + (2,))[..., 1])
 
 
+def check_nrrd_small_files(tool):
+    """A file that holds only a part of the components of a sample."""
+    for i in range(32):
+        write(tool, f'part{i}.raw', '', bytes(range(3)))
+    names = ''.join(f'part{i}.raw\n' for i in range(32))
+    path = write(tool, 'parts.nhdr', 'NRRD0004\ntype: uchar\ndimension: 4\nsizes: 3 2 4 4\nkinds: RGB-color list domain domain\nencoding: raw\n'
+                 f'data file: LIST 1\n{names}')
+    tool.refused(path, 'each of the 32 data files holds 3 bytes', 'write whole samples')
+
+
 def check_nrrd_headers(tool):
     data = values('<i2')
     sizes = SHAPE[::-1]
@@ -214,6 +226,7 @@ def check_metaimage(tool):
     warned(tool, tool.path('long.mha'), '8 bytes per number')
     data = values('<i2')
     for more in ('ElementSpacing = 1 -2 3\n', 'ElementSize = 2 3 4\n', 'Position = 1 2 3\nTransformMatrix = 0 1 0 -1 0 0 0 0 1\n',
+                 'ElementSpacing = 2 3 4\nOffset = 1 2 3\nTransformMatrix = 0 0.5 0 -3 0 0 0 0.6 0.8\n',
                  'Origin = 1e7 2 -3\nElementSpacing = 0.001 0.002 1000\n', 'Offset = 1 2 3\nRotation = 0 0 1 0 1 0 1 0 0\n'):
         like_itk(tool, write(tool, 'place.mha', meta_header('<i2', more), data.tobytes()), unit='mm')
     for i in range(3):
@@ -423,11 +436,24 @@ def check_mrc(tool):
     with mrcfile.new(tool.path('stack.mrc'), overwrite=True) as file:
         file.set_data(volumes)
     tool.layout('MRC', 'a stack of volumes (space group 401)', tool.path('stack.mrc'), volumes[1], step=1, steps=2, result='steps')
+    # IMOD's origin has the other sign, unless flag 4 is set or the version is that of MRC2014; mode 0 may have 4 bits (flag 16).
+    for flags, version, sign in ((0, 0, -1), (4, 0, 1), (0, 20140, 1), (1, 20141, 1)):
+        with mrcfile.new(tool.path('imod.mrc'), overwrite=True) as file:
+            file.set_data(data)
+            file.header.origin.x, file.header.origin.y, file.header.origin.z = 1, -2, 3
+            file.header.nversion = version
+        with open(tool.path('imod.mrc'), 'r+b') as file:
+            file.seek(152)
+            file.write(struct.pack('<2i', 1146047817, flags))
+        tool.equal(tool.path('imod.mrc'), data, origin=[sign, -2 * sign, 3 * sign])
     tool.refused(write(tool, 'bad.mrc', '', bytes(1024)), 'no MRC file')
     with open(path, 'rb') as file:
         content = file.read()
     tool.layout_refused('MRC', 'fewer samples than the header says', write(tool, 'cut.mrc', '', content[:-1]), 'cut off')
     tool.layout_refused('MRC', '4 bits (mode 101)', write(tool, 'mode.mrc', '', content[:12] + struct.pack('<i', 101) + content[16:]), 'mode 101')
+    half = content[:12] + struct.pack('<i', 0) + content[16:152] + struct.pack('<2i', 1146047817, 16) + content[160:]
+    tool.layout_refused('MRC', '4 bits (mode 0 and flag 16 of IMOD)', write(tool, 'half.mrc', '', half), 'mode 0 with samples of 4 bits')
+    tool.refused(write(tool, 'extended.mrc', '', content[:92] + struct.pack('<i', -5) + content[96:]), 'the extended header has -5 bytes')
 
 
 def check_gipl(tool):
@@ -486,6 +512,11 @@ def check_mgh(tool):
     path = write(tool, 'unplaced.mgh', '', header + values('f4').astype('>f4').tobytes())
     tool.layout('MGH', 'no place (goodRASFlag 0)', path, values('f4'), result='coronal, with a warning', warned='coronal', origin=[2.5, -1.5, 2],
                 direction=[-1, 0, 0, 0, 0, 1, 0, -1, 0])
+    # Directions that are not exactly of length 1 scale the spacing, as nibabel multiplies both.
+    with open(write(tool, 'scaled.mgh', '', header), 'r+b') as file:
+        file.seek(28)
+        file.write(struct.pack('>h15f', 1, 2, 3, 4, 0, -0.99995, 0, 1, 0, 0, 0, 0, 1.25, 10, 20, 30) + bytes(194) + values('f4').astype('>f4').tobytes())
+    tool.equal(tool.path('scaled.mgh'), values('f4'), **place(nibabel.load(tool.path('scaled.mgh')).affine))
     nibabel.save(nibabel.MGHImage(numpy.zeros((100000, 1, 1), 'f4'), numpy.eye(4)), tool.path('curv.mgh'))
     tool.layout_refused('MGH', 'values of a surface', tool.path('curv.mgh'), 'nodes of a surface')
     write(tool, 'cut.mgh', '', header + bytes(60))
@@ -523,7 +554,7 @@ def check_packed(tool):
 def check(tool):
     warnings.simplefilter('ignore')
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
-    for part in (check_nrrd_types, check_nrrd_layouts, check_nrrd_headers, check_metaimage, check_nifti_types, check_nifti_shapes,
+    for part in (check_nrrd_types, check_nrrd_layouts, check_nrrd_small_files, check_nrrd_headers, check_metaimage, check_nifti_types, check_nifti_shapes,
                  check_nifti_scales, check_nifti_places, check_nifti_offsets, check_analyze, check_mrc, check_gipl, check_mgh, check_minc,
                  check_packed):
         part(tool)
