@@ -22,6 +22,10 @@ static size_t trimmed(const char *s, size_t length) {
     return length;
 }
 
+void srv_header_trim(char *value) {
+    value[trimmed(value, strlen(value))] = 0;
+}
+
 bool srv_header_has_token(const char *list, const char *token) {
     size_t wanted = strlen(token);
     for (const char *at = list; at && *at;) {

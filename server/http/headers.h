@@ -10,6 +10,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Cuts trailing spaces and tabs, which are no part of a value (RFC 9110, 5.5). */
+void srv_header_trim(char *value);
 /* True if a comma-separated list ("Connection: keep-alive, Upgrade") contains the token. Ignores
  * case. */
 bool srv_header_has_token(const char *list, const char *token);

@@ -118,6 +118,8 @@ static enum MHD_Result on_header(void *user, enum MHD_ValueKind kind, const char
     struct header_scan *scan = user;
     struct srv_request *request = scan->request;
     srv_smuggling_add_header(&scan->smuggling, name, value);
+    if (value)
+        srv_header_trim((char *)(uintptr_t)value); /* in the memory of the library */
     bool is_first = MHD_lookup_connection_value(request->mhd, kind, name) == value;
     if (!is_first && value && scan->smuggling.all <= SRV_HEADERS_MAX)
         scan->has_memory = join_header(request, name, value) && scan->has_memory;
@@ -128,7 +130,11 @@ bool srv_request_is_refused_at_once(struct srv_request *request, const char *ver
     struct srv_rejection refusal = request->target;
     if (!refusal.status) {
         struct header_scan scan = { .request = request, .has_memory = true };
+        const union MHD_ConnectionInfo *head =
+            MHD_get_connection_info(request->mhd, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
+        srv_smuggling_begin(&scan.smuggling, version);
         MHD_get_connection_values(request->mhd, MHD_HEADER_KIND, on_header, &scan);
+        srv_smuggling_end(&scan.smuggling, request->method + (head ? head->header_size : 0));
         refusal = srv_smuggling_check_headers(&scan.smuggling, version);
         if (!refusal.status && !scan.has_memory)
             refusal = (struct srv_rejection){ 503, "out of memory for the headers" };

@@ -36,10 +36,24 @@ static bool is_text(const char *value) {
     return true;
 }
 
+enum { LINE_END = 2 }; /* CR LF */
+
+void srv_smuggling_begin(struct srv_smuggling *smuggling, const char *version) {
+    smuggling->next = version + strlen(version) + LINE_END;
+}
+
+void srv_smuggling_end(struct srv_smuggling *smuggling, const char *end) {
+    smuggling->is_torn |= smuggling->next + LINE_END != end;
+}
+
 void srv_smuggling_add_header(struct srv_smuggling *smuggling, const char *name,
                               const char *value) {
     const char *text = value ? value : "";
     smuggling->all++;
+    if (smuggling->next) {
+        smuggling->is_torn |= name != smuggling->next || !value;
+        smuggling->next = text + strlen(text) + LINE_END;
+    }
     if (!is_name(name))
         smuggling->is_not_name = true;
     if (!is_text(text))
@@ -63,7 +77,10 @@ struct srv_rejection srv_smuggling_check_headers(const struct srv_smuggling *smu
     const char *detail = NULL;
     if (smuggling->all > SRV_HEADERS_MAX)
         return (struct srv_rejection){ 431, "the request has more than 128 headers" };
-    if (smuggling->is_not_name)
+    if (smuggling->is_torn)
+        detail = "the head has a NUL, a line that continues another, or a line that does not end "
+                 "with CR LF";
+    else if (smuggling->is_not_name)
         detail = "the name of a header has an invalid character";
     else if (smuggling->is_not_text)
         detail = "the value of a header has a control character";

@@ -28,7 +28,17 @@ struct srv_rejection srv_smuggling_check_target(char *target, size_t limit);
 struct srv_smuggling {
     unsigned all, hosts, lengths, encodings;
     bool is_not_number, is_not_chunked, is_not_name, is_not_text;
+    const char
+        *next;    /* where the next header begins in the memory of the library; NULL = unknown */
+    bool is_torn; /* there were bytes between headers that belong to none */
 };
+/* The library cuts a head into texts where it lies: it puts NUL over each CR and LF, and joins
+ * lines that continue others elsewhere. So what it dropped shows in the gaps: a NUL, and what
+ * follows it up to the end of the line; a continued line; a line that ends with CR or LF alone.
+ * Begins with the end of the request line, which is the version. */
+void srv_smuggling_begin(struct srv_smuggling *smuggling, const char *version);
+/* Ends with the end of the head, behind the empty line. */
+void srv_smuggling_end(struct srv_smuggling *smuggling, const char *end);
 /* Adds a header; `value` NULL = empty. */
 void srv_smuggling_add_header(struct srv_smuggling *smuggling, const char *name, const char *value);
 /* Checks all headers. `version` is "HTTP/1.1" or "HTTP/1.0". */

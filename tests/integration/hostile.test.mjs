@@ -274,6 +274,16 @@ test('requests that a proxy could parse differently are refused and end their co
     ['GET /healthz HTTP/1.1\r\n\r\n', 400, /exactly one Host/],
     [`${post}Host: x\r\nContent-Length : 2\r\n\r\n{}`, 400, /name of a header/],
     [`${post}Host: x\r\nX: a\x01b\r\nContent-Length: 2\r\n\r\n{}`, 400, /control character/],
+    ['GET /healthz HTTP/1.1\r\nHost: x\r\nX: a\0b\r\n\r\n', 400, /NUL/],
+    ['GET /healthz HTTP/1.1\r\nX: a\0b\r\nHost: x\r\n\r\n', 400, /NUL/],
+    ['GET /healthz HTTP/1.1\r\nHost: x\0\r\n\r\n', 400, /NUL/],
+    [`${post}Host: x\r\nContent-Length: 2\0\r\n\r\n{}`, 400, /NUL/],
+    ['GET /healthz HTTP/1.1\r\nHost: x\r\nX: a\r\n b\r\nY: c\r\n\r\n', 400, /continues another/],
+    ['GET /healthz HTTP/1.1\r\nHost: x\r\nX: a\r\n\tb\r\n\r\n', 400, /continues another/],
+    ['GET /healthz HTTP/1.1\r\nHost: x\r\nX:\r\n \r\n\r\n', 400, /continues another/],
+    ['GET /healthz HTTP/1.1\nHost: x\n\n', 400, /CR LF/],
+    ['GET /healthz HTTP/1.1\r\nHost: x\r\nX: a\rY: b\r\n\r\n', 400, /control character/],
+    ['GET /healthz HTTP/1.1\r\nHost: x\r\nX: a\r\r\n\r\n', 400, /control character/],
     [`GET /healthz HTTP/1.1\r\nHost: x\r\n${'A: b\r\n'.repeat(128)}\r\n`, 431, /more than 128 headers/],
     ['GET /%00 HTTP/1.1\r\nHost: x\r\n\r\n', 400, /%00/],
     [`GET /api/v1/volumes?token=${daemon.token}%00x HTTP/1.1\r\nHost: x\r\n\r\n`, 400, /%00/],
@@ -289,6 +299,10 @@ test('requests that a proxy could parse differently are refused and end their co
     assert.match(raw.text(), detail);
     raw.destroy();
   }
+  const blank = await Raw.connect(daemon.port);
+  blank.write(`GET /api/v1/volumes HTTP/1.1\r\nHost: x \r\nAuthorization:\tBearer ${daemon.token} \t \r\nX:\r\nY: \t\r\n\r\n`);
+  await blank.until(() => blank.text().startsWith('HTTP/1.1 200'), 'an answer to headers with blanks around their values');
+  blank.destroy();
   const raw = await Raw.connect(daemon.port);
   raw.write('GET /healthz HTTP/1.0\r\n\r\n');
   await raw.until(() => raw.text().startsWith('HTTP/1.1 200'), 'an answer to HTTP/1.0 without Host');
