@@ -190,6 +190,7 @@ static uint64_t half_of_memory(void) {
 
 #define WRITE_PAUSE_MS 250.0
 #define WRITE_RETRY_MS 1000.0
+#define CHECK_MS 2000.0
 
 static bool open_store(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
@@ -197,6 +198,7 @@ static bool open_store(struct srv_daemon *d, struct sp_error *err) {
         .folder = c->state,
         .pause_ms = WRITE_PAUSE_MS,
         .retry_ms = WRITE_RETRY_MS,
+        .check_ms = CHECK_MS,
         .max = { [SRV_KIND_VIEW] = (unsigned)c->views, [SRV_KIND_PRESET] = (unsigned)c->presets }
     };
     if (!(d->store = srv_store_create(&store, err)))

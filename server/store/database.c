@@ -9,11 +9,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "sp/log.h"
+#include "store/database_files.h"
 
 enum { APPLICATION_ID = 0x53504c54 }; /* "SPLT" */
 
@@ -28,9 +28,9 @@ static const char *const kind_names[SRV_KINDS] = { "volume", "session", "view",
                                                    "preset", "path",    "clock" };
 
 struct srv_database {
-    int lock;
-    char path[PATH_MAX];
-    sqlite3 *sqlite;
+    struct srv_database_files files;
+    const char *vfs;
+    sqlite3 *sqlite; /* NULL = not open: srv_database_rewrite() failed */
     sqlite3_stmt *put, *remove;
 };
 
@@ -41,25 +41,26 @@ static bool fail(const struct srv_database *d, const char *what, struct sp_error
     switch (code & 0xff) {
     case SQLITE_NOTADB:
     case SQLITE_CORRUPT:
-        return sp_fail(err, SP_ERR_FORMAT, d->path,
+        return sp_fail(err, SP_ERR_FORMAT, d->files.path,
                        "the database is damaged (%s: %s); restore a copy, or move the file "
                        "away and lose its contents",
                        what, text);
     case SQLITE_FULL:
-        return sp_fail(err, SP_ERR_IO, d->path, "%s: the disk is full; free some space", what);
+        return sp_fail(err, SP_ERR_IO, d->files.path, "%s: the disk is full; free some space",
+                       what);
     case SQLITE_READONLY:
     case SQLITE_CANTOPEN:
     case SQLITE_PERM:
-        return sp_fail(err, SP_ERR_IO, d->path,
+        return sp_fail(err, SP_ERR_IO, d->files.path,
                        "%s: %s; the daemon's user needs write access to the file and its folder",
                        what, text);
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
-        return sp_fail(err, SP_ERR_IO, d->path, "%s: another program has locked it", what);
+        return sp_fail(err, SP_ERR_IO, d->files.path, "%s: another program has locked it", what);
     case SQLITE_NOMEM:
-        return sp_fail(err, SP_ERR_MEMORY, d->path, "%s: out of memory", what);
+        return sp_fail(err, SP_ERR_MEMORY, d->files.path, "%s: out of memory", what);
     default:
-        return sp_fail(err, SP_ERR_IO, d->path, "%s: %s (error %d)", what, text,
+        return sp_fail(err, SP_ERR_IO, d->files.path, "%s: %s (error %d)", what, text,
                        sqlite3_extended_errcode(d->sqlite));
     }
 }
@@ -81,17 +82,6 @@ static bool ask(struct srv_database *d, const char *sql, int64_t *value, struct 
     return ok;
 }
 
-/* Syncs a folder, so that new files in it survive a crash of the machine. */
-static bool sync_folder(const char *folder, struct sp_error *err) {
-    int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    bool ok = fd >= 0 && fsync(fd) == 0;
-    if (!ok)
-        sp_fail(err, SP_ERR_IO, folder, "cannot sync this folder to the disk: %s", strerror(errno));
-    if (fd >= 0)
-        close(fd);
-    return ok;
-}
-
 /* Creates the folder if it is missing, and syncs its parent folder. */
 static bool make_folder(const char *folder, struct sp_error *err) {
     char above[PATH_MAX];
@@ -101,10 +91,10 @@ static bool make_folder(const char *folder, struct sp_error *err) {
                        strerror(errno));
     int size = snprintf(above, sizeof above, "%s/..", folder);
     return size >= (int)sizeof above ||
-           sync_folder(above, err); /* take_folder() reports a path that is too long */
+           srv_database_files_sync(above, err); /* take_folder() reports a path that is too long */
 }
 
-/* Locks the folder for this daemon. The lock ends with the process, however that ends. */
+/* Locks the folder for this daemon, and creates it if it is missing. */
 static bool take_folder(struct srv_database *d, const char *folder, struct sp_error *err) {
     struct stat found;
     if (!make_folder(folder, err))
@@ -114,21 +104,7 @@ static bool take_folder(struct srv_database *d, const char *folder, struct sp_er
     if (found.st_mode & 077)
         sp_log(SP_LOG_WARN, "state %s is open to other users (mode %03o), but it contains tokens",
                folder, (unsigned)(found.st_mode & 0777));
-    char path[PATH_MAX];
-    if (snprintf(path, sizeof path, "%s/" SRV_DATABASE_LOCK, folder) >= (int)sizeof path ||
-        snprintf(d->path, sizeof d->path, "%s/" SRV_DATABASE_NAME, folder) >= (int)sizeof d->path)
-        return sp_fail(err, SP_ERR_INVALID, "--state", "the path is longer than %d bytes",
-                       PATH_MAX - 1);
-    d->lock = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (d->lock < 0)
-        return sp_fail(err, SP_ERR_IO, path,
-                       "cannot write to the folder of --state: %s; the daemon's user needs write "
-                       "access",
-                       strerror(errno));
-    if (flock(d->lock, LOCK_EX | LOCK_NB) != 0)
-        return sp_fail(err, SP_ERR_IO, folder,
-                       "another splatd uses this folder; give each daemon its own --state");
-    return true;
+    return srv_database_files_open(&d->files, folder, err);
 }
 
 /* Reads the version of the schema. Refuses a file that is damaged, newer, or not ours. */
@@ -141,10 +117,10 @@ static bool check(struct srv_database *d, int64_t *schema, struct sp_error *err)
     if (application == 0 && *schema == 0 && objects == 0)
         return true; /* new */
     if (application != APPLICATION_ID || *schema < 1)
-        return sp_fail(err, SP_ERR_FORMAT, d->path,
+        return sp_fail(err, SP_ERR_FORMAT, d->files.path,
                        "this database belongs to another program; give --state its own folder");
     if (*schema > SCHEMA)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, d->path,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, d->files.path,
                        "a newer splatd wrote this database (schema %lld; this version knows %d); "
                        "start that version",
                        (long long)*schema, SCHEMA);
@@ -156,7 +132,7 @@ static bool check(struct srv_database *d, int64_t *schema, struct sp_error *err)
     if (!found)
         fail(d, "cannot check", err);
     else if (strcmp(found, "ok") != 0)
-        ok = sp_fail(err, SP_ERR_FORMAT, d->path,
+        ok = sp_fail(err, SP_ERR_FORMAT, d->files.path,
                      "the database is damaged (%.200s); restore a copy, or move the file away "
                      "and lose its contents",
                      found);
@@ -176,7 +152,7 @@ static bool use_wal(struct srv_database *d, struct sp_error *err) {
     if (!mode)
         fail(d, "cannot write", err);
     else if (!ok)
-        sp_fail(err, SP_ERR_UNSUPPORTED, d->path,
+        sp_fail(err, SP_ERR_UNSUPPORTED, d->files.path,
                 "the file system does not support SQLite's WAL mode (got '%.16s'); give --state a "
                 "folder on a local disk",
                 mode);
@@ -205,31 +181,44 @@ static bool prepare(struct srv_database *d, const char *sql, sqlite3_stmt **stat
            fail(d, "cannot use", err);
 }
 
-static bool open_file(struct srv_database *d, const char *vfs, struct sp_error *err) {
-    int64_t schema = 0;
-    int made = open(d->path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+static bool prepare_statements(struct srv_database *d, struct sp_error *err) {
+    return prepare(d,
+                   "INSERT INTO record(kind, id, body) VALUES(?1, ?2, ?3)"
+                   " ON CONFLICT(kind, id) DO UPDATE SET body = excluded.body",
+                   &d->put, err) &&
+           prepare(d, "DELETE FROM record WHERE kind = ?1 AND id = ?2", &d->remove, err);
+}
+
+/* Opens the file, which is created if it is missing, with flags for open(2). */
+static bool connect(struct srv_database *d, int creation, struct sp_error *err) {
+    int made = open(d->files.path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | creation, 0600);
     if (made < 0)
-        return sp_fail(err, SP_ERR_IO, d->path,
+        return sp_fail(err, SP_ERR_IO, d->files.path,
                        "cannot open the database: %s; the daemon's user needs write access",
                        strerror(errno));
     close(made);
     int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_NOFOLLOW;
-    int code = sqlite3_open_v2(d->path, &d->sqlite, flags, vfs);
+    int code = sqlite3_open_v2(d->files.path, &d->sqlite, flags, d->vfs);
     if (!d->sqlite)
-        return sp_fail(err, SP_ERR_MEMORY, d->path, "out of memory while opening the database");
+        return sp_fail(err, SP_ERR_MEMORY, d->files.path,
+                       "out of memory while opening the database");
     if (code != SQLITE_OK)
         return fail(d, "cannot open", err);
     sqlite3_busy_timeout(d->sqlite, 1000); /* another program may be making a copy */
     /* Do not run code from a prepared file (triggers, views). */
     sqlite3_db_config(d->sqlite, SQLITE_DBCONFIG_DEFENSIVE, 1, NULL);
     sqlite3_db_config(d->sqlite, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, NULL);
-    return check(d, &schema, err) && use_wal(d, err) &&
-           run(d, "PRAGMA synchronous=FULL", "cannot write", err) && upgrade(d, schema, err) &&
-           prepare(d,
-                   "INSERT INTO record(kind, id, body) VALUES(?1, ?2, ?3)"
-                   " ON CONFLICT(kind, id) DO UPDATE SET body = excluded.body",
-                   &d->put, err) &&
-           prepare(d, "DELETE FROM record WHERE kind = ?1 AND id = ?2", &d->remove, err);
+    return run(d, "PRAGMA synchronous=FULL", "cannot write", err);
+}
+
+static bool open_file(struct srv_database *d, struct sp_error *err) {
+    int64_t schema = 0;
+    if (!connect(d, 0, err) || !check(d, &schema, err) || !use_wal(d, err) ||
+        !upgrade(d, schema, err) || !prepare_statements(d, err) ||
+        !srv_database_files_sync(d->files.folder, err))
+        return false;
+    srv_database_files_note(&d->files);
+    return true;
 }
 
 struct srv_database *srv_database_open(const char *folder, const char *vfs, struct sp_error *err) {
@@ -238,10 +227,26 @@ struct srv_database *srv_database_open(const char *folder, const char *vfs, stru
         sp_fail(err, SP_ERR_MEMORY, folder, "out of memory while opening the database");
         return NULL;
     }
-    d->lock = -1;
-    if (!take_folder(d, folder, err) || !open_file(d, vfs, err) || !sync_folder(folder, err))
+    d->files.lock = -1;
+    d->vfs = vfs;
+    if (!take_folder(d, folder, err) || !open_file(d, err))
         srv_database_close(&d);
     return d;
+}
+
+static void disconnect(struct srv_database *d) {
+    sqlite3_finalize(d->put);
+    sqlite3_finalize(d->remove);
+    sqlite3_close(d->sqlite);
+    d->put = d->remove = NULL;
+    d->sqlite = NULL;
+}
+
+/* Ends the connection, but writes nothing into the file, which may not be ours any more. */
+static void abandon(struct srv_database *d) {
+    if (d->sqlite)
+        sqlite3_db_config(d->sqlite, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, NULL);
+    disconnect(d);
 }
 
 void srv_database_close(struct srv_database **database) {
@@ -249,11 +254,11 @@ void srv_database_close(struct srv_database **database) {
     *database = NULL;
     if (!d)
         return;
-    sqlite3_finalize(d->put);
-    sqlite3_finalize(d->remove);
-    sqlite3_close(d->sqlite);
-    if (d->lock >= 0)
-        close(d->lock);
+    if (d->files.main.ino && srv_database_files_changed(&d->files, false))
+        abandon(d);
+    else
+        disconnect(d);
+    srv_database_files_close(&d->files);
     free(d);
 }
 
@@ -277,7 +282,7 @@ bool srv_database_read(struct srv_database *d, struct srv_table *table, struct s
                 break;
             enum srv_kind kind = kind_from(kind_name);
             if (kind == SRV_KINDS || strlen(id) > SRV_STORE_ID_MAX)
-                sp_log(SP_LOG_WARN, "%s: ignoring a record of unknown kind '%.32s'", d->path,
+                sp_log(SP_LOG_WARN, "%s: ignoring a record of unknown kind '%.32s'", d->files.path,
                        kind_name);
             else if (!srv_table_put(table, kind, id, body,
                                     (size_t)sqlite3_column_bytes(statement, 2), false))
@@ -286,7 +291,7 @@ bool srv_database_read(struct srv_database *d, struct srv_table *table, struct s
     }
     bool ok = step == SQLITE_DONE;
     if (step == SQLITE_ROW)
-        sp_fail(err, SP_ERR_MEMORY, d->path, "out of memory while reading the records");
+        sp_fail(err, SP_ERR_MEMORY, d->files.path, "out of memory while reading the records");
     else if (!ok)
         fail(d, "cannot read", err);
     sqlite3_finalize(statement);
@@ -315,8 +320,8 @@ static void roll_back(struct srv_database *d) {
         sqlite3_exec(d->sqlite, "ROLLBACK", NULL, NULL, NULL);
 }
 
-bool srv_database_write(struct srv_database *d, const struct srv_change *changes,
-                        struct sp_error *err) {
+static bool write_all(struct srv_database *d, const struct srv_change *changes,
+                      struct sp_error *err) {
     roll_back(d);
     bool ok = run(d, "BEGIN IMMEDIATE", "cannot write", err);
     for (const struct srv_change *c = changes; ok && c; c = c->next)
@@ -325,4 +330,77 @@ bool srv_database_write(struct srv_database *d, const struct srv_change *changes
     if (!ok)
         roll_back(d);
     return ok;
+}
+
+bool srv_database_is_intact(struct srv_database *d) {
+    return d->sqlite && !srv_database_files_changed(&d->files, false) &&
+           srv_database_files_hold(&d->files, NULL);
+}
+
+bool srv_database_write(struct srv_database *d, const struct srv_change *changes,
+                        struct sp_error *err) {
+    if (!write_all(d, changes, err))
+        return false;
+    const char *changed = srv_database_files_changed(&d->files, true);
+    if (changed)
+        return sp_fail(err, SP_ERR_IO, d->files.path,
+                       "the database %s during a write; writing all records to a new one", changed);
+    srv_database_files_note(&d->files);
+    return true;
+}
+
+/* Writes a complete database beside the old one. */
+static bool write_fresh(const struct srv_database *d, const char *path,
+                        const struct srv_change *changes, struct sp_error *err) {
+    struct srv_database *fresh = calloc(1, sizeof *fresh);
+    char journal[PATH_MAX];
+    if (!fresh)
+        return sp_fail(err, SP_ERR_MEMORY, path, "out of memory while writing the database");
+    snprintf(fresh->files.path, sizeof fresh->files.path, "%s", path);
+    fresh->vfs = d->vfs;
+    unlink(path); /* of an earlier attempt */
+    if (snprintf(journal, sizeof journal, "%s-journal", path) < (int)sizeof journal)
+        unlink(journal);
+    bool ok = connect(fresh, O_EXCL, err) && upgrade(fresh, 0, err) &&
+              prepare_statements(fresh, err) && write_all(fresh, changes, err);
+    disconnect(fresh);
+    free(fresh);
+    if (!ok)
+        unlink(path);
+    return ok;
+}
+
+static void log_rewrite(const struct srv_database *d, const char *changed, const char *kept) {
+    if (*kept)
+        sp_log(SP_LOG_ERROR,
+               "%s %s while the daemon ran; writing all records to a new one. The file that was "
+               "found there is now %s; to use it, stop the daemon and rename it back",
+               d->files.path, changed, kept);
+    else
+        sp_log(SP_LOG_ERROR,
+               "%s %s while the daemon ran; writing all records to a new one. Stop the daemon "
+               "before you touch its files",
+               d->files.path, changed);
+}
+
+bool srv_database_rewrite(struct srv_database *d, const struct srv_change *records,
+                          struct sp_error *err) {
+    char fresh[PATH_MAX], kept[PATH_MAX];
+    const char *changed = srv_database_files_changed(&d->files, false);
+    if (!srv_database_files_hold(&d->files, err))
+        return false;
+    if (snprintf(fresh, sizeof fresh, "%s.new", d->files.path) >= (int)sizeof fresh)
+        return sp_fail(err, SP_ERR_INVALID, "--state", "the path is too long");
+    if (!write_fresh(d, fresh, records, err))
+        return false;
+    abandon(d);
+    bool ok = srv_database_files_replace(&d->files, fresh, kept, err);
+    if (ok && changed)
+        log_rewrite(d, changed, kept);
+    if (ok && open_file(d, err))
+        return true;
+    abandon(d);
+    if (ok) /* opening may have written before it failed */
+        srv_database_files_note(&d->files);
+    return false;
 }

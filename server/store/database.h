@@ -18,9 +18,6 @@
 
 struct srv_database;
 
-#define SRV_DATABASE_NAME "splatd.db"
-#define SRV_DATABASE_LOCK "splatd.lock"
-
 /* Opens or creates the database; errors as in srv_store_create(). */
 struct srv_database *srv_database_open(const char *folder, const char *vfs, struct sp_error *err);
 void srv_database_close(struct srv_database **database);
@@ -28,8 +25,16 @@ void srv_database_close(struct srv_database **database);
 /* Puts every row into the table. False: SP_ERR_IO, SP_ERR_FORMAT, SP_ERR_MEMORY. */
 bool srv_database_read(struct srv_database *database, struct srv_table *table,
                        struct sp_error *err);
-/* Writes all changes in one transaction: all of them or, on failure, none. */
+/* True if the files are still those that were opened, or written last: not deleted, replaced or
+ * truncated, and not written by another program. If not, call srv_database_rewrite(). */
+bool srv_database_is_intact(struct srv_database *database);
+/* Writes all changes in one transaction: all of them or, on failure, none. SP_ERR_IO also if the
+ * files were deleted or replaced meanwhile. */
 bool srv_database_write(struct srv_database *database, const struct srv_change *changes,
                         struct sp_error *err);
+/* Writes a new database with these records, all that there are, and puts it in the place of the old
+ * one. Another file that is there is kept under a name that the log tells. */
+bool srv_database_rewrite(struct srv_database *database, const struct srv_change *records,
+                          struct sp_error *err);
 
 #endif

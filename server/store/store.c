@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "store/store.h"
 
+#include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -31,7 +32,8 @@ struct srv_store {
     struct srv_table *table;
     struct waiter *waiters;
     bool is_running, stop;
-    double next_ms; /* earliest time of a write that no flush waits for */
+    double next_ms;  /* earliest time of a write that no flush waits for */
+    double check_ms; /* time of the next check of the files */
     struct srv_store_status status;
 };
 
@@ -105,17 +107,24 @@ static bool write_changes(struct srv_store *store) {
     atomic_store(&store->is_nudged, false);
     pthread_mutex_unlock(&store->mutex);
     bool is_all = !store->collect || store->collect(store->user);
+    bool is_intact = srv_database_is_intact(store->database);
     pthread_mutex_lock(&store->mutex);
+    store->check_ms = srv_clock_ms() + store->options.check_ms;
+    if (!is_intact)
+        srv_table_change_all(store->table);
     if (!is_all)
         atomic_store(&store->is_nudged, true); /* try again after a pause */
-    else if (srv_table_changes(store->table) == 0 && !store->status.is_failing)
+    else if (srv_table_changes(store->table) == 0 && !store->status.is_failing && is_intact)
         return true;
     bool ok = srv_table_copy_changes(store->table, &changes) ||
               sp_fail(&err, SP_ERR_MEMORY, store->options.folder,
                       "out of memory while copying the changes");
     pthread_mutex_unlock(&store->mutex);
     double start_ms = srv_clock_ms();
-    ok = ok && (!changes || srv_database_write(store->database, changes, &err));
+    if (ok && !is_intact)
+        ok = srv_database_rewrite(store->database, changes, &err);
+    else if (ok && changes)
+        ok = srv_database_write(store->database, changes, &err);
     double took_ms = srv_clock_ms() - start_ms;
     pthread_mutex_lock(&store->mutex);
     if (ok) {
@@ -139,6 +148,18 @@ static void answer(struct waiter *waiters, bool durable) {
     }
 }
 
+/* Checks, when it is time to, that the database is still there. The caller holds the mutex, which
+ * is released in between. */
+static bool is_lost(struct srv_store *store) {
+    if (srv_clock_ms() < store->check_ms)
+        return false;
+    pthread_mutex_unlock(&store->mutex);
+    bool is_intact = srv_database_is_intact(store->database);
+    pthread_mutex_lock(&store->mutex);
+    store->check_ms = srv_clock_ms() + store->options.check_ms;
+    return !is_intact;
+}
+
 /* The caller holds the mutex. */
 static void wait_until(struct srv_store *store, double until_ms) {
     struct timespec until = srv_clock_at(until_ms);
@@ -150,7 +171,8 @@ static void *writer_main(void *user) {
     pthread_mutex_lock(&store->mutex);
     for (;;) {
         bool has_work = atomic_load(&store->is_nudged) || srv_table_changes(store->table) > 0;
-        if (store->waiters || store->stop || (has_work && srv_clock_ms() >= store->next_ms)) {
+        if (store->waiters || store->stop || (has_work && srv_clock_ms() >= store->next_ms) ||
+            is_lost(store)) {
             bool stop = store->stop;
             struct waiter *waiters = store->waiters;
             store->waiters = NULL;
@@ -160,10 +182,8 @@ static void *writer_main(void *user) {
             pthread_mutex_lock(&store->mutex);
             if (stop)
                 break;
-        } else if (has_work) {
-            wait_until(store, store->next_ms);
         } else {
-            pthread_cond_wait(&store->wake, &store->mutex);
+            wait_until(store, has_work ? fmin(store->next_ms, store->check_ms) : store->check_ms);
         }
     }
     unsigned lost = srv_table_changes(store->table);

@@ -9,7 +9,9 @@
  *
  * While the daemon runs, the table is authoritative and the database follows it. So a thread waits
  * for the disk only if it asks to, and a disk that is full or fails stops nothing: changes stay
- * marked and are written again until that succeeds.
+ * marked and are written again until that succeeds. If the database is deleted, replaced or written
+ * by another program, the writer notices it before it confirms anything, or after check_ms, and
+ * writes all records to a new one.
  *
  * A flushed change survives a crash of the daemon at any moment, and a crash of the machine if its
  * disk keeps what fsync() confirmed (SQLite, WAL, synchronous=FULL). Without a folder nothing is
@@ -35,6 +37,7 @@ struct srv_store_options {
     const char *vfs;         /* name of SQLite's file system layer; NULL = the default */
     double pause_ms;         /* between two writes that no flush waits for, ms */
     double retry_ms;         /* until a failed write is tried again, ms */
+    double check_ms;         /* between two checks that the database is still there, ms */
     unsigned max[SRV_KINDS]; /* records per kind; 0 = no limit */
 };
 

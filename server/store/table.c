@@ -229,6 +229,11 @@ unsigned srv_table_changes(const struct srv_table *table) {
     return table->changed;
 }
 
+void srv_table_change_all(struct srv_table *table) {
+    for (struct record *r = table->first; r; r = r->after)
+        mark(table, r);
+}
+
 /* Allocates one block for the change, its id and its text. */
 static struct srv_change *copy_change(const struct record *r) {
     size_t id_size = strlen(r->id) + 1;

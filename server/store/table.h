@@ -47,6 +47,8 @@ struct srv_change {
 unsigned srv_table_changes(const struct srv_table *table); /* their number */
 /* Copies all changes, oldest first. False: out of memory, and *changes is NULL. */
 bool srv_table_copy_changes(const struct srv_table *table, struct srv_change **changes);
+/* Marks all records as changed, in the order of adding, for a database that has none of them. */
+void srv_table_change_all(struct srv_table *table);
 /* Marks the changes as written, except for records that changed again since the copy. */
 void srv_table_written(struct srv_table *table, const struct srv_change *changes);
 void srv_changes_free(struct srv_change **changes);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every request that changes something is durable before its answer, and says so: kill -9 right after answers loses none of them.
 import assert from 'node:assert/strict';
-import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { mkdtempSync, readFileSync, renameSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
@@ -173,5 +173,50 @@ test('without a folder every one of these answers says that it is not durable', 
   await answered('POST', 'volumes', { uri: 'demo:phantom?size=8', id: 'other' });
   await answered('DELETE', 'volumes/other');
   await answered('DELETE', of);
+  assert.equal(await daemon.stop(), 0);
+});
+
+test('a database that was deleted or replaced while the daemon ran is written again before the next answer', async () => {
+  const state = path.join(folder, 'lost');
+  const database = path.join(state, 'splatd.db');
+  const views = [];
+  const save = async (daemon) => {
+    const answer = await send(daemon, 'POST', 'views', { background: [0, 0, (views.length + 1) / 100, 1] });
+    assert.deepEqual([answer.status, answer.headers.get('x-durable')], [201, 'yes']);
+    views.push(answer.json.id);
+  };
+  const restarted = async (daemon) => {
+    daemon.kill('SIGKILL');
+    await within(daemon.ended, 'the end of the daemon');
+    const next = await start(['--state', state]);
+    for (const id of views) assert.equal((await next.json(`/api/v1/views/${id}`)).status, 200);
+    return next;
+  };
+  let daemon = await start(['--state', state]);
+  await save(daemon);
+  rmSync(database);
+  rmSync(`${database}-wal`);
+  await save(daemon);
+  assert.match(daemon.log, /splatd\.db was deleted while the daemon ran; writing all records to a new one/);
+  daemon = await restarted(daemon);
+  writeFileSync(path.join(state, 'other'), 'another file');
+  renameSync(path.join(state, 'other'), database);
+  await save(daemon);
+  await daemon.untilLogged('splatd.db was replaced by another file while the daemon ran');
+  assert.equal(readFileSync(`${database}.found`, 'utf8'), 'another file');
+  assert.equal((await daemon.json('/readyz', { token: null })).json.state.status, 'written');
+  daemon = await restarted(daemon);
+  rmSync(database); // without a request
+  await daemon.untilLogged('splatd.db was deleted');
+  daemon = await restarted(daemon);
+  renameSync(state, `${state}-away`); // as if it was unmounted
+  assert.equal((await send(daemon, 'POST', 'views', {})).headers.get('x-durable'), 'no');
+  const { state: reported } = (await daemon.json('/readyz', { token: null })).json;
+  assert.equal(reported.status, 'failing');
+  assert.match(reported.reason, /--state was moved, deleted or unmounted; put it back, or restart/);
+  renameSync(`${state}-away`, state);
+  await daemon.untilLogged('state is being written again');
+  await save(daemon);
+  daemon = await restarted(daemon);
   assert.equal(await daemon.stop(), 0);
 });
