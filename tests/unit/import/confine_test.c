@@ -6,6 +6,7 @@
 #include "import/confine.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -114,10 +115,99 @@ static void what_exists_outside_the_root_stays_unknown(void **state) {
     }
 }
 
+static uint32_t random_state;
+
+static uint32_t draw(uint32_t below) {
+    random_state = random_state * 1664525u + 1013904223u;
+    return (uint32_t)(((uint64_t)(random_state >> 8) * below) >> 24);
+}
+
+/* Writes up to `most` names, some of them "..". */
+static void draw_path(char *path, size_t size, uint32_t most) {
+    static const char *const parts[] = { "a", "b", "c", "d", "a", "b", "..", ".", "root", "out" };
+    size_t used = 0;
+    path[0] = 0;
+    for (uint32_t i = 1 + draw(most); i > 0; i--)
+        used += (size_t)snprintf(path + used, size - used, "%s%s", used ? "/" : "",
+                                 parts[draw(sizeof parts / sizeof *parts)]);
+}
+
+/* A folder "root" and a folder "out" beside it, without links in the latter. */
+static void make_tree(const char *top) {
+    char path[600], target[600];
+    for (int i = 0; i < 40; i++) {
+        char name[128];
+        draw_path(name, sizeof name, 3);
+        snprintf(path, sizeof path, "%s/%s/%s", top, i % 5 ? "root" : "out", name);
+        const uint32_t kind = draw(i < 12 ? 2 : 4);
+        if (kind == 0 || i < 6) {
+            mkdir(path, 0700);
+        } else if (kind == 1) {
+            FILE *file = fopen(path, "wxe");
+            if (file)
+                fclose(file);
+        } else if (i % 5) {
+            draw_path(name, sizeof name, 4);
+            snprintf(target, sizeof target, "%s%s%s", kind == 2 ? "" : top,
+                     kind == 2 ? "" : "/root/", name);
+            if (symlink(target, path) != 0)
+                continue;
+        }
+    }
+}
+
+/* Where realpath() finds something below the root, the same is opened; where it finds something
+ * else, it is denied. */
+static void paths_lead_where_realpath_does(void **state) {
+    (void)state;
+    unsigned opened = 0, denied = 0;
+    for (uint32_t tree = 0; tree < 12; tree++) {
+        char name[16], top[256], root[300], path[512];
+        random_state = tree;
+        snprintf(name, sizeof name, "tree%u", tree);
+        assert_int_equal(mkdir(in_folder(name), 0700), 0);
+        assert_non_null(realpath(in_folder(name), top));
+        snprintf(root, sizeof root, "%s/root", top);
+        assert_int_equal(mkdir(root, 0700), 0);
+        snprintf(path, sizeof path, "%s/out", top);
+        assert_int_equal(mkdir(path, 0700), 0);
+        make_tree(top);
+        for (int i = 0; i < 400; i++) {
+            char wanted[PATH_MAX], real[PATH_MAX], asked[256];
+            uint64_t size;
+            struct sp_error err = { .code = SP_OK };
+            draw_path(asked, sizeof asked, 6);
+            snprintf(path, sizeof path, "%s/%s", root, asked);
+            const bool exists = realpath(path, wanted) != NULL;
+            int fd = sp_open_confined_folder(root, path, path, real, &err);
+            if (fd < 0 && err.code == SP_ERR_INVALID)
+                fd = sp_open_confined(root, path, path, real, &size, &err);
+            const bool is_inside =
+                exists && (strcmp(root, wanted) == 0 || sp_is_below(root, wanted));
+            if (is_inside && (fd < 0 || strcmp(real, wanted) != 0))
+                fail_msg("tree %u: %s: %s, not %s (%s)", tree, path, fd < 0 ? "-" : real, wanted,
+                         err.text);
+            if (fd >= 0 && strcmp(root, real) != 0)
+                assert_true(sp_is_below(root, real));
+            if (exists && !is_inside) {
+                assert_int_equal(fd, -1);
+                assert_int_equal(err.code, SP_ERR_DENIED);
+            }
+            opened += is_inside;
+            denied += exists && !is_inside;
+            if (fd >= 0)
+                close(fd);
+        }
+    }
+    assert_compare(opened, >, 200);
+    assert_compare(denied, >, 100);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(data_files_outside_the_root_are_denied),
         cmocka_unit_test(what_exists_outside_the_root_stays_unknown),
+        cmocka_unit_test(paths_lead_where_realpath_does),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
