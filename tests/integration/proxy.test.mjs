@@ -57,8 +57,7 @@ function nginx(port) {
 function haproxy(port) {
   const own = path.join(folder, 'haproxy.cfg');
   writeFileSync(own, `global\n    log stdout format raw local0\n${adapt('haproxy.cfg', [['bind :443', `bind 127.0.0.1:${port}`],
-    ['127.0.0.1:8080', `127.0.0.1:${daemon.port}`], ['/etc/haproxy/volumes.pem', path.join(folder, 'volumes.pem')],
-    ['defaults splatd\n', 'defaults splatd\n    log global\n']])}`);
+    ['127.0.0.1:8080', `127.0.0.1:${daemon.port}`], ['/etc/haproxy/volumes.pem', path.join(folder, 'volumes.pem')]])}`);
   return ['-db', '-f', own];
 }
 
