@@ -74,7 +74,7 @@ static int no_sockets(void) {
     return !refused(socket(AF_INET, SOCK_STREAM, 0)) || !refused(socket(AF_UNIX, SOCK_STREAM, 0));
 }
 
-/* splat-fetch connects to hosts and asks for names, and serves nobody. */
+/* splat-fetch connects to hosts and asks for names, and accepts no connections. */
 static int connections_but_no_servers(void) {
     enum { TCP_RULES = 4 };
     const long version =
