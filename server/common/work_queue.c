@@ -7,12 +7,16 @@
 #include <string.h>
 
 #include "common/background.h"
+#include "common/clock.h"
+#include "common/fair_share.h"
 
 struct srv_work_queue {
     pthread_mutex_t mutex;
     pthread_cond_t changed;
-    struct srv_work *first, **last; /* last: where the next one goes */
-    unsigned count;                 /* waiting, and running */
+    struct srv_work *first, **last;     /* last: where the next one goes */
+    char running[SRV_FAIR_OWNER_BYTES]; /* the owner of the work that runs */
+    unsigned count;                     /* waiting, and running */
+    struct srv_fair_owners fair;
     const char *background;
     bool stop;
     bool is_ended; /* the thread takes no more work */
@@ -20,17 +24,35 @@ struct srv_work_queue {
     pthread_t thread;
 };
 
-/* Takes the first work, waiting for it. NULL: the queue is empty and stopped. */
+/* Takes the next work out of the list, which has some. */
+static struct srv_work *take_next(struct srv_work_queue *queue) {
+    struct srv_work **best = &queue->first;
+    double best_ms = srv_fair_owners_start(&queue->fair, (*best)->owner);
+    for (struct srv_work **link = &(*best)->next; *link; link = &(*link)->next) {
+        const double start_ms = srv_fair_owners_start(&queue->fair, (*link)->owner);
+        if (start_ms < best_ms) {
+            best = link;
+            best_ms = start_ms;
+        }
+    }
+    struct srv_work *work = *best;
+    *best = work->next;
+    if (queue->last == &work->next)
+        queue->last = best;
+    return work;
+}
+
+/* Takes the next work, waiting for it. NULL: the queue is empty and stopped. */
 static struct srv_work *take(struct srv_work_queue *queue) {
     pthread_mutex_lock(&queue->mutex);
     while (!queue->first && !queue->stop)
         pthread_cond_wait(&queue->changed, &queue->mutex);
-    struct srv_work *work = queue->first;
-    if (work)
-        queue->first = work->next;
-    if (!queue->first)
-        queue->last = &queue->first;
+    struct srv_work *work = queue->first ? take_next(queue) : NULL;
     queue->is_ended = !work;
+    if (work) {
+        memcpy(queue->running, work->owner, sizeof queue->running);
+        srv_fair_owners_begin(&queue->fair, queue->running);
+    }
     pthread_mutex_unlock(&queue->mutex);
     return work;
 }
@@ -40,9 +62,12 @@ static void *run(void *user) {
     if (queue->background)
         srv_background_thread_enter(queue->background);
     for (struct srv_work *work; (work = take(queue));) {
+        const double start_ms = srv_clock_ms();
         work->run(work);
         pthread_mutex_lock(&queue->mutex);
-        queue->count--;
+        srv_fair_owners_charge(&queue->fair, queue->running, srv_clock_ms() - start_ms);
+        if (--queue->count == 0)
+            srv_fair_owners_reset(&queue->fair);
         pthread_mutex_unlock(&queue->mutex);
     }
     return NULL;
@@ -83,11 +108,18 @@ void srv_work_queue_add(struct srv_work_queue *queue, struct srv_work *work) {
         work->run(work);
 }
 
-unsigned srv_work_queue_count(struct srv_work_queue *queue) {
+unsigned srv_work_queue_left(struct srv_work_queue *queue, const char *owner, bool is_limited,
+                             unsigned most) {
     pthread_mutex_lock(&queue->mutex);
-    const unsigned count = queue->count;
+    struct srv_pool pool = { .most = most, .used = queue->count };
+    for (const struct srv_work *work = queue->first; work; work = work->next) {
+        pool.own += strcmp(work->owner, owner) == 0;
+        pool.used--;
+    }
+    pool.own += pool.used > 0 && strcmp(queue->running, owner) == 0; /* one runs */
+    pool.used = queue->count;
     pthread_mutex_unlock(&queue->mutex);
-    return count;
+    return (unsigned)srv_fair_left(&pool, is_limited);
 }
 
 void srv_work_queue_stop(struct srv_work_queue *queue) {

@@ -8,6 +8,9 @@
 #ifndef SRV_COMMON_WORK_QUEUE_H
 #define SRV_COMMON_WORK_QUEUE_H
 
+#include <stdbool.h>
+
+#include "common/fair_owners.h"
 #include "sp/status.h"
 
 struct srv_work_queue;
@@ -15,15 +18,20 @@ struct srv_work_queue;
 struct srv_work { /* the first member of the caller's struct, valid until run() begins */
     /* Runs on the thread of the queue, without a lock, and may free the work or add it again. */
     void (*run)(struct srv_work *work);
-    struct srv_work *next; /* the queue's */
+    char owner[SRV_FAIR_OWNER_BYTES]; /* who has it done; "" = no owner, or a guest */
+    struct srv_work *next;            /* the queue's */
 };
 
 /* `background`: the thread's name in the log, if it runs at a low priority; a constant; NULL = it
  * does not. NULL with *err set: SP_ERR_MEMORY, SP_ERR_IO. */
 struct srv_work_queue *srv_work_queue_create(const char *background, struct sp_error *err);
-/* Returns how much work waits or runs. */
-unsigned srv_work_queue_count(struct srv_work_queue *queue);
-/* Adds work at the end. Any thread; under a lock only if run() does not take it. */
+/* Returns how much more work of the owner may wait or run, if all may have `most`
+ * (common/fair_share.h). */
+unsigned srv_work_queue_left(struct srv_work_queue *queue, const char *owner, bool is_limited,
+                             unsigned most);
+/* Adds work. That of an owner is done in the order of adding; the owner whose work took the least
+ * time is next (common/fair_owners.h). Any thread; under a lock only if run() does not take it.
+ */
 void srv_work_queue_add(struct srv_work_queue *queue, struct srv_work *work);
 /* Runs what was added, then ends the thread. Work that is added later runs at once, on the thread
  * that adds it. One thread at a time. */

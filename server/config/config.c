@@ -100,7 +100,7 @@ static const struct setting settings[] = {
       "Requests per connection, pipelined or not. The connection closes after the last one." },
     { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "Active sessions." },
     { "hibernated-sessions", COUNT, AT(hibernated_sessions), "10000", 1, 1000000, "N",
-      "Hibernated sessions. At this number no new session can be created." },
+      "Hibernated sessions. Over this number, one of the owner with the most ends." },
     { "participants", COUNT, AT(participants), "32", 1, 64, "N", "Participants per session." },
     { "views", COUNT, AT(views), "10000", 1, 1000000, "N", "Saved views." },
     { "presets", COUNT, AT(presets), "1000", 1, 100000, "N", "Saved presets." },

@@ -49,6 +49,9 @@ struct srv_quota {
     uint64_t path_bytes;   /* total size of the files of its camera paths, bytes */
     uint64_t upload_bytes; /* total declared size of its uploads, bytes */
     uint64_t frame_px;     /* largest image, pixels; also in its sessions */
+    /* Its shares of the pools are limited (common/fair_share.h). Not in the file: srv_tokens_set()
+     * sets it for tokens that are no admin's, if others use the daemon, too. */
+    bool is_limited;
 };
 
 struct srv_token {

@@ -72,10 +72,24 @@ static struct srv_token_use *use_of(struct srv_tokens *tokens, const char *name)
     return use;
 }
 
+/* A token that may create something shares the pools, unless it is the only one. */
+static bool is_sharing(const struct srv_token *token) {
+    return token->rights & (SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL | SRV_RIGHT_ADMIN);
+}
+
+static void set_limits(struct srv_token *list, size_t count) {
+    size_t sharing = 0;
+    for (size_t i = 0; i < count; i++)
+        sharing += is_sharing(&list[i]);
+    for (size_t i = 0; i < count; i++)
+        list[i].quota.is_limited = sharing > 1 && !(list[i].rights & SRV_RIGHT_ADMIN);
+}
+
 bool srv_tokens_set(struct srv_tokens *tokens, struct srv_token *list, size_t count,
                     struct sp_error *err) {
     struct entry *fresh = calloc(count, sizeof *fresh);
     bool ok = fresh != NULL;
+    set_limits(list, count);
     pthread_mutex_lock(&tokens->mutex);
     for (size_t i = 0; ok && i < count; i++) {
         fresh[i].token = list[i];
@@ -129,15 +143,6 @@ bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *r
         *quota = found->token.quota;
     pthread_mutex_unlock(&tokens->mutex);
     return found != NULL;
-}
-
-size_t srv_tokens_count(struct srv_tokens *tokens, enum srv_right right) {
-    size_t count = 0;
-    pthread_mutex_lock(&tokens->mutex);
-    for (size_t i = 0; i < tokens->count; i++)
-        count += (tokens->list[i].token.rights & right) != 0;
-    pthread_mutex_unlock(&tokens->mutex);
-    return count;
 }
 
 bool srv_tokens_charge_to(struct srv_tokens *tokens, const char *name, struct srv_grant *grant) {

@@ -35,8 +35,6 @@ void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant);
  * name. False: there is none, and nothing is written. */
 bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *rights,
                         struct srv_quota *quota);
-/* Returns how many tokens have the right. */
-size_t srv_tokens_count(struct srv_tokens *tokens, enum srv_right right);
 /* Gets the name, quota and counters of the token with this name, without its rights: for a client
  * whose requests count for that token. False: there is none, and nothing is written. */
 bool srv_tokens_charge_to(struct srv_tokens *tokens, const char *name, struct srv_grant *grant);

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "http/request.h"
 
+#include <stdio.h>
 #include <string.h>
 #include <strings.h>
 
 #include "common/clock.h"
+#include "common/work_queue.h"
 #include "http/headers.h"
 #include "http/listener_private.h"
 
@@ -91,6 +93,26 @@ void srv_request_suspend(struct srv_request *request) {
     request->is_suspended = true;
     srv_deadlines_set(request->http->deadlines, request->connection, 0);
     MHD_suspend_connection(request->mhd);
+}
+
+bool srv_request_queue(struct srv_request *request, struct srv_work_queue *queue,
+                       struct srv_work *work, unsigned most, const char *what) {
+    const struct srv_grant *grant = &request->grant;
+    /* Guests of all sessions share what one owner may have. */
+    const bool is_limited = grant->quota.is_limited || !grant->rights;
+    if (srv_work_queue_left(queue, grant->name, is_limited, most) == 0) {
+        if (srv_work_queue_left(queue, grant->name, false, most) == 0)
+            srv_reply_problem(&request->reply, 503, NULL, "%u %s wait already; try again later",
+                              most, what);
+        else
+            srv_reply_problem(&request->reply, 429, NULL,
+                              "too many %s of your token wait already; try again later", what);
+        return false;
+    }
+    snprintf(work->owner, sizeof work->owner, "%s", grant->name);
+    srv_request_suspend(request);
+    srv_work_queue_add(queue, work);
+    return true;
 }
 
 void srv_request_complete(struct srv_request *request) {

@@ -21,6 +21,9 @@
 #include "render/render_pool.h"
 #include "store/store.h"
 
+struct srv_work;
+struct srv_work_queue;
+
 /* A header that came in several lines, joined to one list. */
 struct srv_joined_header {
     struct srv_joined_header *next;
@@ -77,6 +80,11 @@ proto_json *srv_request_json(const struct srv_request *request, struct srv_reply
  * finishes the work fills request->reply, touches nothing else, and calls complete once. */
 void srv_request_suspend(struct srv_request *request);
 void srv_request_complete(struct srv_request *request);
+/* Suspends the request and adds the work that completes it to a queue of at most `most` works.
+ * `what` names them in the plural. False: there are too many, or too many of the request's token;
+ * the reply is a problem document, and the work is the caller's. */
+bool srv_request_queue(struct srv_request *request, struct srv_work_queue *queue,
+                       struct srv_work *work, unsigned most, const char *what);
 /* Replaces both, or complete if the request is suspended, as the last call of whoever has filled
  * the reply: sends the answer once the changes of the store and of sessions are on disk. The header
  * X-Durable is "no" if they are only in memory (no --state, or a full disk). */

@@ -15,7 +15,7 @@
 #include "render/data_search.h"
 
 /* Limits of a search. */
-enum { SEARCHES_MAX = 16, SEARCH_MS = 2000, SEARCH_NAMES = 100000 };
+enum { LISTS_MAX = 1000, SEARCHES_MAX = 16, SEARCH_MS = 2000, SEARCH_NAMES = 100000 };
 
 struct listing {
     struct srv_work work;
@@ -147,11 +147,6 @@ static bool check_search(struct srv_request *request, const char *find, struct s
                           "?after= cannot be used with ?find=: a search has one page");
         return false;
     }
-    if (srv_work_queue_count(request->app->searching) >= SEARCHES_MAX) {
-        srv_reply_problem(reply, 503, NULL, "%d searches wait already; try again later",
-                          SEARCHES_MAX);
-        return false;
-    }
     return true;
 }
 
@@ -183,6 +178,12 @@ void srv_get_files(struct srv_request *request, struct srv_reply *reply) {
     memcpy(listing->path, path ? path : "", path_size);
     if (find)
         memcpy(listing->find, find, find_size);
-    srv_request_suspend(request);
-    srv_work_queue_add(find ? request->app->searching : request->app->disk, &listing->work);
+    const bool is_waiting =
+        find ? srv_request_queue(request, request->app->searching, &listing->work, SEARCHES_MAX,
+                                 "searches")
+             : srv_request_queue(request, request->app->disk, &listing->work, LISTS_MAX, "lists");
+    if (!is_waiting) {
+        free(page.items);
+        free(listing);
+    }
 }

@@ -16,17 +16,9 @@
 #include "sp/bricks.h"
 #include "sp/edit.h"
 
-/* Suspends the request and adds the work, which completes it. False: the reply says why not. */
-static bool wait_for_turn(struct srv_request *request, struct srv_work *work,
-                          struct srv_reply *reply) {
-    const struct srv_http_options *app = request->app;
-    if (srv_work_queue_count(app->measuring) >= SRV_MEASURING_MAX) {
-        srv_reply_problem(reply, 429, NULL, "the daemon is measuring many parts; try again later");
-        return false;
-    }
-    srv_request_suspend(request);
-    srv_work_queue_add(app->measuring, work);
-    return true;
+static bool wait_for_turn(struct srv_request *request, struct srv_work *work) {
+    return srv_request_queue(request, request->app->measuring, work, SRV_MEASURING_MAX,
+                             "measurements");
 }
 
 /* True if the daemon does not stop; else the reply says that it does. */
@@ -166,7 +158,7 @@ static void reply_part(struct srv_request *request, const struct sp_measure *mea
         part->view = defaults;
         ok = !session_view || proto_view_apply(session_view, &defaults, &part->view, &err);
     }
-    if (ok && wait_for_turn(request, &part->work, reply))
+    if (ok && wait_for_turn(request, &part->work))
         return;
     if (!ok)
         srv_reply_view_error(reply, "", &err);
@@ -368,7 +360,7 @@ static void put_in_turn(struct srv_request *request, const char *session, const 
         return;
     }
     *waiting = (struct put_request){ { .run = run_put }, request, session, id, change };
-    if (!wait_for_turn(request, &waiting->work, reply))
+    if (!wait_for_turn(request, &waiting->work))
         free(waiting);
 }
 

@@ -4,13 +4,21 @@
  * which clients merge into a view.
  */
 #include <ctype.h>
+#include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "http/owned.h"
 #include "http/routes.h"
 #include "protocol/view.h"
+#include "store/store.h"
 
 enum { NAME_BYTES_MAX = 64 };
+
+static void reply_missing(const struct srv_request *request, struct srv_reply *reply) {
+    srv_reply_problem(reply, 404, NULL, "there is no preset '%.64s'", request->param);
+}
 
 static bool is_name(const char *name) {
     size_t length = strlen(name);
@@ -48,8 +56,17 @@ void srv_get_presets(struct srv_request *request, struct srv_reply *reply) {
     srv_reply_json(reply, 200, json);
 }
 
-static void reply_missing(struct srv_request *request, struct srv_reply *reply) {
-    srv_reply_problem(reply, 404, NULL, "there is no preset '%.64s'", request->param);
+/* Returns the patch of a record. Records of earlier versions are the patch alone, without an
+ * owner. NULL when out of memory. */
+static proto_json *patch_of(const char *record, size_t size) {
+    struct sp_error ignored;
+    proto_json *json = proto_json_parse(record, size, &ignored);
+    proto_json *patch = (proto_json *)(uintptr_t)proto_json_get(json, "preset");
+    if (!patch)
+        return json;
+    proto_json_ref(patch);
+    proto_json_free(&json);
+    return patch;
 }
 
 void srv_get_preset(struct srv_request *request, struct srv_reply *reply) {
@@ -57,7 +74,7 @@ void srv_get_preset(struct srv_request *request, struct srv_reply *reply) {
     size_t size = 0;
     char *text = srv_store_get(request->app->store, SRV_KIND_PRESET, request->param, &size, &err);
     if (text)
-        srv_reply_json(reply, 200, proto_json_parse(text, size, &err));
+        srv_reply_json(reply, 200, patch_of(text, size));
     else if (err.code == SP_ERR_NOT_FOUND)
         reply_missing(request, reply);
     else
@@ -65,26 +82,58 @@ void srv_get_preset(struct srv_request *request, struct srv_reply *reply) {
     free(text);
 }
 
+/* Checks that the token may change the preset. False: the reply is a problem document. */
+static bool may_change(struct srv_request *request, const char *record, struct srv_reply *reply) {
+    const bool has_owner = strncmp(record, "{\"owner\":", strlen("{\"owner\":")) == 0;
+    if (!has_owner || srv_owned_may_change(request, record))
+        return true;
+    srv_reply_problem(reply, 403, NULL,
+                      "another token saved the preset '%.64s'; that token or an admin may change "
+                      "it; use another name",
+                      request->param);
+    return false;
+}
+
+/* {"owner", "preset"}; an existing owner stays. NULL when out of memory. */
+static char *record_of(const struct srv_request *request, const char *old, const char *patch,
+                       size_t *size) {
+    char beginning[SRV_OWNED_BYTES], *record = NULL;
+    int bytes = 0;
+    srv_owned_beginning(request, beginning);
+    if (old)
+        sscanf(old, "{\"owner\":\"%*[^\"]\",%n", &bytes);
+    const int length = asprintf(&record, "%.*s\"preset\":%s}", bytes ? bytes : SRV_OWNED_BYTES,
+                                bytes ? old : beginning, patch);
+    *size = length > 0 ? (size_t)length : 0;
+    return length < 0 ? NULL : record;
+}
+
 static void put(struct srv_request *request, const proto_json *patch, struct srv_reply *reply) {
     struct srv_store *store = request->app->store;
-    struct sp_error err;
+    const char *name = request->param;
+    struct sp_error err = { .code = SP_OK };
     size_t size = 0;
-    char *old = srv_store_get(store, SRV_KIND_PRESET, request->param, NULL, &err);
-    char *text = proto_json_to_canonical(patch, &size);
-    if (!text) {
+    char *old = srv_store_get(store, SRV_KIND_PRESET, name, NULL, &err);
+    char *text = proto_json_to_canonical(patch, NULL);
+    char *record = text ? record_of(request, old, text, &size) : NULL;
+    if (!record) {
         srv_reply_problem(reply, 503, NULL, "out of memory for a preset");
     } else if (!old && err.code != SP_ERR_NOT_FOUND) {
         srv_reply_error(reply, &err);
-    } else if (!srv_store_put(store, SRV_KIND_PRESET, request->param, text, size, &err)) {
-        srv_reply_error(reply, &err);
-    } else {
-        reply->status = old ? 204 : 201;
-        if (!old)
-            srv_reply_header(reply, "Location", "%s", request->param);
-        srv_request_reply_when_durable(request);
+    } else if (!old || may_change(request, old, reply)) {
+        if (old ? srv_store_put(store, SRV_KIND_PRESET, name, record, size, &err)
+                : srv_owned_add(request, SRV_KIND_PRESET, name, record, size, 0, &err)) {
+            reply->status = old ? 204 : 201;
+            if (!old)
+                srv_reply_header(reply, "Location", "%s", name);
+            srv_request_reply_when_durable(request);
+        } else {
+            srv_reply_error(reply, &err);
+        }
     }
     free(old);
     free(text);
+    free(record);
 }
 
 void srv_put_preset(struct srv_request *request, struct srv_reply *reply) {
@@ -104,10 +153,18 @@ void srv_put_preset(struct srv_request *request, struct srv_reply *reply) {
 }
 
 void srv_delete_preset(struct srv_request *request, struct srv_reply *reply) {
-    if (!srv_store_remove(request->app->store, SRV_KIND_PRESET, request->param)) {
-        reply_missing(request, reply);
-        return;
+    struct srv_store *store = request->app->store;
+    struct sp_error err = { .code = SP_OK };
+    char *record = srv_store_get(store, SRV_KIND_PRESET, request->param, NULL, &err);
+    if (!record && err.code != SP_ERR_NOT_FOUND) {
+        srv_reply_error(reply, &err);
+    } else if (!record || may_change(request, record, reply)) {
+        if (srv_store_remove(store, SRV_KIND_PRESET, request->param)) {
+            reply->status = 204;
+            srv_request_reply_when_durable(request);
+        } else {
+            reply_missing(request, reply);
+        }
     }
-    reply->status = 204;
-    srv_request_reply_when_durable(request);
+    free(record);
 }

@@ -95,11 +95,6 @@ void srv_get_series(struct srv_request *request, struct srv_reply *reply) {
                           "this daemon has no data folder; start it with --data DIR");
         return;
     }
-    if (srv_work_queue_count(request->app->listing) >= LISTINGS_MAX) {
-        srv_reply_problem(reply, 503, NULL, "%d lists of series wait already; try again later",
-                          LISTINGS_MAX);
-        return;
-    }
     struct series_listing *listing = malloc(sizeof *listing + size);
     if (!listing) {
         srv_reply_problem(reply, 503, NULL, "out of memory for a list");
@@ -107,6 +102,7 @@ void srv_get_series(struct srv_request *request, struct srv_reply *reply) {
     }
     *listing = (struct series_listing){ .work = { .run = run_listing }, .request = request };
     memcpy(listing->path, path ? path : "", size);
-    srv_request_suspend(request);
-    srv_work_queue_add(request->app->listing, &listing->work);
+    if (!srv_request_queue(request, request->app->listing, &listing->work, LISTINGS_MAX,
+                           "lists of series"))
+        free(listing);
 }

@@ -365,7 +365,8 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
     enum srv_role role;
     if (!check_handshake(request, reply) || !find_role(request, &role, reply))
         return;
-    if (!srv_hub_can_join(request->app->hub, request->param, srv_clock_ms(), &err)) {
+    if (!srv_hub_can_join(request->app->hub, request->param, request->grant.name, srv_clock_ms(),
+                          &err)) {
         srv_reply_error(reply, &err);
         return;
     }

@@ -9,6 +9,7 @@
 #include <gnutls/gnutls.h>
 
 #include "http/headers.h"
+#include "http/owned.h"
 #include "http/paging.h"
 #include "http/routes.h"
 #include "http/saved_views.h"
@@ -26,13 +27,6 @@ bool srv_saved_view_id(const char *text, size_t size, char id[SRV_SAVED_VIEW_ID_
 }
 
 enum { SAVED_NAME_MAX = 200 }; /* bytes */
-enum { BEGINNING_BYTES = SRV_TOKEN_NAME_BYTES + 32 };
-
-/* Writes how the records of the token begin. Names have no characters that JSON would escape. */
-static void beginning_of(const struct srv_request *request, char text[BEGINNING_BYTES]) {
-    snprintf(text, BEGINNING_BYTES, "{\"owner\":\"%s\",", request->grant.name);
-}
-
 static proto_json *read_record(struct srv_store *store, const char *id, struct sp_error *err) {
     size_t size;
     struct sp_error why;
@@ -78,16 +72,14 @@ static char *record_of(const char *beginning, const char *name, int64_t saved, c
 /* Saves a text under its id. False: *err; SP_ERR_QUOTA if the token has too many saved views. */
 static bool add_record(struct srv_request *request, const char *id, const char *text,
                        struct sp_error *err) {
-    char beginning[BEGINNING_BYTES];
-    const struct srv_store_share share = { .beginning = beginning,
-                                           .most = request->grant.quota.views,
-                                           .name = request->grant.name };
-    beginning_of(request, beginning);
+    char beginning[SRV_OWNED_BYTES];
     size_t size;
+    srv_owned_beginning(request, beginning);
     char *record = record_of(beginning, NULL, time(NULL), text, &size);
     if (!record)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a view");
-    bool ok = srv_store_add(request->app->store, SRV_KIND_VIEW, id, record, size, &share, err);
+    bool ok =
+        srv_owned_add(request, SRV_KIND_VIEW, id, record, size, request->grant.quota.views, err);
     free(record);
     return ok;
 }
@@ -190,18 +182,13 @@ static proto_json *encode_item(void *user, const void *item) {
     return json;
 }
 
-/* An admin token sees all saved views. */
-static bool sees_all(const struct srv_request *request) {
-    return request->grant.rights & SRV_RIGHT_ADMIN;
-}
-
 void srv_get_views(struct srv_request *request, struct srv_reply *reply) {
     struct srv_page page;
     if (!srv_paging_begin(request, SRV_STORE_ID_MAX + 1, &page, reply))
         return;
-    char beginning[BEGINNING_BYTES] = "";
-    if (!sees_all(request))
-        beginning_of(request, beginning);
+    char beginning[SRV_OWNED_BYTES] = "";
+    if (!(request->grant.rights & SRV_RIGHT_ADMIN)) /* an admin sees all */
+        srv_owned_beginning(request, beginning);
     srv_store_page(request->app->store, SRV_KIND_VIEW, beginning, &page);
     srv_paging_reply(&page, "views", encode_item, request, reply);
 }
@@ -214,14 +201,12 @@ static void reply_missing(const struct srv_request *request, struct srv_reply *r
  * is a problem document. */
 static char *own_record(struct srv_request *request, size_t *size, struct srv_reply *reply) {
     struct sp_error err;
-    char beginning[BEGINNING_BYTES];
     char *record = srv_store_get(request->app->store, SRV_KIND_VIEW, request->param, size, &err);
-    beginning_of(request, beginning);
     if (!record && err.code != SP_ERR_NOT_FOUND) {
         srv_reply_error(reply, &err);
     } else if (!record) {
         reply_missing(request, reply);
-    } else if (!sees_all(request) && strncmp(record, beginning, strlen(beginning)) != 0) {
+    } else if (!srv_owned_may_change(request, record)) {
         srv_reply_problem(reply, 403, NULL, "another token saved this view");
         free(record);
         record = NULL;
@@ -266,7 +251,7 @@ static bool read_name(const proto_json *body, const char **name, struct srv_repl
 static void rename_record(struct srv_request *request, const char *text, size_t size,
                           const char *name, struct srv_reply *reply) {
     struct sp_error err = { .code = SP_OK };
-    char beginning[BEGINNING_BYTES];
+    char beginning[SRV_OWNED_BYTES];
     proto_json *old = proto_json_parse(text, size, &err);
     const char *owner = proto_json_string(proto_json_get(old, "owner"));
     const proto_json *inner = proto_json_get(old, "view");

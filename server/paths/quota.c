@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Limits on the number of paths and the bytes of their files: in total and per token.
+ * Limits on the number of paths and the bytes of their files: in total and per token, which has its
+ * quota, or else a share of the total (common/fair_share.h).
  */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/fair_share.h"
 #include "paths/paths_private.h"
 
 static struct srv_path_owner **find_owner(struct srv_paths *paths, const char *name) {
@@ -39,6 +41,13 @@ static bool may_enter(struct srv_paths *paths, const struct srv_path_owner *owne
         return sp_fail(err, SP_ERR_BUDGET, NULL,
                        "there are %u camera paths and --paths allows %u; delete finished ones",
                        paths->count, paths->options.paths_max);
+    const struct srv_pool count = { paths->options.paths_max, paths->count,
+                                    owner ? owner->count : 0 };
+    if (srv_fair_left(&count, quota->is_limited && !quota->paths) == 0)
+        return sp_fail(err, SP_ERR_QUOTA, NULL,
+                       "the token has %u camera paths and all tokens %u of the %u that --paths "
+                       "allows; the rest is kept for the others; delete finished ones",
+                       (unsigned)count.own, paths->count, paths->options.paths_max);
     *is_full = paths->bytes >= paths->options.bytes_max;
     return !*is_full ||
            sp_fail(err, SP_ERR_BUDGET, NULL,
@@ -110,8 +119,17 @@ static bool fits(const struct srv_paths *paths, const struct srv_path *path,
                        "delete finished paths",
                        owner->name, (unsigned long long)owner->bytes, what,
                        (unsigned long long)bytes, (unsigned long long)quota->path_bytes);
-    return paths->bytes + bytes <= paths->options.bytes_max ||
-           sp_fail(err, SP_ERR_BUDGET, NULL,
+    const struct srv_pool pool = { paths->options.bytes_max, paths->bytes, owner->bytes };
+    if (paths->bytes + bytes <= paths->options.bytes_max)
+        return bytes <= srv_fair_left(&pool, quota->is_limited && !quota->path_bytes) ||
+               sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "the camera paths of %s use %llu bytes, %s %llu, and all paths %llu of the "
+                       "%llu that --path-bytes allows; the rest is kept for the others; delete "
+                       "finished paths",
+                       owner->name, (unsigned long long)owner->bytes, what,
+                       (unsigned long long)bytes, (unsigned long long)paths->bytes,
+                       (unsigned long long)paths->options.bytes_max);
+    return sp_fail(err, SP_ERR_BUDGET, NULL,
                    "all camera paths use %llu bytes, %s %llu, and --path-bytes allows %llu; "
                    "delete finished paths or raise it",
                    (unsigned long long)paths->bytes, what, (unsigned long long)bytes,

@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 
 #include "common/clock.h"
+#include "common/fair_share.h"
 #include "render/catalog_private.h"
 #include "render/redact.h"
 #include "render/source.h"
@@ -228,6 +229,13 @@ static bool fits_the_owner(const struct srv_catalog *catalog,
         return sp_fail(err, SP_ERR_QUOTA, NULL,
                        "%s has %u volumes open and its token allows %u; close some", request->owner,
                        count, request->volumes_max);
+    const struct srv_pool pool = { ENTRIES_MAX, catalog->count, count };
+    if (!request->is_restored &&
+        srv_fair_left(&pool, request->is_limited && !request->volumes_max) == 0)
+        return sp_fail(err, SP_ERR_QUOTA, NULL,
+                       "%s has %u of the %u volumes that can exist; the rest is kept for the "
+                       "others; close some",
+                       request->owner, count, ENTRIES_MAX);
     return !request->is_limited || request->is_restored || loading < LOADS_MAX ||
            sp_fail(err, SP_ERR_QUOTA, NULL,
                    "%u volumes of %s are being loaded, which is the limit; try again later",

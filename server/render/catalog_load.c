@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "common/clock.h"
+#include "common/fair_share.h"
 #include "render/brick_cache.h"
 #include "render/catalog_private.h"
 #include "sp/log.h"
@@ -35,11 +36,12 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     struct srv_catalog *catalog = load->catalog;
     bool ok = true;
     pthread_mutex_lock(&catalog->mutex);
-    const uint64_t budget = catalog->options.memory_bytes, share = budget - budget / 4;
+    const uint64_t budget = catalog->options.memory_bytes;
     const struct srv_volume *v = srv_catalog_entry_of(load->volume);
     struct srv_volume *evicted = srv_catalog_evict_steps(catalog, load->volume, bytes);
     uint64_t left = srv_catalog_free_bytes(catalog);
-    uint64_t own = v->is_limited ? bytes_of_owner(catalog, v) : 0;
+    const struct srv_pool pool = { left + catalog->used_bytes, catalog->used_bytes,
+                                   bytes_of_owner(catalog, v) };
     if (v->is_removed) {
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
     } else if (bytes > left) {
@@ -47,12 +49,12 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
                      "the volume needs %" PRIu64 " bytes and %" PRIu64 " of %" PRIu64
                      " are free; unload a volume or raise --memory",
                      bytes, left, budget);
-    } else if (v->is_limited && (own > share || bytes > share - own)) {
+    } else if (bytes > srv_fair_left(&pool, v->is_limited)) {
         ok = sp_fail(err, SP_ERR_BUDGET, v->source,
                      "the volume needs %" PRIu64 " bytes; the volumes of %s have %" PRIu64
-                     " and one token may have %" PRIu64
-                     ", three quarters of --memory; close some, or ask an admin to open it",
-                     bytes, v->owner, own, share);
+                     " and may have %" PRIu64 " (its share of --memory); close some, or ask an "
+                     "admin to open it",
+                     bytes, v->owner, pool.own, pool.own + srv_fair_left(&pool, true));
     } else {
         srv_catalog_take(catalog, load->volume, bytes);
     }
@@ -241,11 +243,33 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
         end_load(catalog, v, volume, &err);
 }
 
+bool srv_catalog_may_load(const struct srv_catalog *catalog, const struct srv_volume *volume) {
+    const char *owner = srv_catalog_entry_of(volume)->owner;
+    unsigned own = 0;
+    for (const struct srv_volume *v = catalog->entries; v; v = v->next) {
+        if (strcmp(v->owner, owner) != 0)
+            continue;
+        own += v->is_loading;
+        for (const struct srv_volume *step = v->steps; step; step = step->next)
+            own += step->is_loading;
+    }
+    return catalog->loading + own < SRV_LOADERS;
+}
+
+/* The oldest entry that waits, of the owner whose loads took the least time. */
 static struct srv_volume *waiting_entry(const struct srv_catalog *catalog) {
-    struct srv_volume *v = catalog->entries;
-    while (v && (v->state != SRV_VOLUME_LOADING || v->is_loading))
-        v = v->next;
-    return v;
+    struct srv_volume *first = NULL;
+    double first_ms = 0;
+    for (struct srv_volume *v = catalog->entries; v; v = v->next) {
+        if (v->state != SRV_VOLUME_LOADING || v->is_loading || !srv_catalog_may_load(catalog, v))
+            continue;
+        const double start_ms = srv_fair_owners_start(&catalog->fair, v->owner);
+        if (!first || start_ms < first_ms) {
+            first = v;
+            first_ms = start_ms;
+        }
+    }
+    return first;
 }
 
 /* What is loaded next: volumes and the time steps that someone waits for, which of them first
@@ -268,7 +292,12 @@ static void *load_thread(void *user) {
             pthread_cond_wait(&catalog->changed, &catalog->mutex);
             continue;
         }
+        char owner[SRV_TOKEN_NAME_BYTES]; /* the load may free the entry */
+        memcpy(owner, srv_catalog_entry_of(v)->owner, sizeof owner);
+        const double start_ms = srv_clock_ms();
         v->is_loading = true;
+        catalog->loading++;
+        srv_fair_owners_begin(&catalog->fair, owner);
         if (v->parent) { /* stays while it is loaded */
             v->uses++;
             v->parent->uses++;
@@ -276,6 +305,9 @@ static void *load_thread(void *user) {
         pthread_mutex_unlock(&catalog->mutex);
         load(catalog, v);
         pthread_mutex_lock(&catalog->mutex);
+        catalog->loading--;
+        srv_fair_owners_charge(&catalog->fair, owner, srv_clock_ms() - start_ms);
+        pthread_cond_broadcast(&catalog->changed); /* another load of the owner may begin */
     }
     pthread_mutex_unlock(&catalog->mutex);
     return NULL;

@@ -8,6 +8,7 @@
 
 #include <pthread.h>
 
+#include "common/fair_owners.h"
 #include "render/catalog.h"
 #include "sp/bricks.h"
 
@@ -43,7 +44,8 @@ struct srv_volume {
     bool is_removed;
 };
 
-enum { SRV_LOADERS = 2 };
+/* One owner has at most two of them (srv_catalog_may_load()). */
+enum { SRV_LOADERS = 4 };
 
 struct srv_loader { /* a load thread */
     struct srv_catalog *catalog;
@@ -65,7 +67,9 @@ struct srv_catalog {
     struct sp_brick_memory *windows; /* of brick files: what the budget has left */
     uint64_t requests;               /* how often a time step was asked for */
     bool stop;
-    unsigned running; /* load threads to join */
+    unsigned running;            /* load threads to join */
+    unsigned loading;            /* load threads that load now */
+    struct srv_fair_owners fair; /* the time that the loads of each owner took */
     struct srv_loader loaders[SRV_LOADERS];
 };
 
@@ -107,6 +111,11 @@ bool srv_catalog_is_upload_shared(const struct srv_catalog *catalog, const struc
 char *srv_catalog_upload_to_close(const struct srv_catalog *catalog,
                                   const struct srv_volume *volume);
 
+/* True if a load thread may load this entry or step now. An owner whose loads occupy n threads gets
+ * another one only while n more are idle, so that a short load of another owner never waits for all
+ * loads of one owner. With the mutex held. */
+bool srv_catalog_may_load(const struct srv_catalog *catalog, const struct srv_volume *volume);
+
 /* Starts the load threads. After a failure the caller stops the catalog. */
 bool srv_catalog_start_loaders(struct srv_catalog *catalog, struct sp_error *err);
 
@@ -130,6 +139,9 @@ struct srv_volume *srv_catalog_evict_steps(struct srv_catalog *catalog,
 bool srv_catalog_fail_steps(struct srv_volume *entry);
 /* A use of a step has ended. Returns it if it is to be freed; else NULL. */
 struct srv_volume *srv_catalog_drop_step(struct srv_volume *step);
+/* Gives a use back. *dropped is for srv_catalog_free_steps(). True: the entry is free, for
+ * srv_catalog_free_removed(). */
+bool srv_catalog_let_go(struct srv_volume *volume, struct srv_volume **dropped);
 
 /* These without: */
 

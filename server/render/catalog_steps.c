@@ -244,6 +244,7 @@ static struct srv_volume *next_step(const struct srv_catalog *catalog, bool is_a
     for (struct srv_volume *v = catalog->entries; v; v = v->next)
         for (struct srv_volume *s = v->steps; s; s = s->next)
             if (is_queued(s) && !s->is_short && (s->uses == 0) == is_ahead &&
+                srv_catalog_may_load(catalog, s) &&
                 (!next ||
                  (is_ahead ? s->wanted_at < next->wanted_at : s->wanted_at > next->wanted_at)))
                 next = s;
@@ -373,8 +374,13 @@ void srv_catalog_end_step(struct srv_catalog *catalog, struct srv_volume *step,
         srv_catalog_give_back(catalog, step);
     char id[SP_NAME_BYTES];
     memcpy(id, step->id, sizeof id);
+    struct srv_volume *entry = step->parent, *dropped;
+    /* Before the next load begins: it may need the memory of this step. */
+    const bool is_last = srv_catalog_let_go(step, &dropped);
     pthread_mutex_unlock(&catalog->mutex);
     if (catalog->options.step)
         catalog->options.step(catalog->options.user, id);
-    srv_catalog_release(catalog, step);
+    srv_catalog_free_steps(catalog, dropped);
+    if (is_last)
+        srv_catalog_free_removed(catalog, entry);
 }

@@ -130,17 +130,23 @@ void *srv_catalog_ref(void *user, void *volume) {
     return v;
 }
 
-void srv_catalog_release(void *user, void *volume) {
-    struct srv_catalog *catalog = user;
-    struct srv_volume *v = volume, *entry = v->parent ? v->parent : v, *dropped = NULL;
-    pthread_mutex_lock(&catalog->mutex);
+bool srv_catalog_let_go(struct srv_volume *v, struct srv_volume **dropped) {
+    struct srv_volume *entry = v->parent ? v->parent : v;
     assert(v->uses > 0 && entry->uses > 0);
+    *dropped = NULL;
     entry->uses--;
     if (v->parent) {
         v->uses--;
-        dropped = srv_catalog_drop_step(v);
+        *dropped = srv_catalog_drop_step(v);
     }
-    bool is_last = entry->uses == 0 && entry->is_removed;
+    return entry->uses == 0 && entry->is_removed;
+}
+
+void srv_catalog_release(void *user, void *volume) {
+    struct srv_catalog *catalog = user;
+    struct srv_volume *v = volume, *entry = v->parent ? v->parent : v, *dropped;
+    pthread_mutex_lock(&catalog->mutex);
+    const bool is_last = srv_catalog_let_go(v, &dropped);
     pthread_mutex_unlock(&catalog->mutex);
     srv_catalog_free_steps(catalog, dropped);
     if (is_last)

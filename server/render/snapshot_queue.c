@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "common/clock.h"
-#include "schedule/fair_queue.h"
+#include "common/fair_queue.h"
 #include "session/encode_params.h"
 
 /* No session has rendered a frame for this long when a background snapshot begins. */

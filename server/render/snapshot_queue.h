@@ -8,12 +8,12 @@
  *               └────────────┘ a background snapshot was cancelled by more urgent work
  *
  * - The next snapshot is that of the owner that has received the least time for rendering and
- *   encoding (schedule/fair_owners.h); of that owner, the oldest one.
+ *   encoding (common/fair_owners.h); of that owner, the oldest one.
  * - Equal snapshots are one entry, rendered and encoded once. Each request is a waiter of the
  * entry; the owner of the first request is charged.
  * - Background snapshots come last. They begin when no other snapshot waits and no session frame
  * was rendered for 100 ms, and they yield to both: they are cancelled and rendered again later.
- * After waiting for twenty times their own time they no longer yield (schedule/fair_queue.h).
+ * After waiting for twenty times their own time they no longer yield (common/fair_queue.h).
  * - An entry begins when the time step of its view is loaded, which submit asks for.
  * - An entry without waiters (their clients have left) is dropped, also while it is rendered.
  *
@@ -26,10 +26,10 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
+#include "common/fair_owners.h"
 #include "ops/metrics.h"
 #include "render/catalog.h"
 #include "render/worker.h"
-#include "schedule/fair_owners.h"
 #include "sp/encode.h"
 #include "sp/frame.h"
 

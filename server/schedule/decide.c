@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "schedule/fair_queue.h"
+#include "common/fair_queue.h"
 #include "schedule/quality.h"
 
 #define FIRST_FRAME_MS 150.0 /* a first frame that takes longer has less detail at first */

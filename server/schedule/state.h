@@ -5,7 +5,7 @@
 #ifndef SRV_SCHEDULE_STATE_H
 #define SRV_SCHEDULE_STATE_H
 
-#include "schedule/fair_queue.h"
+#include "common/fair_queue.h"
 #include "schedule/quality.h"
 #include "schedule/schedule.h"
 #include "session/session.h"

@@ -2,7 +2,8 @@
  *
  * What is saved of a session, hibernation, and how a hibernated session becomes active again.
  *
- * Saved text: {"tokens": {"control", "view"}, "view": {…}, "owner": {…}, "measures": […], "used"}.
+ * Saved text: {"tokens": {"control", "view"}, "view": {…}, "owner": {…}, "guest": true,
+ * "measures": […], "used"}; "guest" if a join token made it.
  * "used" is the time of the last use, in seconds that daemons ran with this store (past_run_ms of
  * srv_hub_options), exact to a thousandth of --hibernation-time. So the limit --hibernation-time
  * continues after a restart and does not depend on the time of day. Without "used" it is now.
@@ -24,13 +25,20 @@
 #include "session/session.h"
 #include "sp/log.h"
 
+struct srv_hibernated_owner { /* a token that has hibernated sessions */
+    struct srv_hibernated_owner *next;
+    char name[SRV_TOKEN_NAME_BYTES]; /* "" = sessions without an owner */
+    unsigned count;
+};
+
 struct srv_hibernated_session {
     struct srv_hibernated_session *next;
+    struct srv_hibernated_owner *owner;
     struct srv_timer end; /* hibernated for --hibernation-time */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     char volume[SP_NAME_BYTES];
-    char owner[SRV_TOKEN_NAME_BYTES];
+    bool is_guests;
     double used_ms;
 };
 
@@ -81,6 +89,7 @@ struct snapshot {
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     struct srv_owner owner;
+    bool is_guests;
     struct sp_view view;
     struct srv_measures measures; /* owned */
     bool is_complete;             /* false: memory was short for the measurements */
@@ -101,6 +110,7 @@ static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
         snapshot->past_run_ms = hub->options.past_run_ms;
         snapshot->view = next->shared.view;
         snapshot->owner = next->identity.owner;
+        snapshot->is_guests = next->identity.is_guests;
         memcpy(snapshot->id, next->identity.id, sizeof snapshot->id);
         memcpy(snapshot->tokens, next->identity.tokens, sizeof snapshot->tokens);
         snapshot->is_complete = srv_measures_copy(&next->measures, &snapshot->measures);
@@ -120,6 +130,8 @@ static char *text_of(const struct snapshot *snapshot, size_t *size) {
          ok;
     if (snapshot->measures.count > 0)
         ok = proto_json_set(json, "measures", srv_measures_encode(&snapshot->measures)) && ok;
+    if (snapshot->is_guests)
+        ok = proto_json_set_bool(json, "guest", true) && ok;
     if (snapshot->owner.name[0])
         ok = proto_json_set(json, "owner", srv_owner_encode(&snapshot->owner)) && ok;
     char *text = ok ? proto_json_to_text(json, size) : NULL;
@@ -176,6 +188,28 @@ static struct srv_hibernated_session **find(struct srv_hub *hub, const char *id)
     return link;
 }
 
+static struct srv_hibernated_owner **find_owner(struct srv_hub *hub, const char *name) {
+    struct srv_hibernated_owner **link = &hub->hibernated.owners;
+    while (*link && strcmp((*link)->name, name) != 0)
+        link = &(*link)->next;
+    return link;
+}
+
+/* Adds an empty entry of an owner, or returns NULL when out of memory. */
+static struct srv_hibernated_session *create(struct srv_hub *hub, const char *owner) {
+    struct srv_hibernated_session *entry = calloc(1, sizeof *entry);
+    struct srv_hibernated_owner **by = find_owner(hub, owner);
+    if (entry && !*by && (*by = calloc(1, sizeof **by)))
+        snprintf((*by)->name, sizeof(*by)->name, "%s", owner);
+    if (!entry || !*by) {
+        free(entry);
+        return NULL;
+    }
+    entry->owner = *by;
+    entry->owner->count++;
+    return entry;
+}
+
 static void link_hibernated(struct srv_hub *hub, struct srv_hibernated_session *entry) {
     struct srv_hibernated_session **bucket = &hub->hibernated.buckets[srv_hub_bucket(entry->id)];
     entry->next = *bucket;
@@ -190,17 +224,54 @@ static void unlink_hibernated(struct srv_hub *hub, struct srv_hibernated_session
     *link = entry->next;
     hub->hibernated.count--;
     srv_timer_clear(&hub->hibernated.ends, &entry->end);
+    if (--entry->owner->count == 0) {
+        struct srv_hibernated_owner **by = find_owner(hub, entry->owner->name);
+        *by = entry->owner->next;
+        free(entry->owner);
+    }
     free(entry);
 }
 
+/* The session to end when there are too many, of the owner with the most: one of a guest before
+ * the others, and of these the one that was unused for the longest time. */
+static struct srv_hibernated_session *find_surplus(const struct srv_hub *hub) {
+    const struct srv_hibernated_owner *most = hub->hibernated.owners;
+    struct srv_hibernated_session *found = NULL;
+    for (const struct srv_hibernated_owner *by = most; by; by = by->next)
+        most = by->count > most->count ? by : most;
+    for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
+        for (struct srv_hibernated_session *s = hub->hibernated.buckets[i]; s; s = s->next)
+            if (s->owner == most &&
+                (!found || s->is_guests > found->is_guests ||
+                 (s->is_guests == found->is_guests && s->used_ms < found->used_ms)))
+                found = s;
+    return found;
+}
+
+static void end_hibernated(struct srv_hub *hub, const struct srv_hibernated_session *entry,
+                           const char *why) {
+    sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", entry->id }), "session %s ended: %s",
+                entry->id, why);
+    srv_hub_ended(hub, entry->id);
+    unlink_hibernated(hub, find(hub, entry->id));
+}
+
 bool srv_hibernated_add(struct srv_hub *hub, const struct srv_session *session) {
-    struct srv_hibernated_session *entry = calloc(1, sizeof *entry);
+    char why[128];
+    while (hub->hibernated.count > 0 && hub->hibernated.count >= hub->options.hibernated_max) {
+        const struct srv_hibernated_session *surplus = find_surplus(hub);
+        snprintf(why, sizeof why,
+                 "%u sessions are hibernated (--hibernated-sessions), %u of them of %s",
+                 hub->hibernated.count, surplus->owner->count, surplus->owner->name);
+        end_hibernated(hub, surplus, why);
+    }
+    struct srv_hibernated_session *entry = create(hub, session->identity.owner.name);
     if (!entry)
         return false;
     memcpy(entry->id, session->identity.id, sizeof entry->id);
     memcpy(entry->tokens, session->identity.tokens, sizeof entry->tokens);
     memcpy(entry->volume, session->shared.view.volume, sizeof entry->volume);
-    memcpy(entry->owner, session->identity.owner.name, sizeof entry->owner);
+    entry->is_guests = session->identity.is_guests;
     entry->used_ms = srv_hub_used_ms(session);
     link_hibernated(hub, entry);
     return true;
@@ -215,34 +286,38 @@ static bool read_token(const proto_json *record, const char *role,
     return true;
 }
 
-bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size_t size,
-                     double now_ms, struct sp_error *err) {
-    struct srv_hibernated_session *entry = calloc(1, sizeof *entry);
+/* Creates the entry of a record. The caller holds the mutex. */
+static bool restore(struct srv_hub *hub, const char *id, const proto_json *record, double now_ms,
+                    struct sp_error *err) {
+    char tokens[2][SRV_TOKEN_DIGITS + 1];
+    const char *volume = proto_view_volume(proto_json_get(record, "view"));
+    struct srv_owner owner;
+    double used_s = 0;
+    srv_owner_decode(proto_json_get(record, "owner"), &owner);
+    if (strlen(id) != SRV_SESSION_ID_BYTES - 1 || !volume || strlen(volume) >= SP_NAME_BYTES ||
+        !read_token(record, "control", tokens[SRV_ROLE_CONTROL]) ||
+        !read_token(record, "view", tokens[SRV_ROLE_VIEW]))
+        return sp_fail(err, SP_ERR_FORMAT, NULL, "the record does not describe a session");
+    struct srv_hibernated_session *entry = create(hub, owner.name);
     if (!entry)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a session");
+    strcpy(entry->id, id);
+    strcpy(entry->volume, volume);
+    memcpy(entry->tokens, tokens, sizeof tokens);
+    proto_json_bool(proto_json_get(record, "guest"), &entry->is_guests);
+    entry->used_ms = now_ms;
+    if (proto_json_number(proto_json_get(record, "used"), &used_s))
+        entry->used_ms = fmin(now_ms, used_s * 1000 - hub->options.past_run_ms);
+    link_hibernated(hub, entry);
+    return true;
+}
+
+bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size_t size,
+                     double now_ms, struct sp_error *err) {
     proto_json *record = proto_json_parse(text, size, err);
-    const char *volume = proto_view_volume(proto_json_get(record, "view"));
-    bool ok = record != NULL;
-    if (ok && (strlen(id) != sizeof entry->id - 1 || !volume || strlen(volume) >= SP_NAME_BYTES ||
-               !read_token(record, "control", entry->tokens[SRV_ROLE_CONTROL]) ||
-               !read_token(record, "view", entry->tokens[SRV_ROLE_VIEW])))
-        ok = sp_fail(err, SP_ERR_FORMAT, NULL, "the record does not describe a session");
-    if (ok) {
-        strcpy(entry->id, id);
-        strcpy(entry->volume, volume);
-        struct srv_owner owner;
-        srv_owner_decode(proto_json_get(record, "owner"), &owner);
-        memcpy(entry->owner, owner.name, sizeof entry->owner);
-        double used_s = 0;
-        entry->used_ms = now_ms;
-        if (proto_json_number(proto_json_get(record, "used"), &used_s))
-            entry->used_ms = fmin(now_ms, used_s * 1000 - hub->options.past_run_ms);
-        pthread_mutex_lock(&hub->mutex);
-        link_hibernated(hub, entry);
-        pthread_mutex_unlock(&hub->mutex);
-    } else {
-        free(entry);
-    }
+    pthread_mutex_lock(&hub->mutex);
+    const bool ok = record && restore(hub, id, record, now_ms, err);
+    pthread_mutex_unlock(&hub->mutex);
     proto_json_free(&record);
     return ok;
 }
@@ -293,16 +368,17 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
         srv_hub_free_session(hub, session);
         return NULL;
     }
-    if (!srv_hub_ensure_capacity(hub)) {
-        sp_fail(
-            err, SP_ERR_BUDGET, NULL,
-            "cannot activate the hibernated session: %u others are active and --sessions allows "
-            "%u; try again later",
-            hub->active.count, hub->options.sessions_max);
+    session->identity.is_guests = (*link)->is_guests;
+    if (!srv_hub_ensure_capacity(hub, &session->identity, err)) {
         srv_hub_free_session(hub, session);
         return NULL;
     }
     link = find(hub, id); /* ensure_capacity() may have changed the list */
+    if (!*link) {
+        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "the session '%s' ended: there are too many", id);
+        srv_hub_free_session(hub, session);
+        return NULL;
+    }
     session->saved.used_ms = (*link)->used_ms;
     unlink_hibernated(hub, link);
     srv_hub_link_session(hub, session, now_ms);
@@ -316,7 +392,7 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
 
 const char *srv_hibernated_owner(struct srv_hub *hub, const char *id) {
     const struct srv_hibernated_session *entry = *find(hub, id);
-    return entry ? entry->owner : "";
+    return entry ? entry->owner->name : "";
 }
 
 const char *srv_hibernated_token(struct srv_hub *hub, const char *id, enum srv_role role) {
@@ -333,30 +409,25 @@ bool srv_hibernated_remove(struct srv_hub *hub, const char *id) {
 }
 
 double srv_hibernated_tick(struct srv_hub *hub, double now_ms) {
+    char why[64];
+    snprintf(why, sizeof why, "unused for %.0f s (--hibernation-time)",
+             hub->options.hibernation_ms / 1000);
     for (const struct srv_hibernated_session *entry;
-         (entry = srv_timer_take(&hub->hibernated.ends, now_ms));) {
-        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", entry->id }),
-                    "session %s ended: unused for %.0f s (--hibernation-time)", entry->id,
-                    hub->options.hibernation_ms / 1000);
-        srv_hub_ended(hub, entry->id);
-        unlink_hibernated(hub, find(hub, entry->id));
-    }
+         (entry = srv_timer_take(&hub->hibernated.ends, now_ms));)
+        end_hibernated(hub, entry, why);
     return srv_timer_next(&hub->hibernated.ends);
 }
 
-unsigned srv_hibernated_count(const struct srv_hub *hub, const char *owner) {
-    unsigned count = 0;
-    for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
-        for (const struct srv_hibernated_session *s = hub->hibernated.buckets[i]; s; s = s->next)
-            count += strcmp(s->owner, owner) == 0;
-    return count;
+unsigned srv_hibernated_count(struct srv_hub *hub, const char *owner) {
+    const struct srv_hibernated_owner *by = *find_owner(hub, owner);
+    return by ? by->count : 0;
 }
 
 void srv_hibernated_list(struct srv_hub *hub, const char *owner, double now_ms,
                          struct srv_page *page) {
     for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
         for (const struct srv_hibernated_session *s = hub->hibernated.buckets[i]; s; s = s->next) {
-            if (owner && strcmp(s->owner, owner) != 0)
+            if (owner && strcmp(s->owner->name, owner) != 0)
                 continue;
             struct srv_session_info *note = srv_page_slot(page, s->id);
             if (!note)
@@ -365,7 +436,7 @@ void srv_hibernated_list(struct srv_hub *hub, const char *owner, double now_ms,
                 (struct srv_session_info){ .is_hibernated = true, .idle_ms = now_ms - s->used_ms };
             strcpy(note->id, s->id);
             strcpy(note->volume, s->volume);
-            strcpy(note->owner, s->owner);
+            strcpy(note->owner, s->owner->name);
         }
 }
 

@@ -70,7 +70,7 @@ struct srv_hub_options {
     struct srv_volume_source volumes;
     unsigned sessions_max;     /* active sessions, at least 1 */
     unsigned participants_max; /* per session, [1, SRV_PARTICIPANTS_MAX] */
-    unsigned hibernated_max;   /* no session is created while this many are hibernated */
+    unsigned hibernated_max;   /* hibernated sessions, at least 1; one more, and another one ends */
     double session_idle_ms;    /* an active session hibernates, or ends, this long after its last
                                   use */
     double hibernation_ms;     /* a hibernated session ends this long after its last use */
@@ -117,8 +117,9 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
 /* The same for an owner. SP_ERR_QUOTA over the owner's limit, which counts hibernated sessions too.
- * A guest holds only a join token: it cannot use the last quarter of all sessions, makes no other
- * session hibernate, and gets SP_ERR_DENIED once the owner's token is gone. */
+ * A guest holds only a join token: its session counts for the owner, whose guests have a part of
+ * the owner's share only; it makes no other session hibernate, and gets SP_ERR_DENIED once the
+ * owner's token is gone. */
 proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
                                          const struct srv_owner *owner, bool is_guest,
                                          double now_ms, char id[SRV_SESSION_ID_BYTES],
@@ -174,8 +175,10 @@ bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error
  */
 bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
                        struct sp_error *err);
-/* True if one more participant can join now. SP_ERR_NOT_FOUND, SP_ERR_BUDGET. */
-bool srv_hub_can_join(struct srv_hub *hub, const char *id, double now_ms, struct sp_error *err);
+/* True if one more participant can join now; `token` as for srv_hub_join(). SP_ERR_NOT_FOUND,
+ * SP_ERR_BUDGET. */
+bool srv_hub_can_join(struct srv_hub *hub, const char *id, const char *token, double now_ms,
+                      struct sp_error *err);
 
 struct srv_session_info {
     char id[SRV_SESSION_ID_BYTES]; /* first, as struct srv_page requires */

@@ -161,7 +161,7 @@ bool srv_hub_is_view_saved(const struct srv_session *session) {
            session->saved.measures_clock == session->measures.clock;
 }
 
-static bool hibernate(struct srv_hub *hub, struct srv_session *session, const char *why) {
+bool srv_hub_hibernate(struct srv_hub *hub, struct srv_session *session, const char *why) {
     if (!srv_hibernated_add(hub, session))
         return false;
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->identity.id }),
@@ -169,19 +169,6 @@ static bool hibernate(struct srv_hub *hub, struct srv_session *session, const ch
     unlink_session(hub, session);
     srv_hub_free_session(hub, session);
     return true;
-}
-
-bool srv_hub_ensure_capacity(struct srv_hub *hub) {
-    struct srv_session *idle = NULL;
-    if (hub->active.count < hub->options.sessions_max)
-        return true;
-    for (struct srv_session *s = hub->options.recall ? hub->active.first : NULL; s; s = s->next)
-        if (!s->participants && srv_hub_is_view_saved(s) &&
-            (!idle || srv_hub_used_ms(s) < srv_hub_used_ms(idle)))
-            idle = s;
-    if (idle)
-        hibernate(hub, idle, "another session needs its place (--sessions)");
-    return hub->active.count < hub->options.sessions_max;
 }
 
 /* Ends an unused session; or hibernates it, as soon as it is saved and there is memory. */
@@ -195,7 +182,7 @@ static void retire(struct srv_hub *hub, struct srv_session *session, double now_
         srv_hub_end_session(hub, session);
     } else if (!srv_hub_is_view_saved(session)) {
         srv_hub_unsaved(hub, session);
-    } else if (!hibernate(hub, session, why)) {
+    } else if (!srv_hub_hibernate(hub, session, why)) {
         srv_timer_set(&hub->active.timers, &session->timer, now_ms + RETRY_MS);
     }
 }

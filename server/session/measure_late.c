@@ -95,7 +95,9 @@ static void run(struct srv_work *work) {
 
 bool srv_call_measure_late(struct srv_call *call) {
     const struct srv_participant *p = call->participant;
-    if (srv_work_queue_count(call->hub->options.measuring) >= SRV_MEASURING_MAX)
+    const struct srv_owner *owner = &p->session->identity.owner;
+    if (srv_work_queue_left(call->hub->options.measuring, owner->name, owner->quota.is_limited,
+                            SRV_MEASURING_MAX) == 0)
         return srv_call_refuse(call, PROTO_RPC_LIMIT, NULL,
                                "the daemon is measuring many parts; try again later");
     struct late_measure *late = malloc(sizeof *late);
@@ -109,6 +111,7 @@ bool srv_call_measure_late(struct srv_call *call) {
                                    .participant = p->identity.id,
                                    .now_ms = call->now_ms };
     memcpy(late->session, p->session->identity.id, sizeof late->session);
+    snprintf(late->work.owner, sizeof late->work.owner, "%s", owner->name);
     snprintf(late->author, sizeof late->author, "%s", p->identity.name);
     snprintf(late->color, sizeof late->color, "%s", srv_hub_color(p));
     call->later = &late->work;

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/fair_share.h"
 #include "session/session.h"
 
 enum { QUALITY_DEFAULT = 90, FPS_DEFAULT = 30 };
@@ -27,18 +28,37 @@ static unsigned free_color(const struct srv_session *session) {
     return best;
 }
 
-static bool has_capacity(const struct srv_hub *hub, const struct srv_session *session,
-                         struct sp_error *err) {
-    return session->participant_count < hub->options.participants_max ||
-           sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "the session has %u participants and --participants allows %u",
-                   session->participant_count, hub->options.participants_max);
+/* True for the owner of the session and for admins. */
+static bool may_take_all(const struct srv_hub *hub, const struct srv_session *session,
+                         const char *token) {
+    struct srv_quota unused;
+    unsigned rights = 0;
+    if (!token[0] || strcmp(session->identity.owner.name, token) == 0)
+        return token[0];
+    if (hub->options.token)
+        hub->options.token(hub->options.user, token, &rights, &unused);
+    return rights & SRV_RIGHT_ADMIN;
 }
 
-bool srv_hub_can_join(struct srv_hub *hub, const char *id, double now_ms, struct sp_error *err) {
+/* Guests count as one owner of places in the session: they cannot shut out its owner. */
+static bool has_capacity(const struct srv_hub *hub, const struct srv_session *session,
+                         const char *token, struct sp_error *err) {
+    struct srv_pool pool = { hub->options.participants_max, session->participant_count, 0 };
+    for (const struct srv_participant *p = session->participants; p; p = p->next)
+        pool.own += strcmp(p->identity.token, token) == 0;
+    return srv_fair_left(&pool, !may_take_all(hub, session, token)) > 0 ||
+           sp_fail(err, SP_ERR_BUDGET, NULL,
+                   "the session has %u participants, %u of them %s, and --participants allows %u; "
+                   "the last places are kept for its owner and for others",
+                   session->participant_count, (unsigned)pool.own,
+                   token[0] ? "by this token" : "guests", hub->options.participants_max);
+}
+
+bool srv_hub_can_join(struct srv_hub *hub, const char *id, const char *token, double now_ms,
+                      struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
-    bool is_free = session && has_capacity(hub, session, err);
+    bool is_free = session && has_capacity(hub, session, token, err);
     pthread_mutex_unlock(&hub->mutex);
     return is_free;
 }
@@ -95,7 +115,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     const char *why = session ? srv_hub_denies(hub, p) : NULL;
     if (why)
         sp_fail(err, SP_ERR_DENIED, NULL, "%s", why);
-    if (why || (session && !has_capacity(hub, session, err)))
+    if (why || (session && !has_capacity(hub, session, token, err)))
         session = NULL;
     if (session) {
         p->settings.wanted_fps = FPS_DEFAULT;

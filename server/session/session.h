@@ -124,7 +124,7 @@ struct srv_session_identity {
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* join tokens by role; constant */
     struct srv_owner owner;               /* its name is constant */
     bool has_token;                       /* the owner's token existed at the last check */
-    bool is_guests; /* forked with a join token; not saved, so false after hibernation */
+    bool is_guests;                       /* forked with a join token */
 };
 
 struct srv_view_state {
@@ -231,6 +231,7 @@ struct srv_active_sessions {
 
 struct srv_hibernated_sessions { /* hibernate.c */
     struct srv_hibernated_session *buckets[SRV_HUB_BUCKETS];
+    struct srv_hibernated_owner *owners;
     struct srv_timer_heap ends;
     unsigned count;
 };
@@ -285,9 +286,15 @@ void srv_hub_free_session(struct srv_hub *hub, struct srv_session *session);
 void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms);
 /* Ends an active session for good and closes its streams. */
 void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session);
-/* Makes sure that one more session can be active; an unused one hibernates if necessary. False: too
- * many are in use. */
-bool srv_hub_ensure_capacity(struct srv_hub *hub);
+/* Makes sure that one more session, with this identity, can be active: within --sessions and within
+ * the owner's share of them (common/fair_share.h). Where it is not, an unused session of the owner
+ * hibernates, or, if all are taken, an unused one of an owner with more. Sessions of guests have a
+ * share of the owner's share, and make no other session hibernate. False: SP_ERR_QUOTA (the share),
+ * SP_ERR_BUDGET. */
+bool srv_hub_ensure_capacity(struct srv_hub *hub, const struct srv_session_identity *identity,
+                             struct sp_error *err);
+/* Hibernates an active session without participants; false when out of memory. */
+bool srv_hub_hibernate(struct srv_hub *hub, struct srv_session *session, const char *why);
 /* Returns when the session was last used, ms, if it has no participants. */
 double srv_hub_used_ms(const struct srv_session *session);
 /* The store has the newest view: an unused session may hibernate when its time has come. */
@@ -367,7 +374,8 @@ bool srv_hub_is_view_saved(const struct srv_session *session);
 void srv_hub_unsaved(struct srv_hub *hub, struct srv_session *session);
 /* Now and then marks sessions for saving whose time of use is old in the store. */
 void srv_hub_note_time(struct srv_hub *hub, double now_ms);
-/* Adds a hibernated session like this active one; false when out of memory. */
+/* Adds a hibernated session like this active one; false when out of memory. If there are too many,
+ * one ends: of the owner with the most, and unused for the longest time. */
 bool srv_hibernated_add(struct srv_hub *hub, const struct srv_session *session);
 /* Returns the owner's name, "" = no such session or no owner. */
 const char *srv_hibernated_owner(struct srv_hub *hub, const char *id);
@@ -380,7 +388,7 @@ unsigned srv_hub_bucket(const char *id); /* less than SRV_HUB_BUCKETS */
 bool srv_hibernated_remove(struct srv_hub *hub, const char *id);
 /* Ends sessions that were hibernated for too long; returns when the next one ends. */
 double srv_hibernated_tick(struct srv_hub *hub, double now_ms);
-unsigned srv_hibernated_count(const struct srv_hub *hub, const char *owner);
+unsigned srv_hibernated_count(struct srv_hub *hub, const char *owner);
 void srv_hibernated_list(struct srv_hub *hub, const char *owner, double now_ms,
                          struct srv_page *page);
 void srv_hibernated_free(struct srv_hub *hub);

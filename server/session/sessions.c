@@ -46,8 +46,7 @@ static proto_json *encode_session(const struct srv_hub *hub, const struct srv_se
 }
 
 /* True if the owner may have one more session, active or hibernated. */
-static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
-                      struct sp_error *err) {
+static bool has_quota(struct srv_hub *hub, const struct srv_owner *owner, struct sp_error *err) {
     unsigned most = owner->quota.sessions, active = 0;
     if (!most)
         return true;
@@ -60,35 +59,18 @@ static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
                    owner->name, active + hibernated, hibernated, most);
 }
 
-/* Returns the part of the limit `most` that a guest, or any other client, may use. */
-static unsigned limit_for(bool is_guest, unsigned most) {
-    return is_guest ? most - most / 4 : most;
-}
-
-static bool session_add(struct srv_hub *hub, struct srv_session *session, bool is_guest,
-                        double now_ms, struct sp_error *err) {
-    const unsigned active_max = limit_for(is_guest, hub->options.sessions_max);
-    const unsigned hibernated_max = limit_for(is_guest, hub->options.hibernated_max);
+static bool session_add(struct srv_hub *hub, struct srv_session *session, double now_ms,
+                        struct sp_error *err) {
+    struct srv_session_identity *identity = &session->identity;
     if (hub->is_draining)
         return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
-    const char *whom = is_guest ? " for forks by join tokens" : "";
-    if (hub->options.recall && hub->hibernated.count >= hibernated_max)
-        return sp_fail(
-            err, SP_ERR_BUDGET, NULL,
-            "%u sessions are hibernated and --hibernated-sessions allows %u%s; delete some",
-            hub->hibernated.count, hibernated_max, whom);
-    if (is_guest && !srv_hub_renew_quota(hub, &session->identity.owner))
+    if (identity->is_guests && !srv_hub_renew_quota(hub, &identity->owner))
         return sp_fail(err, SP_ERR_DENIED, NULL,
                        "the token that created the session was removed; fork it with a token of "
                        "the daemon");
-    if (!has_quota(hub, &session->identity.owner, err))
+    if (!has_quota(hub, &identity->owner, err) || !srv_hub_ensure_capacity(hub, identity, err))
         return false;
-    if (is_guest ? hub->active.count >= active_max : !srv_hub_ensure_capacity(hub))
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions are active and --sessions allows %u%s; try again later",
-                       hub->active.count, active_max, whom);
-    session->identity.has_token = true;
-    session->identity.is_guests = is_guest;
+    identity->has_token = true;
     srv_hub_link_session(hub, session, now_ms);
     srv_hub_unsaved(hub, session);
     return true;
@@ -116,13 +98,14 @@ proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *
     }
     proto_json *json = NULL;
     session->identity.owner = *owner;
+    session->identity.is_guests = is_guest;
     pthread_mutex_lock(&hub->mutex);
     bool ok = srv_owner_allows_size(owner, session->shared.view.size, err) &&
               srv_secret_hex(session->identity.id, sizeof session->identity.id - 1, err) &&
               srv_secret_hex(session->identity.tokens[0], SRV_TOKEN_DIGITS, err) &&
               srv_secret_hex(session->identity.tokens[1], SRV_TOKEN_DIGITS, err) &&
               (json = encode_session(hub, session, true, err)) &&
-              session_add(hub, session, is_guest, now_ms, err);
+              session_add(hub, session, now_ms, err);
     if (ok)
         memcpy(id, session->identity.id, sizeof session->identity.id);
     pthread_mutex_unlock(&hub->mutex);

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "common/clock.h"
+#include "common/fair_share.h"
 #include "common/pagination.h"
 #include "sp/log.h"
 #include "store/database.h"
@@ -271,17 +272,30 @@ static unsigned count_beginning(const struct srv_store *store, enum srv_kind kin
     return count;
 }
 
+/* Checks the owner's quota and share. The caller holds the mutex. */
+static bool may_add(const struct srv_store *store, enum srv_kind kind,
+                    const struct srv_store_owner *owner, struct sp_error *err) {
+    const unsigned max = store->options.max[kind], used = srv_table_count(store->table, kind);
+    if (!owner->most && !owner->is_limited)
+        return true;
+    const unsigned own = count_beginning(store, kind, owner->beginning);
+    const struct srv_pool pool = { max > 0 ? max : UINT32_MAX, used, own };
+    if (owner->most && own >= owner->most)
+        return sp_fail(err, SP_ERR_QUOTA, NULL, "%s has %u %s and its token allows %u; delete some",
+                       owner->name, own, kind_words[kind], owner->most);
+    return used >= max || srv_fair_left(&pool, owner->is_limited && !owner->most) > 0 ||
+           sp_fail(err, SP_ERR_QUOTA, NULL,
+                   "%s has %u %s and all tokens %u of the %u that --%s allows; the rest is kept "
+                   "for the others; delete some",
+                   owner->name, own, kind_words[kind], used, max, kind_words[kind]);
+}
+
 bool srv_store_add(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
-                   size_t size, const struct srv_store_share *share, struct sp_error *err) {
+                   size_t size, const struct srv_store_owner *owner, struct sp_error *err) {
     size_t old;
     pthread_mutex_lock(&store->mutex);
-    bool ok = srv_table_get(store->table, kind, id, &old) != NULL;
-    unsigned count = ok || !share->most ? 0 : count_beginning(store, kind, share->beginning);
-    if (!ok && share->most && count >= share->most)
-        sp_fail(err, SP_ERR_QUOTA, NULL, "%s has %u %s and its token allows %u; delete some",
-                share->name, count, kind_words[kind], share->most);
-    else if (!ok)
-        ok = put(store, kind, id, text, size, err);
+    bool ok = srv_table_get(store->table, kind, id, &old) ||
+              (may_add(store, kind, owner, err) && put(store, kind, id, text, size, err));
     pthread_mutex_unlock(&store->mutex);
     return ok;
 }

@@ -61,15 +61,17 @@ void srv_store_destroy(struct srv_store **store); /* stops first */
  * (too many records of the kind), SP_ERR_MEMORY. */
 bool srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
                    size_t size, struct sp_error *err);
-struct srv_store_share {   /* the records of one kind that one owner has */
+struct srv_store_owner {   /* who stores a record of its own */
     const char *beginning; /* with which the texts of this owner's records begin, and no others */
-    unsigned most;         /* records of this owner; 0 = no limit; more: SP_ERR_QUOTA */
-    const char *name;      /* of the owner */
+    const char *name;
+    unsigned most;   /* its quota of records; 0 = none */
+    bool is_limited; /* without a quota: its share of the kind's limit is limited
+                        (common/fair_share.h) */
 };
-/* Stores a record for an owner with a limit. A record that exists under the id stays as it is, and
- * that is success. */
+/* Stores a record of an owner. A record that exists under the id stays as it is, and that is
+ * success. Also SP_ERR_QUOTA: the owner has too many records. */
 bool srv_store_add(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
-                   size_t size, const struct srv_store_share *share, struct sp_error *err);
+                   size_t size, const struct srv_store_owner *owner, struct sp_error *err);
 /* False: there is no such record. */
 bool srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id);
 /* Returns a copy of the text with a NUL after it; malloc'ed, the caller's. `size` may be NULL.

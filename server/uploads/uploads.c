@@ -271,7 +271,7 @@ static bool may_join(struct srv_uploads *uploads, const struct srv_upload_reques
 
 bool srv_uploads_add(struct srv_uploads *uploads, const struct srv_upload_request *request,
                      double now_ms, struct srv_upload_info *info, struct sp_error *err) {
-    struct srv_uploads_share share;
+    const struct srv_quota quota = srv_uploads_quota_of(uploads, request->owner);
     struct srv_upload *upload = calloc(1, sizeof *upload);
     if (!upload)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for an upload");
@@ -285,11 +285,10 @@ bool srv_uploads_add(struct srv_uploads *uploads, const struct srv_upload_reques
     upload->bytes = request->bytes;
     upload->modified_ms = request->modified_ms;
     upload->used_ms = now_ms;
-    srv_uploads_share_of(uploads, request->owner, &share);
     bool ok = srv_secret_hex(upload->id, sizeof upload->id - 1, err);
     pthread_mutex_lock(&uploads->mutex);
     ok = ok && (!request->header || may_join(uploads, request, err)) &&
-         srv_uploads_may_add(uploads, request->owner, &share, request->bytes, err) &&
+         srv_uploads_may_add(uploads, request->owner, &quota, request->bytes, err) &&
          srv_upload_files_create(uploads, upload, err);
     if (ok) {
         append(uploads, upload);

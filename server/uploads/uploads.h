@@ -110,8 +110,8 @@ void srv_uploads_tick(struct srv_uploads *uploads, double now_ms);
 struct srv_uploads_numbers {
     unsigned count;
     uint64_t declared_bytes, received_bytes, bytes_max;
-    unsigned own_count, own_count_max; /* of one token; the limits are those of limits.c */
-    uint64_t own_bytes, own_bytes_max;
+    unsigned own_count;                /* of one token */
+    uint64_t own_bytes, own_bytes_max; /* the most if no other token had uploads */
     uint64_t free_bytes; /* what that token can declare now: also within bytes_max and the disk */
     unsigned free_count;
 };

@@ -44,19 +44,12 @@ bool srv_upload_not_found(const char *id, struct sp_error *err);
 void srv_upload_describe(const struct srv_uploads *uploads, const struct srv_upload *upload,
                          double now_ms, struct srv_upload_info *info);
 
-/* Limits. What one token may have. */
-struct srv_uploads_share {
-    uint64_t bytes;
-    unsigned count;
-    bool is_quota; /* the token file says so; else a share of all */
-};
-/* Without the mutex. */
-void srv_uploads_share_of(const struct srv_uploads *uploads, const char *owner,
-                          struct srv_uploads_share *share);
-/* With the mutex held: false if an upload of `bytes` is over a limit. */
+/* Limits. */
+/* With the mutex held: false if an upload of `bytes` is over a limit. `quota` is the owner's. */
 bool srv_uploads_may_add(const struct srv_uploads *uploads, const char *owner,
-                         const struct srv_uploads_share *share, uint64_t bytes,
-                         struct sp_error *err);
+                         const struct srv_quota *quota, uint64_t bytes, struct sp_error *err);
+/* Without the mutex; all zero without --token-file. */
+struct srv_quota srv_uploads_quota_of(const struct srv_uploads *uploads, const char *owner);
 
 /* Files. The path of the data. */
 void srv_upload_path(const struct srv_uploads *uploads, const struct srv_upload *upload,

@@ -24,7 +24,9 @@ enum { BYTES = 1000 };
 #define ENDLESS "demo:phantom?size=9"
 #define SERIES "demo:phantom?size=10"
 #define FAST_SERIES "demo:phantom?size=11"
-enum { STEPS = 8 }; /* of both: more than there are load threads */
+#define SLOW                                                                                       \
+    "demo:engine?size=" /* how such sources begin: their loads run until they are cancelled */
+enum { STEPS = 8 };     /* of both: more than there are load threads */
 
 static struct {
     pthread_mutex_t mutex;
@@ -60,6 +62,11 @@ struct sp_volume *__wrap_sp_volume_load(const char *path, const struct sp_load_o
                                         struct sp_error *err) {
     if (strcmp(path, SERIES) == 0 || strcmp(path, FAST_SERIES) == 0)
         return load_series(path, options, err);
+    while (strncmp(path, SLOW, strlen(SLOW)) == 0)
+        if (!options->progress(options->user, 0.5)) {
+            sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
+            return NULL;
+        }
     if (strcmp(path, ENDLESS) != 0)
         return __real_sp_volume_load(path, options, err);
     assert_true(options->reserve(options->user, BYTES, err));
@@ -286,6 +293,53 @@ static void volumes_of_an_earlier_run_are_not_limited(void **state) {
 }
 
 /* Counting takes tens of milliseconds, so a second client must not pay for it again. */
+static void on_any_progress(void *user, const char *id, enum srv_volume_state state,
+                            double progress, const char *reason) {
+    (void)user, (void)progress, (void)reason;
+    pthread_mutex_lock(&seen.mutex);
+    if (strcmp(id, "small") == 0)
+        seen.state = state;
+    pthread_cond_broadcast(&seen.changed);
+    pthread_mutex_unlock(&seen.mutex);
+}
+
+static void open_as(struct srv_catalog *catalog, const char *owner, const char *source,
+                    const char *id) {
+    const struct srv_volume_request request = {
+        .source = source, .id = id, .owner = owner, .is_limited = true
+    };
+    char id_out[SP_NAME_BYTES];
+    struct sp_error err;
+    bool existed, conflict;
+    if (!srv_catalog_add(catalog, &request, id_out, &existed, &conflict, &err))
+        fail_msg("%s: %s", err.place, err.text);
+}
+
+/* Eight loads of one owner that never end do not occupy all load threads: the volume of another one
+ * is loaded meanwhile, and so is that of a third one beside an endless load of the second. */
+static void loads_of_one_owner_leave_threads_to_others(void **state) {
+    (void)state;
+    const struct srv_catalog_options options = { .memory_bytes = 1 << 20,
+                                                 .progress = on_any_progress,
+                                                 .unloaded = on_unloaded };
+    struct srv_catalog *catalog = srv_catalog_create(&options, NULL);
+    char source[32], id[8];
+    for (int i = 0; i < 8; i++) {
+        snprintf(source, sizeof source, SLOW "%d", 20 + i);
+        snprintf(id, sizeof id, "%d", i);
+        open_as(catalog, "ann", source, id);
+    }
+    seen.state = SRV_VOLUME_LOADING;
+    open_as(catalog, "bob", "demo:phantom?size=8", "small");
+    wait_for(SRV_VOLUME_READY);
+    assert_true(srv_catalog_remove(catalog, "small", "bob", NULL));
+    open_as(catalog, "bob", SLOW "40", "slow");
+    open_as(catalog, "bob", SLOW "41", "slow-2");
+    open_as(catalog, "cy", "demo:phantom?size=8", "small");
+    wait_for(SRV_VOLUME_READY);
+    srv_catalog_destroy(&catalog);
+}
+
 static void a_joint_histogram_is_counted_once(void **state) {
     (void)state;
     const struct srv_catalog_options options = { .memory_bytes = 1 << 20,
@@ -345,6 +399,8 @@ int main(void) {
                                         cmocka_unit_test(steps_of_a_removed_volume_fail),
                                         cmocka_unit_test(steps_ahead_leave_memory),
                                         cmocka_unit_test(volumes_of_an_earlier_run_are_not_limited),
+                                        cmocka_unit_test(
+                                            loads_of_one_owner_leave_threads_to_others),
                                         cmocka_unit_test(a_joint_histogram_is_counted_once),
                                         cmocka_unit_test(paths_are_redacted) };
     return cmocka_run_group_tests(tests, NULL, NULL);

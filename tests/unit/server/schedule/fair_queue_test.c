@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "schedule/fair_queue.h"
+#include "common/fair_queue.h"
 #include "support/compare.h"
 #include "unit/server/schedule/simulation.h"
 

@@ -44,9 +44,6 @@ static void hibernated_sessions_have_a_limit_and_can_be_deleted(void **state) {
     assert_true(srv_hub_session_delete(persist.hub, other, NULL));
     assert_true(
         srv_hub_restore(persist.hub, "0123456789abcdef", persist.text, persist.size, 0, &err));
-    assert_null(srv_hub_session_create(persist.hub, NULL, 0, other, &err));
-    assert_int_equal(err.code, SP_ERR_BUDGET);
-    assert_non_null(strstr(err.text, "--hibernated-sessions"));
     assert_true(srv_hub_session_delete(persist.hub, persist.id, NULL));
     assert_string_equal(persist.ended, persist.id);
     assert_false(srv_hub_session_delete(persist.hub, persist.id, NULL));
@@ -147,12 +144,76 @@ static void guests_leave_a_quarter_of_the_sessions_to_others(void **state) {
     for (int i = 0; i < 6; i++)
         assert_true(persist_create(&anonymous, true, 0, &err));
     assert_false(persist_create(&anonymous, true, 0, &err));
-    assert_int_equal(err.code, SP_ERR_BUDGET);
-    assert_non_null(strstr(err.text, "--sessions allows 6 for forks by join tokens"));
+    assert_int_equal(err.code, SP_ERR_QUOTA);
+    assert_non_null(strstr(err.text, "the guests of this session's owner have 6 active sessions"));
     assert_true(persist_create(&anonymous, false, 0, &err));
     assert_true(persist_create(&anonymous, false, 0, &err));
     assert_false(persist_create(&anonymous, false, 0, &err));
     assert_non_null(strstr(err.text, "--sessions allows 8"));
+}
+
+/* Restores a record of ann's that was used at `used` s. */
+static void restore(const char *id, double used, bool is_guests) {
+    struct sp_error err;
+    size_t size;
+    proto_json *record = proto_json_parse(persist.text, persist.size, &err);
+    assert_true(proto_json_set_number(record, "used", used));
+    assert_true(!is_guests || proto_json_set_bool(record, "guest", true));
+    char *text = proto_json_to_text(record, &size);
+    assert_true(srv_hub_restore(persist.hub, id, text, size, 9000, &err));
+    free(text);
+    proto_json_free(&record);
+}
+
+/* Over --hibernated-sessions one session ends: of the owner with the most, a guest's before others,
+ * and the one that was unused for the longest time. */
+static void too_many_hibernated_sessions_cost_the_owner_with_the_most(void **state) {
+    (void)state;
+    static const char *const old = "aaaaaaaaaaaaaaaa", *const newer = "bbbbbbbbbbbbbbbb",
+                             *const guests = "cccccccccccccccc";
+    const struct srv_owner ann = { .name = "ann" };
+    struct srv_quota quota = { .sessions = 0 };
+    struct sp_error err;
+    persist.quota = &quota;
+    assert_true(srv_hub_session_delete(persist.hub, persist.id, NULL));
+    assert_true(persist_create(&ann, false, 0, &err));
+    assert_true(srv_hub_save(persist.hub, 0, persist_save, NULL));
+    assert_true(srv_hub_session_delete(persist.hub, persist.id, NULL));
+    restore(old, 1, false);
+    restore(newer, 2, false);
+    restore(guests, 3, true);
+    const struct srv_owner none = { .name = "" };
+    assert_true(persist_create(&none, false, 9000, &err));
+    assert_true(srv_hub_save(persist.hub, 9000, persist_save, NULL));
+    srv_hub_tick(persist.hub, 20000); /* it hibernates; two may stay */
+    assert_int_equal(persist_numbers().hibernated, 2);
+    assert_int_equal(count_of("ann"), 1);
+    assert_string_equal(persist.ended, old);
+    assert_int_equal(count_of(""), 1);
+    assert_true(srv_hub_session_delete(persist.hub, newer, &err));
+}
+
+/* One owner cannot take all active sessions; an owner without a limit can. */
+static void an_owner_has_a_share_of_the_sessions(void **state) {
+    (void)state;
+    const struct srv_owner ann = { .name = "ann", .quota = { .is_limited = true } };
+    const struct srv_owner bob = { .name = "bob", .quota = { .is_limited = true } };
+    const struct srv_owner admin = { .name = "root" };
+    struct sp_error err;
+    srv_hub_destroy(&persist.hub);
+    persist.sessions_max = 8;
+    persist_create_hub();
+    for (int i = 0; i < 6; i++)
+        assert_true(persist_create(&ann, false, 0, &err));
+    assert_false(persist_create(&ann, false, 0, &err));
+    assert_int_equal(err.code, SP_ERR_QUOTA);
+    assert_non_null(strstr(err.text, "ann has 6 active sessions"));
+    assert_true(persist_create(&bob, false, 0, &err));
+    assert_false(persist_create(&bob, false, 0, &err));
+    assert_int_equal(err.code, SP_ERR_QUOTA);
+    assert_true(persist_create(&admin, false, 0, &err));
+    assert_false(persist_create(&admin, false, 0, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
 }
 
 static bool activate(const char *id, double now_ms, struct sp_error *err) {
@@ -228,6 +289,8 @@ int main(void) {
         TEST(hibernated_sessions_count_towards_the_quota_of_their_owner),
         TEST(quotas_follow_the_current_token),
         TEST(guests_leave_a_quarter_of_the_sessions_to_others),
+        TEST(too_many_hibernated_sessions_cost_the_owner_with_the_most),
+        TEST(an_owner_has_a_share_of_the_sessions),
         TEST(at_the_limit_the_longest_idle_session_hibernates),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -32,7 +32,8 @@ static void a_store_without_folder_holds_records_in_memory(void **state) {
     assert_true(store_put(store, SRV_KIND_VIEW, "a", "22")); /* replaces the record */
     assert_true(store_put(store, SRV_KIND_SESSION, "a", "session"));
     store_holds(store, SRV_KIND_VIEW, "a", "22");
-    const struct srv_store_share share = { "2", 1, "ann" }, other = { "3", 1, "bob" };
+    const struct srv_store_owner share = { .beginning = "2", .name = "ann", .most = 1 };
+    const struct srv_store_owner other = { .beginning = "3", .name = "bob", .most = 1 };
     assert_true(srv_store_add(store, SRV_KIND_VIEW, "a", "23", 2, &share,
                               &err)); /* the record stays as it is */
     store_holds(store, SRV_KIND_VIEW, "a", "22");

@@ -376,18 +376,17 @@ static void a_token_has_a_share(void **state) {
     assert_false(try_add(uploads, "ann", 51, &info, &err));
     assert_int_equal(err.code, SP_ERR_QUOTA);
     assert_non_null(strstr(err.text, "so 50 are free"));
-    assert_true(try_add(uploads, "bob", 250, &info, &err));
-    assert_true(try_add(uploads, "ann", 1, &info, &err));
-    srv_uploads_numbers(uploads, "ann", &numbers);
-    assert_int_equal(numbers.own_bytes, 701);
-    assert_int_equal(numbers.own_bytes_max, 750);
-    assert_int_equal(numbers.free_bytes, 49);
-    assert_int_equal(numbers.free_count, 0);
     srv_uploads_numbers(uploads, "bob", &numbers);
-    assert_int_equal(numbers.own_bytes, 250);
-    assert_int_equal(numbers.declared_bytes, 951);
+    assert_int_equal(numbers.free_bytes, 225); /* three quarters of what is free */
+    assert_true(try_add(uploads, "bob", 200, &info, &err));
+    assert_false(try_add(uploads, "bob", 26, &info, &err)); /* something is left for others */
+    assert_int_equal(err.code, SP_ERR_QUOTA);
+    srv_uploads_numbers(uploads, "ann", &numbers);
+    assert_int_equal(numbers.own_bytes, 700);
+    assert_int_equal(numbers.own_bytes_max, 750);
+    assert_int_equal(numbers.free_bytes, 0);
+    assert_int_equal(numbers.declared_bytes, 900);
     set_tokens(ANN " uploads=1 upload-bytes=2000\n" BOB "\n"); /* more than there is */
-    assert_true(srv_uploads_remove(uploads, info.id, "ann", NULL));
     assert_false(try_add(uploads, "ann", 1, &info, &err));
     assert_int_equal(err.code, SP_ERR_QUOTA);
     assert_non_null(strstr(err.text, "has 1 uploads and may have 1"));

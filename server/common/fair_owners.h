@@ -5,10 +5,10 @@
  * starts at the clock, so idle owners save up no time. When the queue is empty, all accounts
  * are reset. Pure: no clock, no lock.
  */
-#ifndef SRV_SCHEDULE_FAIR_OWNERS_H
-#define SRV_SCHEDULE_FAIR_OWNERS_H
+#ifndef SRV_COMMON_FAIR_OWNERS_H
+#define SRV_COMMON_FAIR_OWNERS_H
 
-#include "schedule/fair_queue.h"
+#include "common/fair_queue.h"
 
 enum {
     SRV_FAIR_OWNER_BYTES = 40, /* bytes of a name, with its NUL */

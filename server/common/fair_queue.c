@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "schedule/fair_queue.h"
+#include "common/fair_queue.h"
 
 #include <math.h>
 

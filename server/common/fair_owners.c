@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "schedule/fair_owners.h"
+#include "common/fair_owners.h"
 
 #include <math.h>
 #include <stdio.h>

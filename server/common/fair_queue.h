@@ -3,8 +3,8 @@
  * Equal shares of time: start-time fair queueing (Goyal, Vin and Cheng 1996). Pure functions: no
  * lock, no system clock.
  */
-#ifndef SRV_SCHEDULE_FAIR_QUEUE_H
-#define SRV_SCHEDULE_FAIR_QUEUE_H
+#ifndef SRV_COMMON_FAIR_QUEUE_H
+#define SRV_COMMON_FAIR_QUEUE_H
 
 /* The time that a session, a participant or an owner has received, in virtual time.
  *

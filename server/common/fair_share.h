@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * How much of a pool one owner may take. An owner with a limit may hold at most three times what it
+ * leaves free. So one owner gets three quarters of the pool, two get three sevenths each, n get
+ * 3 / (3n + 1), and a part is always free for another owner (dynamic thresholds: Choudhury and
+ * Hahne 1998, with a factor of 3). Owners without a limit, such as admins, may take that part, too.
+ * A pool of fewer than 4 has no such part. Pure.
+ */
+#ifndef SRV_COMMON_FAIR_SHARE_H
+#define SRV_COMMON_FAIR_SHARE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct srv_pool {
+    uint64_t most; /* of all owners together: objects, or bytes */
+    uint64_t used; /* by all owners */
+    uint64_t own;  /* by this owner, a part of `used` */
+};
+
+/* Returns how much more the owner may take. */
+uint64_t srv_fair_left(const struct srv_pool *pool, bool is_limited);
+
+#endif
