@@ -18,6 +18,8 @@
 #define EVEN_SHARE 1e-3
 /* The height of a volume whose vertical axis has another kind of unit, in its horizontal extent. */
 #define HEIGHT_SHARE 0.25
+/* More channels than these, of an array whose dimensions have no names, may be something else. */
+enum { CHANNELS_MAX = 4 };
 
 enum role { ROLE_NONE, ROLE_X, ROLE_Y, ROLE_Z, ROLE_TIME, ROLE_CHANNEL };
 
@@ -361,9 +363,6 @@ static void warn_of_curves(const struct arrays *a) {
 static bool take_conventions(struct arrays *a, struct coordinates *c, struct import_header *header,
                              struct sp_error *err) {
     double factor[3];
-    for (unsigned d = 0; d < a->info.rank; d++)
-        if (!take_coordinates(a, d, &c[d]))
-            return sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory for coordinates");
     if (!assign(a, c, err) || !import_axes_choose(&a->axes, a->file, a->info.shape, header, err) ||
         !take_dims(a, header, err) || !take_steps(a, c, header, err))
         return false;
@@ -376,37 +375,49 @@ static bool take_conventions(struct arrays *a, struct coordinates *c, struct imp
     return true;
 }
 
-/* The conventions need the name of a dimension. */
-static bool has_names(const struct arrays *a) {
-    bool has = a->is_netcdf;
-    for (unsigned d = 0; d < a->info.rank; d++)
-        has |= a->info.dims[d][0] || a->info.scales[d][0];
-    return has;
+/* What dimensions without names are is a guess. */
+static void warn_of_guess(const struct arrays *a) {
+    const struct import_axes *axes = &a->axes;
+    const int c = axes->channel;
+    const uint64_t length = c < 0 ? 0 : a->info.shape[c];
+    if (length > 1 && c > axes->space[0] && (!axes->are_colors || c == 2))
+        import_warn(
+            a->file->warnings,
+            "The file does not tell what its dimensions are; the last one, of length %" PRIu64
+            ", was taken for channels.",
+            length);
+    else if (length > CHANNELS_MAX && c < axes->space[0])
+        import_warn(a->file->warnings,
+                    "The file does not tell what its dimensions are; the %s one, of length %" PRIu64
+                    ", was taken for channels%s.",
+                    c == 0 ? "first" : "second", length,
+                    c == 0 ? "; with ?as=time its entries are steps in time" : "");
 }
 
 static bool take_plain(struct arrays *a, struct coordinates *c, struct import_header *header,
                        struct sp_error *err) {
     const char *names[IMPORT_RANK_MAX] = { NULL };
-    const int last = (int)a->info.rank - 1;
     if (!import_axes_guess(&a->axes, a->info.rank, a->info.shape, names, a->info.number.size == 1))
         return arrays_fail(a, err, SP_ERR_UNSUPPORTED,
                            "the array has %u dimensions; supported are t, c, z, y and x",
                            a->info.rank);
-    if (a->axes.channel == last && (!a->axes.are_colors || last == 2))
-        import_warn(a->file->warnings,
-                    "The dimensions have no names; the last one, of length %" PRIu64
-                    ", was taken for channels.",
-                    a->info.shape[last]);
+    if (!import_as_is_axis(a->file->selection.as))
+        warn_of_guess(a);
     return import_axes_choose(&a->axes, a->file, a->info.shape, header, err) &&
            take_dims(a, header, err) && take_steps(a, c, header, err);
 }
 
 bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err) {
     struct coordinates c[IMPORT_RANK_MAX];
+    bool ok = true, is_told = false; /* by a name or coordinates */
     memset(c, 0, sizeof c);
     arrays_take_tags(a);
-    const bool ok =
-        has_names(a) ? take_conventions(a, c, header, err) : take_plain(a, c, header, err);
+    for (unsigned d = 0; ok && d < a->info.rank; d++) {
+        ok = take_coordinates(a, d, &c[d]);
+        is_told |= ok && (c[d].role != ROLE_NONE || c[d].values);
+    }
+    ok = ok ? is_told ? take_conventions(a, c, header, err) : take_plain(a, c, header, err)
+            : sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory for coordinates");
     if (ok)
         arrays_take_sizes(a, header);
     for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)

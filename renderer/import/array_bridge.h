@@ -16,7 +16,7 @@ enum { ARRAY_NAME_BYTES = 256, ARRAYS_MAX = 4096 };
 struct array_info {              /* one array of a file */
     char name[ARRAY_NAME_BYTES]; /* the path: "/a/b" in HDF5, "a/b" or "b" in NetCDF and Zarr; "" =
                                     the file is this array */
-    unsigned rank;               /* in [0, IMPORT_RANK_MAX] if is_number */
+    unsigned rank;               /* in [0, IMPORT_RANK_MAX]; 0 if its elements are no numbers */
     uint64_t shape[IMPORT_RANK_MAX];
     uint64_t chunk[IMPORT_RANK_MAX];              /* 0 = not chunked */
     char dims[IMPORT_RANK_MAX][ARRAY_NAME_BYTES]; /* names of dimensions; "" = none */
@@ -28,7 +28,7 @@ struct array_info {              /* one array of a file */
     bool is_preferred;           /* the file names it as the one to show */
     bool has_default_fill;       /* numbers that no program wrote have the fill value of NetCDF */
     bool is_number;              /* its numbers can be read */
-    char problem[256];           /* if they cannot: why */
+    char problem[256];           /* if they cannot: why. With a rank, they are numbers, though */
     struct import_number number; /* as read() returns it */
 };
 

@@ -88,9 +88,10 @@ static bool is_of_axis(const struct arrays *a, const struct array_info *info) {
             (*last && (has_ending(own, "_bnds") || has_ending(own, "_bounds"))));
 }
 
-/* How many dimensions a volume could have; 0 = the array is none. */
+/* How many dimensions a volume could have; 0 = the array is none. Numbers that cannot be read
+ * count, so that no other array is shown in their place. */
 static unsigned rank_of(const struct arrays *a, const struct array_info *info) {
-    if (!info->is_number || info->is_alias || is_of_axis(a, info))
+    if (info->is_alias || is_of_axis(a, info))
         return 0;
     for (unsigned d = 0; d < info->rank; d++)
         if (info->shape[d] == 0)
@@ -151,7 +152,7 @@ static void list_shape(const struct array_info *info, char *out, size_t capacity
         used += (size_t)snprintf(out + used, capacity - used, "%s%" PRIu64, d ? " x " : "",
                                  info->shape[d]);
     if (used < capacity)
-        snprintf(out + used, capacity - used, ")");
+        snprintf(out + used, capacity - used, info->is_number ? ")" : ", cannot be read)");
 }
 
 /* Names all arrays with their sizes. */
@@ -163,7 +164,7 @@ static bool fail_choice(const struct arrays *a, const char *text, struct sp_erro
     snprintf(text_and_list, sizeof text_and_list, "%s", text);
     import_list_begin(&list, text_and_list, sizeof text_and_list);
     for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
-        if (info.is_number && info.rank >= 1 && !info.is_alias) {
+        if (info.rank >= 1 && !info.is_alias) {
             list_shape(&info, one, sizeof one);
             import_list_add(&list, found++ ? "; " : " ", one);
         }
@@ -191,6 +192,16 @@ static const char *refusal_of(const struct arrays *a) {
     return NULL;
 }
 
+/* Where the array that the file is about may be. */
+static void warn_of_links(const struct arrays *a) {
+    struct array_info info;
+    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++)
+        if (info.is_alias && !info.is_number && info.problem[0]) {
+            import_warn(a->file->warnings, "%.60s was left out: %.160s.", info.name, info.problem);
+            return;
+        }
+}
+
 bool arrays_choose(struct arrays *a, struct sp_error *err) {
     const char *field = wanted_of(a);
     const char *refusal = refusal_of(a);
@@ -209,7 +220,7 @@ bool arrays_choose(struct arrays *a, struct sp_error *err) {
             a->info = info;
             a->channel = channel;
         }
-        if (!*field && info.is_preferred && info.is_number) {
+        if (!*field && info.is_preferred && (info.is_number || info.rank > 0)) {
             a->chosen = n;
             a->info = info;
             found = 1;
@@ -225,8 +236,10 @@ bool arrays_choose(struct arrays *a, struct sp_error *err) {
     if (found > 1 && !a->takes_first && !*field)
         return fail_choice(a, "choose one of the arrays, such as FILE.h5:/NAME:", err);
     if (!a->info.is_number)
-        return arrays_fail(a, err, SP_ERR_UNSUPPORTED, "the array cannot be read: %s",
-                           a->info.problem);
+        return arrays_fail(a, err, SP_ERR_UNSUPPORTED, "the array cannot be read: %s%s",
+                           a->info.problem, *field ? "" : "; ?field=NAME reads another array");
+    if (!*field)
+        warn_of_links(a);
     for (unsigned d = 0; d < a->info.rank; d++)
         if (a->info.shape[d] == 0)
             return arrays_fail(a, err, SP_ERR_FORMAT, "dimension %u has the length 0", d);

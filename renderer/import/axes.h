@@ -24,10 +24,11 @@ bool import_axes_is_channel(const char *name);
 
 /* Guesses from the names of the dimensions: "c", "channel", … and "t", "time", …; others are space.
  * Without a name for each (NULL or "") they are t, c, z, y, x, of which the first may be missing;
- * an array of bytes with four dimensions, the last of length 3 or 4, has colours there. Two to four
+ * an array of bytes with four dimensions, the last of length 3 or 4, has colours there. Two to nine
  * entries of the last dimension are channels if the others are longer, and five or more are in the
- * place of channels; so are three or four of a plane of more than 16 by 16. False if more than
- * three dimensions are left for space; *axes is not valid then. */
+ * place of channels; so are three or four of a plane of more than 16 by 16. Behind two dimensions
+ * or more, the last ones of length 1 play no part; of five dimensions with one of them, the first
+ * is time. False if more than three dimensions are left for space; *axes is not valid then. */
 bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *shape,
                        const char *const *names, bool are_bytes);
 

@@ -210,7 +210,10 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
         size[d] = (size_t)count[d];
     }
     const int status = nc_get_vara(c->variables[n].group, c->variables[n].id, first, size, out);
-    snprintf(why, capacity, "NetCDF cannot read the numbers: %s", nc_strerror(status));
+    snprintf(why, capacity, "NetCDF cannot read the numbers: %s%s", nc_strerror(status),
+             status == NC_EFILTER || status == NC_ENOFILTER
+                 ? "; write them with zlib, as nccopy -d 4 does"
+                 : "");
     return status == NC_NOERR;
 }
 

@@ -84,6 +84,8 @@ static bool take_dtype(struct zarr_array *a, const struct zarr_node *node, struc
     } else if (text && node->version == 3) {
         is_known = import_number_named(strcmp(text, "bool") == 0 ? "uint8" : text, &a->number);
     }
+    if (!is_known)
+        a->number.size = 0;
     return is_known ||
            zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, pointer,
                           "the type %.40s is not supported; supported are bool, integers of 8 to "

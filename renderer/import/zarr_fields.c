@@ -142,7 +142,8 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
         const char *place = strstr(f->fields[n]->why.place, ": ");
         snprintf(info->problem, sizeof info->problem, "%.80s: %.160s", place ? place + 2 : "",
                  f->fields[n]->why.text);
-        return true;
+        if (a->number.size == 0) /* of no numbers */
+            return true;
     }
     info->rank = a->rank;
     info->number = a->number;

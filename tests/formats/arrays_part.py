@@ -146,6 +146,29 @@ def check_hdf5_layouts(tool):
     tool.layout('HDF5', 'a plane in a group, beside smaller arrays', path, ramp((1, 5, 6), 'u1'), name='/group/plane')
 
 
+def check_hdf5_unreadable(tool):
+    """Arrays that cannot be read: no other one is shown in their place without a word."""
+    data = ramp((6, 8, 10), '<i2')
+    path = tool.path('unreadable.h5')
+    how = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    how.set_chunk((3, 8, 10))
+    how.set_filter(32008, h5py.h5z.FLAG_OPTIONAL, ())
+    with h5py.File(path, 'w') as file:
+        h5py.h5d.create(file.id, b'data', h5py.h5t.STD_I16LE, h5py.h5s.create_simple(data.shape), how)
+        file['mask'] = ramp((8, 10), 'u1')
+        file['later'] = h5py.ExternalLink('packed_data.h5', '/data')
+    tool.layout_refused('HDF5', 'one array of three dimensions, with an unknown compression, beside a plane', path, 'the array cannot be read',
+                        'unreadable.h5: /data', 'bitshuffle (filter 32008)', 'as h5repack -f GZIP=4 does; ?field=NAME reads another array')
+    tool.equal(f'{path}?field=mask', ramp((1, 8, 10), 'u1'), warned='')
+    with h5py.File(path, 'r+') as file:
+        file['third'] = data
+    tool.refused(path, 'choose one', '/data (6 x 8 x 10, cannot be read)', '/third (6 x 8 x 10)')
+    with h5py.File(path, 'r+') as file:
+        del file['data']
+    tool.layout('HDF5', 'an external link beside an array', path, data, warned='/later was left out: it is a link to /data in the file packed_data.h5',
+                result='read; a warning names the link')
+
+
 def check_netcdf_layouts(tool):
     """Groups, conventions about numbers, and axes."""
     path = tool.path('groups.nc')
@@ -222,4 +245,5 @@ def check(tool):
     check_hdf5(tool)
     check_netcdf(tool)
     check_hdf5_layouts(tool)
+    check_hdf5_unreadable(tool)
     check_netcdf_layouts(tool)

@@ -157,10 +157,36 @@ def check_channels_last(tool):
         with h5py.File(tool.path(name + '.h5'), 'w') as file:
             file['v'] = pixels
         tool.equal(tool.path(name + '.h5') + ':/v 3', pixels[None, ..., 2], warned='was taken for channels')
+    check_lengths(tool)
     numbers = ramp((3, 4, 5), 'u1')
     with h5py.File(tool.path('user.nc'), 'w', userblock_size=512) as file:
         file['V'] = numbers
     tool.equal(tool.path('user.nc'), numbers)
+
+
+def check_lengths(tool):
+    """What is channels and time is a guess from the lengths; a file of Keras or DREAM.3D ends with a length of 1. In NetCDF the names tell nothing."""
+    layout = 'without names, the last dimensions of length 1: they play no part'
+    told = 'The file does not tell what its dimensions are; the'
+    for shape, place, steps, channels, layout, warning in (
+            ((6, 7, 8, 1), (..., 0), 1, 1, layout, ''), ((6, 7, 8, 1, 1), (..., 0, 0), 1, 1, layout, ''), ((6, 7, 1), (None, ..., 0), 1, 1, layout, ''),
+            ((1, 6, 7, 8, 1), (0, ..., 0), 1, 1, layout, ''),
+            ((9, 6, 7, 8, 1), (4, ..., 0), 9, 1, 'without names, five dimensions, the last of length 1: time first', ''),
+            ((20, 21, 22, 6), (..., 1), 1, 6, 'without names, 5 to 9 numbers per voxel', f'{told} last one, of length 6, was taken for channels'),
+            ((6, 5, 7, 8), 1, 1, 6, 'without names, more than 4 entries in the place of channels', f'{told} first one, of length 6, was taken for channels; with ?as=time')):
+        data = ramp(shape, 'f4')
+        paths = [tool.path(f'{"x".join(map(str, shape))}.{form}') for form in ('h5', 'nc', 'zarr')]
+        with h5py.File(paths[0], 'w') as file:
+            file['v'] = data
+        with netCDF4.Dataset(paths[1], 'w') as file:
+            for d, size in enumerate(shape):
+                file.createDimension(f'phony_dim_{d}', size)
+            file.createVariable('v', 'f4', [f'phony_dim_{d}' for d in range(len(shape))])[:] = data
+        zarr.create_array(paths[2], shape=shape, dtype='f4')[...] = data
+        for form, path, name in zip(('HDF5', 'NetCDF', 'Zarr'), paths, ('/v', 'v', 'channel')):
+            field = f'?field={name} 2' if channels > 1 else ''
+            tool.layout(form, layout, path + field, data[place], step=4 if steps > 1 else 0, steps=steps, warned=warning)
+    tool.equal(tool.path('6x5x7x8.h5') + '?as=time', data[3], step=3, steps=6, warned='')
 
 
 def write_ome(tool, name, version, paths, data):
