@@ -104,7 +104,8 @@ static bool take_palette(struct tiff *t, uint32_t n, struct sp_error *err) {
         t->is_palette_wide |= fmod(values[i], 256) != 0 && fmod(values[i], 257) != 0;
     const double unit = most > 255 && !t->is_palette_wide ? 256 : 1;
     for (size_t i = 0; ok && i < COLORS * count; i++)
-        t->palette[i % count * COLORS + i / count] = (uint16_t)(values[i] / unit);
+        t->palette[i % count * COLORS + i / count] =
+            (uint16_t)fmin(fmax(values[i] / unit, 0), UINT16_MAX);
     free(values);
     return ok;
 }

@@ -77,36 +77,31 @@ static bool find_unit(const struct imagej *j, const char *key, char out[SP_UNIT_
 
 /* The unit of y or z may be another than that of x. */
 static void convert_axis(const struct imagej *j, int axis, const char *key) {
-    struct tiff_planes *p = j->planes;
     char own[SP_UNIT_BYTES];
-    if (!find_unit(j, key, own) || strcmp(own, p->unit) == 0)
-        return;
-    const struct sp_unit *from = sp_unit_find(own), *to = sp_unit_find(p->unit);
-    if (from && to)
-        p->spacing[axis] *= from->meters / to->meters;
-    else
-        import_warn(j->tiff->file->warnings,
-                    "The spacing along %c is in \"%.20s\", but that along x in \"%.20s\"; it was "
-                    "not converted.",
-                    'x' + axis, own, p->unit);
+    if (find_unit(j, key, own))
+        tiff_planes_convert(j->planes, j->tiff->file, axis, own);
 }
 
-/* Without a unit of ImageJ, that of the tags counts. */
+/* Without a unit of ImageJ, that of the tags counts, for slices, too. */
 static void take_spacing(const struct imagej *j) {
-    enum { NO_UNIT = 1, CENTIMETRES = 3 };
+    enum { INCHES = 2, CENTIMETRES = 3 };
     struct tiff_planes *p = j->planes;
-    double x, y, tag;
+    double x, y, tag, factor = 1;
     char value[VALUE_BYTES];
     p->spacing[2] = fabs(find_number(j, "spacing"));
     const bool has_resolution = tiff_resolution(j->tiff, &j->tiff->pages[0], &x, &y, &tag);
     p->has_own_unit = find_unit(j, "unit", p->unit);
-    if (!has_resolution || (!p->has_own_unit && tag != NO_UNIT))
+    if (!has_resolution)
         return;
-    /* ImageJ does the same: where the tags are per centimetre, "um" is only what it shows. */
-    const bool is_converted =
-        tag == CENTIMETRES && find(j, "unit", value) && strcmp(value, "um") == 0;
-    p->spacing[0] = (is_converted ? 1e4 : 1) / x;
-    p->spacing[1] = (is_converted ? 1e4 : 1) / y;
+    if (!p->has_own_unit && (tag == INCHES || tag == CENTIMETRES)) {
+        factor = tag == INCHES ? 25.4 : 10;
+        p->spacing[2] *= factor;
+        snprintf(p->unit, sizeof p->unit, "mm");
+    } else if (tag == CENTIMETRES && find(j, "unit", value) && strcmp(value, "um") == 0) {
+        factor = 1e4; /* ImageJ does the same: "um" is only what it shows */
+    }
+    p->spacing[0] = factor / x;
+    p->spacing[1] = factor / y;
     convert_axis(j, 1, "yunit");
     convert_axis(j, 2, "zunit");
 }

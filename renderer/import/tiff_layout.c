@@ -196,7 +196,8 @@ bool tiff_resolution(const struct tiff_file *t, const struct tiff_page *page, do
     return isfinite(*x) && isfinite(*y) && *x > 1e-9 && *y > 1e-9 && *x < 1e9 && *y < 1e9;
 }
 
-/* Pixels per inch or centimetre; without a unit they are only a ratio. */
+/* Pixels per inch or centimetre; without a unit they are only a ratio. The description may have
+ * given the distance of slices, in a unit of its own. */
 static void take_resolution(struct tiff_planes *p, const struct tiff_file *t,
                             const struct tiff_page *page) {
     double x, y, unit;
@@ -204,7 +205,10 @@ static void take_resolution(struct tiff_planes *p, const struct tiff_file *t,
         return;
     p->spacing[0] = (unit == 2 ? 25.4 : 10) / x;
     p->spacing[1] = (unit == 2 ? 25.4 : 10) / y;
+    char own[SP_UNIT_BYTES];
+    memcpy(own, p->unit, sizeof own);
     snprintf(p->unit, sizeof p->unit, "mm");
+    tiff_planes_convert(p, t->file, 2, own);
 }
 
 /* GeoTIFF 1.1: the size of a pixel, and the place of one. Rows go to the south. */

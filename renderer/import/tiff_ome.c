@@ -39,6 +39,7 @@ struct ome {
     unsigned images, channels;
     unsigned order[3]; /* axes, the fastest first */
     struct block block;
+    uint64_t assigned;                      /* pages of all blocks */
     char own[UUID_BYTES], uuid[UUID_BYTES]; /* of the file; of the planes of a block */
     char other[64];                         /* name of the file of those planes */
 };
@@ -95,21 +96,17 @@ static void take_spacing(struct ome *o, const char **list) {
     static const char *const sizes[] = { "PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ" };
     static const char *const names[] = { "PhysicalSizeXUnit", "PhysicalSizeYUnit",
                                          "PhysicalSizeZUnit" };
-    const struct sp_unit *first = NULL;
+    struct tiff_planes *p = o->planes;
     for (int a = 0; a < 3; a++) {
-        const char *size = attribute(list, sizes[a]), *unit_name = attribute(list, names[a]);
-        const struct sp_unit *unit = sp_unit_find(unit_name ? unit_name : "um");
-        double value = size ? strtod(size, NULL) : 0;
+        const char *size = attribute(list, sizes[a]), *name = attribute(list, names[a]);
+        const struct sp_unit *unit = sp_unit_find(name ? name : "um");
+        const double value = size ? strtod(size, NULL) : 0;
         if (!isfinite(value) || !(value > 0))
             continue;
-        if (!o->planes->unit[0]) {
-            first = unit;
-            snprintf(o->planes->unit, sizeof o->planes->unit, "%.31s",
-                     unit ? unit->shown : unit_name);
-        } else if (unit && first) {
-            value *= unit->meters / first->meters;
-        }
-        o->planes->spacing[a] = value;
+        p->spacing[a] = value;
+        if (!p->unit[0])
+            snprintf(p->unit, sizeof p->unit, "%.31s", unit ? unit->shown : name);
+        tiff_planes_convert(p, o->file, a, unit ? unit->shown : name);
     }
 }
 
@@ -195,7 +192,9 @@ static void end_block(struct ome *o) {
     char text[SP_ERROR_TEXT];
     o->in_block = false;
     o->has_blocks = true;
-    if (o->own[0] && o->uuid[0] && strcmp(o->own, o->uuid) != 0) {
+    if (!o->own[0]) /* nothing says which file this is: the first one that is named */
+        memcpy(o->own, o->uuid, sizeof o->own);
+    if (o->uuid[0] && strcmp(o->own, o->uuid) != 0) {
         snprintf(text, sizeof text,
                  "the planes are in several files, such as %.60s, which is not supported; save the "
                  "image as one file",
@@ -208,6 +207,10 @@ static void end_block(struct ome *o) {
         if (at[AXIS_Z] >= sizes[AXIS_Z] || at[AXIS_C] >= sizes[AXIS_C] ||
             at[AXIS_T] >= sizes[AXIS_T])
             return; /* more pages than planes */
+        if (o->assigned++ > 2 * (uint64_t)p->slices * p->channels * p->steps) {
+            fail(o, SP_ERR_FORMAT, "the elements TiffData name every plane more than twice");
+            return;
+        }
         p->pages[((size_t)at[AXIS_T] * p->channels + at[AXIS_C]) * p->slices + at[AXIS_Z]] =
             (uint32_t)(o->block.page + i);
         for (int axis = 0; axis < 3; axis++) {

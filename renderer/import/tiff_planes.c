@@ -5,8 +5,10 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "import/meaning.h"
+#include "volume/unit.h"
 
 bool tiff_fail(const struct tiff_file *t, uint32_t page, struct sp_error *err, enum sp_code code,
                const char *format, ...) {
@@ -41,6 +43,21 @@ bool tiff_planes_hide(struct tiff_planes *p, const struct tiff_file *t, uint64_t
                    (t->file->size - page->pixels_at) / bytes >= needed &&
                    (page->at < page->pixels_at || page->at >= page->pixels_at + needed * bytes);
     return p->is_hidden;
+}
+
+void tiff_planes_convert(struct tiff_planes *p, const struct import_file *file, int axis,
+                         const char *unit) {
+    if (!(p->spacing[axis] > 0) || strcmp(unit, p->unit) == 0)
+        return;
+    const struct sp_unit *from = sp_unit_find(unit), *to = sp_unit_find(p->unit);
+    if (from && to)
+        p->spacing[axis] *= from->meters / to->meters;
+    else
+        import_warn(
+            file->warnings,
+            "The spacing along %c (%g%s%.20s) was not converted to \"%.20s\", the unit of the "
+            "others.",
+            'x' + axis, p->spacing[axis], *unit ? " " : "", unit, p->unit);
 }
 
 static void forget_times(struct tiff_planes *p) {

@@ -59,6 +59,11 @@ bool tiff_layout_find(struct tiff_planes *planes, const struct tiff_file *tiff,
 void tiff_layout_place(struct tiff_planes *planes, const struct tiff_file *tiff,
                        const char *description);
 
+/* Converts the spacing along an axis from `unit` to that of the planes. Warns if it cannot, and
+ * keeps the number. */
+void tiff_planes_convert(struct tiff_planes *planes, const struct import_file *file, int axis,
+                         const char *unit);
+
 /* Pixels per unit (1 none, 2 inch, 3 cm) from the tags. False if there are none that make sense. */
 bool tiff_resolution(const struct tiff_file *tiff, const struct tiff_page *page, double *x,
                      double *y, double *unit);

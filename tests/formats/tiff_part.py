@@ -26,6 +26,7 @@ def check_ome(tool):
             array = ramp((2, channels, 5, 6, 7), 'u1')
             tifffile.imwrite(path, array.transpose(*map('TCZ'.index, axes), 3, 4), metadata={'axes': axes + 'YX'}, photometric='minisblack')
             tool.layout('TIFF', 'OME-XML, every DimensionOrder, 3 or 4 channels', f'{path}?field=channel {channels}', array[1, -1], step=1, steps=2)
+    check_ome_units(tool)
     path = tool.path('times.ome.tif')
     array = ramp((3, 2, 4, 6, 7), 'u1')
     planes = {'DeltaT': [float(t * t + 0.25) for t in range(3) for _ in range(8)], 'DeltaTUnit': ['ms'] * 24}
@@ -39,6 +40,17 @@ def check_ome(tool):
     tifffile.imwrite(path, ramp((30, 5, 6), 'u1'), metadata={'axes': 'ZYX', 'Plane': {'PositionZ': list(range(30)), 'DeltaT': list(range(30))}},
                      photometric='minisblack')
     tool.equal(path, ramp((30, 5, 6), 'u1'))
+
+
+def check_ome_units(tool):
+    path = tool.path('units.ome.tif')
+    array = ramp((4, 6, 7), 'u1')
+    resolution = {'resolution': (20000, 20000), 'resolutionunit': 'CENTIMETER', 'photometric': 'minisblack'}
+    tifffile.imwrite(path, array, metadata={'axes': 'ZYX', 'PhysicalSizeZ': 2.0}, **resolution)
+    tool.equal(path, array, spacing=[0.0005, 0.0005, 0.002], unit='mm', warned='')
+    sizes = {'PhysicalSizeX': 2.0, 'PhysicalSizeXUnit': 'pixel', 'PhysicalSizeY': 3.0, 'PhysicalSizeYUnit': 'pixel', 'PhysicalSizeZ': 4.0}
+    tifffile.imwrite(path, array, metadata={'axes': 'ZYX', **sizes}, photometric='minisblack')
+    tool.equal(path, array, spacing=[2, 3, 4], unit='pixel', warned='along z (4 um) was not converted to "pixel"')
 
 
 def check_plain(tool):
@@ -109,6 +121,10 @@ def check_imagej_meaning(tool):
     tool.equal(path, data, spacing=[0.5, 0.25, 3], unit='um')
     write(data, unit='mm', yunit='um', zunit='cm', spacing=3)
     tool.equal(path, data, spacing=[0.5, 0.00025, 30], unit='mm')
+    for tag, factor in (('inch', 25.4), ('centimeter', 10)):
+        write(data, spacing=3, resolutionunit=tag, xorigin=2.0, zorigin=1.0)
+        tool.layout('TIFF', 'ImageJ: no unit, so that of the resolution counts for all axes', path, data, unit='mm',
+                    spacing=[0.5 * factor, 0.25 * factor, 3 * factor], origin=[-factor, 0, -3 * factor])
     write(data, unit='mm', spacing=3, xorigin=2.0, yorigin=4.0, zorigin=1.0)
     tool.layout('TIFF', 'ImageJ: origin', path, data, origin=[-1, -1, -3], direction=[1, 0, 0, 0, 1, 0, 0, 0, 1])
     write(data, unit='mm', spacing=3, yorigin=4.0, inverty='true')
@@ -130,8 +146,12 @@ def check_shaped(tool):
     tool.layout('TIFF', 'JSON of tifffile without axes, 4 dimensions (c, z, y, x)', f'{path}?field=channel 3', data[0, 2])
     tifffile.imwrite(path, data.transpose(0, 2, 1, 3, 4), metadata={'axes': 'TZCYX', 'spacing': 2.5, 'unit': 'um'}, resolution=(5000, 5000),
                      resolutionunit='centimeter', **grey)
+    tool.layout('TIFF', 'JSON of tifffile: spacing and unit of slices', f'{path}?field=channel 2', data[0, 1], unit='mm', warned='',
+                spacing=[0.002, 0.002, 0.0025])
     for step in (0, 1):
         tool.layout('TIFF', 'JSON of tifffile, axes TZCYX', f'{path}?field=channel 2', data[step, 1], step=step, steps=2)
+    tifffile.imwrite(path, data[0, 0], metadata={'axes': 'ZYX', 'spacing': 2.5}, resolution=(5, 5), resolutionunit='centimeter', **grey)
+    tool.equal(path, data[0, 0], unit='mm', spacing=[2, 2, 2.5], warned='along z (2.5) was not converted to "mm"')
     tifffile.imwrite(path, data[:, 0], metadata={'axes': 'TZYX'}, compression='zlib', predictor=True, tile=(16, 16), bigtiff=True, byteorder='>', **grey)
     tool.layout('TIFF', 'JSON of tifffile, axes TZYX, BigTIFF, tiles, deflate, predictor 2', path, data[1, 0], step=1, steps=2)
     tifffile.imwrite(path, data[0], metadata={'axes': 'CZYX'}, truncate=True, **grey)

@@ -294,6 +294,18 @@ static void ome_xml_assigns_pages(void **state) {
                         "</TiffData>");
     write_tiff("c.ome.tif", t);
     load_error("c.ome.tif", SP_ERR_UNSUPPORTED, "OME-XML, line 1", "such as c2.ome.tif");
+    /* Nothing says which of the files this one is. */
+    t.description =
+        "<OME><Image><Pixels DimensionOrder=\"XYCZT\" SizeZ=\"6\" SizeC=\"1\" "
+        "SizeT=\"1\"><TiffData IFD=\"0\"><UUID>urn:uuid:a</UUID></TiffData>"
+        "<TiffData IFD=\"1\" FirstZ=\"1\"><UUID FileName=\"e2.ome.tif\">urn:uuid:b</UUID>"
+        "</TiffData></Pixels></Image></OME>";
+    write_tiff("e.ome.tif", t);
+    load_error("e.ome.tif", SP_ERR_UNSUPPORTED, "OME-XML, line 1", "such as e2.ome.tif");
+    t.description = OME("DimensionOrder=\"XYCZT\" SizeZ=\"6\" SizeC=\"1\" SizeT=\"1\"",
+                        "<TiffData/><TiffData/><TiffData/>");
+    write_tiff("f.ome.tif", t);
+    load_error("f.ome.tif", SP_ERR_FORMAT, "OME-XML, line 1", "every plane more than twice");
     t.description = OME("DimensionOrder=\"XYCZT\" SizeZ=\"9999\" SizeC=\"9\"", "");
     write_tiff("d.ome.tif", t);
     load_error("d.ome.tif", SP_ERR_FORMAT, "d.ome.tif", "cannot be in the 6 pages");
