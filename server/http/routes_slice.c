@@ -25,6 +25,7 @@ struct slice_request {
     struct sp_volume *volume;   /* borrowed */
     struct sp_volume *samples;  /* of it, those of the slice; a reference */
     unsigned level, got;        /* asked for; of the samples */
+    const char *id;             /* of the volume; it needs no escapes, see srv_source_is_id() */
     const proto_json *session;  /* the view of the session; NULL = the volume's default view */
     const struct sp_transfer_function *colors; /* NULL = grey */
 };
@@ -66,13 +67,14 @@ static void make_etag(const struct srv_request *request, const struct slice_requ
 static void describe(struct srv_reply *reply, const struct slice_request *wanted) {
     const struct sp_slice *s = &wanted->slice;
     const double *right = s->step[0], *down = s->step[1], *window = wanted->query.window;
-    srv_reply_header(reply, "X-Slice",
-                     "{\"shape\":[%u,%u],\"type\":\"%s\",\"endianness\":\"little\","
-                     "\"origin\":[%.12g,%.12g,%.12g],\"step_x\":[%.12g,%.12g,%.12g],"
-                     "\"step_y\":[%.12g,%.12g,%.12g],\"window\":[%.9g,%.9g]}",
-                     s->size[0], s->size[1], sp_type_name(s->type), s->origin[0], s->origin[1],
-                     s->origin[2], right[0], right[1], right[2], down[0], down[1], down[2],
-                     window[0], window[1]);
+    srv_reply_header(
+        reply, "X-Slice",
+        "{\"volume\":\"%s\",\"shape\":[%u,%u],\"type\":\"%s\",\"endianness\":\"little\","
+        "\"origin\":[%.12g,%.12g,%.12g],\"step_x\":[%.12g,%.12g,%.12g],"
+        "\"step_y\":[%.12g,%.12g,%.12g],\"window\":[%.9g,%.9g]}",
+        wanted->id, s->size[0], s->size[1], sp_type_name(s->type), s->origin[0], s->origin[1],
+        s->origin[2], right[0], right[1], right[2], down[0], down[1], down[2], window[0],
+        window[1]);
 }
 
 static void set_headers(struct srv_reply *reply, const struct slice_request *wanted,
@@ -252,7 +254,8 @@ static void reply_slice(struct srv_request *request, const char *id, const proto
         srv_reply_problem(reply, 404, NULL, "channel: the view has no channel \"%.60s\"", channel);
         return;
     }
-    struct srv_volume *volume = srv_acquire_step(request, channel ? channel : id, session, reply);
+    wanted.id = channel ? channel : id;
+    struct srv_volume *volume = srv_acquire_step(request, wanted.id, session, reply);
     if (!volume)
         return;
     wanted.volume = srv_volume_voxels(volume);

@@ -126,7 +126,7 @@ def asker(daemon, contract):
     return ask
 
 
-def walk_slices(daemon, ask, template, token=True, **names):
+def walk_slices(daemon, ask, template, token=True, volume='p', **names):
     """Asks for slices, and checks what the header says about the bytes."""
     planes = ('axis=2&index=3', 'axis=0&index=0&window=100,20', 'origin=8,8,4&normal=1,1e-3,-2&size=12,7&spacing=0.5&up=0,1,0')
     for plane in planes:
@@ -134,6 +134,7 @@ def walk_slices(daemon, ask, template, token=True, **names):
             data = ask(200, 'GET', template, token=token, query=f'?{plane}&format={kind}', **names)
             _, headers, again = daemon.ask('GET', f'{template.format(**names)}?{plane}&format={kind}', token=token)
             about = json.loads(headers['X-Slice'])
+            check(about['volume'] == volume, f'{plane} is a slice of {about["volume"]}, not {volume}')
             size = {'uint8': 1, 'float32': 4}[about['type']]
             check(data == again and (kind != 'raw' or len(data) == about['shape'][0] * about['shape'][1] * size), f'{plane} as {kind}: {about}')
             ask(304, 'GET', template, token=token, headers={'If-None-Match': headers['ETag']}, query=f'?{plane}&format={kind}', **names)
@@ -253,7 +254,7 @@ def walk(daemon, contract):
         ask(400, 'GET', snapshot, query=f'?{wrong}', **names)
     for wrong in ('size=8,0', 'background=5', 'background=%5B0,0,0%5D'):
         ask(422, 'GET', snapshot, query=f'?{wrong}', **names)
-    walk_slices(daemon, ask, f'{api}/sessions/{{id}}/slice', token=session['tokens']['view'], **names)
+    walk_slices(daemon, ask, f'{api}/sessions/{{id}}/slice', token=session['tokens']['view'], volume='engine', **names)
     ask(401, 'GET', f'{api}/sessions/{{id}}/slice', token='none', query='?axis=0&index=0', **names)
     ask(404, 'GET', f'{api}/volumes/{{id}}/slice', query='?axis=0&index=0', id='none')
     patch = {'view': {'camera': {'fov_y': 50}}}

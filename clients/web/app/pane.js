@@ -20,7 +20,7 @@ const WHEEL_STEP = 0.0015;
 const NOTCH = 40; // px of wheel per slice
 const EDGES = ['left', 'right', 'top', 'bottom'];
 
-/** What a channel adds to a slice: its colours, as bright as its points are opaque. Samples outside of the volume count as the lowest value. */
+/** What a channel adds to a slice: its colours, as bright as its points are opaque. */
 function lightOf({ points, slice }) {
   const [low, high] = windowOf(points);
   const stops = points.map(({ value, color, opacity }) => [value, color.map((part) => part * Math.min(1, opacity / OPACITY))]);
@@ -28,16 +28,16 @@ function lightOf({ points, slice }) {
   return { values: slice.values, window: { center: (low + high) / 2, width }, shades: shadesOf((at) => colorOfStops(stops, low + at * width)) };
 }
 
+const keyOfChannel = (key, id) => `${key}&channel=${id}`;
+
 export class Pane {
-  #slices; #modes; #loader; #canvas; #context; #svg; #lines; #letters; #read; #slider; #number; #total; #place; #problem;
+  #slices; #modes; #canvas; #context; #svg; #lines; #letters; #read; #slider; #number; #total; #place; #problem;
   #layers = new Set();
   #view = null; // {center, zoom}; null = fit
   #size = [1, 1];
-  #slice = null;
-  #key = ''; // of the slice that was asked for last
-  #shownKey = null;
+  #own; // the source of the volume, see #makeSource()
+  #channels = new Map(); // by id: the sources of the channels beside it
   #painted = null; // {canvas, slice, key}
-  #channels = new Map(); // by id: {loader, slice, key, shades} of the channels beside the volume
   #load;
   #isPlanned = false;
   #hovered = null;
@@ -65,17 +65,15 @@ export class Pane {
     const foot = make('div', { class: 'slice-foot' }, this.#number, this.#total, this.#place);
     body.append(this.#canvas, this.#svg, ...Object.values(this.#letters), this.#read, foot, this.#slider, this.#problem);
     body.dataset.kind = id;
-    this.#load = { cache, load: (query, signal) => slices.load(query, signal), fail: (error) => this.#fail(error) };
-    this.#loader = new SliceLoader({
-      ...this.#load, show: (slice, key) => this.#take(slice, key),
-    });
+    this.#load = { cache, load: (query, signal) => slices.load(query, signal) };
+    this.#own = this.#makeSource();
     new ResizeObserver(() => this.#measure()).observe(body);
     this.#listen();
   }
 
   get size() { return this.#size; }
   get isShown() { return !this.body.parentElement.hidden; }
-  get slice() { return this.#slice; }
+  get slice() { return this.#own.slice; }
   get element() { return this.#canvas; }
   /** {center, zoom}: the world point in the middle, and px per world unit. */
   get view() { return this.#view ?? fitPane(this.#slices.grid, this.plane, this.#size); }
@@ -86,8 +84,8 @@ export class Pane {
 
   /** The value at a world point in the slice that is shown; null outside of it. */
   valueAt(world) {
-    const pixel = this.#slice && pixelAt(this.#slice.meta, world);
-    const value = pixel ? valueAt(this.#slice, pixel) : NaN;
+    const pixel = this.slice && pixelAt(this.slice.meta, world);
+    const value = pixel ? valueAt(this.slice, pixel) : NaN;
     return Number.isNaN(value) ? null : value;
   }
 
@@ -145,14 +143,12 @@ export class Pane {
 
   /** Forgets the picture, because there is another volume. */
   reset() {
-    this.#loader.stop();
-    for (const { loader } of this.#channels.values()) loader.stop();
+    for (const { loader } of this.#sources) loader.stop();
     this.#channels.clear();
-    this.#slice = this.#painted = this.#view = null;
+    this.#own = this.#makeSource();
+    this.#painted = this.#view = null;
     this.plane = null; // the next volume may have no grid
-    this.#key = '';
-    this.#shownKey = null;
-    this.#problem.hidden = true;
+    this.#tellProblem();
     this.update();
   }
 
@@ -172,7 +168,7 @@ export class Pane {
     this.#paint();
     this.#drawLines();
     this.#label();
-    if (this.#shownKey === this.#key && !this.#isPlanned) this.body.dataset.state = 'newest';
+    if (!this.#isPlanned && this.#sources.every(({ key, shownKey }) => key === shownKey)) this.body.dataset.state = 'newest';
   }
 
   #request(plane) {
@@ -180,33 +176,58 @@ export class Pane {
     return { query, key: `${this.#slices.volumeKey}?${new URLSearchParams(query)}` };
   }
 
+  /** Slices of one volume: the one that is shown and its key, the key of the one that was asked for last, and why that failed. */
+  #makeSource() {
+    const source = { slice: null, shownKey: null, key: '', error: null, loader: null };
+    const take = (change) => {
+      Object.assign(source, change);
+      this.#tellProblem();
+    };
+    source.loader = new SliceLoader({
+      ...this.#load,
+      show: (slice, shownKey) => {
+        take({ slice, shownKey, error: null });
+        this.update();
+      },
+      fail: (error) => take({ key: '', error }), // the next change asks again
+    });
+    return source;
+  }
+
+  get #sources() { return [this.#own, ...this.#channels.values()]; }
+
   /** Wants the slices of the channels beside the volume. */
   #wantChannels(channels) {
     for (const [id, { loader }] of this.#channels) {
       if (channels.some((channel) => channel.id === id)) continue;
       loader.stop();
       this.#channels.delete(id);
+      this.#tellProblem();
     }
     for (const { id } of channels) {
       if (!id) continue;
-      if (!this.#channels.has(id)) {
-        const channel = { slice: null, key: '', loader: new SliceLoader({ ...this.#load, show: (slice) => { channel.slice = slice; this.update(); } }) };
-        this.#channels.set(id, channel);
-      }
+      if (!this.#channels.has(id)) this.#channels.set(id, this.#makeSource());
       const channel = this.#channels.get(id);
       const { query, key } = this.#request(this.plane);
-      const wanted = { query: { ...query, channel: id }, key: `${key}&channel=${id}` };
+      const wanted = { query: { ...query, channel: id }, key: keyOfChannel(key, id) };
       if (wanted.key === channel.key) continue;
       channel.key = wanted.key;
       channel.loader.want(wanted);
     }
   }
 
+  /** The slice of a channel ('' = the volume) at the place of the slice that is shown; null while it is on its way. */
+  #sliceOf(id) {
+    if (!id) return this.slice;
+    const channel = this.#channels.get(id);
+    return channel?.shownKey === keyOfChannel(this.#own.shownKey, id) ? channel.slice : null;
+  }
+
   #want() {
     this.#wantChannels(this.#slices.channels);
     const wanted = this.#request(this.plane);
-    if (wanted.key === this.#key) return;
-    this.#key = wanted.key;
+    if (wanted.key === this.#own.key) return;
+    this.#own.key = wanted.key;
     const { grid } = this.#slices;
     const { axis, origin } = this.plane;
     const ahead = [];
@@ -217,20 +238,13 @@ export class Pane {
         if (next >= 0 && next < grid.count(axis)) ahead.push(this.#request({ ...this.plane, origin: grid.moveTo(axis, origin, next) }));
       }
     }
-    this.#loader.want(wanted, ahead);
+    this.#own.loader.want(wanted, ahead);
   }
 
-  #take(slice, key) {
-    this.#slice = slice;
-    this.#problem.hidden = true;
-    this.#shownKey = key;
-    this.update();
-  }
-
-  #fail(error) {
-    this.#key = ''; // the next change asks again
-    setText(this.#problem, t('slices.failed', { reason: error.message }));
-    this.#problem.hidden = false;
+  #tellProblem() {
+    const reason = this.#sources.find(({ error }) => error)?.error.message;
+    if (reason !== undefined) setText(this.#problem, t('slices.failed', { reason }));
+    this.#problem.hidden = reason === undefined;
   }
 
   #paint() {
@@ -239,14 +253,14 @@ export class Pane {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.fillStyle = '#000';
     context.fillRect(0, 0, width, height);
-    if (!this.#slice) return;
-    const { meta, values } = this.#slice;
+    if (!this.slice) return;
+    const { meta, values } = this.slice;
     const window = this.#slices.window;
     const known = this.#painted;
-    const channels = this.#slices.channels.map(({ id, points }) => ({ points, slice: id ? this.#channels.get(id)?.slice : this.#slice }));
+    const channels = this.#slices.channels.map(({ id, points }) => ({ points, slice: this.#sliceOf(id) }));
     const key = channels.length ? JSON.stringify(channels.map(({ points, slice }) => [points, slice?.meta])) : `${window.center} ${window.width} ${this.#slices.shades.key}`;
     const isMixed = channels.some(({ slice }, i) => slice && known?.channels?.[i] !== slice);
-    if (known?.slice !== this.#slice || known.key !== key || isMixed) {
+    if (known?.slice !== this.slice || known.key !== key || isMixed) {
       const canvas = known?.canvas ?? new OffscreenCanvas(1, 1);
       if (canvas.width !== meta.shape[0] || canvas.height !== meta.shape[1]) [canvas.width, canvas.height] = meta.shape;
       const image = new ImageData(...meta.shape);
@@ -254,7 +268,7 @@ export class Pane {
       if (channels.length) paintChannels(channels.filter(({ slice }) => String(slice?.meta.shape) === String(meta.shape)).map(lightOf), pixels);
       else paintSlice(values, window, pixels, this.#slices.shades.values);
       canvas.getContext('2d').putImageData(image, 0, 0);
-      this.#painted = { canvas, slice: this.#slice, key, channels: channels.map(({ slice }) => slice) };
+      this.#painted = { canvas, slice: this.slice, key, channels: channels.map(({ slice }) => slice) };
     }
     const { zoom } = this.view;
     const ratio = width / this.#size[0];

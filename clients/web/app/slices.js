@@ -8,7 +8,7 @@ import { Emitter } from '../core/emitter.js';
 import { dataText, numberText, roundValue, unitName } from '../core/lengths.js';
 import { anatomyOf, frameOf } from '../core/orientation.js';
 import { GREYS, defaultWindow, shadesOf } from '../core/slice_image.js';
-import { SliceCache } from '../core/slice_loader.js';
+import { SliceCache, askUntil } from '../core/slice_loader.js';
 import { finestGrid, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { add, dot, length, normalize, rotate, scale, subtract } from '../core/vector.js';
@@ -19,7 +19,6 @@ import { installSection } from './slices_panel.js';
 import { SlicesPicture } from './slices_picture.js';
 
 const IDS = ['axial', 'coronal', 'sagittal'];
-const RETRY_MS = 200;
 const BEGUN = 'slices-first'; // key in storage: a volume has chosen this layout, not the user
 const FLAGS = ['i', 'j', 'k']; // of view.slices.planes, by axis of the grid
 
@@ -138,18 +137,13 @@ class Slices extends Emitter {
     this.change({ mode, ...(mode === 'oblique' && isTwice ? { normal: sagittal.normal } : {}) }, time);
   }
 
-  /** Asks again while the daemon loads the time step. */
-  async load(query, signal) {
+  /** A slice of the volume, or of the channel that the query names. */
+  load(query, signal) {
     const { connection } = this.#app;
-    for (;;) {
+    return askUntil(query.channel ?? this.#volume, async () => {
       if (!connection.session) throw new Error(t('connection.lost'));
-      try {
-        return await connection.api.slice(connection.session.id, connection.session.token, query, signal);
-      } catch (error) {
-        if (!error.retryAfter || error.status !== 409 || signal.aborted) throw error;
-        await new Promise((resolve) => { setTimeout(resolve, RETRY_MS); });
-      }
-    }
+      return connection.api.slice(connection.session.id, connection.session.token, query, signal);
+    }, signal);
   }
 
   #forget() {
@@ -167,6 +161,7 @@ class Slices extends Emitter {
     const id = viewer.view.volume;
     if (id !== this.#volume) {
       this.#volume = id;
+      this.#cache.clear();
       this.grid = this.#home = null;
       for (const pane of this.panes.values()) pane.reset();
       this.#findHome(id);

@@ -40,6 +40,7 @@ export function paintChannels(channels, pixels) {
     const parts = new Uint8Array(shades.buffer);
     for (let i = 0; i < values.length; i++) {
       const value = values[i] * factor + offset;
+      if (value !== value) continue;
       const at = 4 * (value > 0 ? value >= SHADES - 1 ? SHADES - 1 : value | 0 : 0);
       for (let c = 0; c < 3; c++) bytes[4 * i + c] += parts[at + c];
     }

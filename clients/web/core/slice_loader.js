@@ -2,6 +2,8 @@
 // Loads slices: at most one request per loader at a time, the newest one wins, neighbours are loaded ahead, and slices that were
 // seen stay in a cache that all loaders share.
 
+const RETRY_MS = 200;
+
 /** Keeps the most recently used values up to a number of bytes. */
 export class SliceCache {
   #entries = new Map();
@@ -41,6 +43,20 @@ export class SliceCache {
   #drop(key) {
     this.#bytes -= this.#entries.get(key)?.values.byteLength ?? 0;
     this.#entries.delete(key);
+  }
+}
+
+/** Asks until the answer is a slice of `volume`. The daemon may be loading it, or show another volume because the change is on its way. ask() → Promise of a slice. */
+export async function askUntil(volume, ask, signal, pause = () => new Promise((resolve) => { setTimeout(resolve, RETRY_MS); })) {
+  for (;;) {
+    try {
+      const slice = await ask();
+      if (slice.meta.volume === volume) return slice;
+    } catch (error) {
+      if (!error.retryAfter || error.status !== 409) throw error;
+    }
+    signal.throwIfAborted();
+    await pause();
   }
 }
 
@@ -91,6 +107,7 @@ export class SliceLoader {
     const request = { key: wanted.key, isAhead, abort: new AbortController() };
     this.#request = request;
     this.#load(wanted.query, request.abort.signal).then((slice) => {
+      if (request.abort.signal.aborted) return;
       this.#cache.put(wanted.key, slice);
       const isWanted = this.#wanted?.key === wanted.key;
       if (isWanted) this.#wanted = null;

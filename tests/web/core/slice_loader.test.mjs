@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { SliceCache, SliceLoader } from '../../../clients/web/core/slice_loader.js';
+import { SliceCache, SliceLoader, askUntil } from '../../../clients/web/core/slice_loader.js';
 
 const slice = (bytes) => ({ values: new Uint8Array(bytes) });
 const want = (key) => ({ key, query: { key } });
@@ -72,6 +72,41 @@ test('a failure is told once, and does not stop the next request', async () => {
   requests[2].resolve();
   await settle();
   assert.deepEqual(shown, ['c']);
+});
+
+test('an answer that arrives after an abort is ignored: it may be of another volume', async () => {
+  const cache = new SliceCache(100);
+  const shown = [];
+  let answer;
+  const loader = new SliceLoader({ cache, show: (_, key) => shown.push(key), fail: assert.fail, load: () => new Promise((resolve) => { answer = resolve; }) });
+  loader.want(want('a'));
+  loader.stop();
+  loader.want(want('a'));
+  answer(slice(10));
+  await settle();
+  assert.deepEqual([shown, cache.get('a')], [[], null]);
+  answer(slice(10));
+  await settle();
+  assert.deepEqual(shown, ['a'], 'it was asked for again');
+});
+
+test('a slice of another volume is asked for again, like one that the daemon still loads', async () => {
+  const busy = Object.assign(new Error('loading'), { status: 409, retryAfter: 1 });
+  const answers = [{ meta: { volume: 'old' } }, busy, { meta: { volume: 'new' } }];
+  const ask = async () => {
+    const next = answers.shift();
+    if (next instanceof Error) throw next;
+    return next;
+  };
+  const { signal } = new AbortController();
+  let pauses = 0;
+  const pause = async () => { pauses += 1; };
+  assert.equal((await askUntil('new', ask, signal, pause)).meta.volume, 'new');
+  assert.equal(pauses, 2);
+  answers.push(new Error('no such slice'));
+  await assert.rejects(askUntil('new', ask, signal, pause), /no such slice/);
+  answers.push({ meta: { volume: 'old' } });
+  await assert.rejects(askUntil('new', ask, AbortSignal.abort(), pause), { name: 'AbortError' });
 });
 
 test('the cache drops what was not used for longest', () => {

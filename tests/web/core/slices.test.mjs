@@ -170,7 +170,7 @@ test('the light of channels adds up: red and green give yellow', () => {
   const window = { center: 50, width: 100 };
   paintChannels([
     { values: new Float32Array([0, 100, 100]), window, shades: shadesOf((at) => [at, 0, 0]) },
-    { values: new Float32Array([100, 100, NaN]), window, shades: shadesOf((at) => [0, at, 0]) },
+    { values: new Float32Array([100, 100, NaN]), window, shades: shadesOf((at) => [0, Math.max(at, 0.5), 0]) },
   ], pixels);
   assert.deepEqual([...pixels].map((px) => [px & 255, px >>> 8 & 255, px >>> 16 & 255, px >>> 24]), [[0, 255, 0, 255], [255, 255, 0, 255], [255, 0, 0, 255]]);
 });
