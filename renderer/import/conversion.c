@@ -48,19 +48,22 @@ static void use_floats(struct import_conversion *c) {
         c->type = c->number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
 }
 
+/* A number of a header as the samples store it: 0.1 is not among numbers of 32 bits. */
+static double as_stored(const struct import_conversion *c, double number) {
+    return c->number.kind == IMPORT_FLOAT && c->number.size == 4 ? (double)(float)number : number;
+}
+
 void import_conversion_add_missing(struct import_conversion *c, double number) {
     if (c->missing_count == IMPORT_MISSING_MAX)
         return;
-    if (c->number.kind == IMPORT_FLOAT && c->number.size == 4) /* as the file stores it */
-        number = (double)(float)number;
-    c->missing[c->missing_count++] = number;
+    c->missing[c->missing_count++] = as_stored(c, number);
     use_floats(c);
 }
 
 void import_conversion_set_range(struct import_conversion *c, double low, double high) {
     c->has_range = true;
-    c->range[0] = low;
-    c->range[1] = high;
+    c->range[0] = as_stored(c, low);
+    c->range[1] = as_stored(c, high);
     use_floats(c);
 }
 

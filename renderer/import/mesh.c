@@ -190,7 +190,7 @@ static void unmap(struct mesh *m, int first) {
 /* Reads the triangles and lines by assimp. Text far from 0 is read once more, moved. */
 static bool read_all(struct mesh *m, const char *extension, const struct mesh_bytes *bytes,
                      struct sp_error *err) {
-    const char *word = import_mesh_text_word(extension, bytes);
+    const struct mesh_word *word = import_mesh_text_word(extension, bytes);
     struct import_shift *shift = m->file->shift;
     struct mesh_bytes source = *bytes;
     char why[SP_ERROR_TEXT], *text = NULL;

@@ -263,7 +263,10 @@ def check_far_elements(tool):
     tool.equal(write(tool.path('far.obj'), mesh), [[[numpy.nan]]], **wanted)
     facets = ''.join('facet normal 0 0 1\n outer loop\n' + ''.join('  vertex {:.4f} {:.4f} {:.4f}\n'.format(*(grid[k] + [500000.123, 5400000.5, 100]))
                                                                 for k in t) + ' endloop\nendfacet\n' for t in triangles)
-    tool.equal(write(tool.path('far.stl'), f'solid far\n{facets}endsolid far\n'), [[[numpy.nan]]], **wanted)
+    for text in (facets, facets.replace('\n', ' '), facets.replace('\n', '\r\n'), facets.replace(' endloop\n', ' endloop ').replace('\n ', ' ')):
+        tool.equal(write(tool.path('far.stl'), f'solid far\n{text}endsolid far\n'), [[[numpy.nan]]], **wanted)
+    torn = mesh.replace(' ', ' ' * 100)  # the coordinates lie farther apart than they are looked for
+    tool.equal(write(tool.path('far.obj'), torn), [[[numpy.nan]]], warned='rounded to steps of about 0.64')
     raw = b''.join(struct.pack('<12fH', 0, 0, 1, *(grid[list(t)] + [500000.123, 5400000.5, 100]).ravel(), 0) for t in triangles)
     tool.equal(write(tool.path('far.stl'), bytes(80) + struct.pack('<I', len(triangles)), raw), [[[numpy.nan]]], warned='rounded to steps of about 0.64')
 

@@ -90,19 +90,21 @@ static void check(const uint8_t *data, size_t size) {
     import_gltf_check(&file, &(struct mesh_bytes){ data, size }, &is_empty, &err);
 }
 
-static void move(const uint8_t *data, size_t size, const char *word) {
+static void move(const uint8_t *data, size_t size, const char *extension) {
     struct import_shift shift = { .offset = { 1e6, -1e300, 0.1 } };
+    const struct mesh_bytes bytes = { data, size };
+    const struct mesh_word *word = import_mesh_text_word(extension, &bytes);
     struct mesh_bytes moved;
-    char *text;
-    if (!import_mesh_text_move(&(struct mesh_bytes){ data, size }, word, &shift, &text, &moved))
+    char *text = NULL;
+    if (word && !import_mesh_text_move(&bytes, word, &shift, &text, &moved))
         abort();
     free(text);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     check(data, size);
-    move(data, size, "v");
-    move(data, size, "vertex");
+    move(data, size, "obj");
+    move(data, size, "stl");
     struct import_mesh_builder builder = { .vertices = NULL };
     add(&builder, data, size);
     import_mesh_free(&builder);
