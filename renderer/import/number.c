@@ -77,6 +77,10 @@ void import_swap_numbers(void *numbers, struct import_number number, uint64_t co
     import_swap(numbers, size, count * (number.size / size));
 }
 
+double import_number_color_scale(struct import_number number) {
+    return number.kind == IMPORT_FLOAT ? 1 : number.size == 1 ? 1 / 255.0 : 1 / 65535.0;
+}
+
 /* IEEE 754, 16 bits: a sign, 5 bits of exponent, 10 of fraction. */
 
 static double from_half(uint16_t half) {

@@ -45,6 +45,9 @@ void import_swap_numbers(void *numbers, struct import_number number, uint64_t co
  * its size. */
 void import_number_range(struct import_number number, double *low, double *high);
 
+/* The factor that brings the part of a colour, such as its red, into [0, 1]. */
+double import_number_color_scale(struct import_number number);
+
 /* Numbers of 1 to 32 bits without a sign that fill bytes without gaps. */
 
 /* What they become: whole numbers of 1, 2 or 4 bytes. */

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "import/number.h"
 #include "import/ply.h"
 #include "import/shift.h"
 
@@ -106,9 +107,8 @@ static void find_columns(const struct ply *ply, const struct ply_element *vertex
             c->color[k] = ply_column(ply, vertex, colors[1][k]);
         if (c->color[k] < 0)
             continue;
-        const struct import_number *n =
-            &ply->properties[vertex->first + (unsigned)c->color[k]].number;
-        c->scale[k] = n->kind == IMPORT_FLOAT ? 1 : n->size == 1 ? 1 / 255.0 : 1 / 65535.0;
+        c->scale[k] = import_number_color_scale(
+            ply->properties[vertex->first + (unsigned)c->color[k]].number);
     }
 }
 

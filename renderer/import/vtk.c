@@ -139,20 +139,23 @@ bool vtk_is_ghosts(const struct vtk_entry *e) {
     return strcmp(e->name, "vtkGhostType") == 0 || strcmp(e->name, "vtkGhostLevels") == 0;
 }
 
-void vtk_note_cells(struct vtk_volume *v, const char *name) {
-    char marked[SP_FIELD_BYTES + 4];
-    snprintf(marked, sizeof marked, ", %.*s", SP_FIELD_BYTES - 1, name);
-    if (!v->cells.text)
-        import_list_begin(&v->cells, v->cell_names, sizeof v->cell_names);
-    if (strncmp(name, "vtkGhost", 8) != 0 && !strstr(v->cell_names, marked))
-        import_list_add(&v->cells, "", marked);
+/* True if the list ", A, B" has the name. */
+static bool has_name(const char *list, const char *name) {
+    const size_t n = strlen(name);
+    for (const char *at = strstr(list, ", "); at; at = strstr(at + 2, ", "))
+        if (strncmp(at + 2, name, n) == 0 && (!at[2 + n] || strncmp(at + 2 + n, ", ", 2) == 0))
+            return true;
+    return false;
 }
 
-/* True if the source names one of the arrays of cells. */
-static bool wants_cells(const struct vtk_volume *v) {
+void vtk_note_cells(struct vtk_volume *v, const char *name) {
     const char *wanted = *v->file->field ? v->file->field : v->file->vectors;
-    const char *at = *wanted ? strstr(v->cell_names, wanted) : NULL;
-    return at && at >= v->cell_names + 2 && at[-1] == ' ' && strchr(",", at[strlen(wanted)]);
+    v->wants_cells |= *wanted && strcmp(name, wanted) == 0;
+    if (!v->cells.text)
+        import_list_begin(&v->cells, v->cell_names, sizeof v->cell_names);
+    const bool is_again = v->piece_count > 1 && v->cells.left_out > 0; /* as a rule */
+    if (strncmp(name, "vtkGhost", 8) != 0 && !is_again && !has_name(v->cell_names, name))
+        import_list_add(&v->cells, ", ", name);
 }
 
 void vtk_warn_of_cells(const struct vtk_volume *v, uint64_t count) {
@@ -171,7 +174,7 @@ bool vtk_complete(struct vtk_volume *v, struct import_header *header, struct sp_
     static const char remedy[] =
         "turn them into data of points, with ParaView's filter \"Cell Data "
         "to Point Data\" (vtkCellDataToPointData)";
-    if (wants_cells(v))
+    if (v->wants_cells)
         return sp_fail(
             err, SP_ERR_UNSUPPORTED, v->file->shown,
             "\"%.60s\" are data of cells, which are read of images and rectilinear grids "

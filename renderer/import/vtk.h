@@ -106,6 +106,7 @@ struct vtk_volume { /* a reader of either format */
     double time;                         /* NAN = unknown */
     char cell_names[96];                 /* of arrays of cells that are not read: ", A, B" */
     struct import_list cells;            /* in cell_names */
+    bool wants_cells;                    /* the source names one of these arrays */
     uint64_t cell_count;                 /* of an unstructured grid, unless each is a point */
 
     struct import_file other; /* the one of `files` that is open; fd −1 = none */

@@ -14,7 +14,7 @@
 
 #include "import/vtk_legacy_words.h"
 
-enum { COMPONENTS_MAX = 1 << 16 };
+enum { COMPONENTS_MAX = 1 << 16 }; /* of an array that is skipped */
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
     static const char magic[] = "# vtk DataFile";
@@ -243,9 +243,15 @@ static bool add_field(struct vtk_legacy *l, const char *keyword, const char *nam
         vtk_note_cells(l->volume, own);
     }
     if ((l->section != POINTS && !is_of_cells) || (is_of_cells && l->tuples != l->cells) ||
-        components == 0 || components > VTK_COMPONENTS_MAX)
+        components == 0)
         return true;
     take_name(own, name);
+    if (components > VTK_COMPONENTS_MAX) {
+        import_warn(l->file->warnings,
+                    "The array \"%.60s\" has %" PRIu64 " components, more than %d; it is not read.",
+                    own, components, VTK_COMPONENTS_MAX);
+        return true;
+    }
     struct vtk_entry *e = add(l, is_of_cells ? VTK_OF_CELLS : VTK_OF_POINTS, keyword, name, type);
     if (!e)
         return false;

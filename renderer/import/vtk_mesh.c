@@ -70,7 +70,8 @@ static bool read_points(struct reading *r) {
         return fail_memory(r);
     memset(r->numbers, 0xff, n * sizeof *r->numbers);
     r->color_components = colors ? colors->components : 0;
-    r->color_scale = colors && colors->array.type->number.kind != IMPORT_FLOAT ? 1 / 255.0f : 1;
+    if (colors)
+        r->color_scale = (float)import_number_color_scale(colors->array.type->number);
     return (r->positions = (float(*)[3])(void *)read_array(r, at, r->v->file->shift)) != NULL &&
            (!normals || (r->normals = (float(*)[3])(void *)read_array(r, normals, NULL)) != NULL) &&
            (!colors || (r->colors = read_array(r, colors, NULL)) != NULL);

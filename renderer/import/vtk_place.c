@@ -110,12 +110,13 @@ struct ghosts {
     uint64_t kept;
 };
 
-/* Of vtkGhostType the bits 1 (copy) and 2 (hidden) count, of vtkGhostLevels all. */
+/* Of vtkGhostType, a byte, the bits 1 (copy) and 2 (hidden) count, of vtkGhostLevels all. */
 static void take_ghosts(void *user, uint64_t first, const void *values, size_t n) {
     struct ghosts *g = user;
     for (size_t i = 0; i < n; i++) {
         const double value = import_widen((const char *)values + i * g->number.size, g->number);
-        const bool is = g->are_levels ? value > 0 : ((int)value & 3) != 0;
+        const bool is =
+            g->are_levels ? value > 0 : value >= 1 && value <= UINT8_MAX && ((int)value & 3) != 0;
         g->kept += !is;
         if (g->are)
             g->are[first + i] = is;

@@ -213,14 +213,20 @@ static bool read_word(struct import_text *text, const struct vtk_array *a, uint6
                        "value %" PRIu64 ", \"%.40s\", is not of type %s", i, word, a->type->legacy);
 }
 
-/* Another number behind the last one means that a count is wrong. */
+/* Another number behind the last one means that a count is wrong, unless it is the name of the next
+ * array of a legacy FIELD: NAME COMPONENTS TUPLES TYPE. */
 static bool check_end(struct import_text *text, const struct vtk_array *a, struct sp_error *err) {
     char word[IMPORT_WORD_MAX + 1];
-    uint64_t byte;
-    return import_text_word(text, word, &byte, err) &&
-           (!is_number(word) ||
-            import_fail(err, SP_ERR_FORMAT, text->file->shown, byte, a->name,
-                        "more than %" PRIu64 " values: a count is wrong", a->count));
+    uint64_t byte, first = 0;
+    int numbers = 0;
+    do {
+        if (!import_text_word(text, word, &byte, err))
+            return false;
+        first = numbers ? first : byte;
+    } while (is_number(word) && ++numbers <= 3);
+    return numbers == 0 || (numbers == 3 && vtk_find_type(word, false)) ||
+           import_fail(err, SP_ERR_FORMAT, text->file->shown, first, a->name,
+                       "more than %" PRIu64 " values: a count is wrong", a->count);
 }
 
 static bool read_words(const struct import_file *file, const struct vtk_array *a,

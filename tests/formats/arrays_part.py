@@ -196,15 +196,17 @@ def check_netcdf_layouts(tool):
             file.createDimension(name, size)
         file.createVariable('y_bnds', 'f8', ('y', 'nv'))[:] = ramp((3, 2), 'f8')
         values = ramp((2, 3, 4), 'i2')
+        tenths = (numpy.arange(24).reshape(2, 3, 4) / 10).astype('f4')
         for name, kind, attributes in (('ranged', 'i2', {'valid_range': numpy.array([20, 200], 'i2')}),
                                        ('least', 'f4', {'valid_min': numpy.float32(50)}),
+                                       ('tenths', 'f4', {'valid_range': numpy.array([0.1, 2.3])}),
                                        ('missing', 'i4', {'missing_value': numpy.array([11, 48], 'i4'), 'scale_factor': 2.0}),
                                        ('unsigned', 'i1', {'_Unsigned': 'true'}),
                                        ('bytes', 'i1', {'_Unsigned': 'true', 'scale_factor': 0.5, 'add_offset': 1.0})):
             variable = file.createVariable(name, kind, ('z', 'y', 'x'), fill_value=-5 if name == 'bytes' else None)
             variable.set_auto_maskandscale(False)
             variable.setncatts(attributes)
-            variable[:] = values.astype('u1').view('i1') if kind == 'i1' else values
+            variable[:] = values.astype('u1').view('i1') if kind == 'i1' else tenths if name == 'tenths' else values
         file.createVariable('words', str, ('z',))[:] = numpy.array(['a', 'b'], object)
         switch = file.createEnumType('u1', 'switch', {'off': 0, 'on': 1})
         file.createVariable('state', switch, ('z', 'y', 'x'))[:] = values % 2
@@ -233,6 +235,7 @@ def check_netcdf_layouts(tool):
     tool.equal(f'{path}:/holed_packed', numpy.where(numpy.arange(2)[:, None, None] == 0, wide * 0.5, numpy.nan))
     tool.layout('NetCDF', 'valid_range', f'{path}:/ranged', numpy.where((wide < 20) | (wide > 200), numpy.nan, wide), result='NaN outside of it')
     tool.layout('NetCDF', 'valid_min, valid_max', f'{path}:/least', numpy.where(wide < 50, numpy.nan, wide), result='NaN outside of them')
+    tool.equal(f'{path}:/tenths', numpy.where(tenths == 0, numpy.nan, tenths))
     tool.layout('NetCDF', 'missing_value with several values, scale_factor', f'{path}:/missing',
                 numpy.where((wide == 11) | (wide == 48), numpy.nan, wide * 2).astype('f8'), result='NaN', type='float64')
     tool.layout('NetCDF', '_Unsigned', f'{path}:/unsigned', values.astype('u1'), type='uint8')

@@ -197,6 +197,43 @@ static void legacy_bits_and_texts_are_read(void **state) {
     sp_volume_unref(&volume);
 }
 
+static void names_may_look_like_numbers(void **state) {
+    (void)state;
+    static const char head[] = "# vtk DataFile Version 3.0\nt\nASCII\nDATASET STRUCTURED_POINTS\n"
+                               "DIMENSIONS 2 1 1\nPOINT_DATA 2\n";
+    write_text("n.vtk",
+               "%sFIELD FieldData 3\na 1 2 short\n7 8\n1 1 2 float\n3 4\nnan 1 2 int\n5 6\n", head);
+    struct sp_volume *volume = load("n.vtk");
+    assert_fields(volume, "a: 1, nan");
+    assert_int_equal(((const int16_t *)sp_volume_voxels(volume))[1], 8);
+    sp_volume_unref(&volume);
+    volume = load("n.vtk?field=1");
+    assert_float_equal(((const float *)sp_volume_voxels(volume))[0], 3, 0);
+    sp_volume_unref(&volume);
+    static const char *const wrong[] = { "9\n", "9 9 9 9\n", "9 1 2 word\n", "9 1\n" };
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        write_text("n.vtk", "%sSCALARS a short\nLOOKUP_TABLE default\n7 8 %s", head, wrong[i]);
+        load_error("n.vtk", SP_ERR_FORMAT, "n.vtk", "");
+    }
+}
+
+static void arrays_with_too_many_components_are_named(void **state) {
+    (void)state;
+    enum { MANY = 20000 };
+    FILE *file = fopen(in_folder("wide.vtk"), "w");
+    assert_non_null(file);
+    fprintf(file,
+            "# vtk DataFile Version 3.0\nt\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 1 1 1\n"
+            "POINT_DATA 1\nFIELD FieldData 2\nwide %d 1 int\n",
+            MANY);
+    for (int i = 0; i < MANY; i++)
+        fputs("1 ", file);
+    fputs("\nb 1 1 int\n5\n", file);
+    fclose(file);
+    load_warns("wide.vtk",
+               "The array \"wide\" has 20000 components, more than 16384; it is not read.");
+}
+
 enum { COUNT = 100, BLOCK = 64 };
 
 /* Writes an image of bytes that are compressed in two blocks, the last of 36 bytes. */
@@ -283,6 +320,15 @@ static void data_of_cells_that_are_not_read_are_named(void **state) {
         load_error("c.vtk.xml?field=stress", SP_ERR_UNSUPPORTED, "c.vtk.xml",
                    "\"stress\" are data of cells");
     }
+    /* A name may be a part of another one, and may have a comma. */
+    write_text("c.vtk.xml",
+               "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"1\"><PointData>"
+               "<DataArray type=\"Float32\" Name=\"y\" format=\"ascii\">5</DataArray></PointData>"
+               "<CellData><DataArray type=\"Float32\" Name=\"x, y\"/><DataArray type=\"Float32\" "
+               "Name=\"stress 2\"/><DataArray type=\"Float32\" Name=\"stress\"/></CellData><Points>"
+               "<DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">0 0 0"
+               "</DataArray></Points></Piece></PolyData></VTKFile>");
+    load_warns("c.vtk.xml?field=y", "The data of cells (x, y, stress 2, stress) are not read;");
 }
 
 static void the_source_says_what_components_are(void **state) {
@@ -319,6 +365,8 @@ int main(void) {
         cmocka_unit_test(components_are_fields),
         cmocka_unit_test(every_integer_type_is_read),
         cmocka_unit_test(legacy_bits_and_texts_are_read),
+        cmocka_unit_test(names_may_look_like_numbers),
+        cmocka_unit_test(arrays_with_too_many_components_are_named),
         cmocka_unit_test(lz4_and_lzma_are_unpacked),
         cmocka_unit_test(data_of_cells_that_are_not_read_are_named),
         cmocka_unit_test(the_source_says_what_components_are),

@@ -131,10 +131,20 @@ static void normals_and_colors_are_those_of_the_points(void **state) {
               "255 0 0 127 255 0 0 127 255 0 0 127 255 0 0 127 0 0 0 1</DataArray></PointData>"
               "<Polys><DataArray type=\"Int64\" Name=\"connectivity\">0 1 2 3</DataArray>"
               "<DataArray type=\"Int64\" Name=\"offsets\">4</DataArray></Polys>") },
+        { "wide.vtp?as=rgb",
+          XML("NumberOfPolys=\"1\"",
+              "<PointData Normals=\"Normals\"><DataArray type=\"Float32\" Name=\"Normals\" "
+              "NumberOfComponents=\"3\">1 0 0 1 0 0 1 0 0 1 0 0 0 0 1</DataArray>"
+              "<DataArray type=\"UInt16\" Name=\"rgba\" NumberOfComponents=\"4\">65535 0 0 32767 "
+              "65535 0 0 32767 65535 0 0 32767 65535 0 0 32767 0 0 0 1</DataArray></PointData>"
+              "<Polys><DataArray type=\"Int64\" Name=\"connectivity\">0 1 2 3</DataArray>"
+              "<DataArray type=\"Int64\" Name=\"offsets\">4</DataArray></Polys>") },
     };
     (void)state;
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
-        write_text(files[i][0], "%s", files[i][1]);
+        char name[32];
+        snprintf(name, sizeof name, "%.*s", (int)strcspn(files[i][0], "?"), files[i][0]);
+        write_text(name, "%s", files[i][1]);
         struct sp_volume *volume = load(files[i][0]);
         const struct sp_elements *e = mesh_of(volume);
         assert_int_equal(e->shape.vertex_count, 4);

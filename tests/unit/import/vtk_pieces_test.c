@@ -120,15 +120,15 @@ static void gaps_between_pieces_are_told(void **state) {
 #define UNSTRUCTURED                                                                               \
     "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid><Piece NumberOfPoints=\"3\" "            \
     "NumberOfCells=\"1\"><PointData><DataArray type=\"Float32\" Name=\"s\">%s</DataArray>"         \
-    "<DataArray type=\"UInt8\" Name=\"vtkGhostType\">%s</DataArray></PointData><Points>"           \
+    "<DataArray type=\"%s\" Name=\"vtkGhostType\">%s</DataArray></PointData><Points>"              \
     "<DataArray type=\"Float32\" NumberOfComponents=\"3\">%s</DataArray></Points></Piece>"         \
     "</UnstructuredGrid></VTKFile>"
 
-/* Copies of points of other pieces are left out. */
+/* Copies of points of other pieces are left out. Numbers that are no flags mark none. */
 static void ghosts_are_left_out(void **state) {
     (void)state;
-    write_text("u0.vtu", UNSTRUCTURED, "1 2 3", "0 0 0", "1 0 0 2 0 0 3 0 0");
-    write_text("u1.vtu", UNSTRUCTURED, "3 4 5", "1 0 0", "3 0 0 4 0 0 5 0 0");
+    write_text("u0.vtu", UNSTRUCTURED, "1 2 3", "Float64", "1e300 nan -1e10", "1 0 0 2 0 0 3 0 0");
+    write_text("u1.vtu", UNSTRUCTURED, "3 4 5", "UInt8", "1 0 0", "3 0 0 4 0 0 5 0 0");
     write_text("u.pvtu", "<VTKFile type=\"PUnstructuredGrid\"><PUnstructuredGrid GhostLevel=\"1\">"
                          "<Piece Source=\"u0.vtu\"/><Piece Source=\"u1.vtu\"/>"
                          "</PUnstructuredGrid></VTKFile>");
