@@ -75,7 +75,6 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
 
 __attribute__((format(printf, 2, 0))) static void on_log(void *user, const char *format,
                                                          va_list args) {
-    (void)user;
     char line[512];
     vsnprintf(line, sizeof line, format, args);
     line[strcspn(line, "\n")] = 0;
@@ -84,6 +83,7 @@ __attribute__((format(printf, 2, 0))) static void on_log(void *user, const char 
         sp_log(SP_LOG_WARN, "no connection can be accepted for now: %s", line);
     else
         sp_log(SP_LOG_DEBUG, "libmicrohttpd: %s", line);
+    srv_on_library_log(user);
 }
 
 /* Start and stop. */
@@ -131,7 +131,7 @@ static bool start(struct srv_http *http, int fd, struct sp_error *err) {
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME |
             MHD_USE_ERROR_LOG | (fd < 0 ? MHD_USE_NO_LISTEN_SOCKET : 0),
-        0, on_accept, http, srv_on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
+        0, on_accept, http, srv_on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, http,
         MHD_OPTION_ARRAY, listening, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)config->http_threads,
         MHD_OPTION_CONNECTION_LIMIT, connections_max(http), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
         (size_t)config->header_size, MHD_OPTION_URI_LOG_CALLBACK, srv_on_target, http,

@@ -13,6 +13,7 @@
 #include "http/listener.h"
 
 struct srv_packed_asset;
+struct srv_request;
 struct srv_tls;
 
 struct srv_http {
@@ -25,7 +26,8 @@ struct srv_http {
     int64_t connections; /* --connections, or as many as there are file descriptors for */
     pthread_mutex_t mutex;
     pthread_cond_t idle;
-    unsigned active; /* requests between headers and the end of the answer */
+    struct srv_request *heads; /* that the library reads (head_errors.h) */
+    unsigned active;           /* requests between headers and the end of the answer */
     bool draining;
 };
 
@@ -38,6 +40,7 @@ void *srv_on_target(void *user, const char *target, struct MHD_Connection *conne
 enum MHD_Result srv_on_request(void *user, struct MHD_Connection *connection, const char *path,
                                const char *method, const char *version, const char *bytes,
                                size_t *size, void **state);
+void srv_on_library_log(struct srv_http *http); /* head_errors.h */
 void srv_on_completed(void *user, struct MHD_Connection *connection, void **state,
                       enum MHD_RequestTerminationCode code);
 

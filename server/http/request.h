@@ -6,6 +6,7 @@
 #define SRV_HTTP_REQUEST_H
 
 #include <microhttpd.h>
+#include <pthread.h>
 #include <stdint.h>
 
 #include "config/config.h"
@@ -53,8 +54,10 @@ struct srv_request {
     size_t body_seen; /* including bytes that were discarded */
     size_t body_capacity;
     struct srv_joined_header *joined; /* headers that came in several lines */
-    struct srv_rejection target;      /* why the request target is refused */
-    bool is_last;                     /* the connection closes after the answer */
+    struct srv_request *next_head;    /* head_errors.h */
+    pthread_t head_thread;
+    struct srv_rejection target; /* why the request target is refused */
+    bool is_last;                /* the connection closes after the answer */
     bool is_begun, is_refused, is_answered, is_dispatched, is_suspended, is_counted;
 };
 

@@ -7,6 +7,7 @@
 #include <strings.h>
 
 #include "common/clock.h"
+#include "http/head_errors.h"
 #include "http/listener_private.h"
 #include "http/request_checks.h"
 #include "http/response.h"
@@ -103,6 +104,7 @@ void *srv_on_target(void *user, const char *target, struct MHD_Connection *conne
     request->app = &http->options;
     request->mhd = connection;
     request->connection = info->socket_context;
+    srv_head_begin(request);
     if (target)
         request->target = srv_smuggling_check_target((char *)(uintptr_t)target,
                                                      (size_t)http->options.config->header_size / 4);
@@ -121,6 +123,7 @@ static void count(struct srv_request *request) {
 
 static enum MHD_Result on_headers(struct srv_request *request, const char *version) {
     request->is_begun = true;
+    srv_head_end(request);
     count(request);
     bool is_over = srv_request_is_refused_at_once(request, version);
     request->is_last = is_over || srv_connection_count_request(request->connection) >=
@@ -236,6 +239,8 @@ void srv_on_completed(void *user, struct MHD_Connection *connection, void **stat
                           : 0);
     if (request->is_counted)
         uncount(request);
+    if (!request->is_begun)
+        srv_head_end(request);
     srv_upload_body_close(request);
     srv_reply_finish(&request->reply);
     srv_request_end_snapshot(request);

@@ -131,6 +131,16 @@ static bool leaves_gaps(void) {
     return strcmp(MHD_get_version(), "0.9.75") <= 0;
 }
 
+bool srv_request_has_bad_head(struct srv_request *request) {
+    struct header_scan scan = { .request = request, .has_memory = true };
+    MHD_get_connection_values(request->mhd, MHD_HEADER_KIND, on_header, &scan);
+    const struct srv_rejection refusal =
+        srv_smuggling_check_headers(&scan.smuggling, MHD_HTTP_VERSION_1_1);
+    if (refusal.status)
+        srv_reply_problem(&request->reply, refusal.status, NULL, "%s", refusal.detail);
+    return refusal.status != 0;
+}
+
 bool srv_request_is_refused_at_once(struct srv_request *request, const char *version) {
     struct srv_rejection refusal = request->target;
     if (!refusal.status) {

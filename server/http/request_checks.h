@@ -11,6 +11,10 @@
  * the connection closes: the reply is a problem document. `version` is "HTTP/1.1" or "HTTP/1.0". */
 bool srv_request_is_refused_at_once(struct srv_request *request, const char *version);
 
+/* For a request that the library refuses before on_headers(): true if the smuggling checks refuse
+ * it, too; the reply is a problem document. */
+bool srv_request_has_bad_head(struct srv_request *request);
+
 /* Checks the limits of connections, finds the route, and checks token, query parameters, content
  * type and length. False: the reply is set. */
 bool srv_request_check(struct srv_request *request);

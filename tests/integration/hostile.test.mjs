@@ -272,6 +272,7 @@ test('requests that a proxy could parse differently are refused and end their co
     [`${post}Host: x\r\nTransfer-Encoding: gzip, chunked\r\n\r\n0\r\n\r\n`, 400, /must be chunked/],
     ['GET /healthz HTTP/1.1\r\nHost: x\r\nHost: y\r\n\r\n', 400, /exactly one Host/],
     ['GET /healthz HTTP/1.1\r\n\r\n', 400, /exactly one Host/],
+    ...['-5', '+5', 'abc', '0x5', '5, 5', '', '99999999999999999999'].map((size) => [`${post}Host: x\r\nContent-Length: ${size}\r\n\r\n{}`, 400, /Content-Length must be/]),
     [`${post}Host: x\r\nContent-Length : 2\r\n\r\n{}`, 400, /name of a header/],
     [`${post}Host: x\r\nX: a\x01b\r\nContent-Length: 2\r\n\r\n{}`, 400, /control character/],
     ['GET /healthz HTTP/1.1\r\nHost: x\r\nX: a\0b\r\n\r\n', 400, /NUL/],
@@ -297,6 +298,7 @@ test('requests that a proxy could parse differently are refused and end their co
     const answers = raw.text().match(/^HTTP\/1.1 \d+/gm);
     assert.deepEqual(answers, [`HTTP/1.1 ${status}`], text.slice(0, 80));
     assert.match(raw.text(), detail);
+    assert.equal(raw.text().match(/^Content-Type: application\/problem\+json\r$/gm)?.length, 1, text.slice(0, 80));
     raw.destroy();
   }
   const blank = await Raw.connect(daemon.port);
