@@ -154,7 +154,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (!text)
         return 0;
     memcpy(text, data, size);
-    text[size] = 0; /* bytes after a NUL are ignored: the HTTP library refuses them */
+    text[size] = 0; /* bytes after a NUL are ignored: the daemon refuses them by their gaps */
     while ((line = next_line(&at))) {
         struct srv_smuggling smuggling = { .hosts = 0 };
         const char *version = check_line(line);

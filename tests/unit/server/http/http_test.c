@@ -510,6 +510,41 @@ static void number_of_headers(void **state) {
     assert_int_equal(srv_smuggling_check_headers(&seen, "HTTP/1.1").status, 431);
 }
 
+/* Heads as the HTTP library cuts them: NUL over CR, LF, blanks and colons. */
+static void gaps_between_headers(void **state) {
+    (void)state;
+    static const struct {
+        bool is_torn;
+        size_t size, names[3], values[3]; /* offsets; 0 = no more */
+        const char *head;
+    } cases[] = {
+        { false, 25, { 10, 0 }, { 17, 0 }, "HTTP/1.1\0\0Host\0  xy z\0\0\0\0" },
+        { false, 26, { 10, 18, 0 }, { 15, 21, 0 }, "HTTP/1.1\0\0Host\0x\0\0A\0 b\0\0\0\0" },
+        { false, 12, { 0 }, { 0 }, "HTTP/1.1\0\0\0\0" },
+        { true, 12, { 10, 0 }, { 15, 0 }, "HTTP/1.1\0\0Host\0x\0\0\0\0" },    /* the end */
+        { true, 22, { 10, 0 }, { 15, 0 }, "HTTP/1.1\0\0Host\0x\0y\0\0\0\0" }, /* NUL */
+        { true, 21, { 10, 0 }, { 15, 0 }, "HTTP/1.1\0\0Host\0x\0\0\0\0\0" },
+        { true, 25, { 10, 17, 0 }, { 15, 20, 0 }, "HTTP/1.1\0\0Host\0x\0A\0 b\0\0\0\0" }, /* LF */
+        { true, 19, { 9, 0 }, { 14, 0 }, "HTTP/1.1\0Host\0x\0\0\0\0" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct srv_smuggling seen = { .hosts = 1 };
+        srv_smuggling_begin(&seen, cases[i].head);
+        for (int h = 0; h < 3 && cases[i].names[h]; h++)
+            srv_smuggling_add_header(&seen, cases[i].head + cases[i].names[h],
+                                     cases[i].head + cases[i].values[h]);
+        srv_smuggling_end(&seen, cases[i].head + cases[i].size);
+        if (seen.is_torn != cases[i].is_torn)
+            fail_msg("case %zu", i);
+    }
+    char value[] = " a b\t \t";
+    srv_header_trim(value);
+    assert_string_equal(value, " a b");
+    char blank[] = " ";
+    srv_header_trim(blank);
+    assert_string_equal(blank, "");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(routing),
@@ -529,6 +564,7 @@ int main(void) {
         cmocka_unit_test(connections_from_one_host),
         cmocka_unit_test(rate_per_host),
         cmocka_unit_test(number_of_headers),
+        cmocka_unit_test(gaps_between_headers),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
