@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
-import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import https from 'node:https';
 import net from 'node:net';
 import { tmpdir } from 'node:os';
@@ -14,7 +14,6 @@ import { certify } from './certificate.mjs';
 import { Daemon, Stream, within } from './harness.mjs';
 
 const DEPLOY = fileURLToPath(new URL('../../deploy/', import.meta.url));
-const find = (name) => ['/usr/sbin', '/usr/bin', '/usr/local/sbin', '/usr/local/bin'].map((at) => path.join(at, name)).find(existsSync);
 let daemon;
 let folder;
 let ca;
@@ -110,11 +109,9 @@ const json = (body) => ({ method: 'POST', body: JSON.stringify(body), headers: {
 const resolve = (location, target) => new URL(location, `https://x${target}`).pathname;
 
 for (const [name, configure] of [['nginx', nginx], ['haproxy', haproxy]]) {
-  const program = find(name);
-  const skip = !program && `no ${name} (Debian package ${name === 'nginx' ? 'nginx-light' : name})`;
-  describe(name, { skip }, () => {
+  describe(name, () => {
     let proxy;
-    before(async () => { proxy = await start(program, configure); });
+    before(async () => { proxy = await start(`/usr/sbin/${name}`, configure); });
     after(async () => {
       proxy.child.kill('SIGTERM');
       await within(proxy.ended, `the end of ${name}`);

@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# Runs Node tests: run.sh [--data] [--chromium | --firefox] FILE... Exits with status 77 and a message if a dependency is missing.
+# Runs Node tests: run.sh [--data] [--chromium | --firefox | --proxies] FILE... Exits with status 77 and a message if a dependency is missing.
 here=$(dirname "$0")
 
 skip() {
@@ -23,5 +23,10 @@ fi
 if [ "$1" = --firefox ]; then
     shift
     [ -x "${SPLATD_FIREFOX:-/usr/bin/firefox-esr}" ] || skip "no /usr/bin/firefox-esr (Debian package firefox-esr)"
+fi
+if [ "$1" = --proxies ]; then
+    shift
+    [ -x /usr/sbin/nginx ] || skip "no /usr/sbin/nginx (Debian package nginx-light)"
+    [ -x /usr/sbin/haproxy ] || skip "no /usr/sbin/haproxy (Debian package haproxy)"
 fi
 exec node --test "$@"
