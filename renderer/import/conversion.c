@@ -8,6 +8,8 @@
 #include "volume/sample.h"
 
 enum { BLOCK = 512 }; /* numbers that are converted at once */
+/* float32 holds samples of up to as many slopes with an error of 1/32 of a slope. */
+#define FLOAT32_STEPS 0x1p20
 
 struct import_conversion import_conversion_of(struct import_number number,
                                               struct import_warnings *warnings) {
@@ -31,7 +33,9 @@ void import_conversion_choose(struct import_conversion *c, double low, double hi
         c->type = part.size <= (part.kind == IMPORT_FLOAT ? 4 : 2) ? SP_FLOAT32 : SP_FLOAT64;
         return;
     }
-    c->type = c->number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
+    const double largest = fmax(fabs(ends[0]), fabs(ends[1]));
+    const bool is_fine = largest <= FLOAT32_STEPS * fabs(c->slope);
+    c->type = c->number.size <= 2 && is_fine ? SP_FLOAT32 : SP_FLOAT64;
     for (size_t i = 0; is_whole && i < sizeof whole / sizeof *whole; i++) {
         double least, most;
         import_number_range(import_number_of(whole[i]), &least, &most);
@@ -45,7 +49,7 @@ void import_conversion_choose(struct import_conversion *c, double low, double hi
 /* Whole numbers become floating-point ones. */
 static void use_floats(struct import_conversion *c) {
     if (import_number_of(c->type).kind != IMPORT_FLOAT)
-        c->type = c->number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
+        c->type = c->number.size <= 2 && c->type != SP_INT32 ? SP_FLOAT32 : SP_FLOAT64;
 }
 
 /* A number of a header as the samples store it: 0.1 is not among numbers of 32 bits. */

@@ -38,7 +38,8 @@ struct import_conversion import_conversion_of(struct import_number number,
 
 /* Chooses the type in memory for stored numbers in [low, high]. If all samples are whole, it is the
  * smallest type that holds them exactly, at least as large as that of the file where that serves;
- * otherwise float32 for numbers of at most 2 bytes, and float64 for larger integers. */
+ * otherwise float32 for numbers of at most 2 bytes, and float64 for larger integers or if an offset
+ * is so large that float32 would lose the slope. */
 void import_conversion_choose(struct import_conversion *conversion, double low, double high);
 
 /* Adds a number that stands for no sample, unless there are too many. The type becomes one that has

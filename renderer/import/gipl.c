@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * GIPL (Guys Image Processing Lab), plain or packed with gzip: a header of 256 bytes, big endian,
- * then the samples. The header has no more than these fields, so ITK, which alone reads it in
- * Debian, would save nothing.
+ * then the samples. Its matrix, flags, limits, offset and scale of the values are not applied, as
+ * in ITK, which alone reads the format in Debian.
  */
 #include <inttypes.h>
 #include <math.h>

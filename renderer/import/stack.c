@@ -35,8 +35,16 @@ struct slice {
 static bool find_files(struct stack *s, struct sp_error *err) {
     const char *slash = strrchr(s->file->shown, '/'), *own = slash ? slash + 1 : s->file->shown;
     char pattern[NAME_MAX + 1];
-    return !sp_numbered_pattern(own, pattern) ||
-           sp_numbered_list(s->file->folder, pattern, SP_DIM_MAX, &s->slices, s->file->shown, err);
+    if (!sp_numbered_pattern(own, pattern))
+        return true;
+    return sp_numbered_list(s->file->folder, pattern, SP_DIM_MAX + 1, &s->slices, s->file->shown,
+                            err) &&
+           (s->slices.count <= SP_DIM_MAX ||
+            sp_fail(
+                err, SP_ERR_UNSUPPORTED, s->file->shown,
+                "more than %u files of the folder have such a name, the limit for a stack; move "
+                "some of them, or open this one alone with ?as=slice",
+                SP_DIM_MAX));
 }
 
 /* Opens slice n and its reader. If `warnings` is NULL, warnings are discarded. Returns

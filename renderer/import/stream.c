@@ -340,9 +340,10 @@ static bool parse_whole(const char *word, struct import_number number, void *out
     const double real = trunc(strtod(word, &end));
     if (end == word || *end || !(real >= low && real <= high))
         return false;
-    if (number.size < 8)
-        import_narrow(real, number, out);
-    return number.size < 8;
+    if (number.size == 8 && !(fabs(real) < 0x1p53)) /* it may be rounded */
+        return false;
+    import_narrow(real, number, out);
+    return true;
 }
 
 static bool read_text(struct import_stream *s, char *out, size_t n, size_t *got,

@@ -219,6 +219,8 @@ def check_metaimage(tool):
         like_itk(tool, write(tool, 'big.mha', meta_header('>' + dtype), data.tobytes()), compare=functools.partial(tool.typed, 'MetaImage', kind_of(dtype)))
         text = write(tool, 'text.mha', meta_header(dtype, 'BinaryData = False\n'), encode(data, 'ascii') + b'\n')
         tool.typed('MetaImage', kind_of(dtype), text, data, 'text (BinaryData = False)')
+        tool.equal(write(tool, 'fractions.mha', meta_header(dtype, 'BinaryData = False\n'), b' '.join(b'%d.0' % n for n in range(data.size)) + b'\n'),
+                   numpy.arange(data.size).reshape(data.shape))
     for size in (4, 8):
         for name, kind in (('MET_LONG', 'i'), ('MET_ULONG', 'u')):
             data = values(f'<{kind}{size}')

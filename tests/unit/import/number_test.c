@@ -87,6 +87,33 @@ static void wide_integers_warn_only_if_they_are_rounded(void **state) {
     assert_int_equal(warnings.count, 1);
 }
 
+/* float32 would lose the difference between neighbours. */
+static void a_large_offset_needs_float64(void **state) {
+    static const struct {
+        double slope, offset;
+        enum sp_type type;
+    } cases[] = { { 0.01, 5, SP_FLOAT32 },
+                  { 0.01, -20000, SP_FLOAT64 },
+                  { 1e-4, 1e-3, SP_FLOAT32 },
+                  { 1e-4, 1000, SP_FLOAT64 } };
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct import_conversion c =
+            import_conversion_of((struct import_number){ IMPORT_UNSIGNED, 2 }, NULL);
+        c.slope = cases[i].slope;
+        c.offset = cases[i].offset;
+        import_conversion_choose(&c, 0, UINT16_MAX);
+        assert_int_equal(c.type, cases[i].type);
+    }
+    struct import_conversion c =
+        import_conversion_of((struct import_number){ IMPORT_UNSIGNED, 2 }, NULL);
+    c.offset = 1e9;
+    import_conversion_choose(&c, 0, UINT16_MAX);
+    assert_int_equal(c.type, SP_INT32);
+    import_conversion_add_missing(&c, 0);
+    assert_int_equal(c.type, SP_FLOAT64);
+}
+
 static void missing_numbers_become_nan(void **state) {
     (void)state;
     const int16_t numbers[5] = { 1, -9999, 7, 100, -5 };
@@ -112,6 +139,7 @@ int main(void) {
         cmocka_unit_test(halves_are_widened_and_narrowed),
         cmocka_unit_test(bits_are_unpacked_in_both_orders),
         cmocka_unit_test(complex_numbers_become_their_magnitude),
+        cmocka_unit_test(a_large_offset_needs_float64),
         cmocka_unit_test(missing_numbers_become_nan),
         cmocka_unit_test(wide_integers_warn_only_if_they_are_rounded),
     };
