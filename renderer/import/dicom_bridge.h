@@ -82,7 +82,8 @@ enum dicom_colors {
     DICOM_RGB,
     DICOM_YBR_FULL, /* luminance and colour differences of each pixel */
     DICOM_YBR_422,  /* the same with one pair of differences per two pixels of a row */
-    DICOM_PALETTE
+    DICOM_PALETTE,
+    DICOM_OTHER_COLORS /* not supported */
 };
 
 /* What the frames of a file are to each other where the frames themselves do not say it. */

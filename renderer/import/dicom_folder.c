@@ -74,6 +74,10 @@ static void append_series(const struct dicom_scan *scan, uint32_t n, struct impo
     const struct dicom_stack *stack = &scan->stacks[n];
     const struct dicom_image *image = &scan->images[stack->first].image;
     char number[24] = "", description[72] = "", uid[72] = "";
+    if (list->left_out > 0) { /* it only counts */
+        import_list_add(list, "", "");
+        return;
+    }
     if (image->has_number)
         snprintf(number, sizeof number, "%ld ", image->number);
     if (image->description[0])
@@ -86,22 +90,13 @@ static void append_series(const struct dicom_scan *scan, uint32_t n, struct impo
            stack->frames == 1 ? "image" : "images");
 }
 
-/* True if no earlier stack is of the same series and larger. */
-static bool is_main(const struct dicom_scan *scan, uint32_t n) {
-    for (uint32_t i = 0; i < scan->stack_count; i++)
-        if (i != n && dicom_is_same_series(dicom_scan_image(scan, i), dicom_scan_image(scan, n)) &&
-            dicom_scan_larger(scan, i, n) == i && (i < n || dicom_scan_larger(scan, n, i) == i))
-            return false;
-    return true;
-}
-
 static bool fail_unknown(const struct dicom_source *source, const struct dicom_scan *scan,
                          struct sp_error *err) {
     char text[LIST] = "";
     struct import_list list;
     import_list_begin(&list, text, sizeof text);
     for (uint32_t n = 0; n < scan->stack_count; n++)
-        if (is_main(scan, n))
+        if (scan->stacks[n].is_main)
             append_series(scan, n, &list);
     import_list_end(&list);
     return sp_fail(err, SP_ERR_NOT_FOUND, source->file->shown,
@@ -156,7 +151,7 @@ static void warn_of_series(const struct dicom_source *source, const struct dicom
     const size_t left = SP_WARNING_BYTES - REST, used = strlen(shown);
     import_list_begin(&list, others, used + 60 < left ? left - used : 60);
     for (uint32_t n = 0; n < scan->stack_count; n++)
-        if (is_main(scan, n) &&
+        if (scan->stacks[n].is_main &&
             !dicom_is_same_series(dicom_scan_image(scan, n), dicom_scan_image(scan, chosen))) {
             append_series(scan, n, &list);
             count++;
@@ -214,9 +209,9 @@ static void warn_of_files(const struct dicom_source *source, const struct dicom_
                     scan->damaged.count, scan->damaged.count > 1 ? "files" : "file", damaged);
     if (scan->is_bounded)
         import_warn(source->file->warnings,
-                    "There are more files than the %u that were looked at; open the folder of one "
-                    "series.",
-                    scan->count);
+                    "Some files were not looked at: the limits are %d files and %d folders below. "
+                    "Open the folder of one series.",
+                    IMPORT_FILES_MAX, DICOM_FOLDERS_MAX);
 }
 
 /* The slices. */

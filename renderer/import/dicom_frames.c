@@ -134,13 +134,13 @@ bool dicom_frames_add(const struct dicom_source *source, const char *name,
                       struct sp_error *err) {
     const uint32_t count = image->frames;
     if (count <= 1)
-        return dicom_slices_add(slices, name, 0, &image->first) || fail_memory(source, err);
+        return dicom_slices_add(slices, name, 0, false, &image->first) || fail_memory(source, err);
     if (!check_count(source, name, (uint64_t)slices->count + count, err))
         return false;
     struct dicom_frame *frames = calloc(count, sizeof *frames);
     bool ok = frames ? describe_frames(source, name, frames, count, err) : fail_memory(source, err);
     for (uint32_t i = 0; ok && i < count; i++)
-        ok = dicom_slices_add(slices, name, i, &frames[i]) || fail_memory(source, err);
+        ok = dicom_slices_add(slices, name, i, true, &frames[i]) || fail_memory(source, err);
     free(frames);
     return ok;
 }

@@ -8,8 +8,8 @@
 
 #include "base/vec.h"
 
-/* Slices are shown evenly if each is within the first share of the step of its place, as most
- * readers do; the second is worth a warning. */
+/* Slices within EVEN_SHARE of a step of their even place are shown evenly. Beyond EXACT_SHARE a
+ * warning says so. */
 #define EVEN_SHARE 0.05
 #define EXACT_SHARE 0.002
 /* They lie above one another within this share of a pixel. */
@@ -20,18 +20,24 @@ static int compare_numbers(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* What warnings call the slices of a plane. */
+/* What warnings call the first slice of a plane. The slices are sorted. */
 static void name_plane(const struct dicom_slices *slices, uint32_t plane, char out[80]) {
-    snprintf(out, 80, "none");
-    for (uint32_t i = 0; i < slices->count; i++)
-        if (slices->items[i].plane == plane) {
-            dicom_slice_name(&slices->items[i], out);
-            return;
-        }
+    uint32_t low = 0, high = slices->count;
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (slices->items[middle].plane < plane)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    if (low < slices->count && slices->items[low].plane == plane)
+        dicom_slice_name(&slices->items[low], out);
+    else
+        snprintf(out, 80, "none");
 }
 
-/* Says where slices are missing: a gap there is some times as wide as most gaps. `gaps` is
- * memory for as many numbers as slices. */
+/* Says where slices are missing: a gap of n usual distances lacks n − 1 slices. `gaps` is memory
+ * for as many numbers as planes. */
 static void warn_of_gaps(const struct dicom_slices *slices, const double *places, double *gaps,
                          struct import_warnings *warnings) {
     const uint32_t count = slices->planes - 1;

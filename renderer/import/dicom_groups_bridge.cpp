@@ -5,13 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <map>
 #include <numeric>
-
-#include <gdcmDict.h>
-#include <gdcmDicts.h>
-#include <gdcmGlobal.h>
 
 #include "import/dicom_tags.h"
 
@@ -26,12 +21,6 @@ struct groups { /* the functional groups of one frame */
         const gdcm::DataSet of_frame = dicom_item(own, group, element);
         return of_frame.IsEmpty() ? dicom_item(shared, group, element) : of_frame;
     }
-};
-
-struct dimension { /* of DimensionIndexValues, which the keys do not know */
-    size_t place;
-    gdcm::Tag pointer, group;
-    std::string label;
 };
 
 using numbers = std::vector<double>;
@@ -127,9 +116,13 @@ void fill_plain_spacing(const gdcm::DataSet &set, dicom_frame &frame) {
     const int centimetres = 3;
     if (dicom_value<uint16_t>(region, 0x0018, 0x6024) == centimetres &&
         dicom_value<uint16_t>(region, 0x0018, 0x6026) == centimetres) {
-        frame.spacing[0] = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602c));
-        frame.spacing[1] = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602e));
-        return;
+        const double across = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602c));
+        const double down = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602e));
+        if (across > 0 && down > 0 && std::isfinite(across + down)) {
+            frame.spacing[0] = across;
+            frame.spacing[1] = down;
+            return;
+        }
     }
     const numbers ratio = dicom_numbers(set, 0x0028, 0x0034); /* of height and width */
     frame.is_ratio = ratio.size() == 2 && ratio[0] > 0 && ratio[1] > 0;
@@ -151,8 +144,7 @@ void fill_spacing(const groups &in, dicom_frame &frame) {
 
 /* True if the functional groups or the file have a place; `of_all` is set if the file gives only
  * one for all frames. */
-bool fill_place(const groups &in, uint32_t index, dicom_frame &frame, bool &of_all) {
-    const gdcm::DataSet detector = dicom_detector(in.file, index);
+bool fill_place(const groups &in, const gdcm::DataSet &detector, dicom_frame &frame, bool &of_all) {
     const gdcm::DataSet &file = dicom_text(detector, 0x0020, 0x0032).empty() ? in.file : detector;
     const gdcm::DataSet position = in.find(0x0020, 0x9113), orientation = in.find(0x0020, 0x9116);
     const gdcm::DataSet in_volume = in.find(0x0020, 0x930e);
@@ -192,9 +184,9 @@ std::string unit_of_file(const gdcm::DataSet &set) {
     return found == names.end() ? unit : found->second;
 }
 
-/* Values of a CT are Hounsfield units, but not those of an overview, whose beams add up many; nor,
- * unless the file says so, those of an image that was derived from others. Of other modalities a
- * "HU" is a mistake. */
+/* Values of a CT are Hounsfield units, but not those of an overview, which sums along its beams;
+ * nor, unless the file says so, those of an image that was derived from others. Of other modalities
+ * a "HU" is a mistake. */
 bool is_hounsfield(const groups &in, const std::string &modality, const std::string &type) {
     const std::string kind = dicom_text(in.file, 0x0008, 0x0008);
     const std::string flavour = dicom_text(in.find(0x0018, 0x9329), 0x0008, 0x9007);
@@ -399,81 +391,23 @@ void fill_contrast(const groups &in, dicom_frame &frame) {
     dicom_copy(frame.stack, sizeof frame.stack, dicom_text(content, 0x0020, 0x9056));
 }
 
-/* Dimensions by which frames are listed and that no key has. */
-std::vector<dimension> unknown_dimensions(const gdcm::DataSet &file) {
-    static const gdcm::Tag known[] = {
-        { 0x0020, 0x0032 }, { 0x0020, 0x0037 }, { 0x0020, 0x9056 }, { 0x0020, 0x9057 },
-        { 0x0020, 0x9128 }, { 0x0020, 0x9153 }, { 0x0020, 0x9252 }, { 0x0020, 0x9241 },
-        { 0x0018, 0x9074 }, { 0x0018, 0x9151 }, { 0x0018, 0x9082 }, { 0x0018, 0x9087 },
-        { 0x0018, 0x9089 }, { 0x0062, 0x000b }, { 0x0020, 0x930d }, { 0x0020, 0x9301 },
-        { 0x0020, 0x9302 }, { 0x0018, 0x9808 }, { 0x0008, 0x9007 }, { 0x0008, 0x9208 },
-        { 0x0048, 0x021e }, { 0x0048, 0x021f }, { 0x0040, 0x072a }, { 0x0040, 0x073a },
-        { 0x0040, 0x074a },
-    };
-    std::vector<dimension> found;
-    const auto items = dicom_sequence(file, 0x0020, 0x9222);
-    for (size_t i = 1; items && i <= items->GetNumberOfItems(); i++) {
-        const gdcm::DataSet &item = items->GetItem(i).GetNestedDataSet();
-        const std::vector<uint16_t> pointer = dicom_values<uint16_t>(item, 0x0020, 0x9165);
-        const std::vector<uint16_t> group = dicom_values<uint16_t>(item, 0x0020, 0x9167);
-        if (pointer.size() < 2)
-            continue;
-        const gdcm::Tag tag(pointer[0], pointer[1]);
-        if (std::find(std::begin(known), std::end(known), tag) != std::end(known))
-            continue;
-        const char *name =
-            gdcm::Global::GetInstance().GetDicts().GetPublicDict().GetDictEntry(tag).GetName();
-        const std::string label = dicom_text(item, 0x0020, 0x9421);
-        found.push_back({ i - 1, tag,
-                          group.size() < 2 ? gdcm::Tag(0, 0) : gdcm::Tag(group[0], group[1]),
-                          !label.empty()  ? label
-                          : name && *name ? name
-                                          : "dimension" });
-    }
-    return found;
-}
-
-/* The value of a dimension, if it is a number or a text, or else its index. */
-std::string value_of(const groups &in, const dimension &is, uint32_t index) {
-    const gdcm::DataSet set = in.find(is.group.GetGroup(), is.group.GetElement());
-    const gdcm::VR vr =
-        gdcm::Global::GetInstance().GetDicts().GetPublicDict().GetDictEntry(is.pointer).GetVR();
-    const uint16_t group = is.pointer.GetGroup(), element = is.pointer.GetElement();
-    double number = NAN;
-    char text[40];
-    if (vr == gdcm::VR::FD)
-        number = dicom_value<double>(set, group, element);
-    else if (vr == gdcm::VR::FL)
-        number = dicom_value<float>(set, group, element);
-    else if (vr == gdcm::VR::US)
-        number = dicom_value<uint16_t>(set, group, element);
-    else if (vr != gdcm::VR::INVALID && (vr & gdcm::VR::VRASCII)) {
-        const std::string is_text = dicom_text(set, group, element);
-        if (!is_text.empty())
-            return is_text;
-    }
-    if (std::isfinite(number))
-        snprintf(text, sizeof text, "%.6g", number);
-    else
-        snprintf(text, sizeof text, "%u", index);
-    return text;
-}
-
-void fill_dimensions(const groups &in, const std::vector<dimension> &dimensions,
-                     dicom_frame &frame) {
+void fill_dimensions(const groups &in, const std::vector<dicom_dimension> &dimensions,
+                     dicom_frame &frame, dicom_tuple *other) {
     const std::vector<uint32_t> indices =
         dicom_values<uint32_t>(in.find(0x0020, 0x9111), 0x0020, 0x9157);
-    double number = 0;
+    dicom_tuple tuple;
     std::string name;
-    for (const dimension &is : dimensions) {
+    for (const dicom_dimension &is : dimensions) {
         if (is.place >= indices.size())
             return;
-        number = number * 65536 + indices[is.place];
-        name += (name.empty() ? "" : ", ") + is.label + " " + value_of(in, is, indices[is.place]);
+        tuple.push_back(indices[is.place]);
+        name += (name.empty() ? "" : ", ") + is.label + " " +
+                dicom_dimension_value(in.find(is.group.GetGroup(), is.group.GetElement()), is,
+                                      indices[is.place]);
     }
     if (dimensions.empty())
         return;
-    frame.keys[DICOM_KEY_OTHER] = number;
+    *other = tuple;
     set_text(frame, DICOM_TEXT_OTHER, name);
 }
 
@@ -483,8 +417,7 @@ void clear(dicom_frame &frame) {
 }
 
 /* Offsets of the frames of a dose: from the first frame, or positions along z. */
-void place_dose(const gdcm::DataSet &file, uint32_t index, dicom_frame &frame) {
-    const numbers offsets = dicom_numbers(file, 0x3004, 0x000c);
+void place_dose(const numbers &offsets, uint32_t index, dicom_frame &frame) {
     if (index >= offsets.size()) {
         frame.is_assumed = frame.spacing[2] == 0;
         dicom_move(&frame, index * (frame.is_assumed ? 1 : frame.spacing[2]));
@@ -527,8 +460,22 @@ static void fill_range(const dicom_image &image, dicom_frame &frame) {
     frame.high = image.is_signed ? count / 2 - 1 : count - 1;
 }
 
+namespace {
+
+struct file_parts { /* what is read once for all frames */
+    std::vector<dicom_dimension> dimensions;
+    numbers offsets; /* GridFrameOffsetVector, of a dose */
+    dicom_nuclear nuclear;
+};
+
+struct order { /* of the frames of a file, which keys number */
+    std::vector<dicom_tuple> time, other;
+};
+
+} // namespace
+
 static void fill_frame(const groups &in, const dicom_image &image, uint32_t index,
-                       const std::vector<dimension> &dimensions, dicom_frame &frame) {
+                       const file_parts &parts, dicom_frame &frame, order &order) {
     bool of_all;
     clear(frame);
     fill_spacing(in, frame);
@@ -538,8 +485,8 @@ static void fill_frame(const groups &in, const dicom_image &image, uint32_t inde
     fill_texts(in, frame);
     fill_time(in, frame);
     fill_contrast(in, frame);
-    fill_dimensions(in, dimensions, frame);
-    frame.is_placed = fill_place(in, index, frame, of_all);
+    fill_dimensions(in, parts.dimensions, frame, &order.other[index]);
+    frame.is_placed = fill_place(in, parts.nuclear.detector(index), frame, of_all);
     const double instance = dicom_number(in.file, 0x0020, 0x0013);
     const double in_stack = dicom_value<uint32_t>(in.find(0x0020, 0x9111), 0x0020, 0x9057);
     frame.instance = std::fabs(instance) < 1e12 ? static_cast<long>(instance) : 0;
@@ -553,12 +500,13 @@ static void fill_frame(const groups &in, const dicom_image &image, uint32_t inde
         dicom_place_tile(in.file, image, index, frame);
         return;
     }
-    if (dicom_fill_nuclear(in.file, index, &frame) || (frame.is_placed && !of_all))
+    if (parts.nuclear.fill(index, &frame, &order.time[index], &order.other[index]) ||
+        (frame.is_placed && !of_all))
         return;
     if (is_film)
         set_key(frame, DICOM_KEY_PHASE, index + 1.0);
     else if (in.file.FindDataElement(gdcm::Tag(0x3004, 0x000c)))
-        place_dose(in.file, index, frame);
+        place_dose(parts.offsets, index, frame);
     else {
         frame.is_assumed = frame.spacing[2] == 0;
         dicom_move(&frame, index * (frame.is_assumed ? 1 : frame.spacing[2]));
@@ -576,17 +524,21 @@ static numbers film_intervals(const gdcm::DataSet &set, const dicom_image &image
 void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom_frame *frames,
                        uint32_t count) {
     const auto own = dicom_sequence(set, 0x5200, 0x9230);
-    const std::vector<dimension> dimensions = unknown_dimensions(set);
+    const file_parts parts = { dicom_dimensions(set), dicom_numbers(set, 0x3004, 0x000c),
+                               dicom_nuclear(set) };
+    order order = { std::vector<dicom_tuple>(count), std::vector<dicom_tuple>(count) };
     const numbers intervals = film_intervals(set, image);
     double time = 0;
     groups in = { set, gdcm::DataSet(), dicom_item(set, 0x5200, 0x9229) };
     for (uint32_t i = 0; i < count; i++) {
         in.own = own && i < own->GetNumberOfItems() ? own->GetItem(i + 1).GetNestedDataSet()
                                                     : gdcm::DataSet();
-        fill_frame(in, image, i, dimensions, frames[i]);
+        fill_frame(in, image, i, parts, frames[i], order);
         if (i >= intervals.size())
             continue;
         time += i > 0 ? intervals[i] / 1000 : 0; /* that of the first frame has no meaning */
         frames[i].keys[DICOM_KEY_DELAY] = time;
     }
+    dicom_number_tuples(order.time, DICOM_KEY_PHASE, frames);
+    dicom_number_tuples(order.other, DICOM_KEY_OTHER, frames);
 }

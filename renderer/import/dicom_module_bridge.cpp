@@ -20,27 +20,6 @@ static unsigned whole(double number, unsigned otherwise) {
     return number >= 0 && number <= 0xffffffffu ? static_cast<unsigned>(number) : otherwise;
 }
 
-/* UTF-8 is kept; anything else is taken for Latin 1, which most other files have. */
-static std::string utf8_of(const std::string &text) {
-    std::string result;
-    bool is_utf8 = true;
-    for (size_t i = 0; i < text.size() && is_utf8; i++) {
-        const unsigned char c = static_cast<unsigned char>(text[i]);
-        size_t more = c < 0x80 ? 0 : c >= 0xc2 && c < 0xe0 ? 1 : c >= 0xe0 && c < 0xf0 ? 2 : 9;
-        is_utf8 = more < 9 && i + more < text.size();
-        for (; is_utf8 && more > 0; more--)
-            is_utf8 = (static_cast<unsigned char>(text[++i]) & 0xc0) == 0x80;
-    }
-    for (const char one : text) {
-        const unsigned char c = static_cast<unsigned char>(one);
-        if (is_utf8 || c < 0x80)
-            result += one;
-        else
-            (result += static_cast<char>(0xc0 | c >> 6)) += static_cast<char>(0x80 | (c & 0x3f));
-    }
-    return result;
-}
-
 static dicom_colors colors_of(const std::string &name, unsigned channels) {
     if (name == "PALETTE COLOR")
         return DICOM_PALETTE;
@@ -48,8 +27,11 @@ static dicom_colors colors_of(const std::string &name, unsigned channels) {
         return DICOM_GRAY;
     if (name == "YBR_FULL")
         return DICOM_YBR_FULL;
-    return name.rfind("YBR_", 0) == 0 && name.find("422") != std::string::npos ? DICOM_YBR_422
-                                                                               : DICOM_RGB;
+    if (name == "YBR_FULL_422")
+        return DICOM_YBR_422;
+    const bool is_rgb = name == "RGB" || name == "YBR_RCT" || name == "YBR_ICT";
+    return is_rgb || name.empty() || name.rfind("MONOCHROME", 0) == 0 ? DICOM_RGB
+                                                                      : DICOM_OTHER_COLORS;
 }
 
 static void describe_pixels(const gdcm::DataSet &set, dicom_image *image) {
@@ -204,8 +186,7 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     const gdcm::DataSet &set = reader.GetFile().GetDataSet();
     dicom_copy(image->series, sizeof image->series, dicom_text(set, 0x0020, 0x000e));
     dicom_copy(image->modality, sizeof image->modality, dicom_text(set, 0x0008, 0x0060));
-    dicom_copy(image->description, sizeof image->description,
-               utf8_of(dicom_text(set, 0x0008, 0x103e)));
+    dicom_copy(image->description, sizeof image->description, dicom_text(set, 0x0008, 0x103e));
     dicom_copy(image->id, sizeof image->id, dicom_text(set, 0x0008, 0x0018));
     const double number = dicom_number(set, 0x0020, 0x0011);
     image->has_number = std::fabs(number) <= 0x7fffffff;

@@ -63,11 +63,11 @@ std::vector<double> csa_numbers(const std::vector<uint8_t> &bytes, const char *w
         for (int32_t i = 0; i < items && i < CSA_COUNT_MAX && in.at < bytes.size(); i++) {
             const int32_t old_length = in.number(), new_length = in.number();
             in.text(8);
-            const int32_t length = is_new ? new_length : old_length - first_items;
+            const int64_t length = is_new ? new_length : int64_t{ old_length } - first_items;
             if (length < 0 || static_cast<size_t>(length) > bytes.size())
                 return {};
             const std::string value = in.text(static_cast<size_t>(length));
-            in.at += (4 - length % 4) % 4;
+            in.at += static_cast<size_t>((4 - length % 4) % 4);
             if (!value.empty())
                 numbers.push_back(strtod(value.c_str(), nullptr));
         }

@@ -26,11 +26,27 @@ bool dicom_samples_type(const struct dicom_source *source, const struct dicom_im
     snprintf(text, sizeof text,
              "%u bits of %u bytes are not supported: pixels have 1, 8, 16, 32 or 64 bits",
              image->bits, bytes);
-    if (!is_number || image->bits < 1 || image->bits > 8 * bytes || image->high_bit >= 8 * bytes)
+    if (!is_number || image->bits < 1 || image->bits > 8 * bytes)
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, name, text, err);
+    snprintf(text, sizeof text, "HighBit is %u; it must be less than BitsAllocated (%u)",
+             image->high_bit, 8 * bytes);
+    if (image->high_bit >= 8 * bytes)
         return dicom_fail(source, SP_ERR_UNSUPPORTED, name, text, err);
     snprintf(text, sizeof text, "%u channels are not supported: colours have 3 or 4",
              image->channels);
     if (image->channels < 1 || image->channels > 4 || (image->channels > 1) != is_color(image))
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, name, text, err);
+    if (image->colors == DICOM_OTHER_COLORS)
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, name,
+                          "these colours (PhotometricInterpretation) are not supported; supported "
+                          "are RGB, YBR_FULL, YBR_FULL_422, YBR_RCT, YBR_ICT and PALETTE COLOR; "
+                          "convert the file to RGB",
+                          err);
+    snprintf(text, sizeof text,
+             "YBR_FULL_422 with %" PRIu32 " columns is not supported: two pixels of a row share "
+             "their colour, so the number of columns must be even; convert the file to RGB",
+             image->columns);
+    if (image->colors == DICOM_YBR_422 && !image->is_packed && image->columns % 2 != 0)
         return dicom_fail(source, SP_ERR_UNSUPPORTED, name, text, err);
     const bool is_ybr = image->colors == DICOM_YBR_FULL || image->colors == DICOM_YBR_422;
     if ((is_ybr || image->colors == DICOM_PALETTE) &&

@@ -12,9 +12,11 @@
 #include "import/numbered.h"
 
 /* Of sub-folders. A study on a disc has patient, study, series and image below each other. */
-enum { DEPTH_MAX = 8, FOLDERS_MAX = 1 << 12 };
+enum { DEPTH_MAX = 8 };
 /* Files that are no images, of one folder, whose names are compared with those of images. */
 enum { DOUBTS_MAX = 1 << 10 };
+
+#define NONE UINT32_MAX /* in place of a stack */
 
 #define SAME_SPACING 1e-3 /* share of the spacing */
 
@@ -69,26 +71,77 @@ static void count_image(struct dicom_stack *stack, const struct dicom_found *fou
     stack->samples += (uint64_t)image->columns * image->rows * image->frames;
 }
 
-/* Puts each image into its stack. Most follow one of the same stack. */
-static bool make_stacks(struct dicom_scan *scan) {
-    uint32_t last = 0;
-    scan->stacks = calloc(scan->count ? scan->count : 1, sizeof *scan->stacks);
-    for (uint32_t i = 0; scan->stacks && i < scan->count; i++) {
+static int by_series(const void *a, const void *b, void *images) {
+    const struct dicom_found *found = images;
+    return strcmp(found[*(const uint32_t *)a].image.series,
+                  found[*(const uint32_t *)b].image.series);
+}
+
+/* `order` is memory for the indices of all images. */
+static void number_series(struct dicom_scan *scan, uint32_t *order) {
+    uint32_t series = 0;
+    for (uint32_t i = 0; i < scan->count; i++)
+        order[i] = i;
+    qsort_r(order, scan->count, sizeof *order, by_series, scan->images);
+    for (uint32_t i = 0; i < scan->count; i++) {
+        struct dicom_found *found = &scan->images[order[i]];
+        series += i > 0 && !dicom_is_same_series(&scan->images[order[i - 1]].image, &found->image);
+        found->series = series;
+    }
+}
+
+/* The stack of an image among those of its series, the newest first; NONE = it begins one. */
+static uint32_t find_stack(const struct dicom_scan *scan, const struct dicom_image *image,
+                           uint32_t newest) {
+    for (uint32_t n = newest; n != NONE; n = scan->stacks[n].next)
+        if (belongs(dicom_scan_image(scan, n), image))
+            return n;
+    return NONE;
+}
+
+/* Puts each image into its stack. `newest`: of each series. */
+static void fill_stacks(struct dicom_scan *scan, uint32_t *newest) {
+    for (uint32_t i = 0; i < scan->count; i++)
+        newest[i] = NONE;
+    for (uint32_t i = 0; i < scan->count; i++) {
         struct dicom_found *found = &scan->images[i];
-        uint32_t n = last;
         if (found->is_copy)
             continue;
-        if (scan->stack_count == 0 ||
-            !belongs(&scan->images[scan->stacks[n].first].image, &found->image))
-            for (n = 0; n < scan->stack_count; n++)
-                if (belongs(&scan->images[scan->stacks[n].first].image, &found->image))
-                    break;
-        if (n == scan->stack_count)
-            scan->stacks[scan->stack_count++].first = i;
-        found->stack = last = n;
+        uint32_t n = find_stack(scan, &found->image, newest[found->series]);
+        if (n == NONE) {
+            n = scan->stack_count++;
+            scan->stacks[n] = (struct dicom_stack){ .first = i, .next = newest[found->series] };
+            newest[found->series] = n;
+        }
+        found->stack = n;
         count_image(&scan->stacks[n], found);
     }
-    return scan->stacks != NULL;
+}
+
+/* `main`: memory for the largest stack of each series. */
+static void mark_main(struct dicom_scan *scan, uint32_t *main) {
+    for (uint32_t i = 0; i < scan->count; i++)
+        main[i] = NONE;
+    for (uint32_t n = 0; n < scan->stack_count; n++) {
+        uint32_t *largest = &main[scan->images[scan->stacks[n].first].series];
+        *largest = *largest == NONE ? n : dicom_scan_larger(scan, *largest, n);
+    }
+    for (uint32_t i = 0; i < scan->count; i++)
+        if (main[i] != NONE)
+            scan->stacks[main[i]].is_main = true;
+}
+
+static bool make_stacks(struct dicom_scan *scan) {
+    uint32_t *numbers = malloc((scan->count ? scan->count : 1) * sizeof *numbers);
+    scan->stacks = calloc(scan->count ? scan->count : 1, sizeof *scan->stacks);
+    const bool ok = numbers && scan->stacks;
+    if (ok) {
+        number_series(scan, numbers);
+        fill_stacks(scan, numbers);
+        mark_main(scan, numbers);
+    }
+    free(numbers);
+    return ok;
 }
 
 uint32_t dicom_scan_larger(const struct dicom_scan *scan, uint32_t a, uint32_t b) {
@@ -351,17 +404,17 @@ static unsigned depth_of(const char *path) {
 static bool read_below(const struct dicom_source *source, struct dicom_scan *scan) {
     struct import_names folders = { .count = 0 };
     char path[2 * PATH_MAX];
-    bool ok = import_names_add(&folders, source->file->folder, "", true, FOLDERS_MAX);
+    bool ok = import_names_add(&folders, source->file->folder, "", true, DICOM_FOLDERS_MAX);
     import_names_sort(&folders, 0);
     for (uint32_t i = 0; ok && i < folders.count; i++) {
         const uint32_t first = folders.count;
         snprintf(path, sizeof path, "%s/%s", source->file->folder, folders.names[i]);
         ok = read_folder(source, folders.names[i], scan);
         if (ok && depth_of(folders.names[i]) + 1 < DEPTH_MAX)
-            ok = import_names_add(&folders, path, folders.names[i], true, FOLDERS_MAX);
+            ok = import_names_add(&folders, path, folders.names[i], true, DICOM_FOLDERS_MAX);
         import_names_sort(&folders, first);
     }
-    scan->is_bounded |= folders.count == FOLDERS_MAX;
+    scan->is_bounded |= folders.count == DICOM_FOLDERS_MAX;
     import_names_finish(&folders);
     return ok;
 }

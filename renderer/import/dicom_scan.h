@@ -14,11 +14,14 @@
 #include "import/dicom_file.h"
 #include "import/folder.h"
 
+enum { DICOM_FOLDERS_MAX = 1 << 12 }; /* sub-folders that are read */
+
 struct dicom_found {
     char *name; /* owned; relative to the folder of the source; "" = the file that was opened, if
                    the folder has it under no name */
     uint32_t stack;
-    bool is_copy; /* of the image copy_of */
+    uint32_t series; /* its number: images of one series have the same */
+    bool is_copy;    /* of the image copy_of */
     uint32_t copy_of;
     uint64_t bytes; /* of the file */
     struct dicom_image image;
@@ -26,7 +29,9 @@ struct dicom_found {
 
 struct dicom_stack {
     uint32_t first;  /* of its images */
+    uint32_t next;   /* the one of the same series before it; UINT32_MAX = none */
     uint32_t frames; /* of all its files */
+    bool is_main;    /* the largest stack of its series */
     uint64_t samples, bytes;
 };
 

@@ -13,7 +13,7 @@
 #define SAME_SHARE 0.01
 #define SAME_PLACE 1e-4
 
-bool dicom_slices_add(struct dicom_slices *slices, const char *name, uint32_t frame,
+bool dicom_slices_add(struct dicom_slices *slices, const char *name, uint32_t frame, bool is_frame,
                       const struct dicom_frame *is) {
     if (slices->count == slices->capacity) {
         const uint32_t wanted = slices->capacity ? 2 * slices->capacity : 256;
@@ -24,7 +24,9 @@ bool dicom_slices_add(struct dicom_slices *slices, const char *name, uint32_t fr
         slices->capacity = wanted;
     }
     struct dicom_slice *s = &slices->items[slices->count];
-    *s = (struct dicom_slice){ .name = strdup(name), .frame = frame, .is = *is };
+    *s = (struct dicom_slice){
+        .name = strdup(name), .frame = frame, .is_frame = is_frame, .is = *is
+    };
     slices->count += s->name != NULL;
     return s->name != NULL;
 }
@@ -215,7 +217,7 @@ bool dicom_slices_sort(struct dicom_slices *slices) {
 }
 
 void dicom_slice_name(const struct dicom_slice *slice, char out[80]) {
-    if (*slice->name && slice->is.instance > DICOM_FRAMES_MAX)
+    if (*slice->name && slice->is_frame)
         snprintf(out, 80, "frame %u of %.50s", slice->frame + 1, slice->name);
     else if (*slice->name)
         snprintf(out, 80, "%.60s", slice->name);

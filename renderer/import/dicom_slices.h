@@ -19,6 +19,7 @@
 struct dicom_slice {
     char *name;            /* owned; of the file in the folder; "" = the file that was opened */
     uint32_t frame;        /* of that file, from 0 */
+    bool is_frame;         /* the file has several */
     struct dicom_frame is; /* what the file says about it */
     double place;          /* along the normal of the slices [mm]; not placed: its slot */
     uint32_t plane;        /* number of its place, from 0 */
@@ -41,8 +42,8 @@ struct dicom_slices {
     double *times;     /* owned; of the steps, for import_header */
 };
 
-/* Adds a slice. False if there is no memory. */
-bool dicom_slices_add(struct dicom_slices *slices, const char *name, uint32_t frame,
+/* Adds a slice: the only image of a file, or one of its frames. False if there is no memory. */
+bool dicom_slices_add(struct dicom_slices *slices, const char *name, uint32_t frame, bool is_frame,
                       const struct dicom_frame *is);
 
 void dicom_slices_finish(struct dicom_slices *slices);

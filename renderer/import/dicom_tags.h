@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <cstring>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -50,7 +51,8 @@ gdcm::SmartPointer<gdcm::SequenceOfItems> dicom_sequence(const gdcm::DataSet &se
 gdcm::DataSet dicom_item(const gdcm::DataSet &set, uint16_t group, uint16_t element,
                          size_t number = 1);
 
-/* Copies a text and cuts it where it is too long, not inside of a UTF-8 character. */
+/* Copies a text and cuts it where it is too long, not inside of a UTF-8 character. A text that is
+ * not UTF-8 is taken for Latin 1, which most other files have. */
 void dicom_copy(char *out, size_t capacity, const std::string &text);
 
 /* What a file without functional groups does not give of its place. */
@@ -64,11 +66,56 @@ dicom_gap dicom_gap_of(const gdcm::DataSet &set);
 /* Moves the position of a frame along the normal of its pixels [mm]. */
 void dicom_move(dicom_frame *frame, double distance);
 
-/* Of nuclear medicine: the item of the detector of a frame, from 0; empty if there is none. */
-gdcm::DataSet dicom_detector(const gdcm::DataSet &set, uint32_t index);
+/* Numbers that together order frames; empty = the file does not say. */
+using dicom_tuple = std::vector<uint32_t>;
 
-/* Of nuclear medicine: what vectors with a number for each frame say. False if there are none. */
-bool dicom_fill_nuclear(const gdcm::DataSet &set, uint32_t index, dicom_frame *frame);
+/* Sets a key of frames to numbers that have the order of their tuples. Short tuples of small
+ * numbers have the same number in all files. */
+void dicom_number_tuples(const std::vector<dicom_tuple> &tuples, dicom_key key,
+                         dicom_frame *frames);
+
+struct dicom_dimension { /* of DimensionIndexValues, which the keys do not know */
+    size_t place;
+    gdcm::Tag pointer, group;
+    std::string label;
+};
+
+/* Dimensions by which frames are listed and that no key has. */
+std::vector<dicom_dimension> dicom_dimensions(const gdcm::DataSet &file);
+
+/* The value of a dimension, if it is a number or a text, or else its index. `set`: the functional
+ * group of the frame. */
+std::string dicom_dimension_value(const gdcm::DataSet &set, const dicom_dimension &is,
+                                  uint32_t index);
+
+/* Of nuclear medicine: what vectors with a number for each frame say. All of it is read once. */
+class dicom_nuclear {
+  public:
+    explicit dicom_nuclear(const gdcm::DataSet &set);
+
+    /* The item of the detector of a frame, from 0; empty if there is none. */
+    const gdcm::DataSet &detector(uint32_t index) const;
+
+    /* Fills a frame, its place in time, and what else tells it from others. False if there is no
+     * such vector. */
+    bool fill(uint32_t index, dicom_frame *frame, dicom_tuple *time, dicom_tuple *other) const;
+
+  private:
+    struct phase {
+        double start, duration; /* since the first frame; of one frame [s] */
+    };
+    void read_phases(const gdcm::DataSet &set);
+    void read_slots(const gdcm::DataSet &set);
+    unsigned number(uint16_t vector, uint32_t index) const;
+    double time_of(uint32_t index) const;
+
+    std::map<uint16_t, std::vector<uint16_t>> vectors; /* by the elements of group 0054 */
+    std::vector<phase> phases;
+    std::vector<double> slot_ends; /* since the heartbeat [s] */
+    double slot_time;              /* of each slot [s]; NaN = not known */
+    std::vector<std::string> window_names;
+    gdcm::SmartPointer<gdcm::SequenceOfItems> detectors;
+};
 
 /* Fills frames [0, count) from the data set of a file; image->frames says how many it has. */
 void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom_frame *frames,

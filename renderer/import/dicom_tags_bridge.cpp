@@ -53,7 +53,37 @@ gdcm::DataSet dicom_item(const gdcm::DataSet &set, uint16_t group, uint16_t elem
     return items->GetItem(number).GetNestedDataSet();
 }
 
-void dicom_copy(char *out, size_t capacity, const std::string &text) {
+static bool is_utf8(const std::string &text) {
+    for (size_t i = 0; i < text.size(); i++) {
+        const unsigned char c = static_cast<unsigned char>(text[i]);
+        const size_t more = c < 0x80                ? 0
+                            : c >= 0xc2 && c < 0xe0 ? 1
+                            : c >= 0xe0 && c < 0xf0 ? 2
+                            : c >= 0xf0 && c < 0xf5 ? 3
+                                                    : text.size();
+        if (more >= text.size() - i)
+            return false;
+        for (size_t end = i + more; i < end;)
+            if ((static_cast<unsigned char>(text[++i]) & 0xc0) != 0x80)
+                return false;
+    }
+    return true;
+}
+
+static std::string utf8_of_latin(const std::string &text) {
+    std::string result;
+    for (const char one : text) {
+        const unsigned char c = static_cast<unsigned char>(one);
+        if (c < 0x80)
+            result += one;
+        else
+            (result += static_cast<char>(0xc0 | c >> 6)) += static_cast<char>(0x80 | (c & 0x3f));
+    }
+    return result;
+}
+
+void dicom_copy(char *out, size_t capacity, const std::string &any) {
+    const std::string text = is_utf8(any) ? any : utf8_of_latin(any);
     size_t size = text.size();
     if (size >= capacity)
         for (size = capacity - 1; size > 0 && (static_cast<uint8_t>(text[size]) & 0xc0) == 0x80;)

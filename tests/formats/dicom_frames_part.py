@@ -4,6 +4,8 @@
 The module dicom_files writes the files; what is expected follows from the position, direction and slope of each frame.
 """
 import numpy
+from pydicom import dcmread
+from pydicom.sequence import Sequence
 
 import dicom_files as files
 from dicom_files import Frame, item
@@ -156,6 +158,10 @@ def check_nuclear(tool):
     dynamic = [Frame(stack[0].values + 1000 * t, **stack[0].place()) for t in range(4)]
     path = files.nuclear(tool.path('dynamic.dcm'), dynamic, PhaseVector=[1, 1, 2, 2], TimeSliceVector=[1, 2, 1, 2], phases_ms=(1000, 5000))
     check_world(tool, path, dynamic[3:], step=3, steps=4, times=[0.0, 1.0, 2.0, 7.0], time_unit='s')
+    # Numbers of vectors have 16 bits: they tell times apart whatever their size.
+    large = files.nuclear(tool.path('large.dcm'), dynamic, RotationVector=[2, 1, 2, 1], AngularViewVector=[1, 4097, 4097, 1])
+    for step, frame in enumerate((3, 1, 0, 2)):
+        check_world(tool, large, dynamic[frame:frame + 1], step=step, steps=4)
     turns = files.nuclear(tool.path('turns.dcm'), dynamic, RotationVector=[1, 1, 1, 1], AngularViewVector=[4, 3, 2, 1])
     check_world(tool, turns, dynamic[2:3], step=1, steps=4)
 
@@ -276,6 +282,50 @@ def check_colors(tool):
                         warned='rounded to 8 bits')
 
 
+    # Pairs of pixels do not cross rows, and other colours are not taken for known ones.
+    path = files.halved(tool.path('odd.dcm'), halved)
+    tool.refused(files.changed(path, Columns=7), 'YBR_FULL_422 with 7 columns', 'must be even')
+    for name in ('YBR_PARTIAL_422', 'HSV'):
+        tool.refused(files.colored(tool.path('other.dcm'), colors, name, 0), 'PhotometricInterpretation', 'supported are RGB')
+
+
+def check_region(tool):
+    """An ultrasound region without a scale of both axes says nothing about the pixels."""
+    stack = files.stack(2)
+    for x, y, spacing, unit in ((0.02, 0.05, [0.2, 0.5, 1], 'mm'), (0.02, None, [1, 1.5, 1], ''), (0.0, 0.05, [1, 1.5, 1], '')):
+        region = item(PhysicalUnitsXDirection=3, PhysicalUnitsYDirection=3, PhysicalDeltaX=x)
+        if y is not None:
+            region.PhysicalDeltaY = y
+        path = files.capture(tool.path('us.dcm'), stack, Modality='US', SequenceOfUltrasoundRegions=[region], PixelAspectRatio=[3, 2])
+        tool.equal(path, stack[0].values[None], spacing=spacing, unit=unit)
+
+
+def check_names(tool):
+    """Texts in Latin 1 become UTF-8, so that a field with such a name can be chosen; longer UTF-8 characters stay."""
+    for charset, name in (('ISO_IR 100', 'Größe der Läsion'), ('ISO_IR 192', 'Läsion 𝛼')):
+        frames = [(n, Frame(numpy.full((4, 4), n, 'u1') - 1)) for n in (1, 2)]
+        path = files.segmentation(tool.path('names.dcm'), frames, {1: 'other', 2: 'XX'})
+        data = dcmread(path)
+        data.SpecificCharacterSet = charset
+        data.SegmentSequence[1].SegmentLabel = name
+        data.save_as(path)
+        tool.equal(f'{path}?field={name}', numpy.ones((1, 4, 4)), name=name)
+
+
+def check_dimensions(tool):
+    """Four unknown dimensions, whose indices are more than one number can hold exactly."""
+    frames = files.stack(1) * 3
+    frames = [Frame(frames[0].values + 100 * n, **frames[0].place()) for n in range(3)]
+    pointers = [item(DimensionIndexPointer=tag) for tag in (0x00181314, 0x00180081, 0x00180091, 0x00180084)]
+    for frame, index in zip(frames, ((65535, 65535, 65535, 2), (65535, 65535, 65535, 1), (65535, 65535, 65535, 3))):
+        frame.groups = {'FrameContentSequence': item(DimensionIndexValues=list(index))}
+    path = files.changed(files.enhanced(tool.path('dimensions.dcm'), frames, modality='MR'), DimensionIndexSequence=Sequence(pointers))
+    info, samples = tool.dump(path)
+    tool.checks += 1
+    if info and (info['steps'] != 1 or not numpy.array_equal(samples[0], frames[1].values) or 'other1' not in info):
+        tool.fail(path, f'expected three fields, of which frame 2 is the first: {info}')
+
+
 def check_refused(tool):
     stack = files.stack(4)
     path = files.enhanced(tool.path('cut.dcm'), stack)
@@ -297,5 +347,5 @@ def check_refused(tool):
 
 def check(tool):
     for part in (check_places, check_times, check_contrasts, check_nuclear, check_plain, check_segments, check_maps, check_types, check_colors,
-                 check_refused):
+                 check_region, check_names, check_dimensions, check_refused):
         part(tool)

@@ -81,7 +81,7 @@ static bool describe(const char *path, struct dicom_image *image, char *why, siz
     image->modality[sizeof image->modality - 1] = 0;
     image->description[sizeof image->description - 1] = 0;
     image->note[sizeof image->note - 1] = 0;
-    image->colors = (enum dicom_colors)((unsigned)image->colors % (DICOM_PALETTE + 1));
+    image->colors = (enum dicom_colors)((unsigned)image->colors % (DICOM_OTHER_COLORS + 1));
     image->order = (enum dicom_order)((unsigned)image->order % (DICOM_ORDER_TIMES + 1));
     for (size_t i = 0; i < sizeof flags / sizeof *flags; i++)
         mend(flags[i]);

@@ -25,7 +25,7 @@ static void add(struct dicom_slices *slices, const char *name, long instance, do
     for (int key = 0; key < DICOM_KEY_COUNT; key++)
         frame.keys[key] = NAN;
     frame.keys[DICOM_KEY_PHASE] = phase;
-    assert_true(dicom_slices_add(slices, name, 0, &frame));
+    assert_true(dicom_slices_add(slices, name, 0, false, &frame));
 }
 
 static void complete(struct dicom_slices *slices) {
@@ -69,9 +69,24 @@ static void a_time_that_lacks_slices_leaves_the_gaps(void **state) {
     dicom_slices_finish(&slices);
 }
 
+/* The number in the series does not tell whether a file has frames. */
+static void only_frames_are_called_frames(void **state) {
+    struct dicom_slices slices = { .count = 0 };
+    char name[80];
+    (void)state;
+    add(&slices, "a.dcm", DICOM_FRAMES_MAX + 1, 0, NAN);
+    dicom_slice_name(&slices.items[0], name);
+    assert_string_equal(name, "a.dcm");
+    assert_true(dicom_slices_add(&slices, "b.dcm", 2, true, &slices.items[0].is));
+    dicom_slice_name(&slices.items[1], name);
+    assert_string_equal(name, "frame 3 of b.dcm");
+    dicom_slices_finish(&slices);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planes_without_slices_are_no_times),
+        cmocka_unit_test(only_frames_are_called_frames),
         cmocka_unit_test(a_time_that_lacks_slices_leaves_the_gaps),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
