@@ -12,8 +12,10 @@
  *
  * Each stream also has a limit of its own, which allows one message of the maximal size at once.
  *
- * The unit is bytes. Each WebSocket frame counts SRV_INGRESS_FRAME_BYTES more, because a small
- * message costs the thread about as much as that many bytes of a large one. One thread at a time.
+ * The unit is bytes that the thread reads. Each WebSocket frame counts SRV_INGRESS_FRAME_BYTES
+ * more, because a small message costs the thread about as much as that many bytes of a large one. A
+ * byte of an answer counts SRV_INGRESS_ANSWER bytes: the thread makes it from numbers and sends it.
+ * One thread at a time.
  */
 #ifndef SRV_HTTP_INGRESS_QUOTA_H
 #define SRV_HTTP_INGRESS_QUOTA_H
@@ -24,6 +26,7 @@
 
 enum {
     SRV_INGRESS_FRAME_BYTES = 512,
+    SRV_INGRESS_ANSWER = 4,
     SRV_INGRESS_TICK_BYTES = 512 * 1024,  /* of all streams together, per tick */
     SRV_INGRESS_STREAM_BYTES = 32 * 1024, /* of one stream, per tick on average */
 };

@@ -197,6 +197,7 @@ static void on_message(wslay_event_context_ptr context,
         srv_ws_close(ws, WSLAY_CODE_INTERNAL_SERVER_ERROR, "out of memory", ws->now_ms);
         return;
     }
+    srv_ingress_take(&ws->ingress, SRV_INGRESS_ANSWER * size);
     struct wslay_event_msg out = { .opcode = WSLAY_TEXT_FRAME,
                                    .msg = (const uint8_t *)answer,
                                    .msg_length = size };

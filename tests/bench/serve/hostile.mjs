@@ -13,6 +13,8 @@ import { Client, Daemon, pause } from './peers.mjs';
 
 const HASTE_MS = 20; // between two changes during a drag
 const MANY_STREAMS = 24; // streams per client
+const ASKING_STREAMS = 16;
+const MANY_MEASURES = 100; // the most that a session has
 const SLOW = { size: [4096, 4096], format: 'png', quality: 100, max_fps: 60 };
 const clients = [];
 let served = 0;
@@ -27,6 +29,20 @@ async function join(daemon, { px = 512, volume = 0, ...options } = {}) {
 function again(times, act) {
   const count = () => { served++; };
   for (let i = 0; i < times; i++) (async () => { for (;;) await act().then(count, () => pause(10)); })();
+}
+
+/** Asks on many streams of one session, which only watch, for the answer to `method`: each the next time when it has come. */
+async function askOnStreams(daemon, session, method) {
+  for (let i = 0; i < ASKING_STREAMS; i++) clients.push(await Client.open(daemon, session, { role: 'view' }));
+  for (const { socket } of clients) {
+    const ask = () => socket.send(JSON.stringify({ jsonrpc: '2.0', id: 1, method }));
+    socket.on('message', (data, isBinary) => {
+      if (isBinary || !String(data).includes('"id":1')) return;
+      served++;
+      ask();
+    });
+    ask();
+  }
 }
 
 /** Resolves to the first message of a TLS client. */
@@ -64,6 +80,13 @@ export const plain = {
       for (const { socket } of clients) while (socket.bufferedAmount < 2e5) socket.send(text);
     }, HASTE_MS);
   },
+  [`asking for ${MANY_MEASURES} measurements, on ${ASKING_STREAMS} streams`]: async (daemon) => {
+    const session = await daemon.session(512);
+    const measure = (i) => ({ kind: 'distance', points: [[0, 0, 0], [1, i, 0]], text: `measurement ${i}` });
+    for (let i = 0; i < MANY_MEASURES; i++) await daemon.ask('PUT', `sessions/${session.id}/measures/m${i}`, measure(i));
+    await askOnStreams(daemon, session, 'measure.list');
+  },
+  [`asking for the view, on ${ASKING_STREAMS} streams`]: async (daemon) => askOnStreams(daemon, await daemon.session(512), 'view.get'),
   'flooding with requests': async (daemon) => again(4, () => daemon.ask('GET', 'volumes')),
   'flooding with pictures': async (daemon) => again(4, () => daemon.ask('POST', 'render', daemon.views[0])),
   'turning a large volume': async (daemon) => (await join(daemon, { volume: 1 })).drive(HASTE_MS),

@@ -51,6 +51,29 @@ static void a_flood_is_read_in_pieces_and_nothing_is_lost(void **state) {
     assert_compare(ticks, >, 10);
 }
 
+/* An answer costs more than its request: a client that asks for the view again and again is read at
+ * the rate at which it may be answered. */
+static void answers_count_towards_the_ingress_quota(void **state) {
+    struct stream *s = *state;
+    static const char request[] = "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.get\"}";
+    enum { REQUESTS = 3000, TICKS = 20 };
+    for (int i = 0; i < REQUESTS; i++)
+        send_text(&s->wire, request, sizeof request - 1);
+    size_t sent = 0;
+    for (int tick = 0; tick < TICKS; tick++) {
+        s->wire.out_size = 0;
+        stream_run(s, 100.0 * tick);
+        sent += s->wire.out_size;
+        assert_true(srv_ws_is_paused(s->ws));
+        stream_tick(s, 100.0 * tick + 99);
+    }
+    /* At first it has saved up the quota of one long message. */
+    assert_compare(SRV_INGRESS_ANSWER * sent, >, TICKS * SRV_INGRESS_STREAM_BYTES / 2);
+    assert_compare(SRV_INGRESS_ANSWER * sent, <,
+                   CAPACITY + TICKS * SRV_INGRESS_STREAM_BYTES + SRV_INGRESS_TICK_BYTES);
+    assert_compare(s->wire.in_at, <, s->wire.in_size);
+}
+
 /* A request of `size` bytes, most of them blanks. */
 static void send_long(struct wire *wire, size_t size) {
     char *text = malloc(size);
@@ -286,6 +309,7 @@ static void out_of_memory(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
+        WITH_STREAM(answers_count_towards_the_ingress_quota),
         WITH_STREAM(a_flood_is_read_in_pieces_and_nothing_is_lost),
         WITH_STREAM(one_read_takes_a_few_kib),
         WITH_STREAM(a_long_message_is_read_at_once),
