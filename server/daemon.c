@@ -51,6 +51,7 @@ struct srv_daemon {
     struct srv_timer_task tick;
     struct srv_work_queue *disk;
     struct srv_work_queue *measuring; /* parts of volumes */
+    struct srv_work_queue *picking;   /* what a picture shows at a point */
     struct srv_work_queue *listing;   /* series of folders */
     struct srv_work_queue *searching; /* the data folder */
     struct srv_uploads *uploads;      /* NULL = --upload-bytes is 0 */
@@ -307,6 +308,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .ended = on_ended,
         .recall = c->state ? on_recall : NULL,
         .measuring = d->measuring,
+        .picking = d->picking,
     };
     const struct srv_schedule_options schedule = { .user = d,
                                                    .wake = on_work,
@@ -462,6 +464,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     };
     if ((d->disk = srv_work_queue_create(NULL, err)) &&
         (d->measuring = srv_work_queue_create("the measuring thread", err)) &&
+        (d->picking = srv_work_queue_create(NULL, err)) &&
         (d->listing = srv_work_queue_create("the listing thread", err)) &&
         (d->searching = srv_work_queue_create("the search thread", err)) &&
         (d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
@@ -525,6 +528,8 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_http_drain(http, (double)d->config->drain_time_ms);
     if (d->measuring)
         srv_work_queue_stop(d->measuring);
+    if (d->picking)
+        srv_work_queue_stop(d->picking);
     if (d->listing)
         srv_work_queue_stop(d->listing);
     if (d->searching)
@@ -558,6 +563,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_store_destroy(&d->store);
     srv_work_queue_destroy(&d->disk);
     srv_work_queue_destroy(&d->measuring);
+    srv_work_queue_destroy(&d->picking);
     srv_work_queue_destroy(&d->listing);
     srv_work_queue_destroy(&d->searching);
     srv_uploads_destroy(&d->uploads);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * A thread that does work which takes time, one piece after the other, so that the HTTP threads and
- * the stream thread never do. The daemon has four: one for work that waits for a disk
+ * the stream thread never do. The daemon has five: one for work that waits for a disk
  * (writing uploads, removing files, listing folders), one that measures parts of volumes, one that
- * waits for the importer to list series, one that searches the data folder.
+ * picks, one that waits for the importer to list series, one that searches the data folder.
  */
 #ifndef SRV_COMMON_WORK_QUEUE_H
 #define SRV_COMMON_WORK_QUEUE_H

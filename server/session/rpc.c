@@ -109,85 +109,6 @@ static bool stream_key(struct srv_call *call) {
     return true;
 }
 
-/* A pick takes up to some milliseconds of the stream thread. So this is the limit per second and
- * participant; as many may come at once. */
-#define PICKS_PER_SECOND 20
-/* Elements that are tested for picks count, too, which take some nanoseconds each. */
-#define PICKED_ELEMENTS_PER_SECOND 25e6
-
-/* Reads the size of the image that the point belongs to. The size of the stream may be that of a
- * window before it changed. */
-static bool read_image_size(struct srv_call *call, uint32_t size[2]) {
-    const proto_json *value = proto_json_get(call->params, "size");
-    int64_t side;
-    srv_hub_size(call->participant->session, call->participant, size);
-    for (size_t i = 0; value && i < 2; i++) {
-        if (proto_json_size(value) != 2 || !proto_json_integer(proto_json_at(value, i), &side) ||
-            side < 1 || side > SP_SIZE_MAX)
-            return srv_call_refuse(call, PROTO_RPC_PARAMS, "/size",
-                                   "must be [width, height], each in [1, 8192] px");
-        size[i] = (uint32_t)side;
-    }
-    return true;
-}
-
-static bool read_point(struct srv_call *call, const uint32_t size[2], double at[2]) {
-    const proto_json *point = proto_json_get(call->params, "at");
-    for (size_t i = 0; i < 2; i++)
-        if (proto_json_size(point) != 2 || !proto_json_number(proto_json_at(point, i), &at[i]) ||
-            at[i] < 0 || at[i] > size[i])
-            return srv_call_refuse(call, PROTO_RPC_PARAMS, "/at",
-                                   "must be [x, y] in px, inside the image");
-    return true;
-}
-
-static proto_json *encode_pick(const struct sp_pick *pick) {
-    proto_json *json = proto_json_object(), *position = pick->is_hit ? proto_json_array() : NULL;
-    bool ok = true;
-    for (int i = 0; pick->is_hit && i < 3; i++)
-        ok = proto_json_append_number(position, pick->position[i]) && ok;
-    ok = (pick->is_hit ? proto_json_set(json, "position", position)
-                       : proto_json_set_null(json, "position")) &&
-         ok;
-    ok = (pick->is_hit && !isnan(pick->value) ? proto_json_set_number(json, "value", pick->value)
-                                              : proto_json_set_null(json, "value")) &&
-         ok;
-    ok = proto_json_set_number(json, "opacity", pick->opacity) && ok;
-    if (!ok)
-        proto_json_free(&json);
-    return json;
-}
-
-static bool pick_at(struct srv_call *call) {
-    static const char *const known[] = { "at", "size", NULL };
-    struct srv_participant *p = call->participant;
-    const struct srv_volume_source *source = &call->hub->options.volumes;
-    uint32_t size[2];
-    double at[2];
-    if (!srv_call_knows(call, known) || !read_image_size(call, size) || !read_point(call, size, at))
-        return false;
-    double next_ms = fmax(p->picked_ms, call->now_ms - 1000) + 1000.0 / PICKS_PER_SECOND;
-    if (next_ms > call->now_ms)
-        return srv_call_refuse(call, PROTO_RPC_LIMIT, NULL,
-                               "at most 20 picks and 25 million elements per second");
-    p->picked_ms = next_ms;
-    struct sp_view view = p->session->shared.view;
-    void *volume = source->ref(source->user, p->session->shared.shown);
-    struct sp_pick pick;
-    /* Without the mutex, so that others need not wait. The session may end meanwhile; the
-     * participant cannot, because this thread joined it. */
-    pthread_mutex_unlock(&call->hub->mutex);
-    struct sp_error err;
-    const bool ok = source->pick(source->user, volume, &view, size, at, &pick, &err);
-    pthread_mutex_lock(&call->hub->mutex);
-    source->release(source->user, volume);
-    p->picked_ms += 1000 * (double)pick.elements / PICKED_ELEMENTS_PER_SECOND;
-    if (!ok)
-        return srv_call_refuse(call, PROTO_RPC_INTERNAL, NULL, err.text);
-    call->result = encode_pick(&pick);
-    return true;
-}
-
 static bool ping(struct srv_call *call) {
     call->result = proto_json_object();
     return true;
@@ -206,7 +127,7 @@ static const struct {
     { "session.release_control", srv_call_release_control },
     { "session.grant_control", srv_call_grant_control },
     { "session.refuse_control", srv_call_refuse_control },
-    { "pick", pick_at },
+    { "pick", srv_call_pick },
     { "measure.put", srv_call_measure_put },
     { "measure.remove", srv_call_measure_remove },
     { "measure.list", srv_call_measure_list },
@@ -225,7 +146,7 @@ static bool dispatch(struct srv_call *call, const char *method) {
                       : srv_call_refuse(call, PROTO_RPC_NOT_FOUND, NULL, "the session was deleted");
         pthread_mutex_unlock(&call->hub->mutex);
         if (call->later)
-            srv_work_queue_add(call->hub->options.measuring, call->later);
+            srv_work_queue_add(call->later->queue, &call->later->work);
         return ok;
     }
     call->code = PROTO_RPC_METHOD;

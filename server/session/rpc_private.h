@@ -8,6 +8,22 @@
 #include "common/work_queue.h"
 #include "session/session.h"
 
+/* A call that takes time: a queue computes its answer, and the stream gets it among its
+ * notifications. The participant may leave and the session may end meanwhile, so the work knows
+ * them by their ids. (late.c) */
+struct srv_late_call {
+    struct srv_work work; /* first: the queue's */
+    struct srv_work_queue *queue;
+    struct srv_hub *hub;
+    struct proto_rpc_message message;
+    char session[SRV_SESSION_ID_BYTES];
+    uint64_t participant;
+    double now_ms; /* of the call */
+    /* Returns the answer: malloc'ed, NULL when out of memory. With the mutex held, which it may
+     * release meanwhile. */
+    char *(*answer)(struct srv_late_call *late, size_t *size);
+};
+
 struct srv_call {
     struct srv_hub *hub;
     struct srv_participant *participant; /* its session exists */
@@ -18,7 +34,7 @@ struct srv_call {
     struct sp_error err;
     /* The method may take it over and set `later`: work that answers the call. */
     struct proto_rpc_message *message;
-    struct srv_work *later; /* added to the hub's queue once the mutex is released */
+    struct srv_late_call *later; /* added to its queue once the mutex is released */
 };
 
 /* True with *result, or false with *code and *err. */
@@ -37,8 +53,17 @@ srv_method_fn srv_call_time_play, srv_call_time_stop; /* play.c */
 srv_method_fn srv_call_request_control, srv_call_release_control, srv_call_grant_control,
     srv_call_refuse_control;      /* control.c */
 srv_method_fn srv_call_configure; /* settings.c */
+srv_method_fn srv_call_pick;      /* pick.c */
 srv_method_fn srv_call_measure_put, srv_call_measure_remove,
     srv_call_measure_list; /* measuring.c */
+/* Sets call->later to a call that `queue` answers, where at most `most` calls wait. `bytes`: the
+ * size of the caller's struct, which begins with struct srv_late_call. NULL: the call is refused
+ * with `refusal`, or memory is out. */
+void *srv_call_later(struct srv_call *call, size_t bytes, struct srv_work_queue *queue,
+                     unsigned most, const char *refusal);
+/* The participant of a late call; NULL = it left. With the mutex held. */
+struct srv_participant *srv_late_participant(const struct srv_late_call *late);
+
 /* Sets call->later to measure.put with these params (measure_late.c). */
 bool srv_call_measure_late(struct srv_call *call);
 

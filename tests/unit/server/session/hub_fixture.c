@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "common/work_queue.h"
 #include "unit/server/session/hub_fixture.h"
 
 static void *acquire(void *user, const char *id, struct sp_error *err) {
@@ -139,6 +140,9 @@ static int set_up(void **state, uint32_t steps_of_volume) {
     f->metrics = srv_metrics_create();
     f->step_count = f->info.steps.count = steps_of_volume;
     f->steps[0].is_loaded = true;
+    f->picking = srv_work_queue_create(NULL, NULL);
+    assert_non_null(f->picking);
+    srv_work_queue_stop(f->picking);
     struct srv_hub_options options = { .volumes = { .user = f,
                                                     .acquire = acquire,
                                                     .ref = add_use,
@@ -159,6 +163,7 @@ static int set_up(void **state, uint32_t steps_of_volume) {
                                        .rest_ms = 100,
                                        .stream_bytes = 1 << 20,
                                        .metrics = f->metrics,
+                                       .picking = f->picking,
                                        .user = f,
                                        .ready = ignore };
     const struct srv_schedule_options schedule = { .user = f,
@@ -185,6 +190,7 @@ int hub_tear_down(void **state) {
     srv_hub_destroy(&f->hub);
     srv_schedule_destroy(&f->schedule);
     srv_metrics_destroy(&f->metrics);
+    srv_work_queue_destroy(&f->picking);
     int uses = f->uses;
     free(f);
     return uses; /* every use was given back */

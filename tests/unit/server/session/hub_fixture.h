@@ -19,6 +19,7 @@ struct fixture {
     struct srv_hub *hub;
     struct srv_schedule *schedule;
     struct srv_metrics *metrics;
+    struct srv_work_queue *picking; /* its thread has ended: work runs at once */
     struct sp_volume_info info;
     struct sp_view view; /* the default view of all volumes */
     int uses;
