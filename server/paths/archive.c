@@ -3,7 +3,6 @@
 
 #include <archive.h>
 #include <archive_entry.h>
-#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,8 +16,9 @@ struct srv_archive {
     char id[65], extension[8];
     uint32_t count, next; /* next: the frame after the current one */
     struct archive *tar;
-    int fd; /* of the current frame; −1 = none */
-    bool is_closed;
+    int fd;        /* of the current frame; −1 = none */
+    uint64_t left; /* bytes of the current frame that are not yet read */
+    bool must_have_seal, is_closed;
     bool is_cancelled; /* discard further output */
     size_t start, end; /* the part of `bytes` that is not yet read */
     char bytes[CAPACITY];
@@ -38,7 +38,7 @@ static la_ssize_t on_write(struct archive *tar, void *user, const void *bytes, s
 }
 
 struct srv_archive *srv_archive_create(const struct srv_folder *folder, const char *id,
-                                       const char *extension, uint32_t count,
+                                       const char *extension, uint32_t count, bool sealed,
                                        struct sp_error *err) {
     struct srv_archive *a = calloc(1, sizeof *a);
     if (a) {
@@ -46,6 +46,7 @@ struct srv_archive *srv_archive_create(const struct srv_folder *folder, const ch
         snprintf(a->id, sizeof a->id, "%s", id);
         snprintf(a->extension, sizeof a->extension, "%s", extension);
         a->count = count;
+        a->must_have_seal = sealed;
         a->fd = -1;
         a->tar = archive_write_new();
     }
@@ -72,16 +73,15 @@ void srv_archive_destroy(struct srv_archive **archive) {
 
 /* Opens the next frame and writes its header. */
 static bool begin_frame(struct srv_archive *a) {
-    char name[32], path[SRV_FILE_BYTES];
+    char name[32];
     struct stat st;
     snprintf(name, sizeof name, "%06u%s", a->next++, a->extension);
-    srv_folder_path(&a->folder, a->id, name, path);
-    a->fd = open(path, O_RDONLY | O_CLOEXEC);
+    a->fd = srv_folder_open_file(&a->folder, a->id, name, a->must_have_seal, &a->left, NULL);
     struct archive_entry *entry = archive_entry_new();
     bool ok = entry && a->fd >= 0 && fstat(a->fd, &st) == 0;
     if (ok) {
         archive_entry_set_pathname(entry, name);
-        archive_entry_set_size(entry, st.st_size);
+        archive_entry_set_size(entry, (int64_t)a->left);
         archive_entry_set_mtime(entry, st.st_mtime, 0);
         archive_entry_set_filetype(entry, AE_IFREG);
         archive_entry_set_perm(entry, 0644);
@@ -100,12 +100,14 @@ static bool advance(struct srv_archive *a) {
         a->is_closed = true;
         return archive_write_close(a->tar) == ARCHIVE_OK;
     }
-    ssize_t n = read(a->fd, block, sizeof block);
-    if (n > 0)
+    ssize_t n = read(a->fd, block, a->left < sizeof block ? (size_t)a->left : sizeof block);
+    if (n > 0) {
+        a->left -= (uint64_t)n;
         return archive_write_data(a->tar, block, (size_t)n) == n;
+    }
     close(a->fd);
     a->fd = -1;
-    return n == 0 && archive_write_finish_entry(a->tar) == ARCHIVE_OK;
+    return n == 0 && a->left == 0 && archive_write_finish_entry(a->tar) == ARCHIVE_OK;
 }
 
 ssize_t srv_archive_read(struct srv_archive *a, char *bytes, size_t size) {

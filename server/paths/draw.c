@@ -291,7 +291,7 @@ static bool write_frame(struct drawing *d, const struct sp_frame *frame, struct 
         return false;
     if (packet.is_key)
         head = SRV_PACKET_KEY;
-    uint64_t bytes = packet.size + output->is_movie;
+    uint64_t bytes = packet.size + output->is_movie + SRV_SEAL_BYTES;
     char name[32], what[32];
     d->path->wants = bytes;
     if (!srv_path_quota_take(d->paths, d->path, bytes, frame_has(d->path, what), err))

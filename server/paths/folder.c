@@ -4,6 +4,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -62,13 +63,68 @@ static bool write_all(int fd, const char *bytes, size_t size) {
     return true;
 }
 
+static const char seal_magic[8] = { 'S', 'P', 'L', 'T', 'S', 'E', 'A', 'L' };
+
+static bool append_seal(const char *path) {
+    struct stat st;
+    uint8_t seal[SRV_SEAL_BYTES];
+    int fd = open(path, O_WRONLY | O_APPEND | O_CLOEXEC);
+    bool ok = fd >= 0 && fstat(fd, &st) == 0;
+    if (ok) {
+        memcpy(seal, seal_magic, sizeof seal_magic);
+        for (int i = 0; i < 8; i++)
+            seal[sizeof seal_magic + i] = (uint8_t)((uint64_t)st.st_size >> 8 * i);
+        ok = write_all(fd, (const char *)seal, sizeof seal);
+    }
+    return (fd < 0 || close(fd) == 0) && ok;
+}
+
+/* Reads the seal of a file of `all` bytes. False: it has none, or one for another size. */
+static bool has_seal(int fd, uint64_t all, uint64_t *size) {
+    uint8_t seal[SRV_SEAL_BYTES];
+    *size = 0;
+    if (all < sizeof seal ||
+        pread(fd, seal, sizeof seal, (off_t)(all - sizeof seal)) != (ssize_t)sizeof seal ||
+        memcmp(seal, seal_magic, sizeof seal_magic) != 0)
+        return false;
+    for (int i = 0; i < 8; i++)
+        *size |= (uint64_t)seal[sizeof seal_magic + i] << 8 * i;
+    return *size == all - sizeof seal;
+}
+
+int srv_folder_open_file(const struct srv_folder *folder, const char *id, const char *name,
+                         bool must_have_seal, uint64_t *size, struct sp_error *err) {
+    char path[SRV_FILE_BYTES];
+    struct stat st;
+    srv_folder_path(folder, id, name, path);
+    int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0 || fstat(fd, &st) != 0) {
+        sp_fail(err, errno == ENOENT ? SP_ERR_NOT_FOUND : SP_ERR_BUDGET, path,
+                "cannot read the file: %s", strerror(errno));
+    } else if (!S_ISREG(st.st_mode)) {
+        sp_fail(err, SP_ERR_IO, path, "it is no file");
+    } else if (has_seal(fd, (uint64_t)st.st_size, size)) {
+        return fd;
+    } else if (!must_have_seal && st.st_size > 0) {
+        *size = (uint64_t)st.st_size;
+        return fd;
+    } else {
+        sp_fail(err, SP_ERR_IO, path, "it was cut off or changed: it has %lld bytes and no end",
+                (long long)st.st_size);
+    }
+    if (fd >= 0)
+        close(fd);
+    return -1;
+}
+
 bool srv_folder_take(const struct srv_folder *folder, const char *id, const char *part,
                      const char *name, struct sp_error *err) {
     char from[SRV_FILE_BYTES], to[SRV_FILE_BYTES], parent[SRV_FILE_BYTES];
     srv_folder_path(folder, id, part, from);
     srv_folder_path(folder, id, name, to);
     srv_folder_path(folder, id, "", parent);
-    int fd = open(from, O_RDONLY | O_CLOEXEC);
+    bool is_sealed = append_seal(from);
+    int fd = is_sealed ? open(from, O_RDONLY | O_CLOEXEC) : -1;
     bool is_renamed = fd >= 0 && fsync(fd) == 0 && rename(from, to) == 0;
     bool ok = is_renamed && sync_folder(parent);
     if (!ok)

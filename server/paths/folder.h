@@ -2,7 +2,9 @@
  *
  * The files of camera paths: ROOT/ID/NAME, one folder per path. A file is complete or absent: it is
  * written under another name, synced and then renamed, so that files found after a crash can be
- * used. The functions take no lock; only one thread writes.
+ * used. A seal of SRV_SEAL_BYTES behind its bytes, "SPLTSEAL" and their number (little-endian),
+ * tells a file that was cut off later. The
+ * functions take no lock; only one thread writes.
  */
 #ifndef SRV_PATHS_FOLDER_H
 #define SRV_PATHS_FOLDER_H
@@ -13,6 +15,8 @@
 
 #include "common/private_folder.h"
 #include "sp/status.h"
+
+enum { SRV_SEAL_BYTES = 16 };
 
 struct srv_folder {
     char root[SRV_FOLDER_BYTES];
@@ -28,15 +32,22 @@ void srv_folder_close(struct srv_folder *folder);
 
 void srv_folder_path(const struct srv_folder *folder, const char *id, const char *name,
                      char path[SRV_FILE_BYTES]);
-/* Writes `head` and then `bytes` as one file. False: SP_ERR_IO (for example a full disk), and no
- * file is left. */
+/* Writes `head`, then `bytes` and a seal as one file. False: SP_ERR_IO (for example a full disk),
+ * and no file is left. */
 bool srv_folder_write(const struct srv_folder *folder, const char *id, const char *name,
                       const void *head, size_t head_size, const void *bytes, size_t size,
                       struct sp_error *err);
-/* Syncs the file `part` and renames it to `name`. False: SP_ERR_IO, and neither file is left. */
+/* Appends a seal to the file `part`, syncs it and renames it to `name`. False: SP_ERR_IO, and
+ * neither file is left. */
 bool srv_folder_take(const struct srv_folder *folder, const char *id, const char *part,
                      const char *name, struct sp_error *err);
-/* Reads the size of a file. False: there is no such file. */
+/* Opens a file for reading; the caller closes the descriptor. −1: SP_ERR_NOT_FOUND, SP_ERR_BUDGET
+ * (too many open files, or the disk cannot be read), SP_ERR_IO: it is damaged; its seal is missing
+ * or tells another size. *size is that of the bytes before the seal. `must_have_seal` false: files
+ * of earlier versions have none. */
+int srv_folder_open_file(const struct srv_folder *folder, const char *id, const char *name,
+                         bool must_have_seal, uint64_t *size, struct sp_error *err);
+/* Reads the size of a file with its seal. False: there is no such file. */
 bool srv_folder_size(const struct srv_folder *folder, const char *id, const char *name,
                      uint64_t *size);
 void srv_folder_remove_file(const struct srv_folder *folder, const char *id, const char *name);

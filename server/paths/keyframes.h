@@ -32,6 +32,7 @@ struct srv_path_output {
     bool is_movie;               /* true = a WebM file (VP9); false = one image per frame */
     enum sp_image_format format; /* of images */
     int quality;                 /* [1, 100] */
+    bool is_sealed;              /* each file must have a seal (folder.h) */
 };
 
 struct srv_keyframes;

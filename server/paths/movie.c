@@ -2,11 +2,9 @@
 #include "paths/movie.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "paths/webm_bridge.h"
@@ -14,25 +12,29 @@
 #define PART "movie.part"
 
 /* Reads the file of a packet into memory; malloc'ed, the caller's. NULL with *err set. */
-static uint8_t *read_packet(const char *path, size_t *size, struct sp_error *err) {
-    struct stat st;
+static uint8_t *read_packet(const struct srv_folder *folder, const char *id, const char *name,
+                            bool sealed, size_t *size, struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK };
+    char path[SRV_FILE_BYTES];
+    uint64_t all = 0;
     uint8_t *bytes = NULL;
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
-    bool ok = fd >= 0 && fstat(fd, &st) == 0 && st.st_size > 1;
-    if (fd < 0) {
-        sp_fail(err, SP_ERR_IO, path, "cannot read this file: %s", strerror(errno));
+    srv_folder_path(folder, id, name, path);
+    int fd = srv_folder_open_file(folder, id, name, sealed, &all, &why);
+    bool ok = fd >= 0 && all > 1;
+    if (fd < 0 && why.code != SP_ERR_IO) {
+        sp_fail(err, SP_ERR_IO, path, "%s", why.text);
         return NULL;
     }
-    if (ok && !(bytes = malloc((size_t)st.st_size))) {
+    if (ok && !(bytes = malloc((size_t)all))) {
         sp_fail(err, SP_ERR_MEMORY, path, "out of memory while reading a video packet");
     } else {
         size_t got = 0;
         ssize_t n = 1;
-        for (; ok && n > 0 && got < (size_t)st.st_size; got += (size_t)(n > 0 ? n : 0))
-            n = read(fd, bytes + got, (size_t)st.st_size - got);
+        for (; ok && n > 0 && got < all; got += (size_t)(n > 0 ? n : 0))
+            n = read(fd, bytes + got, (size_t)all - got);
         if (n < 0)
             sp_fail(err, SP_ERR_IO, path, "cannot read this file: %s", strerror(errno));
-        ok = ok && got == (size_t)st.st_size && bytes[0] <= SRV_PACKET_KEY;
+        ok = ok && got == all && bytes[0] <= SRV_PACKET_KEY;
         *size = got;
         if (!ok) {
             if (n >= 0)
@@ -42,19 +44,19 @@ static uint8_t *read_packet(const char *path, size_t *size, struct sp_error *err
             bytes = NULL;
         }
     }
-    close(fd);
+    if (fd >= 0)
+        close(fd);
     return bytes;
 }
 
 static bool add_packets(struct srv_webm *webm, const struct srv_folder *folder, const char *id,
-                        uint32_t frames, struct sp_error *err) {
+                        const struct srv_path_output *output, struct sp_error *err) {
     char reason[SRV_WEBM_REASON];
-    for (uint32_t i = 0; i < frames; i++) {
-        char path[SRV_FILE_BYTES], name[32];
+    for (uint32_t i = 0; i < output->frames; i++) {
+        char name[32];
         size_t size;
         snprintf(name, sizeof name, "%06u.vp9", i);
-        srv_folder_path(folder, id, name, path);
-        uint8_t *bytes = read_packet(path, &size, err);
+        uint8_t *bytes = read_packet(folder, id, name, output->is_sealed, &size, err);
         if (!bytes)
             return false;
         bool ok = srv_webm_add(webm, i, bytes + 1, size - 1, bytes[0] == SRV_PACKET_KEY, reason);
@@ -80,7 +82,7 @@ bool srv_movie_write(const struct srv_folder *folder, const char *id, const char
         srv_webm_create(path, size[0], size[1], output->fps, output->frames, reason);
     if (!webm)
         return sp_fail(err, SP_ERR_IO, NULL, "cannot write the movie: %s", reason);
-    bool ok = add_packets(webm, folder, id, output->frames, err);
+    bool ok = add_packets(webm, folder, id, output, err);
     srv_webm_destroy(&webm);
     if (!ok)
         unlink(path);

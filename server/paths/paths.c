@@ -162,6 +162,8 @@ static bool restore_path(struct srv_paths *paths, const char *id, const proto_js
     const char *owner = proto_json_string(proto_json_get(record, "owner"));
     struct srv_path *path =
         keyframes ? make_path(paths, id, owner ? owner : "", keyframes, &content) : NULL;
+    if (path)
+        path->output.is_sealed = srv_path_record_is_sealed(record);
     const char *failed = proto_json_string(proto_json_get(record, "failed"));
     if (path && !(path->by = srv_path_quota_add_path(paths, path->owner, err))) {
         srv_path_unref(path);
@@ -410,6 +412,8 @@ proto_json *srv_paths_add(struct srv_paths *paths, const proto_json *body,
     if (ok &&
         !(path = make_path(paths, id, owner, keyframes, srv_volume_fingerprint(view->volume))))
         ok = sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a camera path");
+    if (ok)
+        path->output.is_sealed = true;
     if (ok && (path->by = srv_path_quota_request_path(paths, owner, is_full, err)))
         json = store_path(paths, path, keyframes, body, &view->defaults, err);
     else

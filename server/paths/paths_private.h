@@ -127,6 +127,7 @@ bool srv_path_record_put(struct srv_paths *paths, const struct srv_path *path,
 void srv_path_record_fail(struct srv_paths *paths, const char *id, const char *reason);
 bool srv_path_record_remove(struct srv_paths *paths, const char *id, struct sp_error *err);
 bool srv_path_record_is_removed(const proto_json *record);
+bool srv_path_record_is_sealed(const proto_json *record);
 /* Writes the name of a frame's file, for example "000012.png". */
 void srv_path_file_name(const struct srv_path_output *output, uint32_t frame, char name[32]);
 #define SRV_PATH_MOVIE_NAME "movie.webm"

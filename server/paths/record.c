@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The record of a path in the store: {"owner", "view", "defaults", "content", "keyframes",
- * "frames", "fps", "format", "quality", "failed"?}, where "content" is the fingerprint of the
- * volume. If the files of the path are to be removed, it is {"removed": true}.
+ * "frames", "fps", "format", "quality", "sealed", "failed"?}, where "content" is the fingerprint of
+ * the volume, and "sealed" tells that its files have seals. If the files of the path are to be
+ * removed, it is {"removed": true}.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -46,7 +47,7 @@ bool srv_path_record_put(struct srv_paths *paths, const struct srv_path *path,
                          const struct srv_keyframes *keyframes, const proto_json *body,
                          const struct sp_view *defaults, struct sp_error *err) {
     char content[SRV_FINGERPRINT_TEXT];
-    const struct srv_path_output *output = srv_keyframes_output(keyframes);
+    const struct srv_path_output *output = &path->output;
     proto_json *record = proto_json_object();
     proto_json *keys = (proto_json *)(uintptr_t)proto_json_get(body, "keyframes");
     srv_fingerprint_encode(&path->content, content);
@@ -59,6 +60,7 @@ bool srv_path_record_put(struct srv_paths *paths, const struct srv_path *path,
     ok = proto_json_set_number(record, "fps", output->fps) && ok;
     ok = proto_json_set_string(record, "format", srv_path_format_name(output)) && ok;
     ok = proto_json_set_integer(record, "quality", output->quality) && ok;
+    ok = proto_json_set_bool(record, "sealed", output->is_sealed) && ok;
     size_t size = 0;
     char *text = ok ? proto_json_to_text(record, &size) : NULL;
     ok = text ? srv_store_put(paths->options.store, SRV_KIND_PATH, path->id, text, size, err)
@@ -85,6 +87,11 @@ void srv_path_record_fail(struct srv_paths *paths, const char *id, const char *r
 bool srv_path_record_remove(struct srv_paths *paths, const char *id, struct sp_error *err) {
     static const char removed[] = "{\"removed\":true}";
     return srv_store_put(paths->options.store, SRV_KIND_PATH, id, removed, sizeof removed - 1, err);
+}
+
+bool srv_path_record_is_sealed(const proto_json *record) {
+    bool is_sealed = false;
+    return proto_json_bool(proto_json_get(record, "sealed"), &is_sealed) && is_sealed;
 }
 
 bool srv_path_record_is_removed(const proto_json *record) {

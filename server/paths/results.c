@@ -2,12 +2,11 @@
  *
  * The results of paths: frames, movies and archives.
  */
-#include <errno.h>
-#include <fcntl.h>
-#include <string.h>
+#include <stdio.h>
 #include <unistd.h>
 
 #include "paths/paths_private.h"
+#include "sp/log.h"
 
 /* Copies what a request for results needs. */
 static bool look_up(struct srv_paths *paths, const char *id, struct srv_path *copy,
@@ -25,29 +24,45 @@ static bool look_up(struct srv_paths *paths, const char *id, struct srv_path *co
     return path != NULL;
 }
 
-static bool open_file(struct srv_paths *paths, const char *id, const char *name, const char *mime,
-                      struct srv_path_file *file, struct sp_error *err) {
-    char file_path[SRV_FILE_BYTES];
-    srv_folder_path(&paths->folder, id, name, file_path);
-    file->mime = mime;
-    file->fd = open(file_path, O_RDONLY | O_CLOEXEC);
-    off_t size = file->fd >= 0 ? lseek(file->fd, 0, SEEK_END) : -1;
-    file->size = size < 0 ? 0 : (uint64_t)size;
-    if (size >= 0)
-        return true;
-    if (errno == ENOENT) /* the path was deleted in between */
-        srv_path_not_found(id, err);
-    else /* for example too many open files: the client may try again */
-        sp_fail(err, SP_ERR_BUDGET, NULL, "cannot read the file: %s", strerror(errno));
-    if (file->fd >= 0)
-        close(file->fd);
-    return false;
+/* Reports a result that is counted but not whole. `what` names it: "frame 7". */
+static bool fail_damaged(const char *id, const char *what, const struct sp_error *why,
+                         struct sp_error *err) {
+    sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
+                "%s of camera path %s is damaged: %s: %s; to render it again, delete the file and "
+                "restart the daemon",
+                what, id, why->place, why->text);
+    return sp_fail(err, SP_ERR_IO, NULL,
+                   "%s of camera path '%.64s' is damaged; to render it again, delete the camera "
+                   "path and create it again",
+                   what, id);
+}
+
+/* −1 with *err set. */
+static int open_file(struct srv_paths *paths, const char *id, const char *name, const char *what,
+                     bool sealed, uint64_t *size, struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK };
+    struct srv_path path;
+    int fd = srv_folder_open_file(&paths->folder, id, name, sealed, size, &why);
+    if (fd >= 0)
+        return fd;
+    if (why.code == SP_ERR_NOT_FOUND && !look_up(paths, id, &path, err))
+        return -1;                 /* the path was deleted in between */
+    if (why.code == SP_ERR_BUDGET) /* for example too many open files: the client may try again */
+        sp_fail(err, why.code, NULL, "%s", why.text);
+    else
+        fail_damaged(id, what, &why, err);
+    return -1;
+}
+
+static const char *frame_name(uint32_t frame, char text[32]) {
+    snprintf(text, 32, "frame %u", frame);
+    return text;
 }
 
 bool srv_paths_open_frame(struct srv_paths *paths, const char *id, uint32_t frame,
                           struct srv_path_file *file, struct sp_error *err) {
     struct srv_path path;
-    char name[32];
+    char name[32], what[32];
     if (!look_up(paths, id, &path, err))
         return false;
     if (path.output.is_movie)
@@ -60,7 +75,10 @@ bool srv_paths_open_frame(struct srv_paths *paths, const char *id, uint32_t fram
         return sp_fail(err, SP_ERR_NOT_READY, NULL, "frame %u is not rendered yet; %u frames are",
                        frame, path.done);
     srv_path_file_name(&path.output, frame, name);
-    return open_file(paths, id, name, sp_image_format_info(path.output.format)->mime, file, err);
+    file->mime = sp_image_format_info(path.output.format)->mime;
+    file->fd = open_file(paths, id, name, frame_name(frame, what), path.output.is_sealed,
+                         &file->size, err);
+    return file->fd >= 0;
 }
 
 static bool check_done(const struct srv_path *path, bool is_movie, struct sp_error *err) {
@@ -77,8 +95,12 @@ static bool check_done(const struct srv_path *path, bool is_movie, struct sp_err
 bool srv_paths_open_movie(struct srv_paths *paths, const char *id, struct srv_path_file *file,
                           struct sp_error *err) {
     struct srv_path path;
-    return look_up(paths, id, &path, err) && check_done(&path, true, err) &&
-           open_file(paths, id, SRV_PATH_MOVIE_NAME, "video/webm", file, err);
+    file->mime = "video/webm";
+    file->fd = look_up(paths, id, &path, err) && check_done(&path, true, err)
+                   ? open_file(paths, id, SRV_PATH_MOVIE_NAME, "the movie", path.output.is_sealed,
+                               &file->size, err)
+                   : -1;
+    return file->fd >= 0;
 }
 
 struct srv_archive *srv_paths_open_archive(struct srv_paths *paths, const char *id,
@@ -86,6 +108,16 @@ struct srv_archive *srv_paths_open_archive(struct srv_paths *paths, const char *
     struct srv_path path;
     if (!look_up(paths, id, &path, err) || !check_done(&path, false, err))
         return NULL;
+    for (uint32_t i = 0; i < path.done; i++) { /* else the client would get a part of the archive */
+        char name[32], what[32];
+        uint64_t size;
+        srv_path_file_name(&path.output, i, name);
+        int fd = open_file(paths, id, name, frame_name(i, what), path.output.is_sealed, &size, err);
+        if (fd < 0)
+            return NULL;
+        close(fd);
+    }
     return srv_archive_create(&paths->folder, id,
-                              sp_image_format_info(path.output.format)->extension, path.done, err);
+                              sp_image_format_info(path.output.format)->extension, path.done,
+                              path.output.is_sealed, err);
 }

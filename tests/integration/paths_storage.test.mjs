@@ -30,7 +30,43 @@ test('a movie over --video-pixels is refused, and partial files of a crash are r
   assert.deepEqual(fs.readdirSync(path.join(folder, 'paths', movie)), ['movie.webm']);
   assert.deepEqual(fs.readdirSync(path.join(folder, 'paths', images)).sort(), Array.from({ length: 9 }, (_, i) => `00000${i}.png`));
   fs.rmSync(path.join(folder, 'paths', images, '000008.png'));
-  assert.equal((await own.fetch(`${API}/${images}/frames/8`)).status, 404);
+  assert.equal((await own.fetch(`${API}/${images}/frames/8`)).status, 500);
+  assert.equal(await own.stop(), 0);
+});
+
+test('a frame or a movie that was cut off is never served; it is named, and can be rendered again', async () => {
+  const folder = newFolder();
+  const args = [...VOLUME, '--state', folder];
+  let own = await Daemon.start(args, { backend: 'cpu' });
+  await own.loaded('engine');
+  const [images, movie] = [await make(pathOf(), own), await make(pathOf({ format: 'webm' }), own)];
+  for (const id of [images, movie]) await end(id, { of: own });
+  const file = path.join(folder, 'paths', images, '000003.png');
+  const image = await frame(images, 3, own);
+  const size = fs.statSync(file).size;
+  const isDamaged = async (target, name, id) => {
+    const { status, json } = await own.json(`${API}/${target}`);
+    assert.equal(status, 500, target);
+    assert.equal(json.detail, `${name} of camera path '${id}' is damaged; to render it again, delete the camera path and create it again`);
+  };
+  for (const left of [size - 1, size - 16, 100, 0]) { // without its last byte, without its seal, half, empty
+    fs.truncateSync(file, left);
+    await isDamaged(`${images}/frames/3`, 'frame 3', images);
+    await isDamaged(`${images}/archive`, 'frame 3', images);
+  }
+  await own.untilLogged(/frame 3 of camera path .* is damaged: .*000003\.png: .*to render it again, delete the file and restart the daemon/);
+  assert.equal((await own.fetch(`${API}/${images}/frames/4`)).status, 200);
+  fs.truncateSync(path.join(folder, 'paths', movie, 'movie.webm'), 200);
+  await isDamaged(`${movie}/movie`, 'the movie', movie);
+  assert.equal(await own.stop(), 0);
+  own = await Daemon.start(args, { backend: 'cpu' });
+  await isDamaged(`${images}/frames/3`, 'frame 3', images);
+  assert.equal(await own.stop(), 0);
+  fs.rmSync(file);
+  own = await Daemon.start(args, { backend: 'cpu' });
+  await end(images, { of: own });
+  assert.ok((await frame(images, 3, own)).equals(image));
+  assert.equal((await own.fetch(`${API}/${images}/archive`)).status, 200);
   assert.equal(await own.stop(), 0);
 });
 
@@ -158,7 +194,7 @@ test('after a restart a path resumes only with the volume for which it was creat
 });
 
 test('a path over --path-bytes resumes when others are deleted', async () => {
-  const own = await Daemon.start([...VOLUME, '--path-bytes', '3K'], { backend: 'cpu' });
+  const own = await Daemon.start([...VOLUME, '--path-bytes', '4K'], { backend: 'cpu' });
   await own.loaded('engine');
   const small = pathOf({ format: 'webm' });
   const id = await make(pathOf({ frames: 50 }), own);

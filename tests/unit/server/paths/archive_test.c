@@ -59,7 +59,7 @@ static void an_archive_has_all_frames(void **state) {
     char *bytes = malloc(ALL_BYTES), *read = malloc(FRAME_BYTES);
     size_t size = 0;
     ssize_t n;
-    struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES, NULL);
+    struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES, true, NULL);
     assert_non_null(a);
     while ((n = srv_archive_read(a, bytes + size, ALL_BYTES - size)) > 0)
         size += (size_t)n;
@@ -95,7 +95,7 @@ static void a_cancelled_archive_frees_everything(void **state) {
     for (int i = 0; i < 2 * TRIES; i++) {
         if (i == TRIES)
             before = mallinfo2().uordblks;
-        struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES, NULL);
+        struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES, true, NULL);
         assert_non_null(a);
         /* Before the first byte, in a header and in a frame. */
         for (int part = 0; part < i % 3; part++)
@@ -111,7 +111,7 @@ static void a_missing_frame_is_an_error(void **state) {
     struct fixture *f = *state;
     char *bytes = malloc(ALL_BYTES);
     ssize_t n;
-    struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES + 1, NULL);
+    struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES + 1, true, NULL);
     assert_non_null(a);
     size_t size = 0;
     while ((n = srv_archive_read(a, bytes, ALL_BYTES)) > 0)
@@ -122,11 +122,30 @@ static void a_missing_frame_is_an_error(void **state) {
     free(bytes);
 }
 
+/* A frame that is cut off is never a part of an archive. */
+static void a_damaged_frame_is_an_error(void **state) {
+    struct fixture *f = *state;
+    char *bytes = malloc(ALL_BYTES), path[SRV_FILE_BYTES];
+    ssize_t n;
+    srv_folder_path(&f->folder, ID, "000001.png", path);
+    assert_int_equal(truncate(path, FRAME_BYTES), 0); /* its seal is lost */
+    struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES, true, NULL);
+    assert_non_null(a);
+    size_t size = 0;
+    while ((n = srv_archive_read(a, bytes, ALL_BYTES)) > 0)
+        size += (size_t)n;
+    assert_int_equal(n, -1);
+    assert_compare(size, <, 2 * FRAME_BYTES);
+    srv_archive_destroy(&a);
+    free(bytes);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(an_archive_has_all_frames, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_cancelled_archive_frees_everything, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_missing_frame_is_an_error, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_damaged_frame_is_an_error, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

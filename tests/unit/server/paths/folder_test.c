@@ -41,13 +41,16 @@ static bool is_there(const char *path) {
     return stat(path, &st) == 0;
 }
 
+/* True if the file has the bytes and their seal. */
 static bool is_whole(const char *path) {
-    char bytes[64] = "";
+    char bytes[64] = "", expected[64] = HEAD BODY "SPLTSEAL";
+    const size_t all = strlen(whole) + SRV_SEAL_BYTES;
+    expected[all - 8] = (char)strlen(whole);
     FILE *file = fopen(path, "rb");
     size_t size = file ? fread(bytes, 1, sizeof bytes - 1, file) : 0;
     if (file)
         fclose(file);
-    return size == strlen(whole) && strcmp(bytes, whole) == 0;
+    return size == all && memcmp(bytes, expected, all) == 0;
 }
 
 /* Checks the files and counts the call. False: the call must fail. */
@@ -250,12 +253,69 @@ static void srv_folder_take_publishes_a_complete_file(void **state) {
     }
 }
 
+/* Reads the file as a result; NULL: *code. */
+static int open_again(const struct srv_folder *folder, bool must_have_seal, uint64_t *size,
+                      enum sp_code *code) {
+    struct sp_error err = { .code = SP_OK };
+    int fd = srv_folder_open_file(folder, ID, name, must_have_seal, size, &err);
+    *code = err.code;
+    assert_true((fd >= 0) == (err.code == SP_OK));
+    return fd;
+}
+
+static void a_file_that_was_cut_off_is_not_opened(void **state) {
+    const struct srv_folder *folder = *state;
+    const off_t all = (off_t)strlen(whole) + SRV_SEAL_BYTES;
+    uint64_t size;
+    enum sp_code code;
+    assert_int_equal(open_again(folder, true, &size, &code), -1);
+    assert_int_equal(code, SP_ERR_NOT_FOUND);
+    for (off_t left = all; left >= 0; left--) {
+        srv_folder_remove_file(folder, ID, name);
+        assert_true(watched_write(folder, 0, NULL));
+        assert_int_equal(truncate(disk.final, left), 0);
+        int fd = open_again(folder, true, &size, &code);
+        assert_int_equal(code, left == all ? SP_OK : SP_ERR_IO);
+        if (fd >= 0) {
+            assert_int_equal(size, strlen(whole));
+            assert_true(srv_folder_size(folder, ID, name, &size));
+            assert_int_equal(size, all);
+            close(fd);
+        }
+    }
+    assert_int_equal(open_again(folder, false, &size, &code), -1); /* empty */
+    assert_int_equal(code, SP_ERR_IO);
+    /* Files of earlier versions have no seal. */
+    FILE *file = fopen(disk.final, "w");
+    assert_non_null(file);
+    fputs(whole, file);
+    fclose(file);
+    int fd = open_again(folder, false, &size, &code);
+    assert_compare(fd, >=, 0);
+    assert_int_equal(size, strlen(whole));
+    close(fd);
+    /* Cut off and filled up again: the seal is for another size. */
+    srv_folder_remove_file(folder, ID, name);
+    assert_true(watched_write(folder, 0, NULL));
+    file = fopen(disk.final, "a");
+    fwrite("SPLTSEAL\x05\0\0\0\0\0\0", 1, SRV_SEAL_BYTES, file);
+    fclose(file);
+    assert_int_equal(open_again(folder, true, &size, &code), -1);
+    assert_int_equal(code, SP_ERR_IO);
+    /* What is no file is not read: a pipe does not block. */
+    unlink(disk.final);
+    assert_int_equal(mkfifo(disk.final, 0600), 0);
+    assert_int_equal(open_again(folder, true, &size, &code), -1);
+    assert_int_equal(code, SP_ERR_IO);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_name_stands_for_a_complete_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_failed_write_leaves_no_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(srv_folder_take_publishes_a_complete_file, set_up,
                                         tear_down),
+        cmocka_unit_test_setup_teardown(a_file_that_was_cut_off_is_not_opened, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
