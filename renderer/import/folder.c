@@ -93,6 +93,7 @@ void import_names_finish(struct import_names *list) {
 struct folder {
     struct import_file file; /* that one, or the folder itself */
     char shown[PATH_MAX], real[PATH_MAX], pattern[NAME_MAX + 1];
+    bool is_volume; /* and no picture */
     const struct import_format *inner;
     void *reader; /* of `inner`; owned */
 };
@@ -149,6 +150,7 @@ static const char *pick_file(const struct import_file *folder, const struct impo
 
 static bool open_as_dicom(struct folder *f, struct import_header *header, struct sp_error *err) {
     f->inner = &import_dicom;
+    f->is_volume = true;
     f->reader = f->inner->open(&f->file, header, err);
     return f->reader != NULL;
 }
@@ -166,14 +168,59 @@ static bool open_as_file(struct folder *f, const struct import_file *folder, con
         return sp_fail(
             err, SP_ERR_IO, f->shown,
             "cannot read the file: the file became shorter, or its disk or network fails");
+    f->is_volume = !import_image.probe(start, (size_t)got, "");
     if (sp_numbered_pattern(name, f->pattern)) {
         f->file.pattern = f->pattern;
+        f->file.is_guess = true;
         f->inner = &import_series;
     } else {
+        f->pattern[0] = 0;
         f->inner = import_format_find(start, (size_t)got, f->shown, err);
     }
     f->reader = f->inner ? f->inner->open(&f->file, header, err) : NULL;
     return f->reader != NULL;
+}
+
+/* True for a file that could stand for the folder instead. Pictures beside volumes, tables and
+ * sidecars do not count, nor do the pieces of a file, which have its name. */
+static bool is_other(const struct folder *f, const struct import_file *folder, const char *name,
+                     const char *taken) {
+    uint8_t start[IMPORT_START_BYTES] = { 0 };
+    const size_t stem = strcspn(taken, ".");
+    const bool is_dicom = f->inner == &import_dicom; /* the folder may have very many of these */
+    if ((is_dicom && !import_format_is_known(start, 0, name)) ||
+        import_dicom.probe(start, 0, name) || strncmp(name, taken, stem) == 0 ||
+        sp_numbered_matches(f->pattern, name))
+        return false;
+    const size_t size = read_start(folder, name, start);
+    const bool is_gzip = size >= 2 && start[0] == 0x1f && start[1] == 0x8b;
+    if (size == 0 || (f->is_volume && import_image.probe(start, size, "")))
+        return false;
+    return import_format_is_known(start, size, "") ||
+           (is_gzip && import_format_is_known(start, size, name));
+}
+
+/* Names what the folder has beside what is shown. `taken`: the file that stands for the folder. */
+static void warn_others(const struct folder *f, const struct import_file *folder,
+                        const struct import_names *files, const char *taken) {
+    const char *example = NULL;
+    uint32_t count = 0, numbered = 0;
+    for (uint32_t i = 0; i < files->count; i++) {
+        numbered += sp_numbered_matches(f->pattern, files->names[i]);
+        if (is_other(f, folder, files->names[i], taken)) {
+            example = example ? example : files->names[i];
+            count++;
+        }
+    }
+    if (count > 0)
+        import_warn(folder->warnings,
+                    "The folder has %u other %s, such as %.60s; %.60s%s shown. Open %s by name.",
+                    count, count == 1 ? "file that can be opened" : "files that can be opened",
+                    example, taken,
+                    f->inner == &import_dicom ? " and its series are"
+                    : numbered > 1            ? " and the files numbered like it are"
+                                              : " is",
+                    count == 1 ? "it" : "them");
 }
 
 /* Data sets of N5, and groups of them, have attributes.json. Its first bytes are enough. */
@@ -209,6 +256,8 @@ static bool take(struct folder *f, const struct import_file *folder, struct impo
             ok = sp_fail(err, files.count ? SP_ERR_UNSUPPORTED : SP_ERR_NOT_FOUND, folder->shown,
                          files.count ? "no file in this folder has a known format"
                                      : "there is no file in this folder");
+        if (ok && name && f->inner != &import_collection)
+            warn_others(f, folder, &files, name);
     }
     import_names_finish(&files);
     import_names_finish(&folders);

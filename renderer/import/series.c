@@ -12,7 +12,7 @@
 
 #include "import/collection.h"
 #include "import/confine.h"
-#include "import/numbered.h"
+#include "import/numbers.h"
 
 enum { TIMES_MAX = 4096 }; /* files whose times are read */
 
@@ -102,25 +102,76 @@ static void read_times(struct series *s, const struct import_file *file,
     header->steps.times = ok ? s->times : NULL;
 }
 
-/* The numbered files are the steps, unless the first of them has all of them as its slices, or is
- * the only one. */
+/* Opens a numbered file, at a step of its own. */
+static bool open_member(struct series *s, const struct import_file *file, uint32_t number,
+                        uint32_t step, struct import_header *header, struct sp_error *err) {
+    if (s->reader)
+        s->inner->close(s->reader);
+    s->reader = NULL;
+    if (s->file.fd >= 0)
+        close(s->file.fd);
+    *header = (struct import_header){ .bytes = 0 };
+    if (!open_file(s, file, s->numbered.names[number], err))
+        return false;
+    s->file.step = step;
+    return open_step(s, header, err);
+}
+
+/* The first numbered file is a volume with steps of its own, or has the others as its slices. */
+static bool open_alone(struct series *s, const struct import_file *file,
+                       struct import_header *header, struct sp_error *err) {
+    if (!header->took_folder)
+        import_warn(file->warnings,
+                    "Each of the %u numbered files has time steps of its own: only %.60s is shown. "
+                    "Open the others on their own.",
+                    s->numbered.count, s->numbered.names[0]);
+    return file->step == 0 || open_member(s, file, 0, file->step, header, err);
+}
+
+/* Keeps the files of one subject, channel and so on. Of a folder nobody said that they are steps,
+ * if their names say something else. */
+static uint32_t hold_others(struct series *s, const struct import_file *file,
+                            struct import_numbers *numbers, char example[NAME_MAX + 1]) {
+    uint32_t left_out = 0;
+    import_numbers_find(&s->numbered, IMPORT_NUMBER_TIME, numbers);
+    for (unsigned k = 0; k < numbers->count && file->is_guess && numbers->is_doubtful; k++)
+        if (numbers->meanings[k] == IMPORT_NUMBER_TIME)
+            numbers->meanings[k] = IMPORT_NUMBER_OTHER;
+    for (int other = IMPORT_NUMBER_SLICE; other <= IMPORT_NUMBER_OTHER; other++)
+        if (other != IMPORT_NUMBER_TIME)
+            left_out += import_numbers_hold(&s->numbered, numbers, (enum import_number_kind)other,
+                                            s->numbered.names[0], example[0] ? NULL : example);
+    return left_out;
+}
+
+/* The numbered files are the steps, unless the first of them has all of them as its slices, or
+ * steps of its own, or is the only one. */
 static bool open_numbered(struct series *s, const struct import_file *file,
                           struct import_header *header, struct sp_error *err) {
+    struct import_numbers numbers;
+    char example[NAME_MAX + 1] = "";
     if (!sp_numbered_list(file->folder, file->pattern, SP_STEPS_MAX + 1, &s->numbered, file->shown,
                           err))
         return false;
-    const uint32_t count = s->numbered.count;
-    if (count == 0)
+    if (s->numbered.count == 0)
         return sp_fail(err, SP_ERR_NOT_FOUND, file->shown, "the files of the series are gone");
-    const uint32_t step = file->step < count ? file->step : 0;
-    if (!open_file(s, file, s->numbered.names[step], err) || !open_step(s, header, err))
+    const uint32_t left_out = hold_others(s, file, &numbers, example);
+    const uint32_t count = s->numbered.count;
+    const uint32_t step = count > 1 && file->step < count ? file->step : 0;
+    if (!open_member(s, file, step, count > 1 ? 0 : file->step, header, err))
         return false;
-    const uint32_t inner = header->steps.count;
-    if (header->took_folder || (count == 1 && inner <= 1))
-        return import_header_use_steps(header, file, 1, err);
-    if (inner > 1)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, s->shown,
-                       "%u time steps in one of several files; open one file alone", inner);
+    const bool has_steps = header->steps.count > 1;
+    if (count > 1 && has_steps && !open_alone(s, file, header, err))
+        return false;
+    if (!header->took_folder)
+        import_numbers_warn_left_out(left_out, example, s->shown, file->warnings);
+    if (header->took_folder || has_steps || count == 1)
+        return has_steps || import_header_use_steps(header, file, 1, err);
+    import_numbers_warn(&s->numbered, &numbers, IMPORT_NUMBER_TIME, "time steps", file->warnings);
+    if (numbers.is_doubtful)
+        import_warn(file->warnings,
+                    "The numbered files are time steps, although their names may tell subjects, "
+                    "channels or slices. Open one file to see it alone.");
     read_times(s, file, header);
     return import_header_use_steps(header, file, count, err);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Stacks of images: opening one file opens the numbered files of its folder, each a slice. Their
- * names differ in numbers only, which give the order. Files that differ in size, type or spacing
- * are left out.
+ * names differ in numbers only, which give the order; numbers of times and channels make steps and
+ * fields (numbers.h). Files that differ in size, type or spacing are left out.
  *
  *   file ─► inner format ─► one slice? ─► files of the folder ─► each read by the inner format
  */
@@ -15,14 +15,18 @@
 
 #include "import/confine.h"
 #include "import/format.h"
-#include "import/numbered.h"
+#include "import/meaning.h"
+#include "import/numbers.h"
 #include "volume/volume.h"
 
 struct stack {
     const struct import_format *inner;
     const struct import_file *file;
+    struct import_file alone; /* the same without what the numbers in the names answer */
     void *single; /* owned: the reader of a file that is a volume of its own; else NULL */
-    struct sp_numbered slices;  /* in the folder of the file */
+    struct sp_numbered slices; /* in the folder of the file */
+    struct import_numbers numbers;
+    double *times;              /* the numbers of its times; NULL = none; owned */
     struct import_header slice; /* of the first file */
 };
 
@@ -32,19 +36,36 @@ struct slice {
     char real[PATH_MAX];
 };
 
+static const char *own_name(const struct stack *s) {
+    const char *slash = strrchr(s->file->shown, '/');
+    return slash ? slash + 1 : s->file->shown;
+}
+
+static bool is_slice_alone(const struct stack *s) {
+    return s->file->selection.as == IMPORT_AS_SLICE;
+}
+
+/* Lists the numbered files. Theirs is the step and the meaning of the numbers, if some are those of
+ * times or channels. */
 static bool find_files(struct stack *s, struct sp_error *err) {
-    const char *slash = strrchr(s->file->shown, '/'), *own = slash ? slash + 1 : s->file->shown;
+    const enum import_as as = s->file->selection.as;
     char pattern[NAME_MAX + 1];
-    if (!sp_numbered_pattern(own, pattern))
+    s->alone = *s->file;
+    if (is_slice_alone(s) || !sp_numbered_pattern(own_name(s), pattern))
         return true;
-    return sp_numbered_list(s->file->folder, pattern, SP_DIM_MAX + 1, &s->slices, s->file->shown,
-                            err) &&
-           (s->slices.count <= SP_DIM_MAX ||
-            sp_fail(
-                err, SP_ERR_UNSUPPORTED, s->file->shown,
-                "more than %u files of the folder have such a name, the limit for a stack; move "
-                "some of them, or open this one alone with ?as=slice",
-                SP_DIM_MAX));
+    if (!sp_numbered_list(s->file->folder, pattern, SP_DIM_MAX + 1, &s->slices, s->file->shown,
+                          err))
+        return false;
+    import_numbers_find(&s->slices,
+                        as == IMPORT_AS_TIME       ? IMPORT_NUMBER_TIME
+                        : as == IMPORT_AS_CHANNELS ? IMPORT_NUMBER_CHANNEL
+                                                   : IMPORT_NUMBER_SLICE,
+                        &s->numbers);
+    if (import_numbers_count(&s->slices, &s->numbers, IMPORT_NUMBER_TIME, NULL) > 1)
+        s->alone.step = 0;
+    if (as == IMPORT_AS_TIME || as == IMPORT_AS_CHANNELS)
+        s->alone.selection.as = IMPORT_AS_FILE;
+    return true;
 }
 
 /* Opens slice n and its reader. If `warnings` is NULL, warnings are discarded. Returns
@@ -58,7 +79,7 @@ static void *open_slice(const struct stack *s, uint32_t n, struct slice *slice,
     int fd = sp_open_confined(s->file->root, path, s->slices.names[n], slice->real, &size, err);
     if (fd < 0)
         return NULL;
-    slice->file = *s->file;
+    slice->file = s->alone;
     slice->file.fd = fd;
     slice->file.size = size;
     slice->file.shown = s->slices.names[n];
@@ -96,10 +117,9 @@ static void describe(const struct import_header *header, char *out, size_t size)
 /* A file beside the one that was asked for is damaged. */
 static bool offer_slice(const struct stack *s, struct sp_error *err) {
     const size_t used = err ? strlen(err->text) : 0;
-    const char *slash = strrchr(s->file->shown, '/');
     if (err)
         snprintf(err->text + used, sizeof err->text - used,
-                 "; %.60s?as=slice opens that file alone", slash ? slash + 1 : s->file->shown);
+                 "; %.60s?as=slice opens that file alone", own_name(s));
     return false;
 }
 
@@ -141,25 +161,127 @@ static void close_stack(void *reader) {
     if (s->single)
         s->inner->close(s->single);
     sp_numbered_finish(&s->slices);
+    free(s->times);
     free(s);
+}
+
+/* Keeps the names of the value number `chosen` of this meaning. */
+static void keep_value(struct stack *s, enum import_number_kind meaning, const uint64_t *values,
+                       uint32_t chosen) {
+    for (uint32_t i = 0; i < s->slices.count; i++)
+        if (import_numbers_value(&s->numbers, meaning, s->slices.names[i]) == values[chosen]) {
+            import_numbers_hold(&s->slices, &s->numbers, meaning, s->slices.names[i], NULL);
+            return;
+        }
+}
+
+/* The files of the step. */
+static bool use_times(struct stack *s, const uint64_t *values, uint32_t count,
+                      struct import_header *header, struct sp_error *err) {
+    header->used_as |= s->file->selection.as == IMPORT_AS_TIME;
+    if (count < 2)
+        return true;
+    if (!import_header_use_steps(header, s->file, count, err))
+        return false;
+    s->times = calloc(count, sizeof *s->times);
+    for (uint32_t i = 0; s->times && i < count; i++)
+        s->times[i] = (double)values[i];
+    header->steps.times = s->times;
+    keep_value(s, IMPORT_NUMBER_TIME, values, s->file->step);
+    return true;
+}
+
+/* The files of the channel. Of images in colour, the channel of the file that was asked for. */
+static void use_channels(struct stack *s, const uint64_t *values, uint32_t count,
+                         struct import_header *header) {
+    header->used_as |= s->file->selection.as == IMPORT_AS_CHANNELS;
+    char example[NAME_MAX + 1] = "";
+    if (count < 2)
+        return;
+    if (header->others[0][0]) {
+        const uint32_t left_out = import_numbers_hold(&s->slices, &s->numbers,
+                                                      IMPORT_NUMBER_CHANNEL, own_name(s), example);
+        import_numbers_warn_left_out(left_out, example, own_name(s), s->file->warnings);
+        return;
+    }
+    uint32_t chosen = 0;
+    char name[SP_FIELD_BYTES];
+    for (uint32_t i = 0; i < count; i++) {
+        snprintf(name, sizeof name, "channel %" PRIu64, values[i]);
+        chosen = strcmp(name, s->file->field) == 0 ? i : chosen;
+    }
+    for (uint32_t i = 0; i < count; i++) {
+        snprintf(name, sizeof name, "channel %" PRIu64, values[i]);
+        if (i == chosen)
+            import_name(header->value_name, name);
+        else
+            import_header_add_other(header, name);
+    }
+    keep_value(s, IMPORT_NUMBER_CHANNEL, values, chosen);
+}
+
+/* Chooses the files of one volume: subject, time and channel. */
+static bool choose_files(struct stack *s, struct import_header *header, struct sp_error *err) {
+    char example[NAME_MAX + 1] = "";
+    const uint32_t left_out =
+        import_numbers_hold(&s->slices, &s->numbers, IMPORT_NUMBER_OTHER, own_name(s), example);
+    uint64_t *values = malloc((s->slices.count + 1) * sizeof *values);
+    if (!values)
+        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory");
+    uint32_t count = import_numbers_count(&s->slices, &s->numbers, IMPORT_NUMBER_TIME, values);
+    bool ok = use_times(s, values, count, header, err);
+    count = import_numbers_count(&s->slices, &s->numbers, IMPORT_NUMBER_CHANNEL, values);
+    if (ok)
+        use_channels(s, values, count, header);
+    free(values);
+    import_numbers_warn_left_out(left_out, example, own_name(s), s->file->warnings);
+    return ok;
+}
+
+/* Some names tell another meaning than that of slices. */
+static void warn_doubtful(const struct stack *s) {
+    if (s->numbers.is_doubtful && !import_as_is_axis(s->file->selection.as))
+        import_warn(s->file->warnings,
+                    "The numbered files are slices, although their names may tell times or "
+                    "channels. ?as=time and ?as=channels make steps and fields of them.");
+}
+
+/* Opens the file that was asked for. It is a volume of its own, or the first slice. */
+static bool open_single(struct stack *s, struct import_header *header, struct sp_error *err) {
+    s->single = s->inner->open(&s->alone, header, err);
+    if (!s->single)
+        return false;
+    const bool is_slice = header->grid.dims[2] == 1 && header->steps.count < 2;
+    if (is_slice && s->slices.count > 1)
+        return true;
+    if (s->alone.step == s->file->step && s->alone.selection.as == s->file->selection.as)
+        return true;
+    s->inner->close(s->single);
+    *header = (struct import_header){ .bytes = 0 };
+    s->single = s->inner->open(s->file, header, err);
+    return s->single != NULL;
 }
 
 /* Looks for other files if this one has a single slice. */
 static bool take(struct stack *s, struct import_header *header, struct sp_error *err) {
-    s->single = s->inner->open(s->file, header, err);
-    if (!s->single)
+    if (!find_files(s, err) || !open_single(s, header, err))
         return false;
     if (header->grid.dims[2] > 1)
         return true;
-    header->used_as |= s->file->selection.as == IMPORT_AS_SLICE;
+    header->used_as |= is_slice_alone(s);
     s->slice = *header;
-    if (s->file->selection.as == IMPORT_AS_SLICE)
-        return true;
-    if (!find_files(s, err))
-        return false;
-    if (s->slices.count > 1 && !keep_alike(s, err))
-        return false;
     if (s->slices.count < 2)
+        return true;
+    if (s->slices.count > SP_DIM_MAX)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->shown,
+                       "more than %u files of the folder have such a name, the limit for a stack; "
+                       "move some of them, or open this one alone with ?as=slice",
+                       SP_DIM_MAX);
+    if (!choose_files(s, header, err) || !keep_alike(s, err))
+        return false;
+    import_numbers_warn(&s->slices, &s->numbers, IMPORT_NUMBER_SLICE, "slices", s->file->warnings);
+    warn_doubtful(s);
+    if (s->slices.count < 2 && header->steps.count < 2 && !header->others[0][0])
         return true;
     s->inner->close(s->single);
     s->single = NULL;

@@ -134,6 +134,50 @@ static void numbered_files_are_steps(void **state) {
     assert_non_null(strstr(err.place, "t0011.mha"));
 }
 
+/* Neither subjects nor channels are steps of a folder; a path with '*' makes them steps. */
+static void numbers_of_subjects_are_no_steps(void **state) {
+    (void)state;
+    assert_int_equal(mkdir(in_folder("bids"), 0700), 0);
+    for (uint32_t n = 0; n < STEPS; n++) {
+        char name[32];
+        snprintf(name, sizeof name, "bids/sub-%u.mha", n);
+        write_step(name, n);
+    }
+    struct sp_volume *volume = load("bids");
+    assert_int_equal(sp_volume_info(volume)->steps.count, 1);
+    check_samples(volume, 0);
+    sp_volume_unref(&volume);
+    load_warns("bids", "2 numbered files were left out, such as sub-1.mha");
+    check_steps("bids/sub-*.mha", 0, 0, "");
+    load_warns("bids/sub-*.mha", "may tell subjects");
+    assert_int_equal(mkdir(in_folder("both"), 0700), 0);
+    for (uint32_t n = 0; n < 2 * STEPS; n++) {
+        char name[32];
+        snprintf(name, sizeof name, "both/case%u_t%u.mha", n / STEPS, n % STEPS);
+        write_step(name, n);
+    }
+    check_steps("both", 0, 0, "");
+    load_warns("both/case*_t*.mha", "3 numbered files were left out, such as case1_t0.mha");
+}
+
+/* A numbered file may have steps of its own. */
+static void steps_within_a_numbered_file_are_shown(void **state) {
+    (void)state;
+    uint8_t samples[STEPS * COUNT];
+    make_steps(false, samples);
+    assert_int_equal(mkdir(in_folder("func"), 0700), 0);
+    write_metaimage("func/run1.mha", "NDims = 4\nDimSize = 4 3 2 3\n", samples, sizeof samples);
+    check_steps("func", 0, 1, "");
+    write_metaimage("func/run2.mha", "NDims = 4\nDimSize = 4 3 2 3\n", samples, sizeof samples);
+    check_steps("func", 0, 1, "");
+    load_warns("func", "only run1.mha is shown");
+    write_step("tm0.mha", 0);
+    write_step("tm1.mha", 1);
+    write_step("tm5.mha", 2);
+    check_steps("tm*.mha", 0, 0, "");
+    load_warns("tm*.mha", "1 gap, such as that from 1 to 5: the time steps");
+}
+
 static void lists_of_files_are_steps(void **state) {
     (void)state;
     assert_int_equal(mkdir(in_folder("list"), 0700), 0);
@@ -213,9 +257,14 @@ static void numbers_in_names_match(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_file_may_have_several_steps), cmocka_unit_test(numbered_files_are_steps),
-        cmocka_unit_test(lists_of_files_are_steps),      cmocka_unit_test(bad_lists_are_refused),
-        cmocka_unit_test(a_wrong_name_does_not_matter),  cmocka_unit_test(numbers_in_names_match),
+        cmocka_unit_test(a_file_may_have_several_steps),
+        cmocka_unit_test(numbered_files_are_steps),
+        cmocka_unit_test(numbers_of_subjects_are_no_steps),
+        cmocka_unit_test(steps_within_a_numbered_file_are_shown),
+        cmocka_unit_test(lists_of_files_are_steps),
+        cmocka_unit_test(bad_lists_are_refused),
+        cmocka_unit_test(a_wrong_name_does_not_matter),
+        cmocka_unit_test(numbers_in_names_match),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

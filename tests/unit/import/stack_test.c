@@ -3,9 +3,11 @@
  * Stacks of images, as PNG files that this test writes with zlib.
  */
 #include <byteswap.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <zlib.h>
 
 #include "unit/import/support.h"
@@ -145,11 +147,121 @@ static void files_that_differ_are_left_out(void **state) {
     load_error("cut.png", SP_ERR_FORMAT, "cut.png", "");
 }
 
+/* A slice as TIFF, which loads faster than PNG. `format` has the numbers a and b. */
+static void write_tiff(const char *format, int a, int b, int k) {
+    const uint16_t tags[][2] = { { 256, NX }, { 257, NY }, { 258, 8 },  { 259, 1 },      { 262, 1 },
+                                 { 273, 8 },  { 277, 1 },  { 278, NY }, { 279, NX * NY } };
+    enum { TAGS = sizeof tags / sizeof *tags };
+    struct bytes tiff = { .size = 0 };
+    char name[64];
+    add(&tiff, "II*\0", 4);
+    add(&tiff, (uint32_t[]){ 8 + NX * NY }, 4);
+    for (int i = 0; i < NX * NY; i++)
+        add(&tiff, (uint8_t[]){ value(k, i) }, 1);
+    add(&tiff, (uint16_t[]){ TAGS }, 2);
+    for (size_t i = 0; i < TAGS; i++) {
+        add(&tiff, (uint16_t[]){ tags[i][0], 4 }, 4);
+        add(&tiff, (uint32_t[]){ 1, tags[i][1] }, 8);
+    }
+    add(&tiff, (uint32_t[]){ 0 }, 4);
+    snprintf(name, sizeof name, format, a, b);
+    write_file(name, tiff.data, tiff.size);
+}
+
+/* The step has the slices `first`, `first` + 1 … A warning has `words`; "" = there is none. */
+static struct sp_volume *check_step(const char *name, uint32_t step, uint32_t steps,
+                                    uint32_t slices, uint32_t first, const char *words) {
+    struct sp_volume *volume = load_step(name, step);
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    const uint8_t *samples = sp_volume_voxels(volume);
+    assert_int_equal(info->steps.count, steps);
+    assert_int_equal(info->grid.dims[2], slices);
+    for (uint32_t k = 0; k < slices; k++)
+        assert_int_equal(samples[k * NX * NY], value((int)(first + k), 0));
+    if (!words[0] || !strstr(info->warnings[0], words))
+        assert_string_equal(info->warnings[0], words);
+    return volume;
+}
+
+static void check_slices(const char *name, uint32_t slices, uint32_t first, const char *words) {
+    struct sp_volume *volume = check_step(name, 0, 1, slices, first, words);
+    sp_volume_unref(&volume);
+}
+
+/* "t" makes steps and "c" channels, of the folder and of each file. */
+static void words_before_numbers_tell_times_and_channels(void **state) {
+    (void)state;
+    assert_int_equal(mkdir(in_folder("tz"), 0700), 0);
+    assert_int_equal(mkdir(in_folder("cz"), 0700), 0);
+    for (int t = 0; t < 3; t++)
+        for (int z = 0; z < 4; z++)
+            write_tiff("tz/img_t%03d_z%03d.tif", t, z, 5 * t + z);
+    for (int c = 1; c < 3; c++)
+        for (int z = 0; z < 4; z++)
+            write_tiff("cz/Img%d-C%d.tif", z, c, 6 * c + z);
+    struct sp_volume *volume = check_step("tz", 2, 3, 4, 10, "");
+    assert_compare(fabs(sp_volume_info(volume)->steps.times[2] - 2), <, 1e-9);
+    sp_volume_unref(&volume);
+    volume = check_step("tz/img_t002_z001.tif", 1, 3, 4, 5, "");
+    sp_volume_unref(&volume);
+    check_slices("cz?field=channel 2", 4, 12, "");
+    volume = check_step("cz/Img2-C2.tif", 0, 1, 4, 6, "");
+    assert_string_equal(sp_volume_info(volume)->value_name, "channel 1");
+    assert_string_equal(sp_volume_info(volume)->others[0], "channel 2");
+    sp_volume_unref(&volume);
+}
+
+/* Files that are volumes of their own are left out with a warning. */
+static void other_numbers_are_not_mixed(void **state) {
+    (void)state;
+    assert_int_equal(mkdir(in_folder("wells"), 0700), 0);
+    assert_int_equal(mkdir(in_folder("two"), 0700), 0);
+    for (int well = 1; well < 3; well++)
+        for (int w = 1; w < 3; w++)
+            write_tiff("wells/A%02d_w%d.tif", well, w, 5 * well + w);
+    check_slices("wells", 1, 6, "2 numbered files were left out, such as A02_w1.tif");
+    check_slices("wells/A02_w1.tif?field=channel 2", 1, 12, "such as A01_w1.tif");
+    for (int a = 0; a < 2; a++)
+        for (int b = 0; b < 3; b++)
+            write_tiff("two/%d-%d.tif", a, b, 3 * a + b);
+    check_slices("two", 6, 0, "nothing tells what they mean");
+}
+
+static void a_source_may_say_what_the_numbers_are(void **state) {
+    (void)state;
+    assert_int_equal(mkdir(in_folder("as"), 0700), 0);
+    assert_int_equal(mkdir(in_folder("gap"), 0700), 0);
+    for (int t = 0; t < 3; t++)
+        write_tiff("as/v%d_t%d.tif", 7, t, t);
+    check_slices("as", 3, 0, "?as=time and ?as=channels");
+    struct sp_volume *volume = check_step("as?as=time", 2, 3, 1, 2, "");
+    sp_volume_unref(&volume);
+    check_slices("as/v7_t1.tif?as=channels&field=channel 2", 1, 2, "");
+    for (int k = 0; k < 4; k++)
+        write_tiff("gap/im%d_%d.tif", 7, k < 2 ? k : k + 5, k);
+    check_slices("gap", 4, 0, "1 gap, such as that from 1 to 7");
+}
+
+static void a_folder_names_what_it_does_not_show(void **state) {
+    (void)state;
+    assert_int_equal(mkdir(in_folder("mix"), 0700), 0);
+    for (int k = 0; k < 3; k++) {
+        write_tiff("mix/a%d_%d.tif", 7, k, k);
+        write_tiff("mix/b%d_%d.tif", 7, k, 5 + k);
+    }
+    write_text("mix/notes.txt", "no volume");
+    check_slices("mix", 3, 0, "3 other files that can be opened, such as b7_0.tif; a7_0.tif and");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(numbered_files_are_slices_in_the_order_of_their_numbers),
         cmocka_unit_test(deep_and_coloured_images_are_read),
         cmocka_unit_test(files_that_differ_are_left_out),
+        cmocka_unit_test(words_before_numbers_tell_times_and_channels),
+        cmocka_unit_test(other_numbers_are_not_mixed),
+        cmocka_unit_test(a_source_may_say_what_the_numbers_are),
+        cmocka_unit_test(a_folder_names_what_it_does_not_show),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
