@@ -52,7 +52,8 @@ static bool open_source(struct dicom_source *source, struct sp_error *err) {
     if (source->is_named)
         ok = source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why);
     const struct dicom_image *image = &source->image;
-    const bool is_unknown = image->is_tiled || (image->is_mosaic && image->tiles == 0);
+    const bool is_unknown = image->is_foreign || image->colors == DICOM_OTHER_COLORS ||
+                            image->is_tiled || (image->is_mosaic && image->tiles == 0);
     return ok || dicom_fail(source, is_unknown ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT, "", why, err);
 }
 

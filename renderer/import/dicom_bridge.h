@@ -95,6 +95,7 @@ struct dicom_image { /* what a file says about its images */
     bool has_number;
     long number;       /* of the series in its study */
     bool is_directory; /* the file is a DICOMDIR */
+    bool is_foreign;   /* not damaged, but packed in a way that is not supported */
     char modality[20];
     char description[68];           /* of the series, UTF-8 */
     uint32_t columns, rows, frames; /* columns 0 = the file has no image */
@@ -117,6 +118,7 @@ struct dicom_image { /* what a file says about its images */
     unsigned tiles;  /* of a mosaic: tiles per row and per column; 0 = not known */
     bool is_in_patient; /* the positions are those of a patient, not of a device */
     enum dicom_colors colors;
+    char color_name[20]; /* in the file (PhotometricInterpretation) */
     enum dicom_order order;
     char note[160];    /* a sentence for the user on what the reader does not apply; "" = none */
     double frame_time; /* [s] between frames in time; 0 = not known */
@@ -138,8 +140,9 @@ struct dicom_bridge_functions {
     /* Describes `count` frames. */
     bool (*describe_frames)(const char *path, struct dicom_frame *frames, uint32_t count, char *why,
                             size_t capacity);
-    /* Opens compressed pixels. NULL with the reason in `why`. */
-    void *(*open_pixels)(const char *path, char *why, size_t capacity);
+    /* Opens compressed pixels. NULL with the reason in `why`. If their code has other colours than
+     * *image says, corrects image->colors, and says so in image->note, which otherwise stays. */
+    void *(*open_pixels)(const char *path, struct dicom_image *image, char *why, size_t capacity);
     /* Unpacks one frame into `size` bytes, in native byte order, with the channels of a pixel side
      * by side. */
     bool (*read_frame)(void *pixels, uint32_t frame, void *out, size_t size, char *why,

@@ -43,7 +43,8 @@ static void describe_pixels(const gdcm::DataSet &set, dicom_image *image) {
     image->is_signed = dicom_value<uint16_t>(set, 0x0028, 0x0103) == 1;
     image->is_planar = image->channels > 1 && dicom_value<uint16_t>(set, 0x0028, 0x0006) == 1;
     image->is_bits = allocated == 1;
-    image->colors = colors_of(dicom_text(set, 0x0028, 0x0004), image->channels);
+    dicom_copy(image->color_name, sizeof image->color_name, dicom_text(set, 0x0028, 0x0004));
+    image->colors = colors_of(image->color_name, image->channels);
     image->is_labels = dicom_text(set, 0x0062, 0x0001) == "BINARY";
     image->has_labels = dicom_text(set, 0x0062, 0x0001) == "LABELMAP";
     if (image->has_labels)
@@ -105,7 +106,14 @@ static bool read_header(const char *path, gdcm::Reader &reader, dicom_image *ima
         stream.clear();
         stream.seekg(0);
         reader.SetStream(stream);
-        const bool ok = reader.ReadUpToTag({ 0x7fe0, element }, skipped);
+        bool ok = reader.ReadUpToTag({ 0x7fe0, element }, skipped);
+        if (!ok && reader.GetFile().GetHeader().GetDataSetTransferSyntax() ==
+                       gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) {
+            stream.clear(); /* GDCM 3.0 cannot skip pixels there */
+            stream.seekg(0);
+            reader.SetStream(stream);
+            ok = reader.Read();
+        }
         if (!ok && element == 0x0010)
             return false;
         const gdcm::TransferSyntax &syntax =
@@ -179,6 +187,9 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     gdcm::Trace::ErrorOff();
     gdcm::Reader reader;
     *image = dicom_image();
+    image->is_foreign = dicom_refuse_syntax(path, why, capacity);
+    if (image->is_foreign)
+        return false;
     if (!read_header(path, reader, image)) {
         explain(why, capacity, "this is no DICOM file, or it is damaged");
         return false;
@@ -255,10 +266,10 @@ static bool guarded_frames(const char *path, dicom_frame *frames, uint32_t count
                        capacity);
 }
 
-static void *guarded_open(const char *path, char *why, size_t capacity) {
+static void *guarded_open(const char *path, dicom_image *image, char *why, size_t capacity) {
     void *pixels = nullptr;
-    dicom_guard([&] { return (pixels = dicom_open_pixels(path, why, capacity)) != nullptr; }, why,
-                capacity);
+    dicom_guard([&] { return (pixels = dicom_open_pixels(path, image, why, capacity)) != nullptr; },
+                why, capacity);
     return pixels;
 }
 

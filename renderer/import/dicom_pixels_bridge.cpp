@@ -9,7 +9,6 @@
 
 #include <gdcmFile.h>
 #include <gdcmImage.h>
-#include <gdcmImageChangePlanarConfiguration.h>
 #include <gdcmImageHelper.h>
 #include <gdcmImageReader.h>
 #include <gdcmReader.h>
@@ -35,45 +34,59 @@ bool explain(char *why, size_t capacity, const char *text) {
     return false;
 }
 
-/* Finds the fragments of each frame: one each, or else by the table of their offsets. */
+/* Places of the frames in bytes from the first fragment on, of 4 bytes each behind the fragments'
+ * own head, or of 8 bytes each in an element of their own. Empty if there is no such table. */
+std::vector<uint64_t> read_offsets(const pixels &p) {
+    const gdcm::ByteValue *table = p.fragments->GetTable().GetByteValue();
+    std::vector<uint64_t> offsets =
+        dicom_values<uint64_t>(p.reader.GetFile().GetDataSet(), 0x7fe0, 0x0001);
+    if (table && table->GetLength() == 4 * size_t{ p.frames }) {
+        std::vector<uint32_t> narrow(p.frames);
+        memcpy(narrow.data(), table->GetPointer(), 4 * size_t{ p.frames });
+        offsets.assign(narrow.begin(), narrow.end());
+    }
+    return offsets.size() == p.frames ? offsets : std::vector<uint64_t>();
+}
+
+/* Finds the fragments of each frame: one each, or else by the table of their offsets, or else by
+ * how the code of a frame begins. */
 void find_frames(pixels &p) {
     const size_t count = p.fragments->GetNumberOfFragments();
-    const gdcm::ByteValue *table = p.fragments->GetTable().GetByteValue();
     if (count == p.frames || p.frames == 1) {
         for (size_t i = 0; i < p.frames; i++)
             p.first.push_back(i);
         p.first.push_back(count);
         return;
     }
-    if (!table || table->GetLength() != 4 * p.frames)
-        return;
-    std::vector<uint32_t> offsets(p.frames);
-    memcpy(offsets.data(), table->GetPointer(), 4 * p.frames);
-    size_t at = 0;
-    for (size_t i = 0; i < count && p.first.size() < p.frames; i++) {
-        if (at == offsets[p.first.size()])
+    const std::vector<uint64_t> offsets = read_offsets(p);
+    uint64_t at = 0;
+    for (size_t i = 0; i < count && p.first.size() <= p.frames; i++) {
+        const gdcm::ByteValue *code = p.fragments->GetFragment(i).GetByteValue();
+        const size_t next = p.first.size();
+        if (offsets.empty() ? code && dicom_begins_frame(code->GetPointer(), code->GetLength())
+                            : next < p.frames && at == offsets[next])
             p.first.push_back(i);
         at += 8 + p.fragments->GetFragment(i).GetVL();
     }
-    if (p.first.size() == p.frames)
+    if (p.first.size() == p.frames && p.first[0] == 0)
         p.first.push_back(count);
     else
         p.first.clear();
 }
 
-/* The pixels of an image whose channels lie side by side. */
+/* The bytes of a frame as they are packed. */
+std::vector<uint8_t> code_of(const pixels &p, uint32_t frame) {
+    std::vector<uint8_t> code;
+    for (size_t i = p.first[frame]; i < p.first[frame + 1]; i++)
+        if (const gdcm::ByteValue *part = p.fragments->GetFragment(i).GetByteValue())
+            code.insert(code.end(), part->GetPointer(), part->GetPointer() + part->GetLength());
+    return code;
+}
+
 bool unpack(const gdcm::Image &image, void *out, size_t size, char *why, size_t capacity) {
-    const gdcm::Image *from = &image;
-    gdcm::ImageChangePlanarConfiguration alternate;
-    if (image.GetPlanarConfiguration() == 1) {
-        alternate.SetInput(image);
-        alternate.SetPlanarConfiguration(0);
-        if (alternate.Change())
-            from = &alternate.GetOutput();
-    }
-    if (from->GetBufferLength() != size)
+    if (image.GetBufferLength() != size)
         return explain(why, capacity, "the file has another number of pixels than its header says");
-    return from->GetBuffer(static_cast<char *>(out)) ||
+    return image.GetBuffer(static_cast<char *>(out)) ||
            explain(why, capacity, "the pixels cannot be unpacked: they are cut off or damaged");
 }
 
@@ -96,10 +109,7 @@ size_t unpack_runs(const uint8_t *at, const uint8_t *end, uint8_t *out, size_t c
 bool unpack_rle(const pixels &p, uint32_t frame, char *out, size_t size, char *why,
                 size_t capacity) {
     enum { HEADER = 64, SEGMENTS_MAX = 15 };
-    std::vector<uint8_t> bytes;
-    for (size_t i = p.first[frame]; i < p.first[frame + 1]; i++)
-        if (const gdcm::ByteValue *part = p.fragments->GetFragment(i).GetByteValue())
-            bytes.insert(bytes.end(), part->GetPointer(), part->GetPointer() + part->GetLength());
+    const std::vector<uint8_t> bytes = code_of(p, frame);
     const size_t channels = p.format.GetSamplesPerPixel(), wide = p.format.GetBitsAllocated() / 8;
     const size_t segments = channels * wide, count = size / segments;
     uint32_t at[SEGMENTS_MAX + 1];
@@ -139,10 +149,19 @@ bool unpack_frame(const pixels &p, uint32_t frame, void *out, size_t size, char 
     image.SetDimension(1, p.rows);
     image.SetPixelFormat(p.format);
     image.SetPhotometricInterpretation(p.colors);
-    image.SetPlanarConfiguration(p.planar);
+    image.SetPlanarConfiguration(0); /* the code says how it orders the channels, and GDCM knows */
     image.SetTransferSyntax(p.reader.GetFile().GetHeader().GetDataSetTransferSyntax());
     image.SetDataElement(element);
     return unpack(image, out, size, why, capacity);
+}
+
+/* Puts the channels of each pixel side by side. */
+void interleave(const pixels &p, const char *planes, char *out) {
+    const size_t count = size_t{ p.columns } * p.rows, bytes = p.format.GetBitsAllocated() / 8;
+    const size_t channels = p.format.GetSamplesPerPixel();
+    for (size_t channel = 0; channel < channels; channel++)
+        for (size_t i = 0; i < count; i++, planes += bytes)
+            memcpy(out + (i * channels + channel) * bytes, planes, bytes);
 }
 
 /* All frames at once, which are then kept. */
@@ -152,16 +171,22 @@ bool unpack_all(pixels &p, size_t size, char *why, size_t capacity) {
     if (!reader.Read())
         return explain(why, capacity,
                        "the pixels are damaged, or packed in a way that is not supported");
-    std::vector<char> all(size * p.frames);
+    if (p.fragments)
+        reader.GetImage().SetPlanarConfiguration(0); /* as in unpack_frame() */
+    std::vector<char> all(size * p.frames), frame(size);
     if (!unpack(reader.GetImage(), all.data(), all.size(), why, capacity))
         return false;
+    for (size_t n = 0; n < p.frames && p.planar == 1 && !p.fragments; n++) {
+        interleave(p, all.data() + n * size, frame.data());
+        memcpy(all.data() + n * size, frame.data(), size);
+    }
     p.all.swap(all);
     return true;
 }
 
 } // namespace
 
-void *dicom_open_pixels(const char *path, char *why, size_t capacity) try {
+void *dicom_open_pixels(const char *path, dicom_image *image, char *why, size_t capacity) try {
     auto p = std::make_unique<pixels>();
     std::ifstream stream(path, std::ios::binary);
     p->path = path;
@@ -183,6 +208,8 @@ void *dicom_open_pixels(const char *path, char *why, size_t capacity) try {
         p->fragments = file.GetDataSet().GetDataElement(tag).GetSequenceOfFragments();
     if (p->fragments)
         find_frames(*p);
+    if (!p->first.empty())
+        dicom_check_colors(code_of(*p, 0), image);
     return p.release();
 } catch (const std::exception &e) {
     explain(why, capacity, e.what());

@@ -36,12 +36,6 @@ bool dicom_samples_type(const struct dicom_source *source, const struct dicom_im
              image->channels);
     if (image->channels < 1 || image->channels > 4 || (image->channels > 1) != is_color(image))
         return dicom_fail(source, SP_ERR_UNSUPPORTED, name, text, err);
-    if (image->colors == DICOM_OTHER_COLORS)
-        return dicom_fail(source, SP_ERR_UNSUPPORTED, name,
-                          "these colours (PhotometricInterpretation) are not supported; supported "
-                          "are RGB, YBR_FULL, YBR_FULL_422, YBR_RCT, YBR_ICT and PALETTE COLOR; "
-                          "convert the file to RGB",
-                          err);
     snprintf(text, sizeof text,
              "YBR_FULL_422 with %" PRIu32 " columns is not supported: two pixels of a row share "
              "their colour, so the number of columns must be even; convert the file to RGB",
@@ -143,6 +137,16 @@ static bool refuse_mosaic(char why[SP_ERROR_TEXT]) {
     return false;
 }
 
+static bool refuse_colors(const struct dicom_image *image, char why[SP_ERROR_TEXT]) {
+    snprintf(
+        why, SP_ERROR_TEXT,
+        "colours of the kind %.19s (PhotometricInterpretation) are not supported; supported are "
+        "RGB, YBR_FULL, YBR_FULL_422, YBR_RCT, YBR_ICT and PALETTE COLOR; convert the file to "
+        "RGB",
+        image->color_name);
+    return false;
+}
+
 bool dicom_samples_check(const struct dicom_image *described, int fd, char why[SP_ERROR_TEXT]) {
     const struct dicom_image stored = stored_of(described), *image = &stored;
     const uint64_t needed = image->is_bits ? (pixels_of(image) * image->frames + 7) / 8
@@ -154,6 +158,8 @@ bool dicom_samples_check(const struct dicom_image *described, int fd, char why[S
         return refuse_tiles(image, why);
     if (image->is_mosaic && image->tiles == 0)
         return refuse_mosaic(why);
+    if (image->colors == DICOM_OTHER_COLORS)
+        return refuse_colors(image, why);
     if (image->is_packed)
         return image->pixels_at == 0 || check_packed(image, fd, size, why);
     snprintf(why, SP_ERROR_TEXT, "the file has no pixels");
@@ -211,7 +217,10 @@ bool dicom_samples_open(struct dicom_samples *s, const struct dicom_source *sour
                     "The palette has colours of 16 bits; they were rounded to 8 bits.");
     if (!s->image.is_packed)
         return true;
-    s->packed = source->call->open_pixels(path, why, sizeof why);
+    s->image.note[0] = 0; /* that of the header is told elsewhere */
+    s->packed = source->call->open_pixels(path, &s->image, why, sizeof why);
+    if (s->image.note[0])
+        import_warn(source->file->warnings, "%s", s->image.note);
     return s->packed || fail(s, why, err);
 }
 

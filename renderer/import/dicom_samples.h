@@ -30,8 +30,8 @@ bool dicom_samples_type(const struct dicom_source *source, const struct dicom_im
                         const char *name, struct import_number *number, unsigned *channels,
                         struct sp_error *err);
 
-/* Checks that the pixels of an open file are not cut off, and not tiles of a larger image or of a
- * mosaic of unknown size. */
+/* Checks that the pixels of an open file are not cut off, not tiles of a larger image or of a
+ * mosaic of unknown size, and not colours of a kind that is not supported. */
 bool dicom_samples_check(const struct dicom_image *image, int fd, char why[SP_ERROR_TEXT]);
 
 /* Opens a file of the folder; "" is the file that was opened. Its image must have the size and the

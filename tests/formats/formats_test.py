@@ -36,7 +36,7 @@ PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'small_
          'meaning_part': ['numpy', 'nibabel', 'nrrd', 'pydicom', 'SimpleITK', 'h5py', 'netCDF4', 'tifffile', 'zarr'],
          'reports_part': ['numpy'],
          'dicom_folder_part': ['numpy', 'pydicom'], 'dicom_series_part': ['numpy', 'pydicom', 'nibabel'],
-         'dicom_highdicom_part': ['numpy', 'pydicom', 'highdicom'],
+         'dicom_highdicom_part': ['numpy', 'pydicom', 'highdicom'], 'dicom_packed_part': ['numpy', 'pydicom', 'PIL'],
          'convert_part': ['numpy', 'nibabel', 'nrrd', 'zarr']}
 GROUPS = {'arrays': ['types_part', 'zarr_part', 'arrays_part', 'cf_part', 'coordinates_part', 'hdf5_part', 'tiff_part'], 'dicom': [part for part in PARTS if part.startswith('dicom_')]}
 GROUPS['rest'] = [part for part in PARTS if part not in GROUPS['arrays'] + GROUPS['dicom']]

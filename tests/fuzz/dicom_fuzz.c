@@ -68,7 +68,8 @@ static bool describe(const char *path, struct dicom_image *image, char *why, siz
                             &image->is_planar,    &image->is_packed,     &image->is_swapped,
                             &image->is_labels,    &image->is_in_patient, &image->has_number,
                             &image->is_directory, &image->is_tiled,      &image->has_places,
-                            &image->is_mosaic,    &image->has_labels,    &image->has_words };
+                            &image->is_mosaic,    &image->has_labels,    &image->has_words,
+                            &image->is_foreign };
     unsigned char bytes[sizeof *image] = { 0 };
     *image = usual;
     snprintf(why, capacity, "too short");
@@ -81,6 +82,7 @@ static bool describe(const char *path, struct dicom_image *image, char *why, siz
     image->modality[sizeof image->modality - 1] = 0;
     image->description[sizeof image->description - 1] = 0;
     image->note[sizeof image->note - 1] = 0;
+    image->color_name[sizeof image->color_name - 1] = 0;
     image->colors = (enum dicom_colors)((unsigned)image->colors % (DICOM_OTHER_COLORS + 1));
     image->order = (enum dicom_order)((unsigned)image->order % (DICOM_ORDER_TIMES + 1));
     for (size_t i = 0; i < sizeof flags / sizeof *flags; i++)
@@ -111,7 +113,8 @@ static bool describe_frames(const char *path, struct dicom_frame *frames, uint32
     return ok;
 }
 
-static void *open_pixels(const char *path, char *why, size_t capacity) {
+static void *open_pixels(const char *path, struct dicom_image *image, char *why, size_t capacity) {
+    (void)image;
     snprintf(why, capacity, "out of memory");
     return strdup(path);
 }
