@@ -11,7 +11,7 @@
 
 #include "http/owned.h"
 #include "http/routes.h"
-#include "protocol/view.h"
+#include "session/view_check.h"
 #include "store/store.h"
 
 enum { NAME_BYTES_MAX = 64 };
@@ -28,19 +28,10 @@ static bool is_name(const char *name) {
     return length >= 1 && length <= NAME_BYTES_MAX;
 }
 
-/* True if the preset is a valid patch. A preset belongs to no volume, so it is applied to the
- * default view of a cube. */
+/* True if the preset is a valid patch. */
 static bool check(const proto_json *patch, struct sp_error *err) {
-    struct sp_volume_info cube = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
-    struct sp_view view, defaults;
-    for (int i = 0; i < 3; i++) {
-        cube.grid.dims[i] = 64;
-        cube.grid.spacing[i] = 1;
-        cube.grid.direction[i][i] = 1;
-    }
-    sp_view_init(&view, &cube, "cube");
-    defaults = view;
-    return proto_view_apply(patch, &defaults, &view, err);
+    struct sp_view view;
+    return srv_view_check(patch, &view, err);
 }
 
 void srv_get_presets(struct srv_request *request, struct srv_reply *reply) {
@@ -113,9 +104,10 @@ static void put(struct srv_request *request, const proto_json *patch, struct srv
     const char *name = request->param;
     struct sp_error err = { .code = SP_OK };
     size_t size = 0;
-    char *old = srv_store_get(store, SRV_KIND_PRESET, name, NULL, &err);
+    char *old = srv_store_get_any(store, SRV_KIND_PRESET, name, NULL, &err);
     char *text = proto_json_to_canonical(patch, NULL);
-    char *record = text ? record_of(request, old, text, &size) : NULL;
+    const bool is_sound = srv_store_is_sound(store, SRV_KIND_PRESET, name, NULL);
+    char *record = text ? record_of(request, is_sound ? old : NULL, text, &size) : NULL;
     if (!record) {
         srv_reply_problem(reply, 503, NULL, "out of memory for a preset");
     } else if (!old && err.code != SP_ERR_NOT_FOUND) {
@@ -155,7 +147,7 @@ void srv_put_preset(struct srv_request *request, struct srv_reply *reply) {
 void srv_delete_preset(struct srv_request *request, struct srv_reply *reply) {
     struct srv_store *store = request->app->store;
     struct sp_error err = { .code = SP_OK };
-    char *record = srv_store_get(store, SRV_KIND_PRESET, request->param, NULL, &err);
+    char *record = srv_store_get_any(store, SRV_KIND_PRESET, request->param, NULL, &err);
     if (!record && err.code != SP_ERR_NOT_FOUND) {
         srv_reply_error(reply, &err);
     } else if (!record || may_change(request, record, reply)) {

@@ -191,7 +191,7 @@ static bool find_role(struct srv_request *request, enum srv_role *role, struct s
                                  "give a token of the daemon, or one of an existing session");
     else if (!role_of_grant(request, role))
         srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
-    else if (err.code != SP_ERR_DENIED)
+    else if (err.code != SP_ERR_DENIED && err.code != SP_ERR_IO) /* a damaged one can be deleted */
         srv_reply_error(reply, &err);
     else
         return true;

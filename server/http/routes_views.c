@@ -201,7 +201,8 @@ static void reply_missing(const struct srv_request *request, struct srv_reply *r
  * is a problem document. */
 static char *own_record(struct srv_request *request, size_t *size, struct srv_reply *reply) {
     struct sp_error err;
-    char *record = srv_store_get(request->app->store, SRV_KIND_VIEW, request->param, size, &err);
+    char *record =
+        srv_store_get_any(request->app->store, SRV_KIND_VIEW, request->param, size, &err);
     if (!record && err.code != SP_ERR_NOT_FOUND) {
         srv_reply_error(reply, &err);
     } else if (!record) {
@@ -252,6 +253,10 @@ static void rename_record(struct srv_request *request, const char *text, size_t 
                           const char *name, struct srv_reply *reply) {
     struct sp_error err = { .code = SP_OK };
     char beginning[SRV_OWNED_BYTES];
+    if (!srv_store_is_sound(request->app->store, SRV_KIND_VIEW, request->param, &err)) {
+        srv_reply_error(reply, &err);
+        return;
+    }
     proto_json *old = proto_json_parse(text, size, &err);
     const char *owner = proto_json_string(proto_json_get(old, "owner"));
     const proto_json *inner = proto_json_get(old, "view");

@@ -174,7 +174,8 @@ struct srv_volume *srv_acquire_volume(struct srv_request *request, const char *i
     struct sp_error err;
     struct srv_volume *volume = srv_catalog_acquire(request->app->catalog, id, &err);
     if (!volume) {
-        srv_name_volumes(request, &err);
+        if (srv_store_is_sound(request->app->store, SRV_KIND_VOLUME, id, &err))
+            srv_name_volumes(request, &err);
         err.place[0] = 0; /* the volume is the resource, not a member of a body */
         srv_reply_error(reply, &err);
     }
@@ -227,7 +228,8 @@ bool srv_find_volume(struct srv_request *request, const char *id, struct srv_vol
     if (srv_catalog_find(request->app->catalog, id, status))
         return true;
     sp_fail(&err, SP_ERR_NOT_FOUND, NULL, "there is no volume '%s'", id);
-    srv_name_volumes(request, &err);
+    if (srv_store_is_sound(request->app->store, SRV_KIND_VOLUME, id, &err))
+        srv_name_volumes(request, &err);
     srv_reply_error(reply, &err);
     return false;
 }
@@ -454,10 +456,18 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
     proto_json_free(&body);
 }
 
+/* Nobody knows whose volume a damaged record is: an admin may remove it. */
+static bool remove_damaged(struct srv_request *request, struct sp_error *err) {
+    struct srv_store *store = request->app->store;
+    return !srv_store_is_sound(store, SRV_KIND_VOLUME, request->param, err) &&
+           !srv_request_scope(request) && srv_store_remove(store, SRV_KIND_VOLUME, request->param);
+}
+
 void srv_delete_volume(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     if (!srv_catalog_remove(request->app->catalog, request->param, srv_request_scope(request),
-                            &err)) {
+                            &err) &&
+        !remove_damaged(request, &err)) {
         srv_name_volumes(request, &err);
         srv_reply_error(reply, &err);
         return;

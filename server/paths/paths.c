@@ -216,11 +216,8 @@ static bool restore_all(struct srv_paths *paths, struct sp_error *err) {
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while restoring the camera paths");
     for (const char *id = ids; *id; id += strlen(id) + 1) {
         struct sp_error why;
-        if (restore(paths, id, &why))
-            continue;
-        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
-                    "cannot restore camera path %s: %s%s%s", id, why.place,
-                    why.place[0] ? ": " : "", why.text);
+        if (!restore(paths, id, &why))
+            srv_store_damage(paths->options.store, SRV_KIND_PATH, id, &why);
     }
     count_strays(paths, ids);
     free(ids);
@@ -422,8 +419,9 @@ proto_json *srv_paths_add(struct srv_paths *paths, const proto_json *body,
     return json;
 }
 
-bool srv_path_not_found(const char *id, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no path '%.64s'", id);
+bool srv_path_missing(struct srv_paths *paths, const char *id, struct sp_error *err) {
+    return srv_store_is_sound(paths->options.store, SRV_KIND_PATH, id, err) &&
+           sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no path '%.64s'", id);
 }
 
 proto_json *srv_paths_get(struct srv_paths *paths, const char *id, struct sp_error *err) {
@@ -435,7 +433,7 @@ proto_json *srv_paths_get(struct srv_paths *paths, const char *id, struct sp_err
     pthread_mutex_unlock(&paths->mutex);
     proto_json *json = path ? srv_path_info_encode(&info) : NULL;
     if (!path)
-        srv_path_not_found(id, err);
+        srv_path_missing(paths, id, err);
     else if (!json)
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a camera path");
     return json;
@@ -466,14 +464,41 @@ static void mark_removed(struct srv_paths *paths, struct srv_path *path) {
     pthread_mutex_unlock(&paths->mutex);
 }
 
+/* Takes up a path whose record is damaged, so that its files can be deleted; its record says so on
+ * success. NULL: there is none, or no memory. The caller holds `records`. */
+static struct srv_path *remove_damaged(struct srv_paths *paths, const char *id,
+                                       struct sp_error *err) {
+    if (srv_path_missing(paths, id, err) || err->code != SP_ERR_IO)
+        return NULL;
+    struct srv_path *path = make_removed_path(paths, id);
+    if (!path || !srv_path_record_remove(paths, id, err)) {
+        if (!path)
+            sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while deleting a camera path");
+        free(path);
+        return NULL;
+    }
+    pthread_mutex_lock(&paths->mutex);
+    atomic_store(&path->is_removed, true);
+    path->next = paths->gone;
+    paths->gone = path;
+    begin_write(path);
+    pthread_mutex_unlock(&paths->mutex);
+    return path;
+}
+
 bool srv_paths_remove(struct srv_paths *paths, const char *id, struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK };
     pthread_mutex_lock(&paths->records); /* only its holder removes paths from the list */
     pthread_mutex_lock(&paths->mutex);
     struct srv_path *path = *srv_paths_find(paths, id);
     pthread_mutex_unlock(&paths->mutex);
-    bool ok = path ? srv_path_record_remove(paths, id, err) : srv_path_not_found(id, err);
+    bool ok = path && srv_path_record_remove(paths, id, &why);
     if (ok)
         mark_removed(paths, path);
+    else if (!path)
+        ok = (path = remove_damaged(paths, id, &why)) != NULL;
+    if (!ok && err)
+        *err = why;
     pthread_mutex_unlock(&paths->records);
     if (ok)
         flush(path);

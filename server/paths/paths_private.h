@@ -92,7 +92,8 @@ void srv_path_unref(struct srv_path *path);
 /* Returns the link in the list that points to the path; it points to NULL if there is no such path.
  * The caller holds the mutex. */
 struct srv_path **srv_paths_find(struct srv_paths *paths, const char *id);
-bool srv_path_not_found(const char *id, struct sp_error *err); /* returns false */
+/* Returns false and says that there is no such path, or that its record is damaged (SP_ERR_IO). */
+bool srv_path_missing(struct srv_paths *paths, const char *id, struct sp_error *err);
 const char *srv_path_state_name(const struct srv_path *path);
 void srv_path_describe(const struct srv_path *path, struct srv_path_info *info);
 

@@ -10,25 +10,13 @@
 
 #include "paths/paths_private.h"
 #include "protocol/view.h"
+#include "session/view_check.h"
 #include "sp/log.h"
-
-/* Reads a complete view. It needs no volume, because all fields are present. */
-static bool read_whole(const proto_json *json, struct sp_view *view, struct sp_error *err) {
-    struct sp_volume_info cube = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
-    for (int i = 0; i < 3; i++) {
-        cube.grid.dims[i] = 2;
-        cube.grid.spacing[i] = 1;
-        cube.grid.direction[i][i] = 1;
-    }
-    sp_view_init(view, &cube, "");
-    struct sp_view defaults = *view;
-    return proto_view_apply(json, &defaults, view, err);
-}
 
 struct srv_keyframes *srv_path_record_keyframes(const proto_json *record, struct sp_error *err) {
     struct sp_view view, defaults;
-    return read_whole(proto_json_get(record, "view"), &view, err) &&
-                   read_whole(proto_json_get(record, "defaults"), &defaults, err)
+    return srv_view_check(proto_json_get(record, "view"), &view, err) &&
+                   srv_view_check(proto_json_get(record, "defaults"), &defaults, err)
                ? srv_keyframes_read(record, &view, &defaults, UINT32_MAX, err)
                : NULL;
 }

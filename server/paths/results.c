@@ -20,7 +20,7 @@ static bool look_up(struct srv_paths *paths, const char *id, struct srv_path *co
     }
     pthread_mutex_unlock(&paths->mutex);
     if (!path)
-        srv_path_not_found(id, err);
+        srv_path_missing(paths, id, err);
     return path != NULL;
 }
 

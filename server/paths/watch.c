@@ -90,7 +90,7 @@ struct srv_path_watch *srv_paths_watch(struct srv_paths *paths, const char *id, 
     if (watch->path)
         return watch;
     if (!*over)
-        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no path '%.64s'", id);
+        srv_path_missing(paths, id, err);
     free(watch);
     return NULL;
 }

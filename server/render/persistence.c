@@ -8,6 +8,7 @@
 
 #include "common/clock.h"
 #include "protocol/json.h"
+#include "render/record_check.h"
 #include "sp/log.h"
 
 static bool restore_volume(struct srv_catalog *catalog, const char *id, const char *text,
@@ -29,6 +30,11 @@ static bool restore_volume(struct srv_catalog *catalog, const char *id, const ch
     return ok;
 }
 
+/* True if a record is at fault, and not the memory or a limit. */
+static bool is_damage(enum sp_code code) {
+    return code == SP_ERR_FORMAT || code == SP_ERR_INVALID;
+}
+
 static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv_hub *hub,
                          struct srv_catalog *catalog, struct sp_error *err) {
     char *ids = srv_store_ids(store, kind);
@@ -41,7 +47,9 @@ static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv
         bool ok = text && (kind == SRV_KIND_SESSION
                                ? srv_hub_restore(hub, id, text, size, srv_clock_ms(), &why)
                                : restore_volume(catalog, id, text, size, &why));
-        if (!ok)
+        if (!ok && is_damage(why.code))
+            srv_store_damage(store, kind, id, &why);
+        else if (!ok)
             sp_log(SP_LOG_ERROR, "cannot restore %s %s: %s%s%s",
                    kind == SRV_KIND_SESSION ? "session" : "volume", id, why.place,
                    why.place[0] ? ": " : "", why.text);
@@ -51,10 +59,28 @@ static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv
     return true;
 }
 
+/* Checks the records that are read when a request needs them. */
+static bool check_kind(struct srv_store *store, enum srv_kind kind, struct sp_error *err) {
+    char *ids = srv_store_ids(store, kind);
+    if (!ids)
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while restoring the state");
+    for (const char *id = ids; *id; id += strlen(id) + 1) {
+        struct sp_error why;
+        size_t size;
+        char *text = srv_store_get(store, kind, id, &size, &why);
+        if (!text || !srv_record_check(kind, text, size, &why))
+            srv_store_damage(store, kind, id, &why);
+        free(text);
+    }
+    free(ids);
+    return true;
+}
+
 bool srv_persistence_restore(struct srv_store *store, struct srv_hub *hub,
                              struct srv_catalog *catalog, struct sp_error *err) {
     return restore_kind(store, SRV_KIND_SESSION, hub, catalog, err) &&
-           restore_kind(store, SRV_KIND_VOLUME, hub, catalog, err);
+           restore_kind(store, SRV_KIND_VOLUME, hub, catalog, err) &&
+           check_kind(store, SRV_KIND_VIEW, err) && check_kind(store, SRV_KIND_PRESET, err);
 }
 
 static bool put_session(void *user, const char *id, const char *text, size_t size) {
@@ -74,7 +100,10 @@ double srv_persistence_ran_ms(struct srv_store *store) {
     double ran_s = 0;
     char *text = srv_store_get(store, SRV_KIND_CLOCK, clock_id, &size, &err);
     proto_json *json = text ? proto_json_parse(text, size, &err) : NULL;
-    bool ok = proto_json_number(proto_json_get(json, "ran"), &ran_s) && ran_s > 0;
+    bool ok = proto_json_number(proto_json_get(json, "ran"), &ran_s) && ran_s >= 0;
+    if (text && !ok)
+        srv_store_damage(store, SRV_KIND_CLOCK, clock_id,
+                         &(struct sp_error){ .code = SP_ERR_FORMAT, .text = "it is no time" });
     proto_json_free(&json);
     free(text);
     return ok ? ran_s * 1000 : 0;

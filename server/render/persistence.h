@@ -12,7 +12,8 @@
 #include "store/store.h"
 
 /* Restores the sessions, hibernated, and queues the loads of volumes. A record that cannot be
- * restored is logged and stays in the store. False: SP_ERR_MEMORY. */
+ * restored is logged and stays in the store; so is a damaged one of a saved view or a preset, and
+ * requests for it get that as an error. False: SP_ERR_MEMORY. */
 bool srv_persistence_restore(struct srv_store *store, struct srv_hub *hub,
                              struct srv_catalog *catalog, struct sp_error *err);
 

@@ -23,6 +23,7 @@
 #include "common/pagination.h"
 #include "protocol/view.h"
 #include "session/session.h"
+#include "session/view_check.h"
 #include "sp/log.h"
 
 struct srv_hibernated_owner { /* a token that has hibernated sessions */
@@ -294,15 +295,16 @@ static bool restore(struct srv_hub *hub, const char *id, const proto_json *recor
     struct srv_owner owner;
     double used_s = 0;
     srv_owner_decode(proto_json_get(record, "owner"), &owner);
-    if (strlen(id) != SRV_SESSION_ID_BYTES - 1 || !volume || strlen(volume) >= SP_NAME_BYTES ||
-        !read_token(record, "control", tokens[SRV_ROLE_CONTROL]) ||
+    if (strlen(id) != SRV_SESSION_ID_BYTES - 1)
+        return sp_fail(err, SP_ERR_FORMAT, NULL, "the id is not one of a session");
+    if (!read_token(record, "control", tokens[SRV_ROLE_CONTROL]) ||
         !read_token(record, "view", tokens[SRV_ROLE_VIEW]))
-        return sp_fail(err, SP_ERR_FORMAT, NULL, "the record does not describe a session");
+        return sp_fail(err, SP_ERR_FORMAT, "/tokens", "the join tokens are missing");
     struct srv_hibernated_session *entry = create(hub, owner.name);
     if (!entry)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a session");
     strcpy(entry->id, id);
-    strcpy(entry->volume, volume);
+    snprintf(entry->volume, sizeof entry->volume, "%s", volume ? volume : "");
     memcpy(entry->tokens, tokens, sizeof tokens);
     proto_json_bool(proto_json_get(record, "guest"), &entry->is_guests);
     entry->used_ms = now_ms;
@@ -312,14 +314,50 @@ static bool restore(struct srv_hub *hub, const char *id, const proto_json *recor
     return true;
 }
 
+/* Checks what is read when the session becomes active. */
+static bool check(const char *id, const proto_json *record, struct sp_error *err) {
+    const proto_json *view = proto_json_get(record, "view");
+    const proto_json *measures = proto_json_get(record, "measures");
+    const char *volume = proto_view_volume(view);
+    struct proto_measure measure;
+    struct sp_view read;
+    struct sp_error why;
+    if (!volume || strlen(volume) >= SP_NAME_BYTES)
+        return sp_fail(err, SP_ERR_FORMAT, "/view/volume", "is not the id of a volume");
+    if (!srv_view_check(view, &read, &why)) {
+        sp_fail(err, SP_ERR_FORMAT, NULL, "/view%.80s: %.280s", why.place, why.text);
+        return false;
+    }
+    for (size_t i = 0; i < proto_json_size(measures); i++)
+        if (!proto_measure_restore(proto_json_at(measures, i), &measure))
+            sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "session", id }),
+                        "the record of the session %s is damaged: /measures/%zu is no measurement; "
+                        "it is left out",
+                        id, i);
+    return true;
+}
+
 bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size_t size,
                      double now_ms, struct sp_error *err) {
     proto_json *record = proto_json_parse(text, size, err);
     pthread_mutex_lock(&hub->mutex);
-    const bool ok = record && restore(hub, id, record, now_ms, err);
+    bool ok = record && restore(hub, id, record, now_ms, err);
     pthread_mutex_unlock(&hub->mutex);
+    ok = ok && check(id, record, err);
     proto_json_free(&record);
     return ok;
+}
+
+bool srv_hibernated_missing(const struct srv_hub *hub, const char *id, struct sp_error *err) {
+    struct sp_error why = { .code = SP_ERR_NOT_FOUND };
+    size_t size;
+    char *text =
+        hub->options.recall ? hub->options.recall(hub->options.user, id, &size, &why) : NULL;
+    const bool is_damaged = !text && why.code == SP_ERR_IO;
+    free(text);
+    if (is_damaged)
+        return sp_fail(err, why.code, NULL, "%s", why.text);
+    return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
 }
 
 /* Becoming active again. */
@@ -354,7 +392,7 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
                                           struct sp_error *err) {
     struct srv_hibernated_session **link = find(hub, id);
     if (!*link) {
-        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
+        srv_hibernated_missing(hub, id, err);
         return NULL;
     }
     struct srv_session *session = srv_hub_alloc_session(hub);

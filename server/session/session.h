@@ -386,6 +386,8 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
                                           struct sp_error *err);
 unsigned srv_hub_bucket(const char *id); /* less than SRV_HUB_BUCKETS */
 bool srv_hibernated_remove(struct srv_hub *hub, const char *id);
+/* Returns false and says that there is no session, or that its record is damaged (SP_ERR_IO). */
+bool srv_hibernated_missing(const struct srv_hub *hub, const char *id, struct sp_error *err);
 /* Ends sessions that were hibernated for too long; returns when the next one ends. */
 double srv_hibernated_tick(struct srv_hub *hub, double now_ms);
 unsigned srv_hibernated_count(struct srv_hub *hub, const char *owner);

@@ -155,9 +155,11 @@ proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const pro
 bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find_active(hub, id);
-    bool found =
-        session || srv_hibernated_remove(hub, id) ||
-        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
+    struct sp_error why = { .code = SP_OK };
+    bool found = session || srv_hibernated_remove(hub, id) ||
+                 srv_hibernated_missing(hub, id, &why) || why.code == SP_ERR_IO; /* damaged */
+    if (!found && err)
+        *err = why;
     if (session)
         srv_hub_end_session(hub, session);
     else if (found)
@@ -184,7 +186,7 @@ bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, e
             session ? session->identity.tokens[r] : srv_hibernated_token(hub, id, (enum srv_role)r);
     bool ok = false;
     if (!tokens[0]) {
-        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
+        srv_hibernated_missing(hub, id, err);
     } else {
         bool control = srv_secret_equal(tokens[SRV_ROLE_CONTROL], token);
         bool view = srv_secret_equal(tokens[SRV_ROLE_VIEW], token);

@@ -218,6 +218,15 @@ static bool open_file(struct srv_database *d, struct sp_error *err) {
         !srv_database_files_sync(d->files.folder, err))
         return false;
     srv_database_files_note(&d->files);
+    srv_database_files_set_used(&d->files);
+    if (schema == 0 && d->files.was_used)
+        sp_log(
+            SP_LOG_ERROR,
+            "%s is new and empty, but there was a database before: its volumes, sessions, views, "
+            "presets and camera paths are not known any more. To have them back, stop the daemon "
+            "and put a copy of " SRV_DATABASE_NAME " here",
+            d->files.path);
+    d->files.was_used = false; /* said once */
     return true;
 }
 
@@ -281,9 +290,12 @@ bool srv_database_read(struct srv_database *d, struct srv_table *table, struct s
             if (!kind_name || !id || !body)
                 break;
             enum srv_kind kind = kind_from(kind_name);
-            if (kind == SRV_KINDS || strlen(id) > SRV_STORE_ID_MAX)
-                sp_log(SP_LOG_WARN, "%s: ignoring a record of unknown kind '%.32s'", d->files.path,
-                       kind_name);
+            if (kind == SRV_KINDS || strlen(id) > SRV_STORE_ID_MAX || !*id)
+                sp_log(
+                    SP_LOG_ERROR,
+                    "%s: a record is damaged and ignored: the kind '%.32s' or the id '%.140s' is "
+                    "not valid",
+                    d->files.path, kind_name, id);
             else if (!srv_table_put(table, kind, id, body,
                                     (size_t)sqlite3_column_bytes(statement, 2), false))
                 break;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "store/database_files.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -8,6 +9,8 @@
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+#include "common/private_folder.h"
 
 enum { KEPT_MAX = 9 }; /* files that were found in the place of the database */
 
@@ -66,6 +69,32 @@ static bool take_lock(struct srv_database_files *files, struct sp_error *err) {
     return true;
 }
 
+/* True if the folder "FOLDER/NAME" has folders of objects (private_folder.h). */
+static bool has_objects(const char *folder, const char *name) {
+    char path[PATH_MAX];
+    bool found = false;
+    DIR *objects = name_path(folder, name, path) ? opendir(path) : NULL;
+    for (const struct dirent *entry; objects && !found && (entry = readdir(objects));)
+        found = srv_folder_is_id(entry->d_name);
+    if (objects)
+        closedir(objects);
+    return found;
+}
+
+static bool was_used(const struct srv_database_files *files) {
+    struct stat st;
+    return (fstat(files->lock, &st) == 0 && st.st_size > 0) ||
+           has_objects(files->folder, "paths") || has_objects(files->folder, "uploads");
+}
+
+void srv_database_files_set_used(const struct srv_database_files *files) {
+    static const char text[] = "splatd uses " SRV_DATABASE_NAME " in this folder\n";
+    struct stat st;
+    if (fstat(files->lock, &st) == 0 && st.st_size == 0 &&
+        pwrite(files->lock, text, sizeof text - 1, 0) > 0)
+        fsync(files->lock);
+}
+
 bool srv_database_files_open(struct srv_database_files *files, const char *folder,
                              struct sp_error *err) {
     struct stat st;
@@ -79,6 +108,7 @@ bool srv_database_files_open(struct srv_database_files *files, const char *folde
     if (stat(folder, &st) != 0)
         return sp_fail(err, SP_ERR_IO, folder, "cannot read this folder: %s", strerror(errno));
     files->root = mark_of(&st);
+    files->was_used = was_used(files);
     return true;
 }
 

@@ -27,7 +27,9 @@ struct srv_file_mark { /* ino 0 = there is no such file */
 struct srv_database_files {
     char folder[PATH_MAX], path[PATH_MAX]; /* of the database */
     int lock;                              /* held while the daemon uses the folder; −1 = none */
-    struct srv_file_mark root, main, log;  /* as they were opened or written last */
+    bool
+        was_used; /* a daemon had a database here before: its lock says so, or files that it left */
+    struct srv_file_mark root, main, log; /* as they were opened or written last */
 };
 
 /* Locks the folder, which exists, for this daemon. The lock ends with the process, however that
@@ -35,6 +37,9 @@ struct srv_database_files {
 bool srv_database_files_open(struct srv_database_files *files, const char *folder,
                              struct sp_error *err);
 void srv_database_files_close(struct srv_database_files *files);
+/* Writes into the lock that the folder has a database now. If that fails, only was_used of the next
+ * start is less certain. */
+void srv_database_files_set_used(const struct srv_database_files *files);
 /* Notes the files as they are: call it after each own write. */
 void srv_database_files_note(struct srv_database_files *files);
 /* Compares the files with those that were noted. Returns what is wrong, a constant; NULL = they are

@@ -13,6 +13,7 @@
 #include "common/pagination.h"
 #include "sp/log.h"
 #include "store/database.h"
+#include "store/database_files.h"
 #include "store/table.h"
 
 struct waiter {
@@ -308,22 +309,72 @@ bool srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *i
     return was_there;
 }
 
-char *srv_store_get(struct srv_store *store, enum srv_kind kind, const char *id, size_t *size,
-                    struct sp_error *err) {
+static const char *const kind_names[SRV_KINDS] = { "volume", "session",     "saved view",
+                                                   "preset", "camera path", "clock" };
+
+/* The caller holds the mutex. */
+static bool is_sound(const struct srv_store *store, enum srv_kind kind, const char *id,
+                     struct sp_error *err) {
+    const char *damage = srv_table_damaged(store->table, kind, id);
+    return !damage || sp_fail(err, SP_ERR_IO, NULL,
+                              "the record of the %s '%.127s' is damaged: %.160s; delete it, or ask "
+                              "the administrator to restore a copy",
+                              kind_names[kind], id, damage);
+}
+
+bool srv_store_is_sound(struct srv_store *store, enum srv_kind kind, const char *id,
+                        struct sp_error *err) {
+    pthread_mutex_lock(&store->mutex);
+    bool ok = is_sound(store, kind, id, err);
+    pthread_mutex_unlock(&store->mutex);
+    return ok;
+}
+
+void srv_store_damage(struct srv_store *store, enum srv_kind kind, const char *id,
+                      const struct sp_error *why) {
+    char text[SP_ERROR_PLACE + SP_ERROR_TEXT + 2];
+    snprintf(text, sizeof text, "%s%s%s", why->place, why->place[0] ? ": " : "", why->text);
+    if (why->code == SP_ERR_MEMORY) {
+        sp_log(SP_LOG_ERROR, "cannot restore %s %s: %s", kind_names[kind], id, text);
+        return;
+    }
+    pthread_mutex_lock(&store->mutex);
+    srv_table_damage(store->table, kind, id, text);
+    pthread_mutex_unlock(&store->mutex);
+    sp_log(
+        SP_LOG_ERROR,
+        "the record of the %s %s is damaged: %s; requests for it get 500. Delete it, or stop the "
+        "daemon and restore a copy of " SRV_DATABASE_NAME,
+        kind_names[kind], id, text);
+}
+
+static char *get(struct srv_store *store, enum srv_kind kind, const char *id, bool even_damaged,
+                 size_t *size, struct sp_error *err) {
     char *copy = NULL;
     size_t bytes = 0;
     pthread_mutex_lock(&store->mutex);
     const char *text = srv_table_get(store->table, kind, id, &bytes);
+    const bool is_usable = text && (even_damaged || is_sound(store, kind, id, err));
     if (!text)
         sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no record '%.127s'", id);
-    else if (!(copy = malloc(bytes + 1)))
+    else if (is_usable && !(copy = malloc(bytes + 1)))
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while copying %zu bytes", bytes);
-    else
+    else if (is_usable)
         memcpy(copy, text, bytes + 1);
     pthread_mutex_unlock(&store->mutex);
     if (copy && size)
         *size = bytes;
     return copy;
+}
+
+char *srv_store_get(struct srv_store *store, enum srv_kind kind, const char *id, size_t *size,
+                    struct sp_error *err) {
+    return get(store, kind, id, false, size, err);
+}
+
+char *srv_store_get_any(struct srv_store *store, enum srv_kind kind, const char *id, size_t *size,
+                        struct sp_error *err) {
+    return get(store, kind, id, true, size, err);
 }
 
 char *srv_store_ids(struct srv_store *store, enum srv_kind kind) {

@@ -75,9 +75,19 @@ bool srv_store_add(struct srv_store *store, enum srv_kind kind, const char *id, 
 /* False: there is no such record. */
 bool srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id);
 /* Returns a copy of the text with a NUL after it; malloc'ed, the caller's. `size` may be NULL.
- * NULL: SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
+ * NULL: SP_ERR_NOT_FOUND, SP_ERR_MEMORY, SP_ERR_IO (damaged). */
 char *srv_store_get(struct srv_store *store, enum srv_kind kind, const char *id, size_t *size,
                     struct sp_error *err);
+/* The same, also for a damaged record: to see whose it is. */
+char *srv_store_get_any(struct srv_store *store, enum srv_kind kind, const char *id, size_t *size,
+                        struct sp_error *err);
+/* Notes, and logs, that the text of a record cannot be used: `why` tells what is wrong. The record
+ * stays until it is put again or removed. Out of memory is only logged: it is not damage. */
+void srv_store_damage(struct srv_store *store, enum srv_kind kind, const char *id,
+                      const struct sp_error *why);
+/* False with *err set if there is a damaged record of that id. */
+bool srv_store_is_sound(struct srv_store *store, enum srv_kind kind, const char *id,
+                        struct sp_error *err);
 /* Returns all ids of a kind in the order in which they were first put: each with its NUL, and an
  * empty one at the end; malloc'ed, the caller's. NULL = out of memory. */
 char *srv_store_ids(struct srv_store *store, enum srv_kind kind);

@@ -13,7 +13,8 @@ struct record {
     struct record *older, *newer;  /* neighbours among the changed records */
     uint64_t stamp;                /* number of its newest change; 0 = written */
     enum srv_kind kind;
-    char *text; /* NULL = removed, and the database still has it */
+    char *text;   /* NULL = removed, and the database still has it */
+    char *damage; /* why the text cannot be used; NULL = it can */
     size_t size;
     char id[];
 };
@@ -49,6 +50,7 @@ void srv_table_destroy(struct srv_table **table_pointer) {
         struct record *r = table->first;
         table->first = r->after;
         free(r->text);
+        free(r->damage);
         free(r);
     }
     free(table->buckets);
@@ -125,6 +127,7 @@ static void delete_record(struct srv_table *table, struct record *r) {
     unlink_record(table, r);
     table->record_count--;
     free(r->text);
+    free(r->damage);
     free(r);
 }
 
@@ -172,6 +175,8 @@ bool srv_table_put(struct srv_table *table, enum srv_kind kind, const char *id, 
         append(table, r);
     }
     free(r->text);
+    free(r->damage);
+    r->damage = NULL;
     r->text = copy;
     r->size = size;
     count(table, r, 1);
@@ -187,7 +192,8 @@ bool srv_table_remove(struct srv_table *table, enum srv_kind kind, const char *i
         return false;
     count(table, r, -1);
     free(r->text);
-    r->text = NULL;
+    free(r->damage);
+    r->text = r->damage = NULL;
     r->size = 0;
     if (is_changed)
         mark(table, r);
@@ -202,6 +208,22 @@ const char *srv_table_get(const struct srv_table *table, enum srv_kind kind, con
     if (r && r->text)
         *size = r->size;
     return r ? r->text : NULL;
+}
+
+bool srv_table_damage(struct srv_table *table, enum srv_kind kind, const char *id,
+                      const char *why) {
+    struct record *r = find(table, kind, id);
+    char *copy = r && r->text ? strdup(why) : NULL;
+    if (!copy)
+        return false;
+    free(r->damage);
+    r->damage = copy;
+    return true;
+}
+
+const char *srv_table_damaged(const struct srv_table *table, enum srv_kind kind, const char *id) {
+    const struct record *r = find(table, kind, id);
+    return r ? r->damage : NULL;
 }
 
 const char *srv_table_next(const struct srv_table *table, enum srv_kind kind, const void **at,

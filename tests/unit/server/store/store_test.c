@@ -213,6 +213,40 @@ static void many_threads_use_the_store(void **state) {
     srv_store_destroy(&store);
 }
 
+/* A damaged record is an error with its id, stays in the database, and ends by put or remove. */
+static void a_damaged_record_is_not_returned(void **state) {
+    struct srv_store *store = store_started(*state);
+    struct sp_error err, why = { .code = SP_ERR_FORMAT, .place = "/camera", .text = "no object" };
+    for (int removes = 0; removes < 2; removes++) {
+        assert_true(store_put(store, SRV_KIND_VIEW, "v", "{"));
+        assert_true(srv_store_is_sound(store, SRV_KIND_VIEW, "v", NULL));
+        srv_store_damage(store, SRV_KIND_VIEW, "v", &why);
+        assert_null(srv_store_get(store, SRV_KIND_VIEW, "v", NULL, &err));
+        assert_int_equal(err.code, SP_ERR_IO);
+        assert_non_null(strstr(err.text, "saved view 'v' is damaged: /camera: no object"));
+        assert_false(srv_store_is_sound(store, SRV_KIND_VIEW, "v", NULL));
+        char *text = srv_store_get_any(store, SRV_KIND_VIEW, "v", NULL, NULL);
+        assert_string_equal(text, "{");
+        free(text);
+        assert_true(store_flush(store));
+        if (removes)
+            assert_true(srv_store_remove(store, SRV_KIND_VIEW, "v"));
+        else
+            assert_true(store_put(store, SRV_KIND_VIEW, "v", "{}"));
+        store_holds(store, SRV_KIND_VIEW, "v", removes ? NULL : "{}");
+        assert_true(srv_store_is_sound(store, SRV_KIND_VIEW, "v", NULL));
+    }
+    /* No memory is no damage, and what is not there cannot be damaged. */
+    why.code = SP_ERR_MEMORY;
+    assert_true(store_put(store, SRV_KIND_VIEW, "v", "{}"));
+    srv_store_damage(store, SRV_KIND_VIEW, "v", &why);
+    store_holds(store, SRV_KIND_VIEW, "v", "{}");
+    why.code = SP_ERR_FORMAT;
+    srv_store_damage(store, SRV_KIND_VIEW, "none", &why);
+    store_holds(store, SRV_KIND_VIEW, "none", NULL);
+    srv_store_destroy(&store);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, store_set_up, store_tear_down)
@@ -222,6 +256,7 @@ int main(void) {
         TEST(the_writer_collects_before_it_writes),
         TEST(a_failed_collection_is_not_durable),
         TEST(many_threads_use_the_store),
+        TEST(a_damaged_record_is_not_returned),
     };
     if (store_main_set_up() != 0)
         return 1;
