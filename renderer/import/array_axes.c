@@ -16,18 +16,14 @@
 
 /* Coordinates lie evenly if each is within this share of the step of its place. */
 #define EVEN_SHARE 1e-3
-/* The height of a volume whose vertical axis has another kind of unit, in its horizontal extent. */
-#define HEIGHT_SHARE 0.25
 /* More channels than these, of an array whose dimensions have no names, may be something else. */
 enum { CHANNELS_MAX = 4 };
-
-enum role { ROLE_NONE, ROLE_X, ROLE_Y, ROLE_Z, ROLE_TIME, ROLE_CHANNEL };
 
 struct coordinates { /* of one dimension */
     double *values;  /* owned; NULL = none */
     char unit[64];
     bool is_down; /* they grow downwards: pressure, depth */
-    enum role role;
+    enum arrays_role role;
 };
 
 static bool begins(const char *text, const char *with) {
@@ -118,29 +114,38 @@ static bool read_values(const struct arrays *a, int n, unsigned d, struct coordi
     return ok;
 }
 
-static enum role role_of(const char *name, const char *axis, const char *standard,
-                         const char *unit) {
-    static const char *const x[] = { "x", "lon", "longitude", "nlon", "projection_x_coordinate",
-                                     NULL };
-    static const char *const y[] = {
-        "y", "lat", "latitude", "nlat", "projection_y_coordinate", NULL
+static enum arrays_role role_of(const char *name, const char *axis, const char *standard,
+                                const char *unit) {
+    static const char *const x[] = {
+        "x", "lon", "longitude", "nlon", "projection_x_coordinate", "west_east", "west_east_stag",
+        NULL
     };
-    static const char *const z[] = { "z",      "lev",      "level",  "plev",         "depth",
-                                     "height", "altitude", "levels", "air_pressure", NULL };
+    static const char *const y[] = { "y",
+                                     "lat",
+                                     "latitude",
+                                     "nlat",
+                                     "projection_y_coordinate",
+                                     "south_north",
+                                     "south_north_stag",
+                                     NULL };
+    static const char *const z[] = {
+        "z",        "lev",    "level",        "plev",       "depth",           "height",
+        "altitude", "levels", "air_pressure", "bottom_top", "bottom_top_stag", NULL
+    };
     static const char *const time[] = { "t",     "time", "times", "hour",   "day",
                                         "month", "year", "date",  "season", NULL };
     if (strcasecmp(axis, "T") == 0 || strstr(unit, " since ") ||
         import_axes_is_one_of(standard, time) || import_axes_is_one_of(name, time))
-        return ROLE_TIME;
+        return ARRAYS_ROLE_TIME;
     if (strcasecmp(axis, "X") == 0 || begins(unit, "degrees_e") || begins(unit, "degree_e") ||
         import_axes_is_one_of(standard, x) || import_axes_is_one_of(name, x))
-        return ROLE_X;
+        return ARRAYS_ROLE_X;
     if (strcasecmp(axis, "Y") == 0 || begins(unit, "degrees_n") || begins(unit, "degree_n") ||
         import_axes_is_one_of(standard, y) || import_axes_is_one_of(name, y))
-        return ROLE_Y;
+        return ARRAYS_ROLE_Y;
     if (strcasecmp(axis, "Z") == 0 || import_axes_is_one_of(standard, z) ||
         import_axes_is_one_of(name, z))
-        return ROLE_Z;
+        return ARRAYS_ROLE_Z;
     static const char *const spectral[] = { "wavelength",
                                             "wavelengths",
                                             "wavenumber",
@@ -158,24 +163,49 @@ static enum role role_of(const char *name, const char *axis, const char *standar
                                             NULL };
     return import_axes_is_channel(name) || import_axes_is_one_of(name, spectral) ||
                    import_axes_is_one_of(standard, spectral)
-               ? ROLE_CHANNEL
-               : ROLE_NONE;
+               ? ARRAYS_ROLE_CHANNEL
+               : ARRAYS_ROLE_NONE;
+}
+
+enum arrays_role arrays_role_of(const struct arrays *a, int n, const char *name) {
+    char axis[8] = "", standard[64] = "", unit[64] = "";
+    if (n >= 0) {
+        a->call->text(a->handle, (unsigned)n, "units", unit, sizeof unit);
+        a->call->text(a->handle, (unsigned)n, "axis", axis, sizeof axis);
+        a->call->text(a->handle, (unsigned)n, "standard_name", standard, sizeof standard);
+    }
+    return role_of(name, axis, standard, unit);
+}
+
+/* Coordinates grow downwards where they say so, and those of pressure. CF measures a depth from the
+ * surface down, unless the file says otherwise or the numbers are below 0. */
+static bool is_down(const struct arrays *a, int n, unsigned d, const struct coordinates *c) {
+    static const char *const pressure[] = { "hPa", "Pa",  "millibar", "millibars",
+                                            "mb",  "bar", "dbar",     NULL };
+    char positive[16] = "", standard[64] = "";
+    if (n >= 0) {
+        a->call->text(a->handle, (unsigned)n, "positive", positive, sizeof positive);
+        a->call->text(a->handle, (unsigned)n, "standard_name", standard, sizeof standard);
+    }
+    if (strcasecmp(positive, "down") == 0 || import_axes_is_one_of(c->unit, pressure))
+        return true;
+    const bool is_depth =
+        begins(standard, "depth") || (!*standard && strcasecmp(a->info.dims[d], "depth") == 0);
+    return !*positive && is_depth && c->values && c->values[0] >= 0 &&
+           c->values[a->info.shape[d] - 1] >= 0;
 }
 
 static bool take_coordinates(const struct arrays *a, unsigned d, struct coordinates *c) {
-    static const char *const pressure[] = { "hPa", "Pa",  "millibar", "millibars",
-                                            "mb",  "bar", "dbar",     NULL };
-    char axis[8] = "", standard[64] = "", positive[16] = "";
-    const int n = find_array(a, d);
-    if (n >= 0) {
+    int n = find_array(a, d);
+    if (n < 0)
+        n = arrays_find_auxiliary(a, d);
+    if (n >= 0)
         a->call->text(a->handle, (unsigned)n, "units", c->unit, sizeof c->unit);
-        a->call->text(a->handle, (unsigned)n, "axis", axis, sizeof axis);
-        a->call->text(a->handle, (unsigned)n, "standard_name", standard, sizeof standard);
-        a->call->text(a->handle, (unsigned)n, "positive", positive, sizeof positive);
-    }
-    c->is_down = strcasecmp(positive, "down") == 0 || import_axes_is_one_of(c->unit, pressure);
-    c->role = role_of(a->info.dims[d], axis, standard, c->unit);
-    return n < 0 || read_values(a, n, d, c);
+    c->role = arrays_role_of(a, n, a->info.dims[d]);
+    if (n >= 0 && !read_values(a, n, d, c))
+        return false;
+    c->is_down = is_down(a, n, d, c);
+    return true;
 }
 
 /* Assigns dimensions that play no part to x, y and z, the last ones first. One dimension may be
@@ -186,10 +216,10 @@ static bool assign(struct arrays *a, const struct coordinates *c, struct sp_erro
     int rest[IMPORT_RANK_MAX];
     unsigned count = 0;
     for (unsigned i = a->info.rank; i-- > 0;) {
-        int *role = c[i].role == ROLE_TIME      ? &axes->time
-                    : c[i].role == ROLE_CHANNEL ? &axes->channel
-                    : c[i].role != ROLE_NONE    ? &axes->space[c[i].role - ROLE_X]
-                                                : NULL;
+        int *role = c[i].role == ARRAYS_ROLE_TIME      ? &axes->time
+                    : c[i].role == ARRAYS_ROLE_CHANNEL ? &axes->channel
+                    : c[i].role != ARRAYS_ROLE_NONE    ? &axes->space[c[i].role - ARRAYS_ROLE_X]
+                                                       : NULL;
         if (role && *role < 0)
             *role = (int)i;
         else
@@ -256,7 +286,7 @@ static double factor_of(const struct arrays *a, const struct coordinates *c, int
         "a quarter of their length.",
         *c[d].unit ? "the unit \"" : "no unit", c[d].unit, *c[d].unit ? "\"" : "",
         *c[of_x].unit ? "\"" : "none", c[of_x].unit, *c[of_x].unit ? "\"" : "");
-    return HEIGHT_SHARE * horizontal / vertical;
+    return ARRAYS_HEIGHT_SHARE * horizontal / vertical;
 }
 
 /* Gives an axis its coordinates, as even spacing if they are. */
@@ -339,27 +369,6 @@ static bool take_dims(const struct arrays *a, struct import_header *header, stru
     return true;
 }
 
-/* Coordinates with two dimensions, as of a curvilinear grid, do not place the samples. */
-static void warn_of_curves(const struct arrays *a) {
-    struct array_info info;
-    char text[512], *left = NULL;
-    a->call->text(a->handle, a->chosen, "coordinates", text, sizeof text);
-    const bool is_placed = a->is_placed[0] && (a->is_placed[1] || a->axes.space[1] < 0);
-    for (char *word = strtok_r(text, " ", &left); word && !is_placed;
-         word = strtok_r(NULL, " ", &left))
-        for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
-            const char *slash = strrchr(info.name, '/');
-            if (info.is_number && info.rank > 1 &&
-                strcmp(slash ? slash + 1 : info.name, word) == 0) {
-                import_warn(a->file->warnings,
-                            "The coordinates %.40s have %u dimensions: the array is shown on an "
-                            "even grid of its indices.",
-                            word, info.rank);
-                return;
-            }
-        }
-}
-
 static bool take_conventions(struct arrays *a, struct coordinates *c, struct import_header *header,
                              struct sp_error *err) {
     double factor[3];
@@ -371,7 +380,6 @@ static bool take_conventions(struct arrays *a, struct coordinates *c, struct imp
     take_unit(a, c, header);
     for (int axis = 0; axis < 3; axis++)
         place_axis(a, c, axis, factor[axis], &header->grid);
-    warn_of_curves(a);
     return true;
 }
 
@@ -409,17 +417,21 @@ static bool take_plain(struct arrays *a, struct coordinates *c, struct import_he
 
 bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err) {
     struct coordinates c[IMPORT_RANK_MAX];
-    bool ok = true, is_told = false; /* by a name or coordinates */
+    bool ok = arrays_check_cells(a, err), is_told = false; /* by a name or coordinates */
     memset(c, 0, sizeof c);
+    if (!ok)
+        return false;
     arrays_take_tags(a);
     for (unsigned d = 0; ok && d < a->info.rank; d++) {
         ok = take_coordinates(a, d, &c[d]);
-        is_told |= ok && (c[d].role != ROLE_NONE || c[d].values);
+        is_told |= ok && (c[d].role != ARRAYS_ROLE_NONE || c[d].values);
     }
     ok = ok ? is_told ? take_conventions(a, c, header, err) : take_plain(a, c, header, err)
             : sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory for coordinates");
-    if (ok)
+    if (ok) {
         arrays_take_sizes(a, header);
+        arrays_warn_of_auxiliary(a);
+    }
     for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)
         free(c[d].values);
     return ok;

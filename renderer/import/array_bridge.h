@@ -59,6 +59,9 @@ struct array_functions {
     /* The same of a group; NULL = groups have none. */
     void (*group_text)(void *file, const char *group, const char *attribute, char *out,
                        size_t capacity);
+    /* Reads an attribute of a group as numbers(); NULL = groups have none. */
+    size_t (*group_numbers)(void *file, const char *group, const char *attribute, double *out,
+                            size_t most);
     /* Names a channel of array n; "" or NULL = it has no name. */
     void (*channel)(void *file, unsigned n, uint32_t channel, char *out, size_t capacity);
 };

@@ -340,7 +340,7 @@ bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp
         import_name(header->value_name, a->file->field);
     else if (!has_names)
         name_channel(a, a->channel, header->value_name);
-    for (uint32_t i = 0; !has_names && i < a->channels && i < SP_OTHER_FIELDS_MAX; i++) {
+    for (uint32_t i = 0; !has_names && i < a->channels && i < SP_OTHER_FIELDS_MAX + 2; i++) {
         name_channel(a, i, name);
         if (i != a->channel)
             import_header_add_other(header, name);

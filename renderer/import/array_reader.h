@@ -11,6 +11,9 @@
 #include "import/array_bridge.h"
 #include "import/conversion.h"
 
+/* The height of a volume whose vertical axis has another kind of unit, in its horizontal extent. */
+#define ARRAYS_HEIGHT_SHARE 0.25
+
 struct arrays {
     const struct import_file *file;
     const char *shown;        /* the name in errors */
@@ -59,12 +62,42 @@ void arrays_take_values(struct arrays *a, struct import_header *header);
 bool arrays_take_packing(const struct arrays *a, unsigned n, const struct array_info *info,
                          struct import_conversion *conversion);
 
+enum { ARRAYS_SIDE_MAX = 4 };
+
+/* Reads an array of `side` finite numbers, at most ARRAYS_SIDE_MAX, along each of `rank`
+ * dimensions, 1 or 2. False if there is none. */
+bool arrays_read_numbers(const struct arrays *a, const char *path, unsigned rank, unsigned side,
+                         double *out);
+
 /* Default fill values are among the samples: these become floating-point numbers. */
 void arrays_use_default_fill(struct arrays *a);
 
 /* Finds the axes of the array, and from the attributes and coordinates the place of the grid and
  * the times. */
 bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err);
+
+enum arrays_role {
+    ARRAYS_ROLE_NONE,
+    ARRAYS_ROLE_X,
+    ARRAYS_ROLE_Y,
+    ARRAYS_ROLE_Z,
+    ARRAYS_ROLE_TIME,
+    ARRAYS_ROLE_CHANNEL
+};
+
+/* What a dimension is by its name, and by the attributes of array n with its coordinates; −1 =
+ * there is none. */
+enum arrays_role arrays_role_of(const struct arrays *a, int n, const char *name);
+
+/* Finds the coordinates of dimension d in an array of another name: the only one of one dimension
+ * that the attribute "coordinates" names, or one with times; −1 = there is none. */
+int arrays_find_auxiliary(const struct arrays *a, unsigned d);
+
+/* Refuses arrays on the cells of an unstructured grid. */
+bool arrays_check_cells(const struct arrays *a, struct sp_error *err);
+
+/* Warns of coordinates that do not place the samples. */
+void arrays_warn_of_auxiliary(const struct arrays *a);
 
 /* Takes names and spacing of the dimensions from the attribute "axistags" of vigra, and names from
  * those of HDF5 images in colours. */

@@ -114,12 +114,42 @@ static void take_unit(const struct arrays *a, const struct size_name *from, unsi
         snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : text);
 }
 
+/* The grid of WRF is even on its map: DX and DY of the file are its steps. Its levels have no even
+ * height, so they get a share of the horizontal extent. */
+static void take_wrf(struct arrays *a, struct import_header *header) {
+    static const char *const dims[2] = { "west_east", "south_north" };
+    static const char *const attributes[2] = { "DX", "DY" };
+    struct sp_grid *grid = &header->grid;
+    double steps[2];
+    for (int axis = 0; axis < 2; axis++) {
+        const int d = a->axes.space[axis];
+        if (d < 0 || a->is_placed[axis] ||
+            strncmp(a->info.dims[d], dims[axis], strlen(dims[axis])) != 0 ||
+            a->call->numbers(a->handle, ARRAY_OF_FILE, attributes[axis], &steps[axis], 1) != 1 ||
+            !isfinite(steps[axis]) || !(steps[axis] > 0))
+            return;
+    }
+    for (int axis = 0; axis < 2; axis++) {
+        grid->spacing[axis] = steps[axis];
+        a->is_placed[axis] = true;
+    }
+    snprintf(header->unit, sizeof header->unit, "m");
+    if (grid->dims[2] < 2 || a->is_placed[2])
+        return;
+    const double extent = fmax(steps[0] * (grid->dims[0] - 1), steps[1] * (grid->dims[1] - 1));
+    grid->spacing[2] = fmax(extent, steps[0]) * ARRAYS_HEIGHT_SHARE / (grid->dims[2] - 1);
+    import_warn(a->file->warnings,
+                "The levels of WRF have no height here: the vertical axis was scaled to a quarter "
+                "of the horizontal ones.");
+}
+
 void arrays_take_sizes(struct arrays *a, struct import_header *header) {
     double sizes[IMPORT_RANK_MAX], offsets[IMPORT_RANK_MAX];
     int axes[3];
     size_t count;
     unsigned owner;
     const unsigned space = list_space(a, axes);
+    take_wrf(a, header);
     for (unsigned i = 0; i < space; i++)
         if (a->steps[a->axes.space[axes[i]]] > 0 && !a->is_placed[axes[i]])
             header->grid.spacing[axes[i]] = a->steps[a->axes.space[axes[i]]];

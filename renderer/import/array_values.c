@@ -3,6 +3,7 @@
  * How the numbers of an array become samples, by the attributes of NetCDF and CF.
  */
 #include <math.h>
+#include <string.h>
 #include <strings.h>
 
 #include "import/array_reader.h"
@@ -121,4 +122,26 @@ void arrays_take_values(struct arrays *a, struct import_header *header) {
 void arrays_use_default_fill(struct arrays *a) {
     import_conversion_add_missing(&a->conversion, a->default_fill);
     a->default_fill = NAN;
+}
+
+bool arrays_read_numbers(const struct arrays *a, const char *path, unsigned rank, unsigned side,
+                         double *out) {
+    const unsigned count = rank == 1 ? side : side * side;
+    char why[SP_ERROR_TEXT], bytes[ARRAYS_SIDE_MAX * ARRAYS_SIDE_MAX * IMPORT_NUMBER_BYTES];
+    const uint64_t start[IMPORT_RANK_MAX] = { 0 };
+    struct array_info info;
+    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
+        if (strcmp(info.name, path) != 0)
+            continue;
+        if (!info.is_number || info.rank != rank || info.shape[0] != side ||
+            info.shape[rank - 1] != side)
+            return false;
+        bool ok = a->call->read(a->handle, n, start, info.shape, bytes, why, sizeof why);
+        for (unsigned i = 0; ok && i < count; i++) {
+            out[i] = import_widen(bytes + i * info.number.size, info.number);
+            ok = isfinite(out[i]);
+        }
+        return ok;
+    }
+    return false;
 }

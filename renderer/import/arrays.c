@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "import/confine.h"
+#include "import/hdf5_grids.h"
 #include "import/imaris.h"
 #include "import/itk_hdf5.h"
 #include "import/module.h"
@@ -286,9 +287,11 @@ static bool take(struct arrays *a, struct import_header *header, struct sp_error
     if (!imaris_open(a, &imaris, err) || !arrays_choose(a, err))
         return false;
     itk_hdf5_name_dimensions(a);
+    hdf5_grids_name_dimensions(a);
     if (!arrays_take(a, header, err) || (imaris && !imaris_place(imaris, a, header, err)))
         return false;
     itk_hdf5_place(a, header);
+    hdf5_grids_place(a, header);
     if (!sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err) ||
         !look_for_default_fill(a, header, err))
         return false;

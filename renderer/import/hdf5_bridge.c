@@ -271,6 +271,7 @@ static void look_at(struct hdf5 *h, unsigned n, struct array_info *info) {
         look_at_storage(h, info);
         hdf5_take_dimensions(h->file, h->dataset, info);
         hdf5_take_nexus(h->file, h->dataset, info);
+        hdf5_take_labels(h->file, h->dataset, info);
     }
     info->is_number = !info->problem[0];
     if (native >= 0)
@@ -326,17 +327,10 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
     return ok;
 }
 
-static hid_t open_attribute(struct hdf5 *h, unsigned n, const char *name) {
-    const bool is_there = n == ARRAY_OF_FILE || use(h, n);
-    const hid_t object =
-        n == ARRAY_OF_FILE ? h->file : h->dataset; /* the root group, or the array */
-    return is_there && H5Aexists(object, name) > 0 ? H5Aopen(object, name, H5P_DEFAULT) : -1;
-}
-
-static size_t numbers(void *file, unsigned n, const char *name, double *out, size_t most) {
+static size_t numbers_of(hid_t object, const char *name, double *out, size_t most) {
     struct import_number number;
     double values[64];
-    hid_t attribute = open_attribute(file, n, name);
+    hid_t attribute = H5Aexists(object, name) > 0 ? H5Aopen(object, name, H5P_DEFAULT) : -1;
     if (attribute < 0)
         return 0;
     hid_t space = H5Aget_space(attribute), type = H5Aget_type(attribute);
@@ -356,6 +350,28 @@ static size_t numbers(void *file, unsigned n, const char *name, double *out, siz
     return got;
 }
 
+static size_t numbers(void *file, unsigned n, const char *name, double *out, size_t most) {
+    struct hdf5 *h = file;
+    if (n == ARRAY_OF_FILE) /* the root group */
+        return numbers_of(h->file, name, out, most);
+    return use(h, n) ? numbers_of(h->dataset, name, out, most) : 0;
+}
+
+static hid_t open_group(const struct hdf5 *h, const char *group) {
+    const bool is_there = strcmp(group, "/") == 0 || H5Lexists(h->file, group, H5P_DEFAULT) > 0;
+    return is_there ? H5Oopen(h->file, group, H5P_DEFAULT) : -1;
+}
+
+static size_t group_numbers(void *file, const char *group, const char *name, double *out,
+                            size_t most) {
+    const hid_t object = open_group(file, group);
+    if (object < 0)
+        return 0;
+    const size_t got = numbers_of(object, name, out, most);
+    H5Oclose(object);
+    return got;
+}
+
 static void text(void *file, unsigned n, const char *name, char *out, size_t capacity) {
     struct hdf5 *h = file;
     out[0] = 0;
@@ -365,10 +381,8 @@ static void text(void *file, unsigned n, const char *name, char *out, size_t cap
 
 static void group_text(void *file, const char *group, const char *name, char *out,
                        size_t capacity) {
-    const struct hdf5 *h = file;
     out[0] = 0;
-    hid_t object =
-        H5Lexists(h->file, group, H5P_DEFAULT) > 0 ? H5Oopen(h->file, group, H5P_DEFAULT) : -1;
+    const hid_t object = open_group(file, group);
     if (object < 0)
         return;
     hdf5_text(object, name, out, capacity);
@@ -382,4 +396,5 @@ const struct array_functions splat_hdf5_bridge = { .open = open_file,
                                                    .read = read_box,
                                                    .numbers = numbers,
                                                    .text = text,
-                                                   .group_text = group_text };
+                                                   .group_text = group_text,
+                                                   .group_numbers = group_numbers };

@@ -82,7 +82,7 @@ unsigned hdf5_texts(hid_t object, const char *name, char out[IMPORT_RANK_MAX][AR
 }
 
 /* The names of dimensions that h5py and others write. */
-static void take_labels(hid_t dataset, struct array_info *info) {
+static void take_own_labels(hid_t dataset, struct array_info *info) {
     char labels[IMPORT_RANK_MAX][ARRAY_NAME_BYTES];
     if (hdf5_texts(dataset, "DIMENSION_LABELS", labels) == info->rank)
         memcpy(info->dims, labels, info->rank * sizeof labels[0]);
@@ -145,6 +145,34 @@ void hdf5_take_dimensions(hid_t file, hid_t dataset, struct array_info *info) {
     hdf5_text(dataset, "CLASS", text, sizeof text);
     info->is_scale = strcmp(text, "DIMENSION_SCALE") == 0;
     info->has_default_fill = H5Aexists(file, "_NCProperties") > 0;
-    take_labels(dataset, info);
+    take_own_labels(dataset, info);
     take_scales(file, dataset, info);
+}
+
+/* The labels of an object, which are in the order of Fortran if it says so. */
+static void take_labels_of(hid_t object, struct array_info *info) {
+    char labels[IMPORT_RANK_MAX][ARRAY_NAME_BYTES], order[8];
+    if (H5Aexists(object, "gridSpacing") <= 0 ||
+        hdf5_texts(object, "axisLabels", labels) != info->rank)
+        return;
+    hdf5_text(object, "dataOrder", order, sizeof order);
+    for (unsigned d = 0; d < info->rank; d++)
+        memcpy(info->dims[d], labels[order[0] == 'F' ? info->rank - 1 - d : d], sizeof labels[0]);
+}
+
+void hdf5_take_labels(hid_t file, hid_t dataset, struct array_info *info) {
+    char group[ARRAY_NAME_BYTES];
+    if (info->rank < 2 || info->dims[0][0]) /* of one dimension is the array of coordinates, too */
+        return;
+    take_labels_of(dataset, info);
+    snprintf(group, sizeof group, "%s", info->name);
+    char *own = strrchr(group, '/');
+    if (info->dims[0][0] || !own)
+        return;
+    own[own == group] = 0;
+    const hid_t parent = H5Oopen(file, group, H5P_DEFAULT);
+    if (parent < 0)
+        return;
+    take_labels_of(parent, info);
+    H5Oclose(parent);
 }

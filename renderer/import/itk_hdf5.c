@@ -1,39 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "import/itk_hdf5.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-enum { DIMENSIONS_MAX = 4 };
+enum { DIMENSIONS_MAX = ARRAYS_SIDE_MAX };
 
 static bool is_itk(const struct arrays *a) {
     return strcmp(a->info.name, ITK_HDF5_VOXELS) == 0;
 }
 
-/* Reads an array beside the voxels that has `side` finite numbers along each of `rank` dimensions,
- * 1 or 2. */
 static bool read_numbers(const struct arrays *a, const char *name, unsigned rank, unsigned side,
                          double *out) {
-    const unsigned count = rank == 1 ? side : side * side;
-    char path[64], why[SP_ERROR_TEXT], bytes[DIMENSIONS_MAX * DIMENSIONS_MAX * IMPORT_NUMBER_BYTES];
-    const uint64_t start[IMPORT_RANK_MAX] = { 0 };
-    struct array_info info;
+    char path[64];
     snprintf(path, sizeof path, "/ITKImage/0/%s", name);
-    for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
-        if (strcmp(info.name, path) != 0)
-            continue;
-        if (!info.is_number || info.rank != rank || info.shape[0] != side ||
-            info.shape[rank - 1] != side)
-            return false;
-        bool ok = a->call->read(a->handle, n, start, info.shape, bytes, why, sizeof why);
-        for (unsigned i = 0; ok && i < count; i++) {
-            out[i] = import_widen(bytes + i * info.number.size, info.number);
-            ok = isfinite(out[i]);
-        }
-        return ok;
-    }
-    return false;
+    return arrays_read_numbers(a, path, rank, side, out);
 }
 
 /* The number of axes of the image; 0 = unknown. */

@@ -164,6 +164,50 @@ def check_channels_last(tool):
     tool.equal(tool.path('user.nc'), numbers)
 
 
+def check_auxiliary(tool):
+    """Coordinates that do not have the name of a dimension, and depths."""
+    data = ramp((3, 4, 5, 6), 'f4')
+
+    def write(name, dims, values, attributes=(), globals_=(), **beside):
+        with netCDF4.Dataset(tool.path(name), 'w') as file:
+            for own, size in zip(dims, values.shape):
+                file.createDimension(own, size)
+            variable = file.createVariable('v', 'f4', dims)
+            variable[:] = values
+            variable.setncatts(dict(attributes))
+            file.setncatts(dict(globals_))
+            for own, (own_dims, numbers, own_attributes) in beside.items():
+                numbers = numpy.asarray(numbers)
+                file.createVariable(own, str if numbers.dtype.kind == 'O' else 'f8', own_dims)[:] = numbers
+                file[own].setncatts(own_attributes)
+        return tool.path(name)
+
+    for depths, own, is_down in (([0, 10, 20, 30], {'standard_name': 'depth'}, True), ([0, 10, 20, 30], {}, True), ([0, -10, -20, -30], {}, False),
+                                 ([0, 10, 20, 30], {'standard_name': 'depth', 'positive': 'up'}, False), ([0, 10, 20, 30], {'positive': 'down'}, True)):
+        path = write('depth.nc', ('depth', 'y', 'x'), data[0], depth=(('depth',), depths, {'units': 'm', **own}), x=(('x',), range(6), {'units': 'm'}),
+                     y=(('y',), range(5), {'units': 'm'}))
+        tool.layout('NetCDF', 'a depth grows downwards, unless it says otherwise or is below 0', path, data[0],
+                    direction=[1, 0, 0, 0, 1, 0, 0, 0, -1 if is_down or depths[1] < 0 else 1], warned='')
+    wrf = ('Time', 'bottom_top', 'south_north', 'west_east')
+    path = write('wrf.nc', wrf, data, {'coordinates': 'XLONG XLAT XTIME'}, {'DX': 300.0, 'DY': 200.0},
+                 XTIME=(('Time',), [0, 60, 120], {'units': 'minutes since 2000-01-01'}), XLONG=(wrf[2:], data[0, 0], {}), XLAT=(wrf[2:], data[0, 0], {}))
+    tool.layout('NetCDF', 'WRF: DX, DY and XTIME', path, data[1], step=1, steps=3, times=[0, 60, 120], time_unit='min', spacing=[300, 200, 125], unit='m',
+                warned='The levels of WRF have no height', result='read; levels get a quarter of the horizontal extent, with a warning')
+    path = write('named.nc', ('a', 'b', 'c'), data[0], {'coordinates': 'north east'}, north=(('b',), [5, 4, 3, 2, 1], {'units': 'degrees_north'}),
+                 east=(('c',), numpy.arange(6) * 2, {'units': 'degrees_east'}))
+    tool.layout('NetCDF', 'coordinates of one dimension, of another name', path, data[0], spacing=[2, 1, 2.5 / 3], origin=[0, 5, 0], unit='degrees')
+    path = write('words.nc', ('time', 'z', 'y', 'x'), data, time=(('time',), numpy.array(['a', 'b', 'c'], object), {}))
+    tool.layout('NetCDF', 'times as text', path, data[2], step=2, steps=3, warned='The times in time were left out: it has no numbers but text',
+                result='steps without times, and a warning')
+    places = {name: (('n',), range(4), {'units': unit}) for name, unit in (('lat', 'degrees_north'), ('lon', 'degrees_east'))}
+    path = write('points.nc', ('n',), data[0, :, 0, 0], {'coordinates': 'lat lon'}, **places)
+    tool.layout('NetCDF', 'points and tracks (lat and lon of each entry)', path, data[0, :, 0, 0][None, None],
+                warned='The coordinates lat and lon place each entry of the dimension n on its own', result='a row, and a warning')
+    for name, attributes in (('icon.nc', {'CDI_grid_type': 'unstructured', 'coordinates': 'lat lon'}), ('ugrid.nc', {'mesh': 'm', 'location': 'face'})):
+        path = write(name, ('lev', 'n'), data[0, :, 0, :4], attributes, **places)
+        tool.layout_refused('NetCDF', 'cells of an unstructured grid (ICON, UGRID)', path, 'cells of an unstructured grid', 'cdo remapbil')
+
+
 def check_lengths(tool):
     """What is channels and time is a guess from the lengths; a file of Keras or DREAM.3D ends with a length of 1. In NetCDF the names tell nothing."""
     layout = 'without names, the last dimensions of length 1: they play no part'
@@ -186,6 +230,13 @@ def check_lengths(tool):
         for form, path, name in zip(('HDF5', 'NetCDF', 'Zarr'), paths, ('/v', 'v', 'channel')):
             field = f'?field={name} 2' if channels > 1 else ''
             tool.layout(form, layout, path + field, data[place], step=4 if steps > 1 else 0, steps=steps, warned=warning)
+    for count in (17, 18):  # of a list of 16 others
+        with h5py.File(tool.path('many.h5'), 'w') as file:
+            file['v'] = ramp((count, 4, 5, 6), 'u1')
+        tool.equal(tool.path('many.h5') + ':/v 17', ramp((count, 4, 5, 6), 'u1')[16])
+        info, _ = tool.dump(tool.path('many.h5') + ':/v 17')
+        if (count == 18) != any('more fields than are listed, 16' in text for text in info['warnings']):
+            tool.fail('many.h5', f'{count} channels: {info["warnings"]}')
     tool.equal(tool.path('6x5x7x8.h5') + '?as=time', data[3], step=3, steps=6, warned='')
 
 
@@ -230,6 +281,7 @@ def check_levels(tool):
 def check(tool):
     check_levels(tool)
     check_itk(tool)
+    check_auxiliary(tool)
     check_channels_last(tool)
     check_packed(tool)
     check_units(tool)

@@ -137,7 +137,53 @@ def check_imaris(tool):
     tool.equal(path, levels[0][0, 0], spacing=[1, 1, 1], unit='', warnings=['The image has no extents (ExtMin0 to ExtMax2); its spacing is unknown.'])
 
 
+def check_openpmd(tool):
+    """Meshes as the standard openPMD 1.1 describes them: (offset + (index + position) * spacing) * unit."""
+    data = ramp(SHAPE, 'f4')
+    mesh = {'gridSpacing': [3.0, 2.0, 1.0], 'gridGlobalOffset': [30.0, 20.0, 10.0], 'gridUnitSI': 1e-6, 'geometry': 'cartesian', 'dataOrder': 'C',
+            'axisLabels': [b'z', b'y', b'x']}
+    path = tool.path('openpmd.h5')
+    with h5py.File(path, 'w') as file:
+        file['data/1/fields/rho'] = data
+        file['data/1/fields/rho'].attrs.update({**mesh, 'position': [0.5, 0.0, 0.25], 'unitSI': 2.5})
+        file['data/1/fields/E/y'] = data
+        file['data/1/fields/E'].attrs.update(mesh)
+        for name, own in (('fortran', {'dataOrder': 'F', 'axisLabels': numpy.array(['x', 'y', 'z'], object)}), ('turned', {'axisLabels': [b'x', b'y', b'z']}),
+                          ('fine', {'gridUnitSI': 1.0, 'gridSpacing': [3e-8, 2e-8, 1e-8], 'gridGlobalOffset': [0.0, 0.0, 0.0]}),
+                          ('modes', {'geometry': 'thetaMode', 'axisLabels': [b'r', b'z'], 'gridSpacing': [3.0, 2.0]})):
+            file['data/1/fields/' + name] = data
+            file['data/1/fields/' + name].attrs.update({**mesh, **own})
+    layout = 'openPMD: the place of a mesh'
+    tool.layout('HDF5', layout, f'{path}:/data/1/fields/rho', data, spacing=[1, 2, 3], origin=[10.25, 20, 31.5], unit='um', warned='times 2.5 (unitSI)')
+    tool.layout('HDF5', layout, f'{path}:/data/1/fields/E/y', data, spacing=[1, 2, 3], origin=[10, 20, 30], unit='um', warned='')
+    tool.layout('HDF5', layout, f'{path}:/data/1/fields/fortran', data, spacing=[3, 2, 1], origin=[30, 20, 10], unit='um', warned='')
+    tool.layout('HDF5', layout, f'{path}:/data/1/fields/turned', data.transpose(2, 1, 0), spacing=[3, 2, 1], origin=[30, 20, 10], unit='um', warned='')
+    tool.equal(f'{path}:/data/1/fields/fine', data, spacing=[10, 20, 30], unit='nm', warned='')
+    tool.layout('HDF5', 'openPMD: a mesh that is not cartesian', f'{path}:/data/1/fields/modes', data, spacing=[1, 1, 1], warned='"thetaMode"',
+                result='indices, and a warning')
+
+
+def check_dream3d(tool):
+    """Cells of a box; ORIGIN is a corner, the samples are the centres."""
+    data = ramp((4, 5, 6, 3), 'f4')
+    place = {'spacing': [0.5, 0.5, 2], 'origin': [1.25, 2.25, 4], 'warned': ''}
+    numbers = {'DIMENSIONS': [6, 5, 4], 'SPACING': [0.5, 0.5, 2.0], 'ORIGIN': [1.0, 2.0, 3.0]}
+    for name, group, is_new in (('old.dream3d', 'DataContainers/Image/CellData', False), ('new.dream3d', 'DataStructure/Image/Cell Data', True)):
+        path = tool.path(name)
+        with h5py.File(path, 'w') as file:
+            file[group + '/Phases'], file[group + '/Euler'] = ramp((4, 5, 6, 1), 'i4'), data
+            for key, values in numbers.items():
+                if is_new:
+                    file[os.path.dirname(group)].attrs['_' + key] = values
+                else:
+                    file[f'{os.path.dirname(group)}/_SIMPL_GEOMETRY/{key}'] = numpy.array(values, 'i8' if key == 'DIMENSIONS' else 'f4')
+        tool.layout('HDF5', 'DREAM.3D: cells with their place', f'{path}?field=/{group}/Phases', ramp(SHAPE, 'i4'), **place)
+        tool.layout('HDF5', 'DREAM.3D: cells with their place', f'{path}?field=/{group}/Euler 3', data[..., 2], **place)
+
+
 def check(tool):
+    check_openpmd(tool)
+    check_dream3d(tool)
     check_imaris(tool)
     check_links(tool)
     check_sources(tool)

@@ -141,6 +141,11 @@ static void group_text(void *file, const char *group, const char *attribute, cha
              texts[byte_at(length + (uint8_t)attribute[length ? length - 1 : 0]) % 6]);
 }
 
+static size_t group_numbers(void *file, const char *group, const char *attribute, double *out,
+                            size_t most) {
+    return numbers(file, (unsigned)strlen(group), attribute, out, most);
+}
+
 /* In place of module.c. */
 const void *import_module_load(const struct import_file *file, const char *module,
                                const char *symbol, const char *library, const char *package,
@@ -151,7 +156,8 @@ const void *import_module_load(const struct import_file *file, const char *modul
                                                       .read = read_box,
                                                       .numbers = numbers,
                                                       .text = text,
-                                                      .group_text = group_text };
+                                                      .group_text = group_text,
+                                                      .group_numbers = group_numbers };
     (void)file;
     (void)module;
     (void)symbol;
