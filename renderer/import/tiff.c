@@ -262,7 +262,7 @@ static bool choose(struct tiff *t, struct import_header *header, struct sp_error
                 chosen = n;
         }
         name_field(t, chosen, header->value_name);
-        for (uint32_t n = 0; n < count && n <= SP_OTHER_FIELDS_MAX; n++) {
+        for (uint32_t n = 0; n < count && n < SP_OTHER_FIELDS_MAX + 2; n++) {
             name_field(t, n, name);
             if (n != chosen)
                 import_header_add_other(header, name);
@@ -287,6 +287,11 @@ static void take_place(const struct tiff *t, struct import_header *header) {
             memcpy(grid->direction[a], p->direction[a], sizeof p->direction[a]);
         }
     }
+    if (p->slices > 1 && *p->unit && p->spacing[0] > 0 && !(p->spacing[2] > 0))
+        import_warn(t->file->warnings,
+                    "The file does not give the distance of its slices; that of columns was taken, "
+                    "%g %s.",
+                    grid->spacing[2], p->unit);
     memcpy(header->unit, p->unit, sizeof header->unit);
     memcpy(header->value_unit, p->value_unit, sizeof header->value_unit);
 }

@@ -13,8 +13,9 @@
 
 enum { TAG_X_RESOLUTION = 282, TAG_Y_RESOLUTION = 283, TAG_RESOLUTION_UNIT = 296 };
 enum { TAG_PIXEL_SCALE = 33550, TAG_STK_PLANES = 33629, TAG_TIEPOINT = 33922 };
-enum { GROUPS_MAX = 32 }; /* kinds of pages */
-enum { TAG_LSM = 34412, TAG_GEO_KEYS = 34735, TAG_NO_DATA = 42113 };
+enum { RESOLUTIONS_MAX = 4096 }; /* pages whose resolution is compared */
+enum { GROUPS_MAX = 32 };        /* kinds of pages */
+enum { TAG_LSM = 34412, TAG_TRANSFORMATION = 34264, TAG_GEO_KEYS = 34735, TAG_NO_DATA = 42113 };
 
 /* All pages of the list are slices. */
 static bool take_slices(struct tiff_planes *p, const struct tiff_file *t, const uint32_t *pages,
@@ -196,6 +197,27 @@ bool tiff_resolution(const struct tiff_file *t, const struct tiff_page *page, do
     return isfinite(*x) && isfinite(*y) && *x > 1e-9 && *y > 1e-9 && *x < 1e9 && *y < 1e9;
 }
 
+/* Warns if other slices have another resolution than the first. */
+static void compare_resolutions(const struct tiff_planes *p, const struct tiff_file *t,
+                                const struct tiff_page *page) {
+    const uint64_t count = (uint64_t)p->slices * p->channels * p->steps;
+    double x, y, unit, other[3];
+    if (p->is_hidden || !tiff_resolution(t, page, &x, &y, &unit))
+        return;
+    for (uint64_t i = 0; i < count && i < RESOLUTIONS_MAX; i++) {
+        const uint32_t n = tiff_planes_page(p, p->pages[i]);
+        if (n == TIFF_NO_PAGE ||
+            !tiff_resolution(t, &t->pages[n], &other[0], &other[1], &other[2]) ||
+            (fabs(other[0] / x - 1) < 1e-6 && fabs(other[1] / y - 1) < 1e-6 && other[2] == unit))
+            continue;
+        import_warn(t->file->warnings,
+                    "The pages have several resolutions; that of the first one was used, %g x %g "
+                    "pixels per %s. Page %" PRIu32 " has %g x %g.",
+                    x, y, unit == 2 ? "inch" : "centimetre", n + 1, other[0], other[1]);
+        return;
+    }
+}
+
 /* Pixels per inch or centimetre; without a unit they are only a ratio. The description may have
  * given the distance of slices, in a unit of its own. */
 static void take_resolution(struct tiff_planes *p, const struct tiff_file *t,
@@ -209,35 +231,80 @@ static void take_resolution(struct tiff_planes *p, const struct tiff_file *t,
     memcpy(own, p->unit, sizeof own);
     snprintf(p->unit, sizeof p->unit, "mm");
     tiff_planes_convert(p, t->file, 2, own);
+    compare_resolutions(p, t, page);
 }
 
-/* GeoTIFF 1.1: the size of a pixel, and the place of one. Rows go to the south. */
-static bool take_geography(struct tiff_planes *p, const struct tiff_file *t,
-                           const struct tiff_page *page) {
-    double scale[3] = { 0 }, tie[6] = { 0 }, keys[256], model = 0, raster = 1, linear = 0;
-    if (tiff_tag_numbers(t, page, TAG_PIXEL_SCALE, scale, 3) < 2 || !(scale[0] > 0) ||
-        !(scale[1] > 0) || !isfinite(scale[0]) || !isfinite(scale[1]))
-        return false;
+/* GeoTIFF 1.1: from pixels to the world. */
+
+struct geo {
+    double model, raster, linear; /* kinds of the coordinates and of the pixels, and the unit */
+};
+
+static struct geo read_geo_keys(const struct tiff_file *t, const struct tiff_page *page) {
+    struct geo geo = { .raster = 1 };
+    double keys[256];
     const size_t count = tiff_tag_numbers(t, page, TAG_GEO_KEYS, keys, 256);
     for (size_t i = 4; i + 3 < count; i += 4) {
-        double *key = keys[i] == 1024   ? &model
-                      : keys[i] == 1025 ? &raster
-                      : keys[i] == 3076 ? &linear
+        double *key = keys[i] == 1024   ? &geo.model
+                      : keys[i] == 1025 ? &geo.raster
+                      : keys[i] == 3076 ? &geo.linear
                                         : NULL;
         if (key && keys[i + 1] == 0)
             *key = keys[i + 3];
     }
+    return geo;
+}
+
+static void take_geo_unit(struct tiff_planes *p, struct geo geo) {
+    snprintf(p->unit, sizeof p->unit, "%s",
+             geo.model == 2                                              ? "degrees"
+             : geo.model == 1 && geo.linear == 9002                      ? "ft"
+             : geo.model == 1 && (geo.linear == 0 || geo.linear == 9001) ? "m"
+                                                                         : "");
+}
+
+/* A matrix from columns, rows and slices to the world, of 4 rows. Without a step of slices they lie
+ * along z. */
+static bool take_matrix(struct tiff_planes *p, const struct tiff_file *t,
+                        const struct tiff_page *page, struct geo geo) {
+    const double centre = geo.raster == 2 ? 0 : 0.5; /* of a pixel, from its corner */
+    double m[16];
+    if (tiff_tag_numbers(t, page, TAG_TRANSFORMATION, m, 16) != 16)
+        return false;
+    for (int i = 0; i < 12; i++)
+        if (!isfinite(m[i]))
+            return false;
+    const bool is_flat = m[2] == 0 && m[6] == 0 && m[10] == 0;
+    double spacing[3], direction[3][3];
+    for (int a = 0; a < 3; a++)
+        spacing[a] = is_flat && a == 2 ? 1 : hypot(hypot(m[a], m[4 + a]), m[8 + a]);
+    for (int a = 0; a < 3; a++)
+        for (int to = 0; to < 3; to++)
+            direction[to][a] = is_flat && a == 2 ? to == 2 : m[4 * to + a] / spacing[a];
+    if (!(spacing[0] > 0) || !(spacing[1] > 0) || !(spacing[2] > 0))
+        return false;
+    memcpy(p->direction, direction, sizeof direction);
+    for (int a = 0; a < 3; a++) {
+        p->spacing[a] = is_flat && a == 2 ? 0 : spacing[a];
+        p->origin[a] = m[4 * a + 3] + centre * (m[4 * a] + m[4 * a + 1]);
+    }
+    p->has_place = true;
+    return true;
+}
+
+/* The size of a pixel, and the place of one. Rows go to the south. */
+static bool take_scale(struct tiff_planes *p, const struct tiff_file *t,
+                       const struct tiff_page *page, struct geo geo) {
+    const double centre = geo.raster == 2 ? 0 : 0.5;
+    double scale[3] = { 0 }, tie[6] = { 0 };
+    if (tiff_tag_numbers(t, page, TAG_PIXEL_SCALE, scale, 3) < 2 || !(scale[0] > 0) ||
+        !(scale[1] > 0) || !isfinite(scale[0]) || !isfinite(scale[1]))
+        return false;
     for (int a = 0; a < 3; a++)
         p->spacing[a] = scale[a] > 0 && isfinite(scale[a]) ? scale[a] : 0;
-    snprintf(p->unit, sizeof p->unit, "%s",
-             model == 2                                      ? "degrees"
-             : model == 1 && linear == 9002                  ? "ft"
-             : model == 1 && (linear == 0 || linear == 9001) ? "m"
-                                                             : "");
     if (tiff_tag_numbers(t, page, TAG_TIEPOINT, tie, 6) != 6 || !isfinite(tie[3]) ||
         !isfinite(tie[4]))
         return true;
-    const double centre = raster == 2 ? 0 : 0.5; /* of a pixel, from its corner */
     p->has_place = true;
     p->origin[0] = tie[3] + (centre - tie[0]) * scale[0];
     p->origin[1] = tie[4] - (centre - tie[1]) * scale[1];
@@ -245,6 +312,15 @@ static bool take_geography(struct tiff_planes *p, const struct tiff_file *t,
     memset(p->direction, 0, sizeof p->direction);
     p->direction[0][0] = p->direction[2][2] = 1;
     p->direction[1][1] = -1;
+    return true;
+}
+
+static bool take_geography(struct tiff_planes *p, const struct tiff_file *t,
+                           const struct tiff_page *page) {
+    const struct geo geo = read_geo_keys(t, page);
+    if (!take_scale(p, t, page, geo) && !take_matrix(p, t, page, geo))
+        return false;
+    take_geo_unit(p, geo);
     return true;
 }
 

@@ -18,6 +18,9 @@
 
 enum { DEPTH_MAX = 32, CHANNELS_MAX = 4096, UUID_BYTES = 80 };
 
+/* Slices lie evenly if each is within this share of the step of its place. */
+#define EVEN_SHARE 0.01
+
 /* The axes of planes, as in DimensionOrder. */
 enum { AXIS_Z, AXIS_C, AXIS_T };
 
@@ -39,6 +42,8 @@ struct ome {
     unsigned images, channels;
     unsigned order[3]; /* axes, the fastest first */
     struct block block;
+    double *heights; /* owned: PositionZ of the first planes of the slices; NULL = unknown */
+    char height_unit[SP_UNIT_BYTES];
     uint64_t assigned;                      /* pages of all blocks */
     char own[UUID_BYTES], uuid[UUID_BYTES]; /* of the file; of the planes of a block */
     char other[64];                         /* name of the file of those planes */
@@ -153,6 +158,43 @@ static void take_plane(struct ome *o, const char **list) {
     snprintf(p->time_unit, sizeof p->time_unit, "%.31s", unit ? unit : "s");
 }
 
+/* The height of a slice is that of its first plane. */
+static void take_height(struct ome *o, const char **list) {
+    const struct tiff_planes *p = o->planes;
+    const char *height = attribute(list, "PositionZ"), *unit = attribute(list, "PositionZUnit");
+    const uint64_t slice = whole(o, list, "TheZ", 0);
+    if (!height || p->spacing[2] > 0 || slice >= p->slices || whole(o, list, "TheC", 0) != 0 ||
+        whole(o, list, "TheT", 0) != 0)
+        return;
+    if (!o->heights) {
+        o->heights = malloc(p->slices * sizeof *o->heights);
+        for (uint32_t i = 0; o->heights && i < p->slices; i++)
+            o->heights[i] = NAN;
+    }
+    if (o->heights)
+        o->heights[slice] = strtod(height, NULL);
+    snprintf(o->height_unit, sizeof o->height_unit, "%.31s", unit ? unit : "");
+}
+
+/* Without PhysicalSizeZ, the heights of the slices give their distance, if they are even and have a
+ * unit of length; that of "reference frame" is unknown. */
+static void take_distance(struct ome *o) {
+    struct tiff_planes *p = o->planes;
+    const struct sp_unit *unit = sp_unit_find(o->height_unit);
+    if (p->slices < 2 || p->spacing[2] > 0 || !o->heights || !unit)
+        return;
+    const double step = (o->heights[p->slices - 1] - o->heights[0]) / (p->slices - 1);
+    for (uint32_t i = 0; i < p->slices; i++)
+        if (!(fabs(o->heights[i] - o->heights[0] - i * step) <= EVEN_SHARE * fabs(step)))
+            return;
+    if (!isfinite(step) || step == 0)
+        return;
+    p->spacing[2] = fabs(step);
+    if (!p->unit[0])
+        snprintf(p->unit, sizeof p->unit, "%s", unit->shown);
+    tiff_planes_convert(p, o->file, 2, unit->shown);
+}
+
 static void check_times(struct tiff_planes *p) {
     bool are_sound = p->times != NULL;
     for (uint32_t i = 0; are_sound && i < p->steps; i++)
@@ -249,6 +291,7 @@ static void start_element(void *user, const char *element, const char **list) {
         take_channel(o, list);
     } else if (o->in_pixels && strcmp(name, "Plane") == 0) {
         take_plane(o, list);
+        take_height(o, list);
     } else if (o->in_pixels && strcmp(name, "TiffData") == 0) {
         begin_block(o, list);
     } else if (o->in_block && strcmp(name, "UUID") == 0) {
@@ -298,6 +341,7 @@ static bool finish(struct ome *o) {
     if (o->failed)
         return false;
     check_times(p);
+    take_distance(o);
     if (!o->has_blocks) { /* all planes are here, in their order */
         o->block = (struct block){ .count = o->pages };
         end_block(o);
@@ -326,6 +370,7 @@ bool tiff_ome_parse(struct tiff_planes *planes, const struct import_file *file, 
         fail(&o, SP_ERR_FORMAT, XML_ErrorString(XML_GetErrorCode(o.parser)));
     const bool ok = finish(&o);
     XML_ParserFree(o.parser);
+    free(o.heights);
     if (!ok)
         tiff_planes_finish(planes);
     return ok;

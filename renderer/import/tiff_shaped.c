@@ -150,12 +150,14 @@ static char take_directions(const struct shaped *s, struct tiff_planes *p) {
     return letters[axes[2]];
 }
 
-/* Axes without a name are z, channels and time, the last one first. */
+/* Axes without a name are z, channels and time, the last one first. Samples, exposures (L) and
+ * wavelengths (E) are channels, because they are no space. */
 static bool take_roles(struct shaped *s, char slices, struct sp_error *err) {
     const char letters[] = { slices, 'C', 'T' };
     bool is_taken[ROLE_COUNT] = { false }, is_set[RANK_MAX] = { false };
     for (unsigned d = 0; d < s->own; d++) {
-        const char own = s->dimensions[d].letter == 'S' ? 'C' : s->dimensions[d].letter;
+        const char letter_of = s->dimensions[d].letter;
+        const char own = letter_of && strchr("SLE", letter_of) ? 'C' : letter_of;
         const char *letter = own ? memchr(letters, own, ROLE_COUNT) : NULL;
         if (letter && !is_taken[letter - letters]) {
             s->dimensions[d].role = (enum role)(letter - letters);

@@ -257,6 +257,11 @@ def check_values(tool):
             own = {**how, 'predictor': how.get('predictor', False) and not dtype.startswith('f')}  # 3 needs another package
             tifffile.imwrite(path, bands if is_planar else numpy.moveaxis(bands, 1, 3), photometric='rgb', **{'compression': 'zlib', **own, **plain})
             tool.layout('TIFF', 'deflate and LZMA, predictor 2, planes and pixels, strips and tiles', f'{path}?field=blue', bands[:, 2])
+    for count in (17, 18):  # of a list of 16 others
+        tifffile.imwrite(path, ramp((count, 4, 5), 'u1'), metadata={'axes': 'CYX'}, photometric='minisblack')
+        for field in ('', '?field=channel 17'):
+            tool.equal(path + field, ramp((count, 4, 5), 'u1')[16:17] if field else ramp((count, 4, 5), 'u1')[:1],
+                       warned='more fields than are listed, 16' if count == 18 else '')
     many = ramp((7, 32, 48), 'u2')
     tifffile.imwrite(path, many, photometric='minisblack', planarconfig='separate', **plain)
     tool.layout('TIFF', 'more than 4 samples per pixel', f'{path}?field=channel 6', many[5:6], result='fields channel 1, channel 2, …')
@@ -267,6 +272,61 @@ def check_values(tool):
         file.pages[0].tags['Compression'].overwrite(7)
         file.pages[0].tags['BitsPerSample'].overwrite(12)
     tool.refused(path, 'JPEG with 12 bits', 'deflate')
+
+
+def check_place(tool):
+    """Where slices and pixels lie, and what tells it only in part."""
+    path = tool.path('place.tif')
+    data = ramp((4, 8, 9), 'u2')
+    plain = {'photometric': 'minisblack', 'metadata': None}
+    with tifffile.TiffWriter(path) as file:
+        for i, page in enumerate(data):
+            file.write(page, resolution=(200 if i == 2 else 100, 100), resolutionunit='centimeter', **plain)
+    tool.layout('TIFF', 'pages with several resolutions', path, data, spacing=[0.1, 0.1, 0.1], unit='mm', warned='Page 3 has 200 x 100',
+                result='that of the first page, with a warning')
+    tool.equal(path, data, warned='does not give the distance of its slices; that of columns was taken, 0.1 mm')
+    keys = [1, 1, 0, 3, 1024, 0, 1, 1, 1025, 0, 1, 1, 3076, 0, 1, 9001]
+    for matrix, place in (([30, 0, 0, 5e5, 0, -20, 0, 4e6] + [0] * 7 + [1], {'spacing': [30, 20, 30], 'origin': [500015, 3999990, 0],
+                                                                            'direction': [1, 0, 0, 0, -1, 0, 0, 0, 1]}),
+                          ([20, -10, 0, 100, 10, 20, 0, 200] + [0] * 7 + [1], {'spacing': [500 ** 0.5] * 3, 'origin': [105, 215, 0],
+                                                                               'direction': [0.8 ** 0.5, -0.2 ** 0.5, 0, 0.2 ** 0.5, 0.8 ** 0.5, 0, 0, 0, 1]})):
+        tags = [(34264, 12, 16, tuple(map(float, matrix)), True), (34735, 3, len(keys), keys, True)]
+        tifffile.imwrite(path, data[:1], extratags=tags, **plain)
+        tool.layout('TIFF', 'GeoTIFF: ModelTransformation', path, data[:1], result='place, spacing and directions', unit='m', **place)
+    path = tool.path('place.ome.tif')
+    size = {'PhysicalSizeX': 0.2, 'PhysicalSizeXUnit': 'µm', 'PhysicalSizeY': 0.2, 'PhysicalSizeYUnit': 'µm'}
+    for own, z, warning in (({'Plane': {'PositionZ': [0.0, 400.0, 800.0, 1200.0], 'PositionZUnit': ['nm'] * 4}}, 0.4, ''),
+                            ({'Plane': {'PositionZ': [4.0, 3.5, 3.0, 2.5], 'PositionZUnit': ['µm'] * 4}}, 0.5, ''),
+                            ({'Plane': {'PositionZ': [0.0, 1.0, 3.0, 4.0], 'PositionZUnit': ['µm'] * 4}}, 0.2, 'the distance of its slices'),
+                            ({'Plane': {'PositionZ': [0.0, 1.0, 2.0, 3.0]}}, 0.2, 'the distance of its slices'),
+                            ({'PhysicalSizeZ': -0.5}, 0.2, 'the distance of its slices; that of columns was taken, 0.2 um'),
+                            ({'PhysicalSizeZ': 3, 'Plane': {'PositionZ': [0.0, 1.0, 2.0, 3.0], 'PositionZUnit': ['µm'] * 4}}, 3, '')):
+        tifffile.imwrite(path, data, metadata={'axes': 'ZYX', **size, **own}, photometric='minisblack')
+        tool.layout('TIFF', 'OME-XML without PhysicalSizeZ: PositionZ of planes', path, data, spacing=[0.2, 0.2, z], unit='um', warned=warning,
+                    result='the distance of slices, or a warning')
+    for axes in ('LYX', 'EYX'):
+        path = tool.path('axes.tif')
+        tifffile.imwrite(path, data, metadata={'axes': axes}, photometric='minisblack')
+        tool.layout('TIFF', 'JSON of tifffile, axes of exposures (L) and wavelengths (E)', f'{path}?field=channel 3', data[2:3], result='channels')
+    check_files(tool)
+
+
+def check_files(tool):
+    """OME-XML that names the files of the planes."""
+    data = ramp((3, 8, 9), 'u2')
+    for is_root, named in ((False, range(3)), (True, range(3)), (False, (1,))):
+        ids = [f'urn:uuid:{k:08d}-0000-0000-0000-000000000000' for k in range(3)]
+        own = f' UUID="{ids[1]}"' if is_root else ''
+        blocks = ''.join(f'<TiffData IFD="0" FirstZ="{i}" PlaneCount="1"><UUID FileName="z{k}.ome.tif">{ids[k]}</UUID></TiffData>' for i, k in enumerate(named))
+        text = (f'<?xml version="1.0"?><OME xmlns="http://www.openmicroscopy.org/Schemas/OME/2016-06"{own}><Image ID="Image:0"><Pixels ID="Pixels:0" '
+                f'DimensionOrder="XYZCT" Type="uint16" SizeX="9" SizeY="8" SizeZ="{len(named)}" SizeC="1" SizeT="1">'
+                f'{blocks}</Pixels></Image></OME>')
+        path = tool.path('files.ome.tif')
+        tifffile.imwrite(path, data[1], description=text, metadata=None)
+        if len(named) > 1:
+            tool.layout_refused('TIFF', 'OME-XML of several files', path, 'the planes are in several files, such as z')
+        else:
+            tool.layout('TIFF', 'OME-XML that names this file by another name', path, data[1:2])
 
 
 def replace(path, old, new):
@@ -363,5 +423,6 @@ def check(tool):
     check_imagej_meaning(tool)
     check_shaped(tool)
     check_pages(tool)
+    check_place(tool)
     check_values(tool)
     check_programs(tool)
