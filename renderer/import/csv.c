@@ -18,6 +18,7 @@
 #include "base/parallel_for.h"
 #include "import/points.h"
 #include "import/text.h"
+#include "volume/unit.h"
 #include "volume/volume.h"
 
 enum { COLUMNS_MAX = 256, FIELD_BYTES = 64, PART = 1 << 16 };
@@ -31,6 +32,7 @@ struct csv {
     char names[COLUMNS_MAX][FIELD_BYTES];
     const char *name_of[COLUMNS_MAX];
     char unit[SP_UNIT_BYTES]; /* of the coordinates, from their names; "" = unknown */
+    double factors[3];        /* of the coordinates, from their own units to this one */
     struct import_columns columns;
     /* Where every PART rows begin, so that threads can read them; freed with it. */
     struct part {
@@ -157,6 +159,26 @@ static int axis_of(const char *name, char unit[SP_UNIT_BYTES]) {
     return unit[0] || !open[0] ? (int)(axis - axes) : -1;
 }
 
+/* The unit of x is that of all. */
+static void take_units(struct csv *c, char units[3][SP_UNIT_BYTES]) {
+    const struct sp_unit *of_x = sp_unit_find(units[0]);
+    bool are_alike = true, are_known = of_x != NULL;
+    for (int axis = 1; axis < 3; axis++) {
+        are_alike &= strcmp(units[axis], units[0]) == 0;
+        are_known &= sp_unit_find(units[axis]) != NULL;
+    }
+    if (are_alike || are_known)
+        snprintf(c->unit, sizeof c->unit, "%.31s", are_alike ? units[0] : of_x->shown);
+    else
+        import_warn(
+            c->file->warnings,
+            "The coordinates x, y and z have the units \"%s\", \"%s\" and \"%s\"; they were "
+            "not converted.",
+            units[0], units[1], units[2]);
+    for (int axis = 0; axis < 3 && are_known; axis++)
+        c->factors[axis] = sp_unit_find(units[axis])->meters / of_x->meters;
+}
+
 /* Calls the columns of coordinates x, y and z, if there is one of each. */
 static void name_axes(struct csv *c) {
     static const char *const names[] = { "x", "y", "z" };
@@ -173,8 +195,7 @@ static void name_axes(struct csv *c) {
         return;
     for (int axis = 0; axis < 3; axis++)
         c->name_of[found[axis]] = names[axis];
-    if (strcmp(units[0], units[1]) == 0 && strcmp(units[0], units[2]) == 0)
-        memcpy(c->unit, units[0], sizeof c->unit);
+    take_units(c, units);
 }
 
 static bool refuse_names(const struct csv *c, struct sp_error *err) {
@@ -264,6 +285,8 @@ static void *open_csv(const struct import_file *file, struct import_header *head
     }
     c->file = file;
     c->line = 1;
+    for (int axis = 0; axis < 3; axis++)
+        c->factors[axis] = 1;
     import_text_init(&c->text, file, 0, file->size);
     bool ok = take_names(c, err) && count_rows(c, &rows, err);
     if (ok && rows > SP_ELEMENTS_MAX)
@@ -310,6 +333,8 @@ static bool take_row(struct csv *c, double row[COLUMNS_MAX], struct sp_error *er
         if (field[0] && *end && is_used(&c->columns, (int)i))
             return refuse(c, c->names[i], err, "\"%s\" is not a number", field);
     }
+    for (int axis = 0; axis < 3; axis++)
+        row[c->columns.position[axis]] *= c->factors[axis];
     return last || refuse(c, NULL, err, "the row has more than %u fields", c->count);
 }
 

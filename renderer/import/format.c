@@ -84,25 +84,27 @@ void import_header_add_vectors(struct import_header *header, const char *name) {
     import_name(header->vector_name, name);
 }
 
-static void add_name(char (*list)[SP_FIELD_BYTES], int capacity, const char *name) {
+/* False if the list is full. */
+static bool add_name(char (*list)[SP_FIELD_BYTES], int capacity, const char *name) {
     char own[SP_FIELD_BYTES] = "";
     import_name(own, name);
     for (int i = 0; i < capacity && own[0]; i++) {
         if (strcmp(list[i], own) == 0)
-            return;
+            return true;
         if (!list[i][0]) {
             memcpy(list[i], own, sizeof own);
-            return;
+            return true;
         }
     }
+    return !own[0];
 }
 
 void import_header_add_other(struct import_header *header, const char *name) {
-    add_name(header->others, SP_OTHER_FIELDS_MAX, name);
+    header->has_more |= !add_name(header->others, SP_OTHER_FIELDS_MAX, name);
 }
 
 void import_header_add_other_vectors(struct import_header *header, const char *name) {
-    add_name(header->other_vectors, SP_OTHER_VECTORS_MAX, name);
+    header->has_more |= !add_name(header->other_vectors, SP_OTHER_VECTORS_MAX, name);
 }
 
 static void name_component(char out[SP_FIELD_BYTES], unsigned number, bool is_color) {

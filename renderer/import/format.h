@@ -111,6 +111,7 @@ struct import_header {   /* result of open() */
     char value_unit[SP_UNIT_BYTES];
     char others[SP_OTHER_FIELDS_MAX][SP_FIELD_BYTES];         /* the same */
     char other_vectors[SP_OTHER_VECTORS_MAX][SP_FIELD_BYTES]; /* the same */
+    bool has_more; /* fields or vectors that these lists do not hold */
 };
 
 struct import_series_list {
@@ -224,7 +225,8 @@ void import_header_use_elements(struct import_header *header,
 /* Adds vectors of this name, which may be any bytes. */
 void import_header_add_vectors(struct import_header *header, const char *name);
 
-/* Adds the name of scalars that are not read, unless it is empty, is there, or does not fit. */
+/* Adds the name of scalars that are not read, unless it is empty or is there. A list that is full
+ * sets has_more: a reader that lists many names passes at least one that does not fit. */
 void import_header_add_other(struct import_header *header, const char *name);
 
 /* The same for vectors. */

@@ -397,6 +397,11 @@ static int run(struct job *job) {
         job->format->close(reader);
         return say_error(&err);
     }
+    if (header->has_more)
+        import_warn(job->file.warnings,
+                    "The file has more fields than are listed, %d and %d vectors; "
+                    "?field=NAME and ?vectors=NAME read any of them.",
+                    SP_OTHER_FIELDS_MAX, SP_OTHER_VECTORS_MAX);
     if (job->serves) {
         const int status = serve(job, reader);
         job->format->close(reader);

@@ -213,6 +213,9 @@ bool vtk_stream_read(struct vtk_volume *v, const struct vtk_stream *stream, stru
 /* Counts the points of each piece that are not ghosts. */
 bool vtk_count_kept(struct vtk_volume *v, uint64_t *count, struct sp_error *err);
 
+/* Warns of samples of a grid that the file hides: points, or cells. */
+bool vtk_warn_of_hidden(struct vtk_volume *v, struct sp_error *err);
+
 /* True if the pieces do not fill the grid. */
 bool vtk_has_gaps(const struct vtk_volume *v);
 

@@ -182,7 +182,7 @@ static void list(const struct names *n, const struct vtk_entry *e, bool componen
         import_header_add_other(header, name);
     if (!components || e->components == 1 || is_vectors(e))
         return;
-    for (unsigned i = 0; i < e->components && i <= SP_OTHER_FIELDS_MAX; i++) {
+    for (unsigned i = 0; i < e->components && i < SP_OTHER_FIELDS_MAX + 2; i++) {
         name_component(n, e, i, name);
         if (strcmp(name, header->value_name) != 0)
             import_header_add_other(header, name);

@@ -162,7 +162,8 @@ bool vtk_grid_open(struct vtk_volume *v, struct import_header *header, struct sp
     if (v->samples.entry)
         choose_type(v, header);
     if (!sp_grid_check(grid, header->type, place, &header->bytes, err) ||
-        !vtk_stream_check(v, &samples, err) || !vtk_stream_check(v, &vectors, err))
+        !vtk_stream_check(v, &samples, err) || !vtk_stream_check(v, &vectors, err) ||
+        !vtk_warn_of_hidden(v, err))
         return false;
     if (v->has_gaps)
         import_warn(v->file->warnings,

@@ -3,6 +3,7 @@
  * Puts the values of pieces in their places: a box of a grid, or after the values of other pieces.
  * Leaves out copies of points of other pieces (ghosts). Where pieces overlap, the last one counts.
  */
+#include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -158,6 +159,46 @@ bool vtk_count_kept(struct vtk_volume *v, uint64_t *count, struct sp_error *err)
             return false;
         *count += piece->kept;
     }
+    return true;
+}
+
+struct hidden {
+    struct import_number number;
+    unsigned bit;
+    uint64_t count;
+};
+
+static void count_hidden(void *user, uint64_t first, const void *values, size_t n) {
+    struct hidden *h = user;
+    (void)first;
+    for (size_t i = 0; i < n; i++) {
+        const double value = import_widen((const char *)values + i * h->number.size, h->number);
+        h->count += value >= 1 && value <= UINT8_MAX && ((unsigned)value & h->bit);
+    }
+}
+
+bool vtk_warn_of_hidden(struct vtk_volume *v, struct sp_error *err) {
+    struct hidden h = { .bit = v->home == VTK_OF_CELLS ? 32 : 2 };
+    for (size_t i = 0; i < v->piece_count; i++) {
+        const struct vtk_piece *piece = &v->pieces[i];
+        const struct vtk_entry *e = vtk_find_entry(v, piece, v->home, 0, "vtkGhostType");
+        uint32_t dims[3], at[3];
+        find_box(v, piece, dims, at);
+        if (!e || e->components != 1 || !dims[0] || !dims[1] || !dims[2])
+            continue;
+        struct vtk_array a = e->array;
+        a.count = (uint64_t)dims[0] * dims[1] * dims[2];
+        h.number = a.type->number;
+        const struct import_file *file = vtk_open_file(v, piece->file, err);
+        if (!file || !vtk_array_check(file, &a, err) ||
+            !vtk_array_read(file, &a, &(struct vtk_sink){ count_hidden, &h }, err))
+            return false;
+    }
+    if (h.count > 0)
+        import_warn(v->file->warnings,
+                    "%" PRIu64 " %s of the grid are hidden (vtkGhostType); their numbers are "
+                    "shown, too.",
+                    h.count, v->home == VTK_OF_CELLS ? "cells" : "points");
     return true;
 }
 

@@ -205,7 +205,8 @@ static void names_and_numbers_of_other_programs_are_read(void **state) {
         { "# x,y,z,heat\n1.5,2,3,7\n4,5,6,8\n", "heat", "" },
         { "x [mm],y [mm],z [mm],heat\n1.5,2,3,7\n4,5,6,8\n", "heat", "mm" },
         { "X (um)\tY(um)\tZ (um)\theat\n1.5\t2\t3\t7\n4\t5\t6\t8\n", "heat", "um" },
-        { "x [mm],y [cm],z [mm],heat\n1.5,2,3,7\n4,5,6,8\n", "heat", "" },
+        { "x [mm],y [cm],z [um],heat\n1.5,2,3000,7\n4,5,6000,8\n", "heat", "mm" },
+        { "x [mm],y [hPa],z [mm],heat\n1.5,2,3,7\n4,5,6,8\n", "heat", "" },
         { "x;y;z;heat\n1,5;2,0;3;7,0\n4;5;6;8\n", "heat", "" },
     };
     for (size_t i = 0; i < sizeof tables / sizeof *tables; i++) {
@@ -214,6 +215,8 @@ static void names_and_numbers_of_other_programs_are_read(void **state) {
         const struct sp_elements *e = sp_volume_elements(volume);
         assert_string_equal(sp_volume_info(volume)->value_name, tables[i].name);
         assert_string_equal(sp_volume_info(volume)->unit, tables[i].unit);
+        assert_int_equal(sp_volume_info(volume)->warnings[0][0] != 0,
+                         strstr(tables[i].text, "hPa") != NULL);
         const size_t first = e->positions[0][0] < 2 ? 0 : 1; /* points may change their order */
         assert_float_equal(e->positions[first][0], 1.5, 0);
         assert_float_equal(e->positions[first][2], 3, 0);

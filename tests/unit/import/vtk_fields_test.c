@@ -65,6 +65,18 @@ static void data_of_cells_lie_at_their_centres(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* Blanked points and cells are samples nevertheless, which a warning counts; copies are not hidden.
+ */
+static void hidden_samples_are_counted(void **state) {
+    (void)state;
+    write_text("h.vti", VTI("0 2 0 1 0 0", "<PointData>" ARRAY("s", "", "1 2 3 4 5 6") ARRAY(
+                                               "vtkGhostType", "", "0 2 3 1 0 0") "</PointData>"));
+    load_warns("h.vti", "2 points of the grid are hidden");
+    write_text("h.vti", VTI("0 2 0 1 0 0", "<CellData>" ARRAY("s", "", "1 2")
+                                               ARRAY("vtkGhostType", "", "32 2") "</CellData>"));
+    load_warns("h.vti", "1 cells of the grid are hidden");
+}
+
 /* Beside data of points the names of cells tell them apart; without the ending they serve, too. */
 static void fields_of_points_and_cells_have_names_of_their_own(void **state) {
     (void)state;
@@ -362,6 +374,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(data_of_cells_lie_at_their_centres),
         cmocka_unit_test(fields_of_points_and_cells_have_names_of_their_own),
+        cmocka_unit_test(hidden_samples_are_counted),
         cmocka_unit_test(components_are_fields),
         cmocka_unit_test(every_integer_type_is_read),
         cmocka_unit_test(legacy_bits_and_texts_are_read),
