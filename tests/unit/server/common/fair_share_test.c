@@ -79,7 +79,7 @@ static void note(struct srv_work *work) {
     pthread_mutex_lock(&seen.mutex);
     while (!seen.is_open)
         pthread_cond_wait(&seen.changed, &seen.mutex);
-    strncat(seen.order, work->owner, 1);
+    seen.order[strlen(seen.order)] = work->owner[0];
     pthread_mutex_unlock(&seen.mutex);
 }
 
