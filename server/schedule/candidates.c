@@ -9,6 +9,7 @@
 #include "schedule/state.h"
 
 #define POLL_MS 1.0           /* at least, until the network is asked again whether it is free */
+#define FIRST_BURST_MS 2500.0 /* a fifth of it is half a second of first frames */
 #define SHARE_PART 0.5        /* of an interval: a participant may share a frame so early */
 enum { SLOW_JOBS_ALONE = 2 }; /* of the only participant: one is drawn, one encoded */
 
@@ -79,6 +80,12 @@ static double waited_ms(const struct srv_waiting *waiting, double now_ms) {
     return waiting->waited_ms + (waiting->ready_ms > 0 ? now_ms - waiting->ready_ms : 0);
 }
 
+bool srv_is_first(const struct srv_schedule *schedule, const struct srv_participant *p,
+                  double now_ms) {
+    return p->delivery.frames_sent == 0 && p->schedule->newest.version == 0 &&
+           schedule->first_ms <= now_ms + FIRST_BURST_MS;
+}
+
 static struct srv_demand demand_of(const struct srv_schedule *schedule, const struct srv_session *s,
                                    const struct srv_participant *p, double now_ms) {
     const struct srv_participant_schedule *plan = p->schedule;
@@ -88,6 +95,7 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
         wants_frame(s, p, demand.opens_ms) && (p->settings.progressive || !s->shared.is_waiting);
     if (!demand.wants_frame)
         return demand;
+    demand.is_first = srv_is_first(schedule, p, now_ms);
     demand.is_newer = is_newer(s, p);
     demand.is_progressive = p->settings.progressive;
     demand.needs_intermediate = !demand.is_newer && needs_intermediate(s, p);
@@ -198,9 +206,11 @@ double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv
 }
 
 /* Expected time of what the participant gets; INFINITY = not known, or it begins with work that is
- * done once. */
+ * done once. Whoever joins gets its first frame at once, which is small: it counts as short. */
 static double expected_ms(const struct srv_schedule *schedule, const struct srv_choice *choice) {
     const struct srv_session *s = choice->participant->session;
+    if (choice->request.rank == SRV_RANK_FIRST)
+        return SRV_QUALITY_ROUND_MS;
     double ms = choice->request.step == SRV_STEP_MOVING
                     ? srv_moving_frame_ms(schedule, s, choice->participant, schedule->now_ms)
                     : sharp_ms(s, choice->participant);
@@ -298,7 +308,7 @@ struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, doubl
     if (decision.chosen == SRV_NO_CANDIDATE)
         return none;
     const struct srv_choice choice = schedule->choices[decision.chosen];
-    if (choice.request.rank == SRV_RANK_INTERACTION)
+    if (choice.request.rank != SRV_RANK_REFINEMENT)
         return choice;
     double quiet_ms = srv_decide_quiet_ms(srv_has_motion(schedule),
                                           last_motion_ms(schedule, choice.participant), now_ms);
@@ -323,6 +333,8 @@ struct srv_choice srv_choose_short(struct srv_schedule *schedule,
                                  : srv_fair_start(&s->schedule->account, schedule->clock_ms);
         candidate->lead_ms =
             start_ms - ((is_own ? running->part_start_ms : running->start_ms) + running->drawn_ms);
+        if (candidate->rank == SRV_RANK_FIRST)
+            candidate->lead_ms = 0;
         count++;
     }
     int chosen = srv_decide_preemption(schedule->candidates, count, wait_ms);

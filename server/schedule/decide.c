@@ -46,6 +46,8 @@ struct srv_frame_request srv_decide_request(const struct srv_demand *d, double n
     request.is_wanted = !request.is_slow_to_encode || d->has_slow_slot;
     request.protected_ms = d->is_newer && d->is_progressive ? INFINITY : protected_ms(d);
     request.rank = request.protected_ms == 0 ? SRV_RANK_REFINEMENT : SRV_RANK_INTERACTION;
+    if (d->is_first && request.protected_ms == INFINITY)
+        request.rank = SRV_RANK_FIRST;
     return request;
 }
 
@@ -67,7 +69,7 @@ int srv_decide_participant(const struct srv_candidate *candidates, int count) {
 
 /* True if `a` goes before `b`; both are eligible. */
 static bool is_due_before(const struct srv_candidate *a, const struct srv_candidate *b) {
-    if (a->rank == SRV_RANK_INTERACTION && a->deadline_ms != b->deadline_ms)
+    if (a->rank != SRV_RANK_REFINEMENT && a->deadline_ms != b->deadline_ms)
         return a->deadline_ms < b->deadline_ms;
     if (a->start_ms != b->start_ms)
         return a->start_ms < b->start_ms;
@@ -86,12 +88,14 @@ struct srv_decision srv_decide_session(const struct srv_candidate *candidates, i
     struct srv_decision decision = { .chosen = SRV_NO_CANDIDATE, .clock_ms = clock_ms };
     const enum srv_rank rank = highest_rank(candidates, count);
     double sum = 0, least = INFINITY, ranked = 0;
-    for (int i = 0; i < count; i++)
+    for (int i = 0; i < count; i++) {
+        if (candidates[i].rank <= SRV_RANK_INTERACTION || candidates[i].rank == rank)
+            least = fmin(least, candidates[i].start_ms);
         if (candidates[i].rank == rank) {
             sum += candidates[i].start_ms;
-            least = fmin(least, candidates[i].start_ms);
             ranked++;
         }
+    }
     if (ranked == 0)
         return decision;
     decision.clock_ms = fmax(clock_ms, least);

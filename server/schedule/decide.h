@@ -22,6 +22,7 @@
 
 /* Candidates of a lower rank are drawn only while no candidate has a higher one. */
 enum srv_rank {
+    SRV_RANK_FIRST,       /* the client has no picture yet, and the frame is short */
     SRV_RANK_INTERACTION, /* the view is newer than what the client sees of it */
     SRV_RANK_REFINEMENT,  /* a better frame of the same view, or a frame for a client that takes
                              only final frames */
@@ -36,6 +37,7 @@ enum srv_rank {
  *     was not of final quality */
 struct srv_demand {
     bool wants_frame;        /* as above, without the frame rate and the rest */
+    bool is_first;           /* the client has no picture yet, and may have one before others */
     bool is_newer;           /* the view is newer than its last job */
     bool is_progressive;     /* the client takes frames of less detail while the view moves */
     bool needs_intermediate; /* at rest; the sharp frame takes long, so a faster one precedes it */
@@ -87,7 +89,8 @@ struct srv_decision {
     int chosen;      /* index, or SRV_NO_CANDIDATE */
     double clock_ms; /* the virtual clock from now on */
 };
-/* Returns the session to draw next. Only candidates of the highest rank count. A session is
+/* Returns the session to draw next. Only candidates of the highest rank count; first frames do not
+ * move the clock past the others. A session is
  * eligible if its virtual start is not later than the mean. The eligible session with the earliest
  * deadline is next; for refinements, the one with the smallest virtual start. */
 struct srv_decision srv_decide_session(const struct srv_candidate *candidates, int count,

@@ -14,6 +14,7 @@
 
 #include "schedule/state.h"
 
+enum { FIRST_SHARE = 5 };  /* first frames have a fifth of the time at most */
 enum { PLAY_BUDGETS = 3 }; /* a frame of a view that plays may take that many */
 
 static struct srv_detail detail_of(const struct srv_render_job *job) {
@@ -270,6 +271,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
         max_fps =
             recipients[i]->settings.max_fps > max_fps ? recipients[i]->settings.max_fps : max_fps;
     fill_job(schedule, choice, now_ms, job);
+    job->is_first = choice->request.rank == SRV_RANK_FIRST;
     choose_detail(schedule, s, job, first, max_fps, now_ms);
     job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
@@ -402,7 +404,10 @@ static void finish_job(struct srv_schedule *schedule, struct srv_session *s,
     learn(schedule, s, job, result);
     if (is_final)
         srv_quality_rest(&plan->quality, job->view.size);
-    correct_charge(s, job, (result->again ? 0 : result->render_ms) + result->encode_ms);
+    const double took_ms = (result->again ? 0 : result->render_ms) + result->encode_ms;
+    correct_charge(s, job, took_ms);
+    if (job->is_first)
+        schedule->first_ms = fmax(schedule->first_ms, schedule->now_ms) + FIRST_SHARE * took_ms;
     /* Statistics of a view at rest are sent at once; of a moving view, now and then. */
     for (uint32_t i = 0; !is_moving && i < job->target_count; i++) {
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);

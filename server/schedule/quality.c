@@ -12,7 +12,11 @@
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
 #define NEXT_LEVEL 0.25 /* of the time, where mip levels come first */
-enum { SIDES = 8, SIDE_MIN = 2, FAILURES_MAX = 5 };
+#define LAST_RESORT                                                                                \
+    2.0 /* times the limit: sides below SIDE_MIN, so that each view gets 10 frames/s */
+#define LEAST_MPX 0.004 /* no frame is smaller for the sake of time */
+#define FIRST_MPX 0.27  /* of a first frame, whose time is not known */
+enum { SIDES = 32, SIDE_STEP = 4, SIDE_MIN = 8, FAILURES_MAX = 5 };
 
 struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
     double fixed, slope;
@@ -120,6 +124,12 @@ static void scale(const uint32_t full[2], unsigned side, uint32_t size[2]) {
         size[i] = (uint32_t)fmax(round(full[i] * (double)side / SIDES), 1);
 }
 
+static double mpx_of(const uint32_t full[2], unsigned side) {
+    uint32_t size[2];
+    scale(full, side, size);
+    return megapixels(size);
+}
+
 struct choice {
     unsigned mip_level, side;
 };
@@ -134,6 +144,16 @@ static double confidence_of(const struct srv_quality *quality, unsigned mip_leve
     return mip_level < doubted ? 1 - quality->fits[mip_level].doubt : 1;
 }
 
+/* Halves the side while the frame takes far longer than limit_ms and a smaller one saves time. */
+static unsigned last_resort(const struct model *model, const uint32_t full[2], double useful,
+                            double limit_ms) {
+    unsigned side = SIDE_MIN;
+    while (side > 1 && time_of(model, mpx_of(full, side)) > limit_ms * LAST_RESORT &&
+           mpx_of(full, side) > fmax(useful, LEAST_MPX))
+        side /= 2;
+    return side;
+}
+
 /* Returns the finest choice that is expected within limit_ms, else the coarsest that is useful. */
 static struct choice finest(const struct srv_quality *quality, const uint32_t full[2],
                             double limit_ms, unsigned doubted) {
@@ -144,24 +164,34 @@ static struct choice finest(const struct srv_quality *quality, const uint32_t fu
         double useful = model.slope > 0 ? model.fixed / model.slope / 4 : INFINITY;
         const unsigned least = quality->prefers_levels && !last ? SIDES : SIDE_MIN;
         unsigned side = SIDES;
-        for (;; side--) {
-            uint32_t size[2];
-            scale(full, side, size);
-            if (time_of(&model, megapixels(size)) * confidence <= limit_ms)
+        for (;; side -= SIDE_STEP) {
+            const double mpx = mpx_of(full, side);
+            if (time_of(&model, mpx) * confidence <= limit_ms)
                 return (struct choice){ mip_level, side };
-            if (side == least || megapixels(size) <= useful)
+            if (side == least || mpx <= useful)
                 break;
         }
+        if (last && side == SIDE_MIN)
+            side = last_resort(&model, full, useful, limit_ms);
         if (last)
             return (struct choice){ mip_level, side };
     }
 }
 
+/* The detail of a frame whose time is not known: half the side, or less if that is large. */
+static struct choice first_choice(const struct srv_quality *quality, const uint32_t full[2]) {
+    struct choice first = { 0, SIDES / 2 };
+    if (quality->prefers_levels)
+        return (struct choice){ SP_MIP_LEVEL_MAX, SIDES };
+    while (first.side > 1 && mpx_of(full, first.side) > FIRST_MPX)
+        first.side /= 2;
+    return first;
+}
+
 void srv_quality_moving(struct srv_quality *quality, const uint32_t full[2], double budget_ms,
                         struct srv_detail *detail) {
-    struct choice now = { quality->mip_level, quality->side }, best = { 0, SIDES / 2 };
-    if (quality->prefers_levels)
-        best = (struct choice){ SP_MIP_LEVEL_MAX, SIDES };
+    struct choice now = { quality->mip_level, quality->side };
+    struct choice best = first_choice(quality, full);
     if (quality->fits[0].weight > 0)
         best = finest(quality, full, budget_ms * RAISE, now.side ? now.mip_level : 0);
     if (now.side) {

@@ -69,6 +69,7 @@ struct srv_schedule {
     struct srv_candidate *candidates; /* options.sessions_max of the hub, and so these */
     struct srv_choice *choices;
     double clock_ms;      /* of the sessions' accounts */
+    double first_ms;      /* first frames have used their part of the time up to then */
     double rested_ms;     /* last end of accounts of sessions that are no longer busy */
     double now_ms;        /* of the last call or event that had a time */
     uint64_t next_order;  /* of jobs */
@@ -94,6 +95,10 @@ struct srv_frame_request srv_request_to_share(const struct srv_schedule *schedul
                                               const struct srv_session *session,
                                               const struct srv_participant *participant,
                                               double now_ms);
+/* True if the participant has no picture yet, and first frames have not used up their part of the
+ * time: a fifth, with bursts of half a second. Else it is served like all others. */
+bool srv_is_first(const struct srv_schedule *schedule, const struct srv_participant *participant,
+                  double now_ms);
 /* Chooses the participant that is served next; NULL = none. Lowers *wait_ms to when there may be
  * one.
  */

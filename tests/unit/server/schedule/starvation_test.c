@@ -136,6 +136,55 @@ static void frames_of_unknown_time_do_not_stop_the_others(void **state) {
     assert_in_range(moving->frames, 5 * alone * 9 / 10, 5 * alone);
 }
 
+static uint32_t random_number(uint32_t *state, uint32_t below) {
+    *state = *state * 1664525u + 1013904223u;
+    return (uint32_t)((uint64_t)(*state >> 8) * below >> 24);
+}
+
+/* Two heavy views (17 s for a sharp frame) move, rest, wait until their refinements are protected,
+ * or want final frames only. Whenever somebody joins one of their sessions, it gets a frame within
+ * FIRST_MS: whatever is running, and although the times of its frames are not known. */
+static void whoever_joins_gets_a_frame_soon(void **state) {
+    enum { HISTORIES = 20, STEPS = 12, FIRST_MS = 400 };
+    struct simulation *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    uint32_t random = 7;
+    s->mpx_ms = 1000;
+    s->has_preemption = true;
+    sim_session(s, id);
+    for (int history = 0; history < HISTORIES; history++) {
+        static const char *const settings[] = { "{\"size\":[4096,4096]}",
+                                                "{\"size\":[4096,4096],\"progressive\":false}",
+                                                "{\"size\":[2048,2048],\"max_fps\":60}" };
+        struct sim_client *heavy[2];
+        for (unsigned i = 0; i < 2; i++)
+            heavy[i] = sim_join(s, i, i ? id : s->f->id, random_number(&random, 2) * 33,
+                                settings[random_number(&random, 3)]);
+        for (int step = 0; step < STEPS; step++) {
+            static const double waits_ms[] = { 5, 50, 500, 5000, 500000 };
+            struct sim_client *c = heavy[random_number(&random, 2)];
+            if (random_number(&random, 2)) {
+                c->period_ms = c->period_ms > 0 ? 0 : 33;
+                c->next_ms = s->now_ms + c->period_ms;
+                sim_turn(s, c);
+            }
+            sim_run(s, waits_ms[random_number(&random, step % 4 ? 4 : 5)]);
+            const double joined_ms = s->now_ms;
+            struct sim_client *guest = sim_join(s, 2, random_number(&random, 2) ? id : s->f->id, 0,
+                                                "{\"size\":[320,240]}");
+            guest->last_ms = joined_ms;
+            while (guest->frames == 0 && s->now_ms < joined_ms + 60000)
+                sim_run(s, 5);
+            if (guest->frames == 0 || guest->last_ms - joined_ms > FIRST_MS)
+                fail_msg("history %d, step %d: first frame after %.0f ms", history, step,
+                         guest->frames ? guest->last_ms - joined_ms : INFINITY);
+            srv_hub_leave(s->f->hub, &guest->participant, s->now_ms);
+        }
+        for (unsigned i = 0; i < 2; i++)
+            srv_hub_leave(s->f->hub, &heavy[i]->participant, s->now_ms);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, sim_set_up, sim_tear_down)
@@ -145,6 +194,7 @@ int main(void) {
         TEST(a_view_that_moves_rarely_leaves_time_for_refinements),
         TEST(a_client_of_final_frames_only_does_not_stop_the_others),
         TEST(frames_of_unknown_time_do_not_stop_the_others),
+        TEST(whoever_joins_gets_a_frame_soon),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
