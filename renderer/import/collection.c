@@ -7,20 +7,14 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <unistd.h>
 
 enum { TEXT_MAX = 16 << 20 }; /* bytes */
 
-static bool ends_with(const char *name, const char *ending) {
-    const size_t n = strlen(name), m = strlen(ending);
-    return n > m && strcasecmp(name + n - m, ending) == 0;
-}
-
 bool collection_probe(const uint8_t *start, size_t size, const char *shown) {
     (void)start;
     (void)size;
-    return ends_with(shown, ".pvd") || ends_with(shown, ".series");
+    return import_ends_with(shown, ".pvd") || import_ends_with(shown, ".series");
 }
 
 static bool add(struct collection *c, const struct import_file *file, double time, const char *name,
@@ -182,7 +176,7 @@ bool collection_read(const struct import_file *file, struct collection *c, struc
     if (!text)
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the list");
     const ssize_t got = pread(file->fd, text, file->size, 0);
-    const bool is_json = ends_with(file->shown, ".series");
+    const bool is_json = import_ends_with(file->shown, ".series");
     const bool ok =
         got < 0 ? sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file: %s", strerror(errno))
         : is_json ? read_json(file, text, (size_t)got, c, err)

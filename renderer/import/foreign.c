@@ -3,7 +3,8 @@
 
 #include <stdbool.h>
 #include <string.h>
-#include <strings.h>
+
+#include "import/format.h"
 
 enum { ANYWHERE = -1 };
 
@@ -71,11 +72,6 @@ static const struct kind others[] = {
     KIND("\377\377\376", 0, NULL, "a surface of FreeSurfer", NULL),
 };
 
-static bool ends_with(const char *name, const char *ending) {
-    const size_t n = strlen(name), m = strlen(ending);
-    return n > m && strcasecmp(name + n - m, ending) == 0;
-}
-
 static const struct kind *find(const struct kind *kinds, size_t count, const uint8_t *start,
                                size_t size, const char *shown) {
     for (size_t i = 0; i < count; i++) {
@@ -83,7 +79,7 @@ static const struct kind *find(const struct kind *kinds, size_t count, const uin
         const bool is_there = k->at == ANYWHERE ? memmem(start, size, k->bytes, k->size) != NULL
                                                 : size >= (size_t)k->at + k->size &&
                                                       memcmp(start + k->at, k->bytes, k->size) == 0;
-        if (is_there && (!k->ending || ends_with(shown, k->ending)))
+        if (is_there && (!k->ending || import_ends_with(shown, k->ending)))
             return k;
     }
     return NULL;
@@ -93,8 +89,8 @@ static const struct kind *find(const struct kind *kinds, size_t count, const uin
 
 /* Coordinates as text, without the line that names them. */
 static bool check_text(const uint8_t *start, size_t size, const char *shown, struct sp_error *err) {
-    const bool is_table = ends_with(shown, ".xyz") || ends_with(shown, ".pts") ||
-                          ends_with(shown, ".asc") || ends_with(shown, ".txt");
+    const bool is_table = import_ends_with(shown, ".xyz") || import_ends_with(shown, ".pts") ||
+                          import_ends_with(shown, ".asc") || import_ends_with(shown, ".txt");
     for (size_t i = 0; i < size; i++)
         if ((start[i] < ' ' && !strchr("\t\r\n", start[i])) || start[i] > '~' || start[i] == 0)
             return true;
@@ -138,7 +134,7 @@ bool import_foreign_check_name(const char *shown, struct sp_error *err) {
     static const char *const endings[] = { ".img", ".img.gz", ".raw", ".zraw", ".bin", ".dat" };
     const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
     for (size_t i = 0; i < sizeof endings / sizeof *endings; i++)
-        if (ends_with(shown, endings[i]))
+        if (import_ends_with(shown, endings[i]))
             return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
                            i < 2 ? "these are the samples of a pair of files; open the header "
                                    "beside them, %.*s.hdr"

@@ -6,6 +6,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "volume/anatomy.h"
@@ -68,6 +69,11 @@ void import_header_use_elements(struct import_header *header,
     header->has_vectors = shape->has_vectors;
     header->type = SP_FLOAT32;
     header->bytes = sizeof(float);
+}
+
+bool import_ends_with(const char *name, const char *ending) {
+    const size_t n = strlen(name), m = strlen(ending);
+    return n > m && strcasecmp(name + n - m, ending) == 0;
 }
 
 void import_name(char out[SP_FIELD_BYTES], const char *name) {

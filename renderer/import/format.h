@@ -238,6 +238,9 @@ void import_header_add_other_vectors(struct import_header *header, const char *n
 unsigned import_header_choose_component(struct import_header *header, const char *wanted,
                                         unsigned count, bool are_colors);
 
+/* True if a name is longer than the ending and ends with it, in large or small letters. */
+bool import_ends_with(const char *name, const char *ending);
+
 /* Copies the name of an array. Cuts it to SP_FIELD_BYTES − 1, not inside of a UTF-8 character. */
 void import_name(char out[SP_FIELD_BYTES], const char *name);
 

@@ -8,7 +8,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "import/samples.h"
 #include "volume/volume.h"
@@ -18,28 +17,14 @@ enum place { DIMS = 0, TYPE = 8, SPACING = 10, ORIGIN = 204, MAGIC = 252 }; /* b
 
 static const uint8_t magics[2][4] = { { 0xef, 0xff, 0xe9, 0xb0 }, { 0x2a, 0xe3, 0x89, 0xb8 } };
 
-struct gipl {
-    struct import_samples samples;
-    struct import_conversion conversion;
-};
-
 static bool has_magic(const uint8_t *start, size_t size) {
     return size >= HEADER &&
            (memcmp(start + MAGIC, magics[0], 4) == 0 || memcmp(start + MAGIC, magics[1], 4) == 0);
 }
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    const size_t n = strlen(shown);
-    return has_magic(start, size) || (n > 5 && strcasecmp(shown + n - 5, ".gipl") == 0) ||
-           (n > 8 && strcasecmp(shown + n - 8, ".gipl.gz") == 0);
-}
-
-static double number_at(const uint8_t *at, struct import_number number) {
-    uint64_t value = 0;
-    memcpy(&value, at, number.size);
-    if (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
-        import_swap(&value, number.size, 1);
-    return import_widen(&value, number);
+    return has_magic(start, size) || import_ends_with(shown, ".gipl") ||
+           import_ends_with(shown, ".gipl.gz");
 }
 
 static bool take_number(const struct import_file *file, const uint8_t *bytes,
@@ -55,7 +40,8 @@ static bool take_number(const struct import_file *file, const uint8_t *bytes,
         { 144, { IMPORT_COMPLEX_SIGNED, 4 } }, { 160, { IMPORT_COMPLEX_SIGNED, 8 } },
         { 192, { IMPORT_COMPLEX, 8 } },        { 193, { IMPORT_COMPLEX, 16 } },
     };
-    const int code = (int)number_at(bytes + TYPE, (struct import_number){ IMPORT_UNSIGNED, 2 });
+    const int code =
+        (int)import_widen_big(bytes + TYPE, (struct import_number){ IMPORT_UNSIGNED, 2 });
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (known[i].code == code) {
             *number = known[i].number;
@@ -73,9 +59,9 @@ static bool take_grid(const struct import_file *file, const uint8_t *bytes,
                                large = { IMPORT_FLOAT, 8 };
     struct sp_grid *grid = &header->grid;
     for (size_t axis = 0; axis < 3; axis++) {
-        const double spacing = number_at(bytes + SPACING + 4 * axis, real);
-        const uint32_t dim = (uint32_t)number_at(bytes + DIMS + 2 * axis, count);
-        const double origin = number_at(bytes + ORIGIN + 8 * axis, large);
+        const double spacing = import_widen_big(bytes + SPACING + 4 * axis, real);
+        const uint32_t dim = (uint32_t)import_widen_big(bytes + DIMS + 2 * axis, count);
+        const double origin = import_widen_big(bytes + ORIGIN + 8 * axis, large);
         grid->dims[axis] = dim == 0 && axis == 2 ? 1 : dim;
         grid->spacing[axis] = spacing > 0 && isfinite(spacing) ? spacing : 1;
         grid->origin[axis] = isfinite(origin) ? origin : 0;
@@ -87,17 +73,16 @@ static bool take_grid(const struct import_file *file, const uint8_t *bytes,
                         axis + 1);
     }
     memcpy(header->unit, "mm", sizeof "mm");
-    const double steps = number_at(bytes + DIMS + 6, count);
+    const double steps = import_widen_big(bytes + DIMS + 6, count);
     return import_header_use_steps(header, file, steps > 1 ? (uint64_t)steps : 1, err);
 }
 
-static bool take(const struct import_file *file, struct gipl *g, struct import_header *header,
-                 struct sp_error *err) {
+static bool take(const struct import_file *file, struct import_sampled *g,
+                 struct import_header *header, struct sp_error *err) {
     uint8_t bytes[HEADER];
     bool is_packed;
     struct import_samples *s = &g->samples;
     struct import_conversion *c = &g->conversion;
-    import_header_init(header);
     if (import_stream_head(file, bytes, HEADER, &is_packed) < HEADER || !has_magic(bytes, HEADER))
         return import_fail(err, SP_ERR_FORMAT, file->shown, MAGIC, "magic number",
                            "this is no GIPL file: it does not begin with a header of 256 bytes");
@@ -107,7 +92,6 @@ static bool take(const struct import_file *file, struct gipl *g, struct import_h
     header->type = c->type;
     if (!sp_grid_check(&header->grid, c->type, file->shown, &header->bytes, err))
         return false;
-    s->file = file;
     s->field = "dim";
     s->encoding = is_packed ? IMPORT_GZIP : IMPORT_RAW;
     s->big_endian = true;
@@ -119,30 +103,13 @@ static bool take(const struct import_file *file, struct gipl *g, struct import_h
            import_samples_check(s, err);
 }
 
-static void close_gipl(void *reader) {
-    struct gipl *g = reader;
-    import_samples_finish(&g->samples);
-    free(g);
-}
-
 static void *open_gipl(const struct import_file *file, struct import_header *header,
                        struct sp_error *err) {
-    struct gipl *g = calloc(1, sizeof *g);
-    if (!g)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-    else if (take(file, g, header, err))
-        return g;
-    else
-        close_gipl(g);
-    return NULL;
+    return import_sampled_open(file, header, take, err);
 }
 
-static bool read_gipl(void *reader, void *voxels, float (*vectors)[3],
-                      const struct import_progress *progress, struct sp_error *err) {
-    const struct gipl *g = reader;
-    return import_samples_read(&g->samples, voxels, vectors, progress, err);
-}
-
-const struct import_format import_gipl = {
-    .name = "GIPL", .probe = probe, .open = open_gipl, .read = read_gipl, .close = close_gipl
-};
+const struct import_format import_gipl = { .name = "GIPL",
+                                           .probe = probe,
+                                           .open = open_gipl,
+                                           .read = import_sampled_read,
+                                           .close = import_sampled_close };

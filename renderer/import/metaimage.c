@@ -74,11 +74,6 @@ static const struct {
     { "ElementDataFile", DATA_FILE },
 };
 
-struct metaimage {
-    struct import_samples samples;
-    struct import_conversion conversion;
-};
-
 struct parsing {
     const struct import_file *file;
     struct import_header *header;
@@ -110,10 +105,13 @@ __attribute__((format(printf, 4, 5))) static bool refuse(const struct parsing *p
                        p->values[key] ? (uint64_t)(p->values[key] - p->text) : 0, name, "%s", text);
 }
 
+static bool require(const struct parsing *p, enum key key) {
+    return p->values[key] || refuse(p, SP_ERR_FORMAT, key, "this field is missing");
+}
+
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
     static const char first[] = "ObjectType", other[] = "NDims";
-    const size_t n = strlen(shown);
-    if (n > 4 && (strcasecmp(shown + n - 4, ".mhd") == 0 || strcasecmp(shown + n - 4, ".mha") == 0))
+    if (import_ends_with(shown, ".mhd") || import_ends_with(shown, ".mha"))
         return true;
     return (size >= sizeof first && memcmp(start, first, sizeof first - 1) == 0) ||
            (size >= sizeof other && memcmp(start, other, sizeof other - 1) == 0);
@@ -166,7 +164,7 @@ static bool read_lines(struct parsing *p) {
     }
     p->samples->start = (uint64_t)(line - p->text);
     p->list = line;
-    return p->values[DATA_FILE] || refuse(p, SP_ERR_FORMAT, DATA_FILE, "this field is missing");
+    return require(p, DATA_FILE);
 }
 
 /* Reads `count` numbers; a key that is missing changes nothing. */
@@ -198,7 +196,8 @@ static bool choose_meaning(struct parsing *p, uint64_t steps) {
     struct parsing quiet = *p;
     quiet.err = &later;
     if (p->values[CHANNELS] && !import_integer(p->values[CHANNELS], 1, CHANNELS_MAX, &channels))
-        return refuse(p, SP_ERR_FORMAT, CHANNELS, "must be in [1, %d]", CHANNELS_MAX);
+        return refuse(p, SP_ERR_FORMAT, CHANNELS, "\"%.40s\" is no whole number in [1, %d]",
+                      p->values[CHANNELS], CHANNELS_MAX);
     find_number(&quiet, &number);
     const bool has_both = channels > 1 && steps > 1, is_byte = number.size == 1;
     const struct import_extra extra = { .count = channels > 1 ? (uint64_t)channels : steps,
@@ -228,10 +227,13 @@ static bool take_dims(struct parsing *p) {
     if (p->values[OBJECT_TYPE] && strcasecmp(p->values[OBJECT_TYPE], "Image") != 0)
         return refuse(p, SP_ERR_UNSUPPORTED, OBJECT_TYPE, "is \"%.40s\"; only images are supported",
                       p->values[OBJECT_TYPE]);
-    if (!p->values[DIMENSIONS] || !import_integer(p->values[DIMENSIONS], 2, 4, &count))
-        return refuse(p, SP_ERR_FORMAT, DIMENSIONS, "must be 2, 3 or 4");
-    if (!p->values[DIM_SIZE])
-        return refuse(p, SP_ERR_FORMAT, DIM_SIZE, "this field is missing");
+    if (!require(p, DIMENSIONS))
+        return false;
+    if (!import_integer(p->values[DIMENSIONS], 2, 4, &count))
+        return refuse(p, SP_ERR_FORMAT, DIMENSIONS, "is \"%.40s\"; it must be 2, 3 or 4",
+                      p->values[DIMENSIONS]);
+    if (!require(p, DIM_SIZE))
+        return false;
     if (!take_numbers(p, DIM_SIZE, (unsigned)count, dims))
         return false;
     for (int axis = 0; axis < 4; axis++)
@@ -407,8 +409,10 @@ static bool take_list(const struct parsing *p) {
 
 static bool take_pattern(const struct parsing *p, const struct import_pattern *f) {
     if (!import_pattern_is_sound(f))
-        return refuse(p, SP_ERR_FORMAT, DATA_FILE, "counts from %lld to %lld by %lld", f->low,
-                      f->high, f->step);
+        return refuse(p, SP_ERR_FORMAT, DATA_FILE,
+                      "counts from %lld to %lld by %lld; the step must lead from the first number "
+                      "to the last one",
+                      f->low, f->high, f->step);
     for (long long i = f->low; f->step > 0 ? i <= f->high : i >= f->high; i += f->step) {
         char name[IMPORT_PATTERN_NAME];
         import_pattern_name(f, i, name);
@@ -447,7 +451,8 @@ static bool take_encoding(const struct parsing *p) {
     long long size = 0;
     if (p->values[HEADER_SIZE] &&
         !import_integer(p->values[HEADER_SIZE], -1, INT64_C(1) << 48, &size))
-        return refuse(p, SP_ERR_FORMAT, HEADER_SIZE, "must be in [-1, 2^48]");
+        return refuse(p, SP_ERR_FORMAT, HEADER_SIZE, "\"%.40s\" is no whole number in [-1, 2^48]",
+                      p->values[HEADER_SIZE]);
     s->big_endian = is_true(p, BIG_ENDIAN_DATA);
     s->encoding = is_true(p, COMPRESSED)                     ? IMPORT_GZIP
                   : p->values[BINARY] && !is_true(p, BINARY) ? IMPORT_TEXT
@@ -464,9 +469,7 @@ static bool take_encoding(const struct parsing *p) {
 
 static bool take_all(struct parsing *p) {
     struct import_samples *s = p->samples;
-    s->file = p->file;
     s->field = "DimSize";
-    import_header_init(p->header);
     if (!read_text(p) || !read_lines(p) || !take_dims(p) || !take_geometry(p) || !take_files(p) ||
         !take_encoding(p) || !take_type(p) ||
         !sp_grid_check(&p->header->grid, p->header->type, p->file->shown, &p->header->bytes,
@@ -479,40 +482,25 @@ static bool take_all(struct parsing *p) {
     return import_samples_check(s, p->err);
 }
 
-static void close_metaimage(void *reader) {
-    struct metaimage *m = reader;
-    import_samples_finish(&m->samples);
-    free(m);
-}
-
-static void *open_metaimage(const struct import_file *file, struct import_header *header,
-                            struct sp_error *err) {
-    struct metaimage *m = calloc(1, sizeof *m);
-    if (!m) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
+static bool take(const struct import_file *file, struct import_sampled *m,
+                 struct import_header *header, struct sp_error *err) {
     struct parsing p = { .file = file,
                          .header = header,
                          .samples = &m->samples,
                          .conversion = &m->conversion,
                          .err = err };
-    bool ok = take_all(&p);
+    const bool ok = take_all(&p);
     free(p.text);
-    if (ok)
-        return m;
-    close_metaimage(m);
-    return NULL;
+    return ok;
 }
 
-static bool read_metaimage(void *reader, void *voxels, float (*vectors)[3],
-                           const struct import_progress *progress, struct sp_error *err) {
-    const struct metaimage *m = reader;
-    return import_samples_read(&m->samples, voxels, vectors, progress, err);
+static void *open_metaimage(const struct import_file *file, struct import_header *header,
+                            struct sp_error *err) {
+    return import_sampled_open(file, header, take, err);
 }
 
 const struct import_format import_metaimage = { .name = "MetaImage",
                                                 .probe = probe,
                                                 .open = open_metaimage,
-                                                .read = read_metaimage,
-                                                .close = close_metaimage };
+                                                .read = import_sampled_read,
+                                                .close = import_sampled_close };

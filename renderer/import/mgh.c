@@ -7,7 +7,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <unistd.h>
 
 #include "import/samples.h"
@@ -26,28 +25,11 @@ enum place {
     CENTRE = 78
 };
 
-struct mgh {
-    struct import_samples samples;
-    struct import_conversion conversion;
-};
-
-static bool ends_with(const char *name, const char *ending) {
-    const size_t n = strlen(name), m = strlen(ending);
-    return n > m && strcasecmp(name + n - m, ending) == 0;
-}
-
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
     (void)start;
     (void)size;
-    return ends_with(shown, ".mgh") || ends_with(shown, ".mgz") || ends_with(shown, ".mgh.gz");
-}
-
-static double number_at(const uint8_t *at, struct import_number number) {
-    uint64_t value = 0;
-    memcpy(&value, at, number.size);
-    if (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
-        import_swap(&value, number.size, 1);
-    return import_widen(&value, number);
+    return import_ends_with(shown, ".mgh") || import_ends_with(shown, ".mgz") ||
+           import_ends_with(shown, ".mgh.gz");
 }
 
 static const struct import_number whole = { IMPORT_SIGNED, 4 }, real = { IMPORT_FLOAT, 4 };
@@ -61,7 +43,7 @@ static bool take_number(const struct import_file *file, const uint8_t *bytes,
         { 0, { IMPORT_UNSIGNED, 1 } }, { 1, { IMPORT_SIGNED, 4 } },    { 3, { IMPORT_FLOAT, 4 } },
         { 4, { IMPORT_SIGNED, 2 } },   { 10, { IMPORT_UNSIGNED, 2 } },
     };
-    const int code = (int)number_at(bytes + TYPE, whole);
+    const int code = (int)import_widen_big(bytes + TYPE, whole);
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (known[i].code == code) {
             *number = known[i].number;
@@ -78,7 +60,7 @@ static bool take_dims(const struct import_file *file, const uint8_t *bytes,
                       struct import_header *header, struct sp_error *err) {
     uint32_t *dims = header->grid.dims;
     for (size_t axis = 0; axis < 3; axis++) {
-        const double count = number_at(bytes + DIMS + 4 * axis, whole);
+        const double count = import_widen_big(bytes + DIMS + 4 * axis, whole);
         if (!(count >= 1))
             return import_fail(err, SP_ERR_FORMAT, file->shown, DIMS + 4 * axis, "dim",
                                "axis %zu has %.0f samples, fewer than 1", axis + 1, count);
@@ -89,7 +71,7 @@ static bool take_dims(const struct import_file *file, const uint8_t *bytes,
                            "the file holds %" PRIu32 " values of the nodes of a surface, which is "
                            "no volume; open the surface as VTK, PLY or OBJ (mris_convert)",
                            dims[0]);
-    const double frames = number_at(bytes + FRAMES, whole);
+    const double frames = import_widen_big(bytes + FRAMES, whole);
     return import_header_use_steps(header, file, frames > 1 ? (uint64_t)frames : 1, err);
 }
 
@@ -100,20 +82,20 @@ static void take_place(const struct import_file *file, const uint8_t *bytes,
     static const double coronal[3][3] = { { -1, 0, 0 }, { 0, 0, 1 }, { 0, -1, 0 } };
     struct sp_grid *grid = &header->grid;
     const bool is_placed =
-        number_at(bytes + IS_PLACED, (struct import_number){ IMPORT_SIGNED, 2 }) > 0;
+        import_widen_big(bytes + IS_PLACED, (struct import_number){ IMPORT_SIGNED, 2 }) > 0;
     bool is_sound = true;
     for (size_t axis = 0; axis < 3; axis++) {
-        grid->spacing[axis] = is_placed ? number_at(bytes + SPACING + 4 * axis, real) : 1;
+        grid->spacing[axis] = is_placed ? import_widen_big(bytes + SPACING + 4 * axis, real) : 1;
         if (!(grid->spacing[axis] > 0) || !isfinite(grid->spacing[axis])) {
             grid->spacing[axis] = 1;
             is_sound = false;
         }
     }
     for (size_t row = 0; row < 3; row++) {
-        grid->origin[row] = is_placed ? number_at(bytes + CENTRE + 4 * row, real) : 0;
+        grid->origin[row] = is_placed ? import_widen_big(bytes + CENTRE + 4 * row, real) : 0;
         for (size_t axis = 0; axis < 3; axis++) {
             grid->direction[row][axis] =
-                is_placed ? number_at(bytes + DIRECTION + 4 * (3 * axis + row), real)
+                is_placed ? import_widen_big(bytes + DIRECTION + 4 * (3 * axis + row), real)
                           : coronal[row][axis];
             grid->origin[row] -=
                 grid->direction[row][axis] * grid->spacing[axis] * grid->dims[axis] / 2;
@@ -159,16 +141,15 @@ static void take_interval(const struct import_file *file, uint64_t at, bool is_p
         return;
     if (is_packed ? read_after(file, at, bytes)
                   : pread(file->fd, bytes, TIME_BYTES, (off_t)at) == TIME_BYTES)
-        import_header_use_interval(header, 0, number_at(bytes, real), "ms");
+        import_header_use_interval(header, 0, import_widen_big(bytes, real), "ms");
 }
 
-static bool take(const struct import_file *file, struct mgh *m, struct import_header *header,
-                 struct sp_error *err) {
+static bool take(const struct import_file *file, struct import_sampled *m,
+                 struct import_header *header, struct sp_error *err) {
     uint8_t bytes[HEADER];
     bool is_packed;
     struct import_samples *s = &m->samples;
     struct import_conversion *c = &m->conversion;
-    import_header_init(header);
     if (import_stream_head(file, bytes, HEADER, &is_packed) < HEADER || bytes[VERSION] != 1)
         return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "version",
                            "this is no MGH file: it does not begin with a header of 284 bytes of "
@@ -180,7 +161,6 @@ static bool take(const struct import_file *file, struct mgh *m, struct import_he
     header->type = c->type;
     if (!sp_grid_check(&header->grid, c->type, file->shown, &header->bytes, err))
         return false;
-    s->file = file;
     s->field = "dim";
     s->encoding = is_packed ? IMPORT_GZIP : IMPORT_RAW;
     s->big_endian = true;
@@ -195,30 +175,13 @@ static bool take(const struct import_file *file, struct mgh *m, struct import_he
     return true;
 }
 
-static void close_mgh(void *reader) {
-    struct mgh *m = reader;
-    import_samples_finish(&m->samples);
-    free(m);
-}
-
 static void *open_mgh(const struct import_file *file, struct import_header *header,
                       struct sp_error *err) {
-    struct mgh *m = calloc(1, sizeof *m);
-    if (!m)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-    else if (take(file, m, header, err))
-        return m;
-    else
-        close_mgh(m);
-    return NULL;
+    return import_sampled_open(file, header, take, err);
 }
 
-static bool read_mgh(void *reader, void *voxels, float (*vectors)[3],
-                     const struct import_progress *progress, struct sp_error *err) {
-    const struct mgh *m = reader;
-    return import_samples_read(&m->samples, voxels, vectors, progress, err);
-}
-
-const struct import_format import_mgh = {
-    .name = "MGH", .probe = probe, .open = open_mgh, .read = read_mgh, .close = close_mgh
-};
+const struct import_format import_mgh = { .name = "MGH",
+                                          .probe = probe,
+                                          .open = open_mgh,
+                                          .read = import_sampled_read,
+                                          .close = import_sampled_close };

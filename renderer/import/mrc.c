@@ -47,15 +47,10 @@ enum place { /* bytes of the header */
              MACHINE = 212,
 };
 
-struct mrc {
-    struct import_samples samples;
-    struct import_conversion conversion;
-};
-
 struct parsing {
     const struct import_file *file;
     struct import_header *header;
-    struct mrc *mrc;
+    struct import_sampled *mrc;
     struct sp_error *err;
     uint8_t bytes[HEADER];
     bool is_big, is_packed;
@@ -304,7 +299,6 @@ static bool take_samples(struct parsing *p) {
     p->header->type = c->type;
     if (!sp_grid_check(&p->header->grid, c->type, p->file->shown, &p->header->bytes, p->err))
         return false;
-    s->file = p->file;
     s->field = "nx, ny, nz";
     s->encoding = p->is_packed ? IMPORT_GZIP : IMPORT_RAW;
     s->big_endian = p->is_big;
@@ -316,39 +310,26 @@ static bool take_samples(struct parsing *p) {
            import_samples_check(s, p->err);
 }
 
-static void close_mrc(void *reader) {
-    struct mrc *m = reader;
-    import_samples_finish(&m->samples);
-    free(m);
+static bool take(const struct import_file *file, struct import_sampled *mrc,
+                 struct import_header *header, struct sp_error *err) {
+    struct parsing parsing = { .file = file, .header = header, .mrc = mrc, .err = err };
+    struct parsing *p = &parsing;
+    if (import_stream_head(file, p->bytes, HEADER, &p->is_packed) < HEADER)
+        return REFUSE(SP_ERR_FORMAT, 0, NULL,
+                      "an MRC file begins with a header of %d bytes; this file is shorter", HEADER);
+    if (!find_order(p) || !take_dims(p) || !take_axes(p))
+        return false;
+    take_grid(p);
+    return take_samples(p);
 }
 
 static void *open_mrc(const struct import_file *file, struct import_header *header,
                       struct sp_error *err) {
-    struct parsing p = { .file = file, .header = header, .err = err };
-    p.mrc = calloc(1, sizeof *p.mrc);
-    if (!p.mrc) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    import_header_init(header);
-    if (import_stream_head(file, p.bytes, HEADER, &p.is_packed) < HEADER)
-        import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL,
-                    "an MRC file begins with a header of %d bytes; this file is shorter", HEADER);
-    else if (find_order(&p) && take_dims(&p) && take_axes(&p)) {
-        take_grid(&p);
-        if (take_samples(&p))
-            return p.mrc;
-    }
-    close_mrc(p.mrc);
-    return NULL;
+    return import_sampled_open(file, header, take, err);
 }
 
-static bool read_mrc(void *reader, void *voxels, float (*vectors)[3],
-                     const struct import_progress *progress, struct sp_error *err) {
-    const struct mrc *m = reader;
-    return import_samples_read(&m->samples, voxels, vectors, progress, err);
-}
-
-const struct import_format import_mrc = {
-    .name = "MRC", .probe = probe, .open = open_mrc, .read = read_mrc, .close = close_mrc
-};
+const struct import_format import_mrc = { .name = "MRC",
+                                          .probe = probe,
+                                          .open = open_mrc,
+                                          .read = import_sampled_read,
+                                          .close = import_sampled_close };

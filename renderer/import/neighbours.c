@@ -31,7 +31,7 @@ struct sizes {
     double least;       /* spacing of points that have no neighbours */
     atomic_bool shares; /* some have a neighbour at their place */
     bool is_separate;   /* these have left the tree */
-    /* Points behind those of the tree that are at the place of one of them. */
+    /* Points after those of the tree that are at the place of one of them. */
     size_t twin_count;
     uint32_t *places; /* [twin_count] the point of the tree; owned */
     uint32_t *copies; /* [tree.count] points at its place besides; owned */
@@ -54,7 +54,7 @@ static bool is_finite(const float p[3]) {
     return isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]);
 }
 
-/* Moves points that are not finite behind the others. Returns the diagonal of the box of all
+/* Moves points that are not finite after the others. Returns the diagonal of the box of all
  * others. */
 static double sort_out(struct sizes *s) {
     const struct sp_elements *e = s->points;
@@ -180,7 +180,7 @@ static bool is_same(const float a[3], const float b[3]) {
     return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
 }
 
-/* Moves the points that share their place behind the others, but for one of each place. */
+/* Moves the points that share their place after the others, but for one of each place. */
 static void separate_twins(struct sizes *s) {
     const struct sp_elements *e = s->points;
     size_t alone = s->tree.count, kept;

@@ -15,7 +15,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <unistd.h>
 #include <zlib.h>
 
@@ -25,16 +24,6 @@
 #include "volume/volume.h"
 
 enum { TYPE_RGB = 128, TYPE_RGBA = 2304, UNIT_MM = 2 };
-
-struct nifti {
-    struct import_samples samples;
-    struct import_conversion conversion;
-};
-
-static bool ends_with(const char *name, const char *ending) {
-    const size_t n = strlen(name), m = strlen(ending);
-    return n > m && strcasecmp(name + n - m, ending) == 0;
-}
 
 /* The first bytes that come out of the start of a gzip file. */
 static bool unpack_start(const uint8_t *start, size_t size, uint8_t out[4]) {
@@ -51,7 +40,8 @@ static bool unpack_start(const uint8_t *start, size_t size, uint8_t out[4]) {
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
     uint8_t unpacked[4];
-    if (ends_with(shown, ".nii") || ends_with(shown, ".nii.gz") || ends_with(shown, ".hdr"))
+    if (import_ends_with(shown, ".nii") || import_ends_with(shown, ".nii.gz") ||
+        import_ends_with(shown, ".hdr"))
         return true;
     if (size >= 2 && start[0] == 0x1f && start[1] == 0x8b)
         return unpack_start(start, size, unpacked) && nifti_is_header(unpacked);
@@ -138,7 +128,7 @@ static bool find_number(const struct import_file *file, const struct nifti_field
 /* The components of a sample: colours, which alternate in the file, or images one after another.
  * Returns which of these images is read. */
 static unsigned choose_component(const struct import_file *file, const struct nifti_fields *f,
-                                 struct nifti *n, struct import_header *header) {
+                                 struct import_sampled *n, struct import_header *header) {
     const unsigned colors = f->datatype == TYPE_RGB ? 3 : f->datatype == TYPE_RGBA ? 4 : 1;
     const unsigned images = (unsigned)f->dims[5];
     if (colors > 1) {
@@ -187,7 +177,8 @@ static void take_slope(const struct import_file *file, const struct nifti_fields
 }
 
 static bool describe_vectors(const struct import_file *file, const struct nifti_fields *f,
-                             struct nifti *n, struct import_header *header, struct sp_error *err) {
+                             struct import_sampled *n, struct import_header *header,
+                             struct sp_error *err) {
     if (header->steps.count > 1)
         return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, f->layout->intent, "intent_code",
                            "vectors with several time steps are not supported; save one step as a "
@@ -202,8 +193,8 @@ static bool describe_vectors(const struct import_file *file, const struct nifti_
 }
 
 /* Which numbers of the file are read, and how they become samples. */
-static bool describe(const struct import_file *file, const struct nifti_fields *f, struct nifti *n,
-                     struct import_header *header, struct sp_error *err) {
+static bool describe(const struct import_file *file, const struct nifti_fields *f,
+                     struct import_sampled *n, struct import_header *header, struct sp_error *err) {
     struct import_samples *s = &n->samples;
     struct import_conversion *c = &n->conversion;
     if (!find_number(file, f, &s->number, err))
@@ -237,7 +228,8 @@ static bool find_samples(const struct import_file *file, const struct nifti_fiel
     const char *slash = strrchr(file->shown, '/'), *name = slash ? slash + 1 : file->shown;
     const int stem = (int)strlen(name) - 4;
     static const char *const endings[] = { ".img", ".img.gz", ".IMG" };
-    for (size_t i = 0; i < sizeof endings / sizeof *endings && ends_with(name, ".hdr"); i++) {
+    for (size_t i = 0; i < sizeof endings / sizeof *endings && import_ends_with(name, ".hdr");
+         i++) {
         char beside[NAME_MAX + 8], path[PATH_MAX + NAME_MAX + 10];
         snprintf(beside, sizeof beside, "%.*s%s", stem, name, endings[i]);
         snprintf(path, sizeof path, "%s/%s", file->folder, beside);
@@ -246,7 +238,7 @@ static bool find_samples(const struct import_file *file, const struct nifti_fiel
             return import_samples_add(s, beside, strlen(beside)) ||
                    sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
     }
-    if (!ends_with(name, ".hdr"))
+    if (!import_ends_with(name, ".hdr"))
         return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, f->layout->magic, "magic",
                            "the samples are in another file, so this header must be called "
                            "NAME.hdr and lie beside NAME.img or NAME.img.gz; unpack or rename it");
@@ -266,7 +258,7 @@ static bool take_offset(const struct import_file *file, const struct nifti_field
     s->skip_bytes = (uint64_t)f->offset;
     if (!f->is_single || s->skip_bytes >= least)
         return true;
-    /* A file that ends where samples right behind the header do has none of the four bytes. */
+    /* A file that ends where samples right after the header do has none of the four bytes. */
     s->skip_bytes = !f->is_packed && file->size == end + all ? end : least;
     import_warn(file->warnings,
                 "vox_offset is %g, inside of the header; the samples are read from byte %d.",
@@ -279,7 +271,7 @@ static void warn_of_analyze(const struct import_file *file) {
     const char *slash = strrchr(file->shown, '/'), *name = slash ? slash + 1 : file->shown;
     char beside[NAME_MAX + 8], path[PATH_MAX + NAME_MAX + 10];
     import_warn(file->warnings, "An ANALYZE file does not say where left and right are.");
-    if (!ends_with(name, ".hdr"))
+    if (!import_ends_with(name, ".hdr"))
         return;
     snprintf(beside, sizeof beside, "%.*s.mat", (int)strlen(name) - 4, name);
     snprintf(path, sizeof path, "%s/%s", file->folder, beside);
@@ -290,13 +282,11 @@ static void warn_of_analyze(const struct import_file *file) {
                     beside);
 }
 
-static bool take(const struct import_file *file, struct nifti *n, struct import_header *header,
-                 struct sp_error *err) {
+static bool take(const struct import_file *file, struct import_sampled *n,
+                 struct import_header *header, struct sp_error *err) {
     static const char *const units[8] = { "", "m", "mm", "um", "", "", "", "" };
     struct nifti_fields f = { .layout = NULL };
-    n->samples.file = file;
     n->samples.field = "dim";
-    import_header_init(header);
     if (!nifti_header_read(file, &f, err) || !nifti_check_intent(file, &f, err) ||
         !check_dims(file, &f, header, err) || !nifti_choose_axes(file, &f, header, err) ||
         !take_steps(file, &f, header, err))
@@ -312,30 +302,13 @@ static bool take(const struct import_file *file, struct nifti *n, struct import_
            find_samples(file, &f, &n->samples, err) && import_samples_check(&n->samples, err);
 }
 
-static void close_nifti(void *reader) {
-    struct nifti *n = reader;
-    import_samples_finish(&n->samples);
-    free(n);
-}
-
 static void *open_nifti(const struct import_file *file, struct import_header *header,
                         struct sp_error *err) {
-    struct nifti *n = calloc(1, sizeof *n);
-    if (!n)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-    else if (take(file, n, header, err))
-        return n;
-    else
-        close_nifti(n);
-    return NULL;
+    return import_sampled_open(file, header, take, err);
 }
 
-static bool read_nifti(void *reader, void *voxels, float (*vectors)[3],
-                       const struct import_progress *progress, struct sp_error *err) {
-    const struct nifti *n = reader;
-    return import_samples_read(&n->samples, voxels, vectors, progress, err);
-}
-
-const struct import_format import_nifti = {
-    .name = "NIfTI", .probe = probe, .open = open_nifti, .read = read_nifti, .close = close_nifti
-};
+const struct import_format import_nifti = { .name = "NIfTI",
+                                            .probe = probe,
+                                            .open = open_nifti,
+                                            .read = import_sampled_read,
+                                            .close = import_sampled_close };

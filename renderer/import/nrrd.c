@@ -156,12 +156,16 @@ static bool take_skips(const struct parsing *p) {
     long long n;
     if (p->text->value[NRRD_LINE_SKIP]) {
         if (!import_integer(p->text->value[NRRD_LINE_SKIP], 0, 1000000, &n))
-            return REFUSE(p, SP_ERR_FORMAT, NRRD_LINE_SKIP, "must be in [0, 1000000]");
+            return REFUSE(p, SP_ERR_FORMAT, NRRD_LINE_SKIP,
+                          "\"%.40s\" is no whole number in [0, 1000000]",
+                          p->text->value[NRRD_LINE_SKIP]);
         s->skip_lines = (uint64_t)n;
     }
     if (p->text->value[NRRD_BYTE_SKIP]) {
         if (!import_integer(p->text->value[NRRD_BYTE_SKIP], -1, INT64_C(1) << 48, &n))
-            return REFUSE(p, SP_ERR_FORMAT, NRRD_BYTE_SKIP, "must be in [-1, 2^48]");
+            return REFUSE(p, SP_ERR_FORMAT, NRRD_BYTE_SKIP,
+                          "\"%.40s\" is no whole number in [-1, 2^48]",
+                          p->text->value[NRRD_BYTE_SKIP]);
         if (n < 0 && s->encoding != IMPORT_RAW)
             return REFUSE(p, SP_ERR_FORMAT, NRRD_BYTE_SKIP,
                           "-1 (the last bytes of the file) needs encoding raw");
@@ -204,8 +208,10 @@ static bool take_list(const struct parsing *p) {
 
 static bool take_pattern(const struct parsing *p, const struct import_pattern *f) {
     if (!import_pattern_is_sound(f))
-        return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "counts from %lld to %lld by %lld", f->low,
-                      f->high, f->step);
+        return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE,
+                      "counts from %lld to %lld by %lld; the step must lead from the first number "
+                      "to the last one",
+                      f->low, f->high, f->step);
     for (long long i = f->low; f->step > 0 ? i <= f->high : i >= f->high; i += f->step) {
         char name[IMPORT_PATTERN_NAME];
         import_pattern_name(f, i, name);

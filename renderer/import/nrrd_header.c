@@ -123,7 +123,8 @@ static bool take_line(const struct import_file *file, struct nrrd_header *h, cha
     h->byte[f] = byte;
     if (strlen(h->value[f]) > NRRD_VALUE_MAX)
         return import_fail(err, SP_ERR_FORMAT, file->shown, byte, fields[f].name,
-                           "is longer than %d bytes", NRRD_VALUE_MAX);
+                           "the value has %zu bytes; the limit is %d", strlen(h->value[f]),
+                           NRRD_VALUE_MAX);
     return true;
 }
 

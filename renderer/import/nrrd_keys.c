@@ -68,7 +68,7 @@ static bool is_taken(const char names[][SP_FIELD_BYTES], unsigned count, const c
     return false;
 }
 
-/* The names of its segments. */
+/* Joins the names of the segments of a layer. */
 static void name_layer(const struct nrrd_segments *s, unsigned layer, char name[SP_FIELD_BYTES]) {
     struct import_list list;
     name[0] = 0;

@@ -188,6 +188,14 @@ double import_widen(const void *value, struct import_number number) {
     return out;
 }
 
+double import_widen_big(const void *value, struct import_number number) {
+    char own[2 * sizeof(double)];
+    memcpy(own, value, number.size);
+    if (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
+        import_swap_numbers(own, number, 1);
+    return import_widen(own, number);
+}
+
 static void narrow_part(double value, struct import_number part, void *out) {
     if (part.kind == IMPORT_FLOAT && part.size == 2) {
         const uint16_t half = to_half(value);

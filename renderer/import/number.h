@@ -29,6 +29,9 @@ bool import_number_is_whole(struct import_number number);
  * the magnitude. */
 double import_widen(const void *value, struct import_number number);
 
+/* The same of a number in big-endian order, at any address. */
+double import_widen_big(const void *value, struct import_number number);
+
 /* Converts `count` numbers that lie `stride` bytes apart. */
 void import_widen_all(const void *numbers, struct import_number number, size_t stride, size_t count,
                       double *out);

@@ -15,7 +15,7 @@
 #include "import/numbered.h"
 
 /* A folder outside of the root is not listed; opening it says so. `name`: the part of the path
- * behind the folder; NULL = the path is that of the folder. */
+ * after the folder; NULL = the path is that of the folder. */
 static bool may_list(const struct sp_import_place *p, const char *name) {
     char path[PATH_MAX], real[PATH_MAX];
     snprintf(path, sizeof path, "%.*s", name ? (int)(name - p->path) : (int)strlen(p->path),

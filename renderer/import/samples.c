@@ -104,7 +104,7 @@ static uint64_t decoded_skip(const struct import_samples *s) {
 
 static void warn_of_rest(const struct import_samples *s, const char *shown, const char *bytes) {
     import_warn(s->file->warnings,
-                "%.80s has %s behind the samples that the header declares. They were not read: "
+                "%.80s has %s after the samples that the header declares. They were not read: "
                 "%s or the type may be wrong.",
                 shown, bytes, s->field);
 }
@@ -215,9 +215,9 @@ static bool fail_short(const struct import_samples *s, const struct import_strea
                        need, have, s->field);
 }
 
-/* Decodes what follows the samples, because packed data has its checksum at the end: a file that is
- * damaged or cut off is an error whichever part of it is read. *rest gets the decoded bytes behind
- * the samples. It stops at the first number that decides. */
+/* Decodes what follows the samples. Packed data has its checksum at the end, so damage is found
+ * whichever part is read. *rest gets the decoded bytes after the samples; it stops counting where
+ * their number is known to be too large. */
 static bool read_rest(const struct import_samples *s, struct import_stream *stream, char *scratch,
                       uint64_t *rest, struct sp_error *err) {
     const size_t number = import_number_part(s->number).size;
@@ -256,7 +256,7 @@ static bool check_end(const struct import_samples *s, struct import_stream *stre
         warn_of_rest(s, stream->shown, "more data");
     if (stream->has_garbage)
         import_warn(s->file->warnings,
-                    "%.80s has other bytes behind its gzip data. They were not read; the data "
+                    "%.80s has other bytes after its gzip data. They were not read; the data "
                     "itself is sound.",
                     stream->shown);
     return true;
@@ -350,4 +350,31 @@ bool import_samples_read(const struct import_samples *s, void *voxels, float (*v
     free(r.stream);
     free(r.chunk);
     return ok;
+}
+
+void *import_sampled_open(const struct import_file *file, struct import_header *header,
+                          import_sampled_take *take, struct sp_error *err) {
+    struct import_sampled *reader = calloc(1, sizeof *reader);
+    if (!reader) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return NULL;
+    }
+    import_header_init(header);
+    reader->samples.file = file;
+    if (take(file, reader, header, err))
+        return reader;
+    import_sampled_close(reader);
+    return NULL;
+}
+
+bool import_sampled_read(void *reader, void *voxels, float (*vectors)[3],
+                         const struct import_progress *progress, struct sp_error *err) {
+    const struct import_sampled *r = reader;
+    return import_samples_read(&r->samples, voxels, vectors, progress, err);
+}
+
+void import_sampled_close(void *reader) {
+    struct import_sampled *r = reader;
+    import_samples_finish(&r->samples);
+    free(r);
 }

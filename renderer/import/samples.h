@@ -8,7 +8,7 @@
 #include "import/conversion.h"
 #include "import/stream.h"
 
-/* Bytes of a file behind the samples. */
+/* Bytes of a file after the samples. */
 enum import_rest {
     IMPORT_REST_REFUSED, /* the header is wrong */
     IMPORT_REST_WARNED,
@@ -55,5 +55,20 @@ bool import_samples_check(const struct import_samples *samples, struct sp_error 
  * Holes of a file are not read. */
 bool import_samples_read(const struct import_samples *samples, void *voxels, float (*vectors)[3],
                          const struct import_progress *progress, struct sp_error *err);
+
+/* The reader of a file that holds one array of samples, for struct import_format. */
+struct import_sampled {
+    struct import_samples samples;
+    struct import_conversion conversion; /* which `samples` may refer to */
+};
+
+/* `take` fills the header, which is initialized, and a reader of zeros with the file. */
+typedef bool import_sampled_take(const struct import_file *file, struct import_sampled *reader,
+                                 struct import_header *header, struct sp_error *err);
+void *import_sampled_open(const struct import_file *file, struct import_header *header,
+                          import_sampled_take *take, struct sp_error *err);
+bool import_sampled_read(void *reader, void *voxels, float (*vectors)[3],
+                         const struct import_progress *progress, struct sp_error *err);
+void import_sampled_close(void *reader);
 
 #endif

@@ -15,8 +15,8 @@
 
 enum { WORD = 64 }; /* bytes of a number as text, with the 0 that ends it */
 
-/* The limit of bzip2: a block of 900 kB, in which five bytes stand for 259 equal ones, in 32 bytes.
- */
+/* The most bytes that one byte of bzip2 becomes: 32 bytes can hold a block of 900 kB, in which five
+ * bytes stand for 259 equal ones. */
 enum { BZIP2_RATIO_MAX = 1500000 };
 
 void import_stream_open(struct import_stream *s, int fd, bool owned, const char *shown,

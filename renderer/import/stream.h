@@ -32,7 +32,7 @@ struct import_stream {
     struct import_number number; /* of IMPORT_TEXT: what comes out */
     bool ended;
     bool is_gzip;     /* of IMPORT_GZIP: else zlib */
-    bool has_garbage; /* of gzip: behind its end are other bytes than 0 */
+    bool has_garbage; /* of gzip: other bytes than 0 follow its end */
     z_stream z;
     bz_stream bz;
     size_t used, filled; /* of `in`, for HEX and TEXT */

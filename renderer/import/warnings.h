@@ -39,7 +39,7 @@ struct import_list {
 /* Begins with the text that is there. `capacity` is at least 40 bytes more. */
 void import_list_begin(struct import_list *list, char *text, size_t capacity);
 
-/* Adds a name behind `before`, such as ", ". */
+/* Adds a name after `before`, such as ", ". */
 void import_list_add(struct import_list *list, const char *before, const char *name);
 
 /* Says how many did not fit. */

@@ -180,7 +180,7 @@ def check_nrrd_headers(tool):
     warned(tool, write(tool, 'nan.nrrd', nrrd_header('<i2', sizes, fields='spacings: 1 NaN 3\n'), data.tobytes()), 'taken as 1')
     zero = write(tool, 'zero.nrrd', nrrd_header('<i2', sizes, fields='spacings: 1 0 3\n'), data.tobytes())
     tool.layout_refused('NRRD', 'spacings of 0', zero, 'is 0', 'spacings')
-    warned(tool, write(tool, 'rest.nrrd', nrrd_header('<i2', sizes), data.tobytes() + b'rest'), '4 bytes behind')
+    warned(tool, write(tool, 'rest.nrrd', nrrd_header('<i2', sizes), data.tobytes() + b'rest'), '4 bytes after')
     like_itk(tool, tool.path('rest.nrrd'))
     tool.layout_refused('NRRD', 'fewer samples than the header says', write(tool, 'cut.nrrd', nrrd_header('<i2', sizes), data.tobytes()[:-1]), 'cut off')
     tool.layout_refused('NRRD', 'encoding zrl', write(tool, 'zrl.nrrd', nrrd_header('<i2', sizes, 'zrl'), data.tobytes()), 'zrl')
@@ -526,7 +526,7 @@ def check_mgh(tool):
 
 
 def check_packed(tool):
-    """A packed file that is damaged, cut off or continued says so, whichever step is read and whatever its header allows behind the samples."""
+    """A packed file that is damaged, cut off or continued says so, whichever step is read and whatever its header allows after the samples."""
     steps = values('f4', (3, *SHAPE))
     files = {'one.nii.gz': nibabel.Nifti1Image(steps[0].T, TURNED), 'steps.nii.gz': nibabel.Nifti1Image(steps.T, TURNED),
              'one.mgz': nibabel.MGHImage(steps[0].T, TURNED), 'steps.mgz': nibabel.MGHImage(steps.T, TURNED)}
@@ -547,7 +547,7 @@ def check_packed(tool):
                 tool.refused_step(write(tool, name, '', bytes(damaged)), step, 'gzip data is')
             tool.refused_step(write(tool, name, '', content[:-4]), step, 'the gzip data is cut off')
             tool.equal(write(tool, name, '', content + bytes(512)), steps[step], step=step)
-            tool.equal(write(tool, name, '', content + b'tail'), steps[step], step=step, warned='other bytes behind its gzip data')
+            tool.equal(write(tool, name, '', content + b'tail'), steps[step], step=step, warned='other bytes after its gzip data')
             write(tool, name, '', content)
     packed = gzip.compress(gzip.decompress(open(tool.path('steps.nii.gz'), 'rb').read())[:-SHAPE[0] * SHAPE[1] * SHAPE[2] * 4])
     tool.refused_step(write(tool, 'short.nii.gz', '', packed), 0, 'it is cut off or dim is wrong')

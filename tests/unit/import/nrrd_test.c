@@ -449,7 +449,7 @@ static void errors_explain_truncated_headers(void **state) {
     memcpy(longer + 9, "sizes: ", 7);
     longer[500000] = '\n';
     write_file("cut.nrrd", longer, n);
-    load_error("cut.nrrd", SP_ERR_FORMAT, "cut.nrrd: byte 9: sizes", "longer than 4096 bytes");
+    load_error("cut.nrrd", SP_ERR_FORMAT, "cut.nrrd: byte 9: sizes", "the limit is 4096");
     free(longer);
 }
 
@@ -488,7 +488,7 @@ static void gzip_data_must_have_the_declared_size(void **state) {
     free(packed);
     packed = gzip(samples, bytes + 1, &size);
     write_both("g.nrrd", header, packed, size);
-    load_warns("g.nrrd", "g.nrrd has more data behind the samples");
+    load_warns("g.nrrd", "g.nrrd has more data after the samples");
     free(packed);
 
     /* A decompression bomb: 3 MB of zeros where the header declares 1 MB. */

@@ -94,7 +94,7 @@ static void a_file_may_have_several_steps(void **state) {
     check_steps("e.nrrd", 0, 0, "");
     /* Bytes beyond the last step are a warning. */
     write_metaimage("f.mha", "NDims = 4\nDimSize = 4 3 2 2\n", samples, sizeof samples);
-    load_warns("f.mha", "24 bytes behind the samples");
+    load_warns("f.mha", "24 bytes after the samples");
 }
 
 static void write_step(const char *name, uint32_t number) {
