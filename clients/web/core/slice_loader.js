@@ -113,9 +113,11 @@ export class SliceLoader {
       if (isWanted) this.#wanted = null;
       if (isWanted || (this.#wanted && !isAhead)) this.#show(slice, wanted.key);
     }, (error) => {
-      if (this.#wanted?.key === wanted.key) this.#wanted = null;
+      if (request.abort.signal.aborted) return; // the same slice may be wanted again
+      const isWanted = this.#wanted?.key === wanted.key;
+      if (isWanted) this.#wanted = null;
       if (isAhead) this.#ahead = [];
-      else if (!request.abort.signal.aborted) this.#fail(error);
+      if (isWanted || !isAhead) this.#fail(error);
     }).finally(() => {
       this.#request = null;
       this.#next();

@@ -109,6 +109,40 @@ test('a slice of another volume is asked for again, like one that the daemon sti
   await assert.rejects(askUntil('new', ask, AbortSignal.abort(), pause), { name: 'AbortError' });
 });
 
+test('what is wanted again while its request is being stopped is loaded', async () => {
+  const { requests, shown, errors, loader } = rig();
+  loader.want(want('a'));
+  loader.stop();
+  loader.want(want('a'));
+  await settle();
+  assert.deepEqual(requests.map(({ key }) => key), ['a', 'a']);
+  requests[1].resolve();
+  await settle();
+  assert.deepEqual(shown, ['a']);
+  loader.want(want('a'), [want('b')]);
+  loader.want(want('x'));
+  loader.want(want('b'), [want('c')]);
+  await settle();
+  assert.deepEqual(requests.map(({ key }) => key), ['a', 'a', 'b', 'b']);
+  requests[3].resolve();
+  await settle();
+  assert.deepEqual(shown, ['a', 'a', 'b']);
+  assert.equal(requests[4].key, 'c', 'neighbours of the new one are loaded ahead');
+  assert.deepEqual(errors, []);
+});
+
+test('the failure of a neighbour that became wanted is told', async () => {
+  const { requests, errors, loader } = rig();
+  loader.want(want('a'), [want('b')]);
+  requests[0].resolve();
+  await settle();
+  loader.want(want('b'));
+  requests[1].reject();
+  await settle();
+  assert.deepEqual(errors, ['b']);
+  assert.equal(loader.isBusy, false);
+});
+
 test('the cache drops what was not used for longest', () => {
   const cache = new SliceCache(25);
   cache.put('a', slice(10));
