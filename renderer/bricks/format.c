@@ -67,7 +67,8 @@ static void index_fields(struct cursor *c, struct sp_brick_index *index) {
  * vectors. */
 static void fields(struct cursor *c, struct sp_brick_header *h, uint32_t constants[3]) {
     struct sp_volume_info *info = &h->info;
-    uint32_t type = info->type, levels = h->levels, has_vectors = info->vector_bytes != 0;
+    uint32_t type = info->type, levels = h->levels, has_vectors = info->vector_bytes != 0,
+             meaning = info->meaning;
     for (int i = 0; i < 3; i++)
         field_u32(c, &constants[i]);
     field_u32(c, &type);
@@ -102,7 +103,9 @@ static void fields(struct cursor *c, struct sp_brick_header *h, uint32_t constan
         index_fields(c, &h->level[l].samples);
         index_fields(c, &h->level[l].vectors);
     }
+    field_u32(c, &meaning);
     info->vector_bytes = has_vectors;
+    info->meaning = (enum sp_meaning)meaning;
     info->type = (enum sp_type)type;
     h->levels = levels;
 }
@@ -263,7 +266,8 @@ bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint6
                        constants[0], SP_BRICKS_VERSION);
     if (checksum != sp_brick_checksum(bytes, CHECKSUM_AT))
         return fail(shown, "the checksum of its header", err);
-    if (constants[1] != BRICK_SIDE || constants[2] != BRICK_MARGIN || h->info.type >= SP_TYPE_COUNT)
+    if (constants[1] != BRICK_SIDE || constants[2] != BRICK_MARGIN ||
+        h->info.type >= SP_TYPE_COUNT || h->info.meaning >= SP_MEANING_COUNT)
         return fail(shown, "its header", err);
     if (!sp_grid_check(&h->info.grid, h->info.type, shown, &h->info.voxel_bytes, err) ||
         !check_statistics(&h->info, shown, err))

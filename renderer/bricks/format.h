@@ -59,9 +59,9 @@ struct sp_brick_level {
 };
 
 struct sp_brick_header {
-    /* Of level 0: grid, type, unit, names, anatomy, range, nonfinite, histogram, projected,
-     * longest, components, voxel_bytes and vector_bytes; of the notes: others, other_vectors, steps
-     * and warnings; everything else is 0. The grid has its coordinates after
+    /* Of level 0: grid, type, meaning, unit, names, anatomy, range, nonfinite, histogram,
+     * projected, longest, components, voxel_bytes and vector_bytes; of the notes: others,
+     * other_vectors, steps and warnings; everything else is 0. The grid has its coordinates after
      * sp_brick_places_fill(). */
     struct sp_volume_info info;
     uint32_t rectilinear;                           /* bit a: axis a */

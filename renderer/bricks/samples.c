@@ -5,6 +5,8 @@
 #include <string.h>
 
 #include "volume/bins.h"
+#include "volume/majority.h"
+#include "volume/sample.h"
 
 static inline size_t row_at(const struct sp_brick_view *v, uint32_t y, uint32_t z) {
     return ((v->first[2] + z) * v->height + v->first[1] + y) * v->width + v->first[0];
@@ -145,6 +147,36 @@ INTEGER_AVERAGE(int32, int32_t, int64_t)
 REAL_AVERAGE(float32, float)
 REAL_AVERAGE(float64, double)
 
+/* Copies the sample that the most of the eight have. */
+static void choose_label(const struct sp_brick_view *v, uint32_t x, uint32_t y, uint32_t z,
+                         char *out) {
+    const size_t sample = sp_type_size(v->type);
+    const struct eight e = find_eight(v, x, y, z);
+    const char *chosen = (const char *)v->samples + e.at[0] * sample;
+    double values[8];
+    size_t at[8];
+    int count = 0;
+    for (int k = 0; k < e.count; k++) {
+        const double value = sp_sample(v->samples, v->type, e.at[k]);
+        at[count] = e.at[k];
+        values[count] = value;
+        count += isfinite(value);
+    }
+    const double found = count ? sp_majority(values, count) : 0;
+    for (int k = 0; k < count; k++)
+        if (values[k] == found) {
+            chosen = (const char *)v->samples + at[k] * sample;
+            break;
+        }
+    memcpy(out, chosen, sample);
+}
+
+static void choose_labels(const struct sp_brick_view *v, uint32_t y, uint32_t z, uint32_t width,
+                          void *out) {
+    for (uint32_t x = 0; x < width; x++)
+        choose_label(v, x, y, z, (char *)out + x * sp_type_size(v->type));
+}
+
 void sp_brick_average(const struct sp_brick_view *v, void *out) {
     static void (*const average[SP_TYPE_COUNT])(
         const struct sp_brick_view *, uint32_t, uint32_t, uint32_t,
@@ -155,7 +187,7 @@ void sp_brick_average(const struct sp_brick_view *v, void *out) {
     char *to = out;
     for (uint32_t z = 0; 2 * z < v->size[2]; z++)
         for (uint32_t y = 0; y < height; y++, to += row)
-            average[v->type](v, y, z, width, to);
+            (v->are_labels ? choose_labels : average[v->type])(v, y, z, width, to);
 }
 
 /* The mean of up to eight vectors: cell (x, y, z) of the next level. */

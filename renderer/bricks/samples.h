@@ -11,6 +11,7 @@
 struct sp_brick_view {
     const void *samples; /* of the array's sample (0, 0, 0) */
     enum sp_type type;
+    bool are_labels;
     size_t width, height; /* of the array: samples per row, rows per slice */
     uint32_t first[3], size[3];
 };
@@ -27,8 +28,9 @@ struct sp_brick_range sp_brick_find_range(const struct sp_brick_view *view);
 void sp_brick_copy(const struct sp_brick_view *view, void *out);
 
 /* Writes the means of 2 × 2 × 2 samples of the box, whose first sample has even coordinates: those
- * of finite samples, NaN without any; at an odd end of fewer samples. The output has
- * (size + 1)/2 samples per axis. Integers are rounded as in resample/levels.c. */
+ * of finite samples, NaN without any; at an odd end of fewer samples. Of labels it writes the most
+ * frequent sample. The output has (size + 1)/2 samples per axis. Integers are rounded as in
+ * resample/levels.c. */
 void sp_brick_average(const struct sp_brick_view *view, void *out);
 
 /* The same for vectors, of which the view has the components: means of vectors that are finite, NaN

@@ -77,6 +77,7 @@ static struct sp_brick_view view_of(const struct sp_brick_writer *w) {
     return (struct sp_brick_view){
         .samples = s->samples,
         .type = w->array.type,
+        .are_labels = w->header.info.meaning == SP_MEANING_LABELS,
         .width = numbers,
         .height = s->count[0],
         .first = { 0, s->first[0] - s->from[0], s->first[1] - s->from[1] },
@@ -421,6 +422,7 @@ static bool write_header(struct sp_brick_writer *w, struct sp_error *err) {
 static void describe(const struct sp_volume_info *from, struct sp_volume_info *to) {
     to->grid = from->grid;
     to->type = from->type;
+    to->meaning = from->meaning;
     const uint64_t voxels = (uint64_t)from->grid.dims[0] * from->grid.dims[1] * from->grid.dims[2];
     to->voxel_bytes = voxels * sp_type_size(from->type);
     to->vector_bytes = from->vector_bytes ? voxels * BRICK_VECTOR_BYTES : 0;

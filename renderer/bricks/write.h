@@ -10,8 +10,9 @@
 #include "bricks/format.h"
 
 struct sp_bricks_write_job {
-    /* Grid, type, unit, names, anatomy, whether there are vectors (vector_bytes is not 0), and for
-     * the notes others, other_vectors, steps and warnings; range, histogram and so on are measured.
+    /* Grid, type, meaning, unit, names, anatomy, whether there are vectors (vector_bytes is not 0),
+     * and for the notes others, other_vectors, steps and warnings; range, histogram and so on are
+     * measured.
      */
     const struct sp_volume_info *info;
     int samples;        /* descriptor: the samples from byte 0 on, native order, i0 fastest; the

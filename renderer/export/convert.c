@@ -118,16 +118,17 @@ struct format {
     const char *suffix;
     sp_export_fn *write;
     bool is_folder;
-    bool is_bricks; /* it has vectors and rectilinear axes */
+    bool is_bricks;  /* it has vectors, rectilinear axes and all meanings */
+    bool has_labels; /* it says that samples are labels */
 };
 
 static const struct format formats[] = {
     { .suffix = SP_BRICKS_SUFFIX, .write = write_bricks, .is_bricks = true },
     { .suffix = ".nrrd", .write = sp_export_nrrd },
-    { .suffix = ".nii", .write = sp_export_nifti },
-    { .suffix = ".nii.gz", .write = sp_export_nifti },
+    { .suffix = ".nii", .write = sp_export_nifti, .has_labels = true },
+    { .suffix = ".nii.gz", .write = sp_export_nifti, .has_labels = true },
     { .suffix = ".vdb", .write = sp_export_vdb },
-    { .suffix = ".zarr", .write = sp_export_zarr, .is_folder = true }
+    { .suffix = ".zarr", .write = sp_export_zarr, .is_folder = true, .has_labels = true }
 };
 
 static bool convert(const char *source, const char *out, const struct format *format,
@@ -209,6 +210,14 @@ static void warn(const char *source, const struct format *format,
                info->steps.count, info->steps.index);
     if (info->vector_bytes && !format->is_bricks)
         sp_log(SP_LOG_WARN, "%s: the vectors \"%s\" are left out", source, info->vector_name);
+    const bool are_labels = info->meaning == SP_MEANING_LABELS;
+    if (info->meaning != SP_MEANING_UNKNOWN && !format->is_bricks &&
+        !(are_labels && format->has_labels))
+        sp_log(SP_LOG_WARN, "%s: the output does not say that the samples are %s%s", source,
+               are_labels                              ? "labels"
+               : info->meaning == SP_MEANING_STATISTIC ? "those of a statistical test"
+                                                       : "distances from a surface",
+               are_labels ? "; open it with ?as=labels" : "");
     if (info->others[0][0])
         sp_log(SP_LOG_WARN,
                "%s: only \"%s\" is written; SOURCE?field=NAME chooses another, such as \"%s\"",

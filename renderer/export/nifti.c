@@ -10,7 +10,14 @@
 #include "sp/log.h"
 #include "volume/unit.h"
 
-enum { HEADER_ONE = 348, HEADER_TWO = 540, EXTENSION = 4, DIM_ONE_MAX = 32767, NAME_BYTES = 16 };
+enum {
+    HEADER_ONE = 348,
+    HEADER_TWO = 540,
+    EXTENSION = 4,
+    DIM_ONE_MAX = 32767,
+    NAME_BYTES = 16,
+    INTENT_LABEL = 1002
+};
 /* The world is that of the scanner; or of something else that the file does not name. */
 enum { FORM_NONE = 0, FORM_SCANNER = 1, FORM_ALIGNED = 2 };
 enum kind { INT8, INT16, INT32, INT64, FLOAT32, FLOAT64 };
@@ -20,7 +27,7 @@ struct layout {
     int size;
     enum kind count, code, real, units, offset;
     size_t dims, datatype, bits, pixdim, offset_at, slope, units_at, forms, quaternion, shift, rows,
-        name;
+        name, intent;
 };
 
 static const struct layout layouts[] = {
@@ -41,7 +48,8 @@ static const struct layout layouts[] = {
       .quaternion = 256,
       .shift = 268,
       .rows = 280,
-      .name = 328 },
+      .name = 328,
+      .intent = 68 },
     { .size = HEADER_TWO,
       .count = INT64,
       .code = INT32,
@@ -59,7 +67,8 @@ static const struct layout layouts[] = {
       .quaternion = 352,
       .shift = 376,
       .rows = 400,
-      .name = 508 },
+      .name = 508,
+      .intent = 504 },
 };
 
 struct header {
@@ -240,6 +249,8 @@ static void put_shape(const struct sp_volume_info *info, struct header *h) {
     if (is_one)
         h->bytes[38] = 'r'; /* for ANALYZE 7.5 */
     memcpy(h->bytes + (is_one ? 344 : 4), is_one ? "n+1\0" : "n+2\0\r\n\032\n", is_one ? 4 : 8);
+    if (info->meaning == SP_MEANING_LABELS)
+        put_one(h, l->intent, l->code, INTENT_LABEL);
     put_name(h, info->value_name);
 }
 

@@ -80,6 +80,7 @@ static struct sp_brick_view view_of(const struct writer *w) {
     const uint32_t width = w->image.level[w->l].dims[0];
     return (struct sp_brick_view){ .samples = w->strip,
                                    .type = w->image.job->info->type,
+                                   .are_labels = w->image.job->info->meaning == SP_MEANING_LABELS,
                                    .width = width,
                                    .height = w->size[0],
                                    .size = { width, w->size[0], w->size[1] } };

@@ -140,6 +140,8 @@ static void put_axes(FILE *file, const struct sp_zarr_image *image) {
 static void put_channel(FILE *file, const struct sp_zarr_image *image) {
     const bool has_range = image->range[0] <= image->range[1];
     const double low = has_range ? image->range[0] : 0, high = has_range ? image->range[1] : 0;
+    if (image->job->info->meaning == SP_MEANING_LABELS)
+        fprintf(file, "  \"image-label\": { \"version\": \"0.4\" },\n");
     fprintf(file, "  \"omero\": {\n    \"channels\": [\n      {\n");
     if (image->job->info->value_name[0]) {
         fprintf(file, "        \"label\": ");

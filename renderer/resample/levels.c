@@ -9,6 +9,7 @@
 #include "resample/curve.h"
 #include "resample/ranges.h"
 #include "resample/visible.h"
+#include "volume/majority.h"
 #include "volume/missing.h"
 #include "volume/sample.h"
 #include "volume/volume.h"
@@ -135,6 +136,7 @@ static bool fail_budget(uint64_t bytes, uint64_t bytes_max, struct sp_error *err
 
 struct average {
     enum sp_samples_kind kind;
+    bool are_labels;
     const struct sp_samples *fine;
     struct sp_samples *coarse;
     const struct sp_interrupt *interrupt;
@@ -176,11 +178,12 @@ static double sample_at(const struct sp_samples *s, uint32_t x, uint32_t y, uint
     return sp_sample(&copy, s->type, 0);
 }
 
-/* Mean, maximum or minimum of the finite samples among the eight that sample (x, y, z) replaces;
- * NaN without any. */
-static double average(const struct sp_samples *fine, enum sp_samples_kind kind, uint32_t x,
-                      uint32_t y, uint32_t z) {
-    double sum = 0;
+/* Mean, maximum or minimum of the finite samples among the eight that sample (x, y, z) replaces, of
+ * labels the most frequent one; NaN without any. */
+static double average(const struct average *a, uint32_t x, uint32_t y, uint32_t z) {
+    const struct sp_samples *fine = a->fine;
+    const enum sp_samples_kind kind = a->kind;
+    double sum = 0, values[8];
     int n = 0;
     for (uint32_t k = 0; k < 8; k++) {
         uint32_t i = 2 * x + (k & 1), j = 2 * y + (k >> 1 & 1), l = 2 * z + (k >> 2);
@@ -193,8 +196,10 @@ static double average(const struct sp_samples *fine, enum sp_samples_kind kind, 
             sum += value;
         else if (n == 0 || (kind == SAMPLES_MAXIMA ? value > sum : value < sum))
             sum = value;
-        n++;
+        values[n++] = value;
     }
+    if (n > 0 && a->are_labels && kind == SAMPLES_MEANS)
+        return sp_majority(values, n);
     return n == 0 ? NAN : kind == SAMPLES_MEANS ? sum / n : sum;
 }
 
@@ -204,9 +209,8 @@ static void average_rows(void *user, size_t begin, size_t end, unsigned worker) 
     (void)worker;
     for (size_t row = begin; row < end && !sp_interrupt_is_cancelled(a->interrupt); row++)
         for (uint32_t x = 0; x < dims[0]; x++)
-            write_sample(
-                a->coarse->owned, a->coarse->type, (uint64_t)row * dims[0] + x,
-                average(a->fine, a->kind, x, (uint32_t)(row % dims[1]), (uint32_t)(row / dims[1])));
+            write_sample(a->coarse->owned, a->coarse->type, (uint64_t)row * dims[0] + x,
+                         average(a, x, (uint32_t)(row % dims[1]), (uint32_t)(row / dims[1])));
 }
 
 /* Fills an empty level from the next finer one; fine NULL = from the volume. */
@@ -233,7 +237,8 @@ static bool make_samples(struct sp_samples *s, const struct sp_samples *fine,
         return fail_memory(err);
     }
     if (fine) {
-        struct average average = { job->kind, fine, &made, &job->interrupt };
+        struct average average = { job->kind, info->meaning == SP_MEANING_LABELS, fine, &made,
+                                   &job->interrupt };
         made.voxels = made.owned;
         sp_parallel_for(job->pool, (size_t)made.dims[1] * made.dims[2], 16, average_rows, &average);
     }

@@ -6,7 +6,8 @@
  *   level n + 1, sample i  =  mean of samples 2i and 2i + 1 of level n, per axis
  *   coordinate on level n  =  (coordinate on level 0 + ½)/2ⁿ − ½
  *
- * At an odd end sample i is that of 2i alone. Samples that are not finite do not count. Maxima and
+ * At an odd end sample i is that of 2i alone. Samples that are not finite do not count. Of labels
+ * a sample is the most frequent one in place of the mean. Maxima and
  * minima of projections have levels of their own: the largest or the smallest sample in place of
  * the mean.
  */

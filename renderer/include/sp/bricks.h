@@ -14,7 +14,7 @@ extern "C" {
 #endif
 
 #define SP_BRICKS_SUFFIX ".bricks"
-enum { SP_BRICKS_VERSION = 2 }; /* of the files that are read and written */
+enum { SP_BRICKS_VERSION = 3 }; /* of the files that are read and written */
 
 /* Converts what sp_volume_load() reads from `source` to the brick file `out`, which is written
  * completely or not at all. Built-in volumes may have up to 4096 samples per axis here. The samples
