@@ -16,14 +16,40 @@ bool sp_is_below(const char *root, const char *real) {
     return strncmp(root, real, n) == 0 && real[n] == '/' && real[n + 1];
 }
 
+/* No file has this name, and its end is no query. */
+static bool fail_choices(struct sp_error *err, const char *shown, const char *query) {
+    static const char *const keys[] = { "level", "series", "as", "unit", "vectors", "field" };
+    for (const char *at = query; *at; at += 1 + strcspn(at + 1, "&")) {
+        const size_t length = strcspn(at + 1, "=&");
+        bool is_known = false;
+        for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+            is_known |= strlen(keys[i]) == length && strncmp(keys[i], at + 1, length) == 0;
+        if (at[length + 1] == '=' && !is_known)
+            return sp_fail(
+                err, SP_ERR_NOT_FOUND, shown,
+                "there is no such file, and \"%.*s=\" is not known behind '?'; known are "
+                "level=, series=, as=, unit=, vectors= and field=",
+                length > 40 ? 40 : (int)length, at + 1);
+        if (at[length + 1] == '=' && (!at[length + 2] || at[length + 2] == '&'))
+            return sp_fail(err, SP_ERR_NOT_FOUND, shown,
+                           "there is no such file, and \"%.*s=\" needs a value; add it, or leave "
+                           "\"%.*s=\" out",
+                           (int)length, at + 1, (int)length, at + 1);
+    }
+    return sp_fail(
+        err, SP_ERR_NOT_FOUND, shown,
+        "there is no such file, and \"%.60s\" cannot be read: give level=, series=, as=, "
+        "unit=, vectors= and field= once each, the last two at the end, such as "
+        "FILE?as=time&field=NAME",
+        query);
+}
+
 bool sp_fail_missing(struct sp_error *err, const char *shown) {
     const char *query = strrchr(shown, '?');
-    if (query && strchr(query, '=') && strncmp(query, "?field=", 7) != 0)
-        return sp_fail(err, SP_ERR_NOT_FOUND, shown,
-                       "there is no such file, and \"%.60s\" are no choices: known are level, "
-                       "series, as, unit, vectors and field, each once, with a value, the last two "
-                       "at the end: FILE?as=time&field=NAME",
-                       query);
+    if (!*shown)
+        return sp_fail(err, SP_ERR_NOT_FOUND, shown, "the name is empty; give a file or a folder");
+    if (query && strchr(query, '=') && (strncmp(query, "?field=", 7) != 0 || !query[7]))
+        return fail_choices(err, shown, query);
     return sp_fail(
         err, SP_ERR_NOT_FOUND, shown,
         strstr(shown, ":/") || strstr(shown, "?field=")

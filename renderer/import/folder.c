@@ -20,6 +20,7 @@
 #include <unistd.h>
 
 #include "import/confine.h"
+#include "import/foreign.h"
 #include "import/format.h"
 #include "import/numbered.h"
 
@@ -223,6 +224,20 @@ static void warn_others(const struct folder *f, const struct import_file *folder
                     count == 1 ? "it" : "them");
 }
 
+/* No file has a known format: the first one that another program reads is named. */
+static bool refuse_files(const struct import_file *folder, const struct import_names *files,
+                         struct sp_error *err) {
+    uint8_t start[IMPORT_START_BYTES];
+    for (uint32_t i = 0; i < files->count; i++) {
+        const size_t size = read_start(folder, files->names[i], start);
+        if (!import_foreign_check(start, size, files->names[i], err))
+            return false;
+    }
+    return sp_fail(err, files->count ? SP_ERR_UNSUPPORTED : SP_ERR_NOT_FOUND, folder->shown,
+                   files->count ? "no file in this folder has a known format"
+                                : "there is no file in this folder");
+}
+
 /* Data sets of N5, and groups of them, have attributes.json. Its first bytes are enough. */
 static bool refuse_n5(const struct import_file *folder, struct sp_error *err) {
     char text[IMPORT_START_BYTES + 1];
@@ -253,9 +268,7 @@ static bool take(struct folder *f, const struct import_file *folder, struct impo
         else if (name)
             ok = open_as_file(f, folder, name, header, err);
         else
-            ok = sp_fail(err, files.count ? SP_ERR_UNSUPPORTED : SP_ERR_NOT_FOUND, folder->shown,
-                         files.count ? "no file in this folder has a known format"
-                                     : "there is no file in this folder");
+            ok = refuse_files(folder, &files, err);
         if (ok && name && f->inner != &import_collection)
             warn_others(f, folder, &files, name);
     }

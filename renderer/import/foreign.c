@@ -15,10 +15,13 @@ struct kind {
     const char *ending; /* NULL = any */
     const char *name;
     const char *command; /* before the name of the file; NULL = none */
+    const char *rest;    /* of the command, behind the name; NULL = none */
 };
 
 #define KIND(bytes, at, ending, name, command)                                                     \
-    { bytes, sizeof bytes - 1, at, ending, name, command }
+    { bytes, sizeof bytes - 1, at, ending, name, command, NULL }
+#define CONVERTED(bytes, at, ending, name, command, rest)                                          \
+    { bytes, sizeof bytes - 1, at, ending, name, command, rest }
 
 static const struct kind packed[] = {
     KIND("\37\213", 0, ".tar.gz", "packed with tar and gzip", "tar xzf"),
@@ -57,14 +60,51 @@ static const struct kind scenes[] = {
     KIND("PK\3\4", 0, ".sog", "an SOG file", "splat-transform"),
 };
 
+/* Of other programs, with a command that writes what is read. */
+static const struct kind converted[] = {
+    CONVERTED("mrtrix image", 0, NULL, "an image of MRtrix", "mrconvert", " out.nii.gz"),
+    CONVERTED("mrtrix tracks", 0, NULL, "a file of streamlines of MRtrix", "tckconvert",
+              " out.vtk"),
+    CONVERTED("", 0, ".HEAD", "a header of AFNI", "3dAFNItoNIFTI", ""),
+    CONVERTED("", 0, ".BRIK", "a data set of AFNI", "3dAFNItoNIFTI", ""),
+    CONVERTED("", 0, ".BRIK.gz", "a data set of AFNI", "3dAFNItoNIFTI", ""),
+    CONVERTED("# === DATA DESCRIPTION FILE", 0, NULL, "a PAR file of Philips", "dcm2niix", ""),
+    CONVERTED("MATRIX7", 0, NULL, "an ECAT file", "medcon -c nifti -f", ""),
+    CONVERTED("!INTERFILE", 0, NULL, "a header of Interfile", "medcon -c nifti -f", ""),
+    CONVERTED("GIF8", 0, NULL, "a GIF image", "magick", " out.tif"),
+    CONVERTED("BM", 0, ".bmp", "a BMP image", "magick", " out.png"),
+    CONVERTED("\0\0\0\14jP  ", 0, NULL, "a JPEG 2000 image", "magick", " out.tif"),
+    CONVERTED("\377\117\377\121", 0, NULL, "a JPEG 2000 code stream", "magick", " out.tif"),
+    CONVERTED("WEBP", 8, NULL, "a WebP image", "magick", " out.png"),
+    CONVERTED("#?RADIANCE", 0, NULL, "an image of Radiance", "magick", " out.tif"),
+    CONVERTED("\166\57\61\1", 0, NULL, "an OpenEXR image", "oiiotool", " -o out.tif"),
+    CONVERTED("ftyp", 4, NULL, "a movie", "ffmpeg -i", " out%04d.png"),
+    CONVERTED("AVI ", 8, NULL, "a movie", "ffmpeg -i", " out%04d.png"),
+    CONVERTED("<Xdmf", ANYWHERE, NULL, "an XDMF file", "meshio convert", " out.vtu"),
+    CONVERTED("$MeshFormat", 0, NULL, "a mesh of Gmsh", "meshio convert", " out.vtu"),
+    CONVERTED("OFF", 0, ".off", "a mesh of the format OFF", "meshio convert", " out.ply"),
+    CONVERTED("Kaydara FBX", 0, NULL, "a mesh of the format FBX", "assimp export", " out.glb"),
+    CONVERTED("<COLLADA", ANYWHERE, NULL, "a mesh of COLLADA", "assimp export", " out.glb"),
+    CONVERTED("PK\3\4", 0, ".3mf", "a mesh of the format 3MF", "assimp export", " out.glb"),
+};
+
+static const struct kind pages[] = {
+    KIND("<!DOCTYPE html", ANYWHERE, NULL, "", NULL),
+    KIND("<html", ANYWHERE, NULL, "", NULL),
+    KIND("<HTML", ANYWHERE, NULL, "", NULL),
+};
+
 static const struct kind others[] = {
     KIND("\223NUMPY", 0, NULL, "an array of NumPy", NULL),
     KIND("PK\3\4", 0, ".npz", "a file of NumPy", NULL),
     KIND("SIMPLE  =", 0, NULL, "a FITS file", NULL),
     KIND("MATLAB 5.0", 0, NULL, "a file of MATLAB 5", NULL),
     KIND("ENVI", 0, ".hdr", "a header of ENVI", NULL),
-    KIND("!INTERFILE", 0, NULL, "a header of Interfile", NULL),
-    KIND("#?RADIANCE", 0, NULL, "an image of Radiance", NULL),
+    KIND("TRACK\0", 0, NULL, "a file of streamlines of TrackVis", NULL),
+    KIND("", 0, ".foam", "a case of OpenFOAM", NULL),
+    KIND("type:  ensight", ANYWHERE, ".case", "a case of EnSight", NULL),
+    KIND("type: ensight", ANYWHERE, ".case", "a case of EnSight", NULL),
+    KIND("<ParaView", ANYWHERE, NULL, "a state of ParaView, without data", NULL),
     KIND("LASF", 0, NULL, "a LAS file", NULL),
     KIND("ASTM-E57", 0, NULL, "an E57 file", NULL),
     KIND("# .PCD", 0, NULL, "a PCD file", NULL),
@@ -109,6 +149,15 @@ bool import_foreign_check(const uint8_t *start, size_t size, const char *shown,
                        "this is %s, which is not read; write it as NRRD, NIfTI, TIFF or HDF5, "
                        "points as PLY or CSV, a surface as VTK, PLY or STL",
                        k->name);
+    k = FIND(converted);
+    if (k)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                       "this is %s, which is not read; convert it, with \"%s %.60s%s\"", k->name,
+                       k->command, name, k->rest);
+    if (FIND(pages))
+        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                       "this is a web page; if it was saved in place of a file, download the file "
+                       "itself");
     k = FIND(scenes);
     if (k)
         return sp_fail(err, SP_ERR_UNSUPPORTED, shown,

@@ -75,6 +75,8 @@ static bool read_query(const char *query, struct sp_source_parts *parts) {
         at = name + length + (end != NULL);
     }
     const bool has_field = strncmp(at, "field=", 6) == 0;
+    if ((has_field && !at[6]) || (at != rest && !found.vectors[0]))
+        return false;
     if (!has_field && (*at || (at == rest && !has_choices)))
         return false;
     found.field = has_field ? at + 6 : at;

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "import/warnings.h"
 #include "unit/import/support.h"
@@ -180,6 +181,20 @@ static void packed_and_foreign_files_are_named(void **state) {
         { "e.hdr", "ENVI\n", 5, "ENVI", "NRRD" },
         { "pair.img", "\1\2\3", 3, "a pair of files", "pair.hdr" },
         { "a.raw", "\1\2\3", 3, "without a header", "a.mhd or .nhdr, or write a sidecar, a.json" },
+        { "a.mif", "mrtrix image\n", 13, "MRtrix", "\"mrconvert a.mif out.nii.gz\"" },
+        { "a+orig.HEAD", "\ntype = ", 8, "AFNI", "\"3dAFNItoNIFTI a+orig.HEAD\"" },
+        { "a+orig.BRIK.gz", "\37\213\10\0", 4, "AFNI", "3dAFNItoNIFTI a+orig.BRIK.gz" },
+        { "a.PAR", "# === DATA DESCRIPTION FILE", 27, "Philips", "\"dcm2niix a.PAR\"" },
+        { "a.v", "MATRIX70v", 9, "ECAT", "\"medcon -c nifti -f a.v\"" },
+        { "a.h33", "!INTERFILE :=", 13, "Interfile", "medcon" },
+        { "a.gif", "GIF89a", 6, "a GIF image", "\"magick a.gif out.tif\"" },
+        { "a.bmp", "BM", 2, "a BMP image", "\"magick a.bmp out.png\"" },
+        { "a.jp2", "\0\0\0\14jP  \r\n\207\n", 12, "JPEG 2000", "\"magick a.jp2 out.tif\"" },
+        { "a.xmf", "<?xml version=\"1.0\"?><Xdmf>", 27, "XDMF",
+          "\"meshio convert a.xmf out.vtu\"" },
+        { "a.dae", "<?xml version=\"1.0\"?><COLLADA>", 30, "COLLADA", "assimp export a.dae" },
+        { "a.html", "<!DOCTYPE html><html>", 21, "a web page", "download the file itself" },
+        { "a.kml", "<kml></kml>", 11, "XML of another kind, <kml>", "<VTKFile>" },
         { "a.gii", "<?xml version=\"1.0\"?><GIFTI>", 29, "GIFTI", "PLY" },
     };
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
@@ -190,6 +205,22 @@ static void packed_and_foreign_files_are_named(void **state) {
         load_error(files[i].name, SP_ERR_UNSUPPORTED, files[i].name, files[i].remedy);
         remove(in_folder(files[i].name));
     }
+    assert_int_equal(mkdir(in_folder("pictures"), 0700), 0);
+    write_text("pictures/b1.bmp", "BM");
+    load_error("pictures", SP_ERR_UNSUPPORTED, "b1.bmp", "\"magick b1.bmp out.png\"");
+}
+
+static void choices_that_cannot_be_read_are_named(void **state) {
+    (void)state;
+    load_error("a.vti?as=", SP_ERR_NOT_FOUND, "a.vti", "\"as=\" needs a value");
+    load_error("a.vti?as=time&unit=", SP_ERR_NOT_FOUND, "a.vti", "\"unit=\" needs a value");
+    load_error("a.vti?field=", SP_ERR_NOT_FOUND, "a.vti", "\"field=\" needs a value");
+    load_error("a.vti?step=1", SP_ERR_NOT_FOUND, "a.vti", "\"step=\" is not known behind '?'");
+    load_error("a.vti?unit=mm&unit=um", SP_ERR_NOT_FOUND, "a.vti", "once each");
+    struct sp_load_options options = importer_options();
+    struct sp_error err = { .text = "" };
+    assert_null(sp_volume_load("", &options, &err));
+    assert_non_null(strstr(err.text, "the name is empty"));
 }
 
 #define VTI                                                                                        \
@@ -246,6 +277,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(errors_of_every_format_tell_a_cause),
         cmocka_unit_test(packed_and_foreign_files_are_named),
+        cmocka_unit_test(choices_that_cannot_be_read_are_named),
         cmocka_unit_test(errors_of_cut_dicom_files_tell_a_cause),
         cmocka_unit_test(files_open_whatever_their_names_are),
         cmocka_unit_test(lists_and_descriptors_are_written_for_readers),
