@@ -126,10 +126,7 @@ static void take_root(struct xml *x, const char *name, const char **attributes) 
     const char *length = find(attributes, "header_type");
     const char *compressor = find(attributes, "compressor");
     if (strcmp(name, "VTKFile") != 0) {
-        refuse(x, SP_ERR_UNSUPPORTED, NULL,
-               "this is XML of another kind, <%.40s>, which is not read; of XML only "
-               "files of VTK are, which begin with <VTKFile>",
-               name);
+        refuse(x, SP_ERR_UNSUPPORTED, NULL, "this is XML of the kind <%.40s>, not <VTKFile>", name);
         return;
     }
     if (type)
@@ -454,8 +451,7 @@ static void XMLCALL start_doctype(void *user, const char *name, const char *syst
     (void)system;
     (void)public;
     (void)internal;
-    refuse(user, SP_ERR_FORMAT, NULL,
-           "the file has a document type (<!DOCTYPE), which no file of VTK needs; remove it");
+    refuse(user, SP_ERR_FORMAT, NULL, "the file has a document type (<!DOCTYPE); remove it");
 }
 
 /* Parsing. */

@@ -19,7 +19,6 @@
 
 #include "bricks/file.h"
 #include "bricks/write.h"
-#include "volume/majority.h"
 #include "volume/sample.h"
 #include "volume/volume.h"
 
@@ -193,38 +192,6 @@ static void every_type_comes_back(void **state) {
         sp_brick_file_close(&file);
         free(samples);
     }
-}
-
-/* A coarser level has no label that the finer one has not. */
-static void labels_are_not_averaged(void **state) {
-    (void)state;
-    static const double kinds[3] = { 0, 1, 9 };
-    uint8_t *samples = malloc(COUNT);
-    assert_non_null(samples);
-    for (uint32_t i = 0; i < COUNT; i++)
-        samples[i] = (uint8_t)kinds[(i * 7 + i / NX) % 3];
-    struct sp_volume_info info = describe(SP_UINT8);
-    info.meaning = SP_MEANING_LABELS;
-    struct sp_brick_file *file = open_file(write_described(&info, memory_file(samples, COUNT)));
-    const struct sp_brick_header *header = sp_brick_file_header(file);
-    assert_int_equal(header->info.meaning, SP_MEANING_LABELS);
-    for (unsigned l = 1; l < header->levels; l++) {
-        const uint32_t *dims = header->level[l].dims;
-        double *coarse = read_level(file, l);
-        for (size_t i = 0; i < (size_t)dims[0] * dims[1] * dims[2]; i++)
-            assert_true(coarse[i] == 0 || coarse[i] == 1 || coarse[i] == 9);
-        free(coarse);
-    }
-    double *coarse = read_level(file, 1);
-    double most[8];
-    for (uint32_t k = 0; k < 8; k++)
-        most[k] = samples[(k & 1) + NX * ((k >> 1 & 1) + (size_t)NY * (k >> 2))];
-    assert_float_equal(coarse[0], sp_majority(most, 8), 0);
-    assert_float_equal(sp_majority((const double[]){ 3, 7, 7, 3, 7 }, 5), 7, 0);
-    assert_float_equal(sp_majority((const double[]){ 3, 7, 7, 3 }, 4), 3, 0);
-    free(coarse);
-    free(samples);
-    sp_brick_file_close(&file);
 }
 
 static void statistics_are_those_of_the_volume(void **state) {
@@ -618,7 +585,6 @@ static void writing_is_cancelled(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_type_comes_back),
-        cmocka_unit_test(labels_are_not_averaged),
         cmocka_unit_test(statistics_are_those_of_the_volume),
         cmocka_unit_test(projections_of_a_flat_volume_are_those_of_its_slices),
         cmocka_unit_test(ranges_include_the_margin),

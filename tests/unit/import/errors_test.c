@@ -194,7 +194,7 @@ static void packed_and_foreign_files_are_named(void **state) {
           "\"meshio convert a.xmf out.vtu\"" },
         { "a.dae", "<?xml version=\"1.0\"?><COLLADA>", 30, "COLLADA", "assimp export a.dae" },
         { "a.html", "<!DOCTYPE html><html>", 21, "a web page", "download the file itself" },
-        { "a.kml", "<kml></kml>", 11, "XML of another kind, <kml>", "<VTKFile>" },
+        { "a.kml", "<kml></kml>", 11, "XML of the kind <kml>", "<VTKFile>" },
         { "a.gii", "<?xml version=\"1.0\"?><GIFTI>", 29, "GIFTI", "PLY" },
     };
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {

@@ -359,7 +359,7 @@ static void errors_explain_hostile_files(void **state) {
         const char *place, *message;
     } cases[] = {
         { "<", SP_ERR_FORMAT, "h.vti: byte", "line 1: " },
-        { "<a>", SP_ERR_UNSUPPORTED, "h.vti: byte 0", "XML of another kind, <a>" },
+        { "<a>", SP_ERR_UNSUPPORTED, "h.vti: byte 0", "XML of the kind <a>" },
         { "<VTKFile>", SP_ERR_UNSUPPORTED, "type", "is missing; it must be" },
         { "<VTKFile type=\"MultiBlock\"/>", SP_ERR_UNSUPPORTED, "byte 0: type",
           "MultiBlock is not supported; supported are" },
