@@ -39,9 +39,10 @@ export function install(app) {
       notice.show(error.message, 'error');
     }
   });
-  // The status line tells the value where the pointer rests.
+  // The status line tells the value where the pointer rests, of the view that is shown.
   let timer = 0;
   let asked = 0;
+  let over = null; // where the mouse is in the picture
   const tell = async (at) => {
     const own = ++asked;
     try {
@@ -49,17 +50,22 @@ export function install(app) {
       if (own === asked) status.setValue(position && Number.isFinite(value) ? dataText(value, app.transfer.range, app.transfer.unit) : '');
     } catch { /* the next rest of the pointer asks again */ }
   };
-  const hover = (event) => {
+  const restart = () => {
     clearTimeout(timer);
     asked += 1;
     status.setValue('');
+    if (over && connection.isLive && viewer.kind === 'grid') timer = window.setTimeout(tell, REST_MS, over);
+  };
+  const hover = (event) => {
     const isOver = event.type === 'pointermove' && event.pointerType === 'mouse' && event.buttons === 0;
-    if (isOver && connection.isLive && viewer.kind === 'grid') timer = window.setTimeout(tell, REST_MS, place(screen.element, event));
+    over = isOver ? place(screen.element, event) : null;
+    restart();
   };
   for (const type of ['pointermove', 'pointerleave', 'pointerdown', 'wheel']) screen.element.addEventListener(type, hover, { passive: true });
   const forget = () => {
     notice.hide('pick');
     prompts.hide('pick');
+    if (over) restart(); // else the value is that of a slice
   };
   viewer.on('camera', forget);
   viewer.on('view', forget);

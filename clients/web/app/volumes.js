@@ -87,9 +87,16 @@ class VolumeList {
     this.#unknown = unknown;
   }
 
-  #read() {
+  async #read() {
     const { connection } = this.#app;
-    if (connection.isLive) connection.refresh().catch(() => {}); // the stream reports a lost daemon
+    if (!connection.isLive) return; // the list is read with the next stream
+    try {
+      await connection.refresh();
+    } catch { // the stream reports a lost daemon
+      if (!this.#unknown) return;
+      this.#unknown = '';
+      this.refresh();
+    }
   }
 
   #select(id) {

@@ -35,7 +35,7 @@ export class Connection extends Emitter {
   #session = null;
   #replaced = null;
   #volumes = [];
-  #asked = 0; // requests of refresh()
+  #asked = 0; // requests for the list
   #listed = 0; // the one whose answer is the list
   #ahead = null; // the answer to the request of prepare()
   #wanted; #saved;
@@ -78,8 +78,8 @@ export class Connection extends Emitter {
   /** Requests the list of volumes before start(), so that the daemon answers while the page is being built. */
   prepare() {
     this.#scope(this.#session);
-    this.#ahead = this.#api.volumes();
-    this.#ahead.catch(() => {}); // start() reports it
+    this.#ahead = this.#askVolumes();
+    this.#ahead.answer.catch(() => {}); // start() reports it
   }
 
   start() {
@@ -123,17 +123,22 @@ export class Connection extends Emitter {
     this.#rpc?.notify(method, params);
   }
 
-  /** Reads the list of volumes again and resolves to it. An answer that arrives after the answer to a later request is out of date and ignored. */
+  /** Reads the list of volumes again and resolves to it. */
   async refresh() {
-    const asked = ++this.#asked;
-    const volumes = await this.#api.volumes();
-    if (asked < this.#listed) return this.#volumes;
-    this.#listed = asked;
-    this.#setVolumes(volumes);
-    return volumes;
+    await this.#takeVolumes(this.#askVolumes());
+    return this.#volumes;
   }
 
-  #setVolumes(volumes) {
+  #askVolumes() {
+    this.#asked += 1;
+    return { number: this.#asked, answer: this.#api.volumes() };
+  }
+
+  /** Takes the answer to a request for the list. One that arrives after the answer to a later request is out of date and ignored. */
+  async #takeVolumes({ number, answer }, isWanted = () => true) {
+    const volumes = await answer;
+    if (number < this.#listed || !isWanted()) return;
+    this.#listed = number;
     this.#volumes = volumes;
     this.emit('volumes', volumes);
   }
@@ -234,10 +239,9 @@ export class Connection extends Emitter {
   }
 
   async #readVolumes(epoch) {
-    const ahead = this.#ahead;
+    const request = this.#ahead ?? this.#askVolumes();
     this.#ahead = null;
-    const volumes = await (ahead ?? this.#api.volumes());
-    if (epoch === this.#epoch) this.#setVolumes(volumes);
+    await this.#takeVolumes(request, () => epoch === this.#epoch);
   }
 
   /** The volume of the last view, else the requested volume, else the first ready volume. */

@@ -109,6 +109,20 @@ test('an old list of volumes does not replace a newer one', async (context) => {
   assert.deepEqual(it.connection.volumes.map(({ id }) => id), ['a', 'b']);
 });
 
+test('nor does the list that the start asked for', async (context) => {
+  const it = await setUp(context);
+  const answers = [];
+  it.connection.api.volumes = () => new Promise((resolve) => { answers.push(resolve); });
+  it.connection.prepare();
+  const recent = it.connection.refresh();
+  answers[1]([volume('phantom'), volume('b')]);
+  assert.equal((await recent).length, 2);
+  it.connection.start();
+  answers[0]([volume('phantom')]);
+  await it.event('session');
+  assert.deepEqual(it.connection.volumes.map(({ id }) => id), ['phantom', 'b']);
+});
+
 test('the list of volumes that prepare() requested is the one that start() uses', async (context) => {
   const it = await setUp(context);
   it.connection.prepare();

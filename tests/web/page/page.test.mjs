@@ -346,6 +346,13 @@ test('V shows the value under the cursor', async (context) => {
   await page.focus('#screen');
   await page.mouse.move(450, 300);
   await page.locator('#status [data-key="value"] dd', { hasText: /\d/ }).waitFor(); // it rests
+  await page.evaluate(() => {
+    const value = document.querySelector('#status [data-key="value"] dd');
+    window.cleared = 0;
+    new MutationObserver(() => { window.cleared += value.textContent === ''; }).observe(value, { childList: true, characterData: true, subtree: true });
+  });
+  await page.keyboard.press('ArrowLeft');
+  await until(page, 'the value of the other view', () => window.cleared > 0 && /\d/.test(document.querySelector('#status [data-key="value"] dd').textContent));
   await page.keyboard.press('v');
   await page.locator('.prompt[data-id="pick"] p', { hasText: /^Value -?[\d.]+ at -?[\d.]+, -?[\d.]+, -?[\d.]+/ }).waitFor();
   await page.mouse.move(890, 10);
