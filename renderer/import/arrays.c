@@ -87,12 +87,13 @@ static void begin(struct reading *r) {
 /* Numbers of 8 bytes are compared by their bits, which float64 does not hold. */
 static bool is_default_fill(const struct arrays *a, const char *at) {
     const struct import_number number = a->conversion.number;
+    const bool is_signed = a->info.number.kind == IMPORT_SIGNED; /* whatever _Unsigned says */
     uint64_t bits = 0;
     if (number.size < sizeof bits)
         return import_widen(at, number) == a->default_fill;
     memcpy(&bits, at, sizeof bits);
-    return bits == (number.kind == IMPORT_SIGNED ? (uint64_t)INT64_C(-9223372036854775806)
-                                                 : UINT64_C(18446744073709551614));
+    return bits ==
+           (is_signed ? (uint64_t)INT64_C(-9223372036854775806) : UINT64_C(18446744073709551614));
 }
 
 /* Converts a row of numbers and puts it into the volume. */

@@ -16,6 +16,7 @@ enum { GROUP_DEPTH_MAX = 32 };
 struct variable {
     int group, id;
     char name[ARRAY_NAME_BYTES]; /* the path, "group/name" or "name" */
+    bool has_cache;              /* of chunks; to set it again would empty it */
 };
 
 struct netcdf {
@@ -193,7 +194,6 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
         storage == NC_CHUNKED) {
         for (int d = 0; d < rank; d++)
             info->chunk[d] = chunk[d];
-        nc_set_var_chunk_cache(v->group, v->id, CACHE_BYTES, CACHE_SLOTS, 1);
     }
     return true;
 }
@@ -205,11 +205,15 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
     size_t first[IMPORT_RANK_MAX], size[IMPORT_RANK_MAX];
     if (!describe(file, n, &info) || !info.is_number)
         return false;
+    struct variable *v = &c->variables[n];
+    if (info.chunk[0] && !v->has_cache)
+        nc_set_var_chunk_cache(v->group, v->id, CACHE_BYTES, CACHE_SLOTS, 1);
+    v->has_cache = true;
     for (unsigned d = 0; d < info.rank; d++) {
         first[d] = (size_t)start[d];
         size[d] = (size_t)count[d];
     }
-    const int status = nc_get_vara(c->variables[n].group, c->variables[n].id, first, size, out);
+    const int status = nc_get_vara(v->group, v->id, first, size, out);
     snprintf(why, capacity, "NetCDF cannot read the numbers: %s%s", nc_strerror(status),
              status == NC_EFILTER || status == NC_ENOFILTER
                  ? "; write them with zlib, as nccopy -d 4 does"

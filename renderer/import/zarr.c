@@ -347,24 +347,43 @@ static bool mark_hole(struct reading *r, const struct sp_error *why) {
     return true;
 }
 
-static bool read_chunks(struct reading *r, struct zarr_chunks *chunks,
-                        const struct import_progress *progress, struct sp_error *err) {
-    const struct zarr_image *image = &r->zarr->image;
-    uint64_t counts[3], place[3], at[ZARR_RANK_MAX];
+/* Reads the chunks [first, end) along x, y and z. */
+static bool read_range(struct reading *r, struct zarr_chunks *chunks, const uint64_t first[3],
+                       const uint64_t end[3], const struct import_progress *progress,
+                       struct sp_error *err) {
+    uint64_t place[3], at[ZARR_RANK_MAX];
     struct box box;
-    for (int a = 0; a < 3; a++)
-        counts[a] = image->axes.space[a] < 0
-                        ? 1
-                        : zarr_array_chunks(r->array, (unsigned)image->axes.space[a]);
-    for (place[2] = 0; place[2] < counts[2]; place[2]++)
-        for (place[1] = 0; place[1] < counts[1]; place[1]++)
-            for (place[0] = 0; place[0] < counts[0]; place[0]++) {
+    for (place[2] = first[2]; place[2] < end[2]; place[2]++)
+        for (place[1] = first[1]; place[1] < end[1]; place[1]++)
+            for (place[0] = first[0]; place[0] < end[0]; place[0]++) {
                 find_chunk(r, place, at, &box);
                 if (zarr_chunk_read(chunks, r->array, at, r->chunk, err) == ZARR_FAILED &&
                     !mark_hole(r, err))
                     return false;
                 put(r, &box);
                 import_report(progress, r->done * sp_type_size(r->zarr->conversion.type));
+            }
+    return true;
+}
+
+/* Shard by shard, because the index of a shard is read whole and only that of the last one is kept.
+ * Without shards, each chunk counts as one. */
+static bool read_chunks(struct reading *r, struct zarr_chunks *chunks,
+                        const struct import_progress *progress, struct sp_error *err) {
+    const struct zarr_image *image = &r->zarr->image;
+    uint64_t counts[3], sides[3], first[3], end[3] = { 0 };
+    for (int a = 0; a < 3; a++) {
+        const int d = image->axes.space[a];
+        counts[a] = d < 0 ? 1 : zarr_array_chunks(r->array, (unsigned)d);
+        sides[a] = d < 0 ? 1 : r->array->shard[d];
+    }
+    for (first[2] = 0; first[2] < counts[2]; first[2] = end[2])
+        for (first[1] = 0; first[1] < counts[1]; first[1] = end[1])
+            for (first[0] = 0; first[0] < counts[0]; first[0] = end[0]) {
+                for (int a = 0; a < 3; a++)
+                    end[a] = sides[a] < counts[a] - first[a] ? first[a] + sides[a] : counts[a];
+                if (!read_range(r, chunks, first, end, progress, err))
+                    return false;
             }
     return r->holes < counts[0] * counts[1] * counts[2]; /* *err tells about the last one */
 }

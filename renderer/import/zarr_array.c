@@ -193,14 +193,16 @@ static bool parse_v2(struct zarr_array *a, const struct zarr_node *node, struct 
            check_chunk(a, node, "/chunks", err);
 }
 
+/* Takes a transposition. One after another is of the dimensions that the first one has made. */
 static bool take_order(struct zarr_array *a, const struct zarr_node *node, const json_t *order,
                        struct sp_error *err) {
-    unsigned seen = 0;
+    unsigned seen = 0, before[ZARR_RANK_MAX];
+    memcpy(before, a->order, sizeof before);
     for (unsigned d = 0; d < a->rank; d++) {
         const json_int_t of = json_integer_value(json_array_get(order, d));
         if (of < 0 || of >= (json_int_t)a->rank || !json_is_integer(json_array_get(order, d)))
             break;
-        a->order[d] = (unsigned)of;
+        a->order[d] = before[of];
         seen |= 1U << of;
     }
     return seen == (1U << a->rank) - 1 ||

@@ -142,7 +142,8 @@ static enum zarr_found load(struct zarr_chunks *c, const struct zarr_array *a, c
         c->store->read(c->store->user, key, offset, c->buffers[0], (size_t)size, &bytes->size, err);
     if (found == ZARR_FOUND && bytes->size < size) {
         zarr_fail(c->store, err, SP_ERR_FORMAT, key, "",
-                  "the chunk is shorter than its checksum: it is cut off");
+                  "the chunk has %zu of %" PRIu64 " bytes: its object is cut off", bytes->size,
+                  size);
         return ZARR_FAILED;
     }
     return found;

@@ -218,6 +218,10 @@ def check_netcdf_layouts(tool):
             holed = file.createVariable(f'holed_{kind}', kind, ('z', 'y', 'x'))
             holed.set_auto_maskandscale(False)
             holed[0] = values[0] % 100
+        turned = file.createVariable('holed_turned', 'i8', ('z', 'y', 'x'))
+        turned.set_auto_maskandscale(False)
+        turned.setncattr('_Unsigned', 'true')
+        turned[0] = values[0]
         file.createVariable('never', 'i2', ('z', 'y', 'x'), fill_value=False)[:] = numpy.where(values == 11, -32767, values)
         packed = file.createVariable('holed_packed', 'i2', ('z', 'y', 'x'))
         packed.set_auto_maskandscale(False)
@@ -231,6 +235,7 @@ def check_netcdf_layouts(tool):
         default = netCDF4.default_fillvals[kind]
         holed = numpy.where(numpy.arange(2)[:, None, None] == 0, values % 100, numpy.nan if kind[1] != '1' else default)
         tool.layout('NetCDF', 'numbers that no program wrote, without _FillValue, of 16 bits and more', f'{path}:/holed_{kind}', holed, result='NaN')
+    tool.equal(f'{path}:/holed_turned', numpy.where(numpy.arange(2)[:, None, None] == 0, values, numpy.nan))
     tool.layout('NetCDF', 'an array without fill values (nofill)', f'{path}:/never', numpy.where(values == 11, -32767, values), type='int16')
     tool.equal(f'{path}:/holed_packed', numpy.where(numpy.arange(2)[:, None, None] == 0, wide * 0.5, numpy.nan))
     tool.layout('NetCDF', 'valid_range', f'{path}:/ranged', numpy.where((wide < 20) | (wide > 200), numpy.nan, wide), result='NaN outside of it')

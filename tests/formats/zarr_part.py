@@ -98,7 +98,7 @@ def check_v3(tool):
     for i, packed in enumerate(compressors):
         for dtype, serializer in (('int16', serializers[0]), ('float16', serializers[1])):
             path = tool.path('v3.zarr')
-            filters = (TransposeCodec(order=(1, 2, 0)),) if i % 2 else ()
+            filters = (TransposeCodec(order=(1, 2, 0)), TransposeCodec(order=(0, 2, 1)))[:i % 3]
             zarr.create_array(path, shape=shape, chunks=(2, 4, 3), dtype=dtype, overwrite=True, filters=filters, serializer=serializer,
                               compressors=packed)[...] = ramp(shape, dtype)
             tool.equal(path, ramp(shape, dtype))
