@@ -6,9 +6,22 @@
 #ifndef SP_IMPORT_ARRAY_BRIDGE_H
 #define SP_IMPORT_ARRAY_BRIDGE_H
 
+#include <string.h>
+
 #include "import/axes.h"
 
 enum { ARRAY_NAME_BYTES = 256, ARRAYS_MAX = 4096 };
+
+/* True for the names of a real and an imaginary part. */
+static inline bool array_names_complex(const char *real, const char *imaginary) {
+    static const char *const names[][2] = { { "r", "i" },       { "real", "imag" },
+                                            { "re", "im" },     { "_Real", "_Imag" },
+                                            { "Real", "Imag" }, { "real", "imaginary" } };
+    bool is = false;
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        is |= strcmp(real, names[i][0]) == 0 && strcmp(imaginary, names[i][1]) == 0;
+    return is;
+}
 
 /* In place of the number of an array: the attributes of the file. */
 #define ARRAY_OF_FILE UINT_MAX

@@ -29,11 +29,6 @@ bool arrays_fail(const struct arrays *a, struct sp_error *err, enum sp_code code
 
 enum { AUXILIARY_BYTES = 1 << 16 };
 
-static bool has_ending(const char *text, const char *ending) {
-    const size_t n = strlen(text), m = strlen(ending);
-    return n > m && strcasecmp(text + n - m, ending) == 0;
-}
-
 static const char *own_name(const char *path) {
     const char *slash = strrchr(path, '/');
     return slash ? slash + 1 : path;
@@ -85,7 +80,7 @@ static bool is_of_axis(const struct arrays *a, const struct array_info *info) {
     return info->rank == 2 && info->shape[1] == 2 &&
            (strcasecmp(last, "bnds") == 0 || strcasecmp(last, "bounds") == 0 ||
             strcasecmp(last, "nv") == 0 ||
-            (*last && (has_ending(own, "_bnds") || has_ending(own, "_bounds"))));
+            (*last && (import_ends_with(own, "_bnds") || import_ends_with(own, "_bounds"))));
 }
 
 /* How many dimensions a volume could have; 0 = the array is none. Numbers that cannot be read

@@ -33,18 +33,13 @@ static bool is_hdf5(const uint8_t *start, size_t size) {
     return false;
 }
 
-static bool has_ending(const char *shown, const char *ending) {
-    const size_t n = strlen(shown), m = strlen(ending);
-    return n > m && strcasecmp(shown + n - m, ending) == 0;
-}
-
 /* NetCDF-4 files are HDF5 files by their first bytes. */
 static bool probe_netcdf(const uint8_t *start, size_t size, const char *shown) {
     const bool is_classic = size >= 4 && memcmp(start, "CDF", 3) == 0 &&
                             (start[3] == 1 || start[3] == 2 || start[3] == 5);
-    return is_classic ||
-           (is_hdf5(start, size) &&
-            (has_ending(shown, ".nc") || has_ending(shown, ".nc4") || has_ending(shown, ".cdf")));
+    return is_classic || (is_hdf5(start, size) &&
+                          (import_ends_with(shown, ".nc") || import_ends_with(shown, ".nc4") ||
+                           import_ends_with(shown, ".cdf")));
 }
 
 /* NetCDF-4 files begin in the same way, so only the name tells which of the two it is. */

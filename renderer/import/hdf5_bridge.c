@@ -83,20 +83,18 @@ static bool use(struct hdf5 *h, unsigned n) {
     h->dataset = H5Dopen2(h->file, h->list.entries[n].name, access);
     H5Pclose(access);
     h->opened = h->dataset >= 0 ? n + 1 : 0;
+    if (h->opened)
+        hdf5_filters_expect(h->dataset);
     return h->opened;
 }
 
-/* True if a compound type has two numbers alike with the names of a complex one. */
+/* True if the type has two floating-point members with the names of a real and an imaginary part.
+ */
 static bool is_complex(hid_t type, struct import_number *number) {
-    static const char *const names[][2] = { { "r", "i" },       { "real", "imag" },
-                                            { "re", "im" },     { "_Real", "_Imag" },
-                                            { "Real", "Imag" }, { "real", "imaginary" } };
-    bool is_named = false;
     if (H5Tget_nmembers(type) != 2)
         return false;
     char *first = H5Tget_member_name(type, 0), *second = H5Tget_member_name(type, 1);
-    for (size_t i = 0; first && second && i < sizeof names / sizeof *names; i++)
-        is_named |= strcmp(first, names[i][0]) == 0 && strcmp(second, names[i][1]) == 0;
+    const bool is_named = first && second && array_names_complex(first, second);
     H5free_memory(first);
     H5free_memory(second);
     hid_t part = is_named ? H5Tget_member_type(type, 0) : -1;

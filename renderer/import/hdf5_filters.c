@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "import/hdf5_filters.h"
 
-#include <hdf5.h>
 #include <string.h>
 #include <zstd.h>
 #ifdef SPLATD_HAS_BLOSC
@@ -10,10 +9,36 @@
 
 enum { LZF = 32000, BLOSC = 32001, ZSTD = 32015, UNPACKED_MAX = 1 << 30 };
 
+/* The fewest bytes that a filter may unpack; 0 = any. HDF5 tells a filter nothing about the array,
+ * and a process reads one array at a time. */
+static size_t least_bytes;
+
+void hdf5_filters_expect(hid_t dataset) {
+    enum { RANK_MAX = 32 };
+    hsize_t chunk[RANK_MAX];
+    const hid_t list = H5Dget_create_plist(dataset), type = H5Dget_type(dataset);
+    const int rank = H5Pget_layout(list) == H5D_CHUNKED ? H5Pget_chunk(list, RANK_MAX, chunk) : 0;
+    int packers = 0; /* filters that change the number of bytes: only the last one fills a chunk */
+    for (int i = 0; i < H5Pget_nfilters(list); i++) {
+        unsigned flags, config;
+        size_t count = 0;
+        const H5Z_filter_t id =
+            H5Pget_filter2(list, (unsigned)i, &flags, &count, NULL, 0, NULL, &config);
+        packers += id != H5Z_FILTER_SHUFFLE && id != H5Z_FILTER_FLETCHER32;
+    }
+    least_bytes = rank > 0 && rank <= RANK_MAX && packers == 1 ? H5Tget_size(type) : 0;
+    for (int d = 0; d < rank && d < RANK_MAX; d++)
+        least_bytes *= (size_t)chunk[d];
+    H5Tclose(type);
+    H5Pclose(list);
+}
+
 /* Replaces the buffer by the unpacked bytes, of memory of HDF5. Returns their number, or 0 and
  * frees them on failure. */
 static size_t replace(void **buffer, size_t *buffer_size, void *unpacked, size_t capacity,
                       size_t size) {
+    if (size < least_bytes)
+        size = 0;
     H5free_memory(size > 0 ? *buffer : unpacked);
     if (size > 0) {
         *buffer = unpacked;

@@ -87,9 +87,9 @@ static void *open_file(const struct array_place *place, char *why, size_t capaci
     return NULL;
 }
 
-/* A compound of two numbers alike with the names of a complex one. */
+/* True if the type has two floating-point members with the names of a real and an imaginary part.
+ */
 static bool is_complex(int group, nc_type type, struct import_number *number) {
-    static const char *const names[][2] = { { "r", "i" }, { "real", "imag" }, { "re", "im" } };
     char first[NC_MAX_NAME + 1] = "", second[NC_MAX_NAME + 1] = "";
     nc_type parts[2] = { NC_NAT, NC_NAT };
     size_t count = 0, size = 0;
@@ -99,12 +99,9 @@ static bool is_complex(int group, nc_type type, struct import_number *number) {
         nc_inq_compound_fieldtype(group, type, 0, &parts[0]) != NC_NOERR ||
         nc_inq_compound_fieldtype(group, type, 1, &parts[1]) != NC_NOERR)
         return false;
-    bool is_named = false;
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        is_named |= strcmp(first, names[i][0]) == 0 && strcmp(second, names[i][1]) == 0;
     *number = (struct import_number){ IMPORT_COMPLEX, parts[0] == NC_FLOAT ? 8 : 16 };
-    return is_named && parts[0] == parts[1] && (parts[0] == NC_FLOAT || parts[0] == NC_DOUBLE) &&
-           size == number->size;
+    return array_names_complex(first, second) && parts[0] == parts[1] &&
+           (parts[0] == NC_FLOAT || parts[0] == NC_DOUBLE) && size == number->size;
 }
 
 static bool number_of(int group, nc_type type, struct import_number *number) {

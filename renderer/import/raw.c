@@ -271,7 +271,7 @@ static bool check_members(const struct sidecar *s) {
             return refuse(
                 s, key,
                 "is not a member; the members are dims, type, components, endian, spacing, "
-                "origin, direction, coordinates, space, unit, file, offset, encoding");
+                "origin, direction, coordinates, space, unit, value_unit, file, offset, encoding");
     }
     return true;
 }

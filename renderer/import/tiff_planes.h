@@ -25,7 +25,7 @@ struct tiff_planes {
     bool is_hidden;
     bool are_indices;  /* of a palette, which only serves to show them */
     bool are_channels; /* the samples of a pixel, even where the page calls them colours */
-    bool are_plain;    /* white is 0 only in name: the numbers are meant as they are */
+    bool are_plain;    /* The file says MinIsWhite, but its numbers are not inverted. */
     bool has_scale;    /* sample = slope · number + offset, for whole numbers of one channel */
     double slope, offset;
     char value_unit[SP_UNIT_BYTES];

@@ -25,11 +25,6 @@ struct vol {
     struct import_conversion conversion;
 };
 
-static bool has_ending(const char *shown, const char *ending) {
-    const size_t n = strlen(shown), m = strlen(ending);
-    return n > m && strcasecmp(shown + n - m, ending) == 0;
-}
-
 static bool is_mitsuba(const uint8_t *start, size_t size) {
     return size >= 4 && memcmp(start, "VOL\3", 4) == 0;
 }
@@ -44,8 +39,8 @@ static bool is_dgtal(const uint8_t *start, size_t size) {
 }
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    return is_mitsuba(start, size) || is_dgtal(start, size) || has_ending(shown, ".vol") ||
-           has_ending(shown, ".longvol") || has_ending(shown, ".vgi");
+    return is_mitsuba(start, size) || is_dgtal(start, size) || import_ends_with(shown, ".vol") ||
+           import_ends_with(shown, ".longvol") || import_ends_with(shown, ".vgi");
 }
 
 /* Sets what follows from dims, numbers and components. */
@@ -234,7 +229,7 @@ static bool take(struct vol *v, struct import_header *header, struct sp_error *e
         ok = take_mitsuba(v, (const uint8_t *)text, size, header, err);
     else if (is_dgtal((const uint8_t *)text, size))
         ok = take_dgtal(v, text, header, err);
-    else if (has_ending(v->file->shown, ".vgi"))
+    else if (import_ends_with(v->file->shown, ".vgi"))
         ok = take_vgi(v, text, header, err);
     else
         ok = import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, 0, NULL,

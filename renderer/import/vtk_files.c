@@ -12,31 +12,26 @@
 
 enum { BLOCKS_MAX = 1 << 16 };
 
-bool vtk_xml_add_name(struct vtk_xml_names *names, const char *file, const char *title,
+bool vtk_xml_add_name(struct vtk_xml_names *names, const char *file,
                       const struct import_file *source, struct sp_error *err) {
     if (names->count == BLOCKS_MAX)
         return sp_fail(err, SP_ERR_UNSUPPORTED, source->shown,
                        "the file has more than %d blocks, the limit; open the files of the blocks",
                        BLOCKS_MAX);
     if (names->count % 64 == 0) {
-        struct vtk_xml_block *larger =
-            realloc(names->blocks, (names->count + 64) * sizeof *names->blocks);
+        char **larger = realloc(names->files, (names->count + 64) * sizeof *names->files);
         if (!larger)
             return sp_fail(err, SP_ERR_MEMORY, source->shown, "out of memory for the blocks");
-        names->blocks = larger;
+        names->files = larger;
     }
-    struct vtk_xml_block *block = &names->blocks[names->count++];
-    *block = (struct vtk_xml_block){ strdup(file), strdup(title) };
-    return (block->file && block->title) ||
-           sp_fail(err, SP_ERR_MEMORY, source->shown, "out of memory for the blocks");
+    char *copy = names->files[names->count++] = strdup(file);
+    return copy || sp_fail(err, SP_ERR_MEMORY, source->shown, "out of memory for the blocks");
 }
 
 static void finish_names(struct vtk_xml_names *names) {
-    for (uint32_t i = 0; i < names->count; i++) {
-        free(names->blocks[i].file);
-        free(names->blocks[i].title);
-    }
-    free(names->blocks);
+    for (uint32_t i = 0; i < names->count; i++)
+        free(names->files[i]);
+    free(names->files);
 }
 
 /* Says which blocks are left out. */
@@ -45,11 +40,11 @@ static void warn_of_blocks(const struct vtk_volume *v, const struct vtk_xml_name
     struct import_list list;
     import_list_begin(&list, text, sizeof text);
     for (uint32_t i = 1; i < names->count; i++)
-        import_list_add(&list, i > 1 ? ", " : "", names->blocks[i].file);
+        import_list_add(&list, i > 1 ? ", " : "", names->files[i]);
     import_list_end(&list);
     import_warn(v->file->warnings,
                 "Only the first of %u blocks, %.60s, is read. Open the others by their files: %s.",
-                names->count, names->blocks[0].file, text);
+                names->count, names->files[0], text);
 }
 
 static bool read_block(struct vtk_volume *v, const struct vtk_xml_names *names,
@@ -58,12 +53,12 @@ static bool read_block(struct vtk_volume *v, const struct vtk_xml_names *names,
     if (names->count == 0)
         return sp_fail(err, SP_ERR_FORMAT, v->file->shown,
                        "the composite data set names no file of a block");
-    const uint32_t number = vtk_add_file(v, names->blocks[0].file, err);
+    const uint32_t number = vtk_add_file(v, names->files[0], err);
     bool ok = number && vtk_xml_read(v, number, &none, err);
     if (ok && (none.is_parallel || none.is_composite))
         ok = sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
                      "the first block, %.100s, names files of its own; open that file instead",
-                     names->blocks[0].file);
+                     names->files[0]);
     finish_names(&none);
     if (ok && names->count > 1)
         warn_of_blocks(v, names);

@@ -402,9 +402,9 @@ static void end_text(struct xml *x) {
 
 /* An element of a composite data set that names a file. */
 static void take_block(struct xml *x, const char *name, const char **attributes) {
-    const char *source = find(attributes, "file"), *title = find(attributes, "name");
+    const char *source = find(attributes, "file");
     if (strcmp(name, "DataSet") == 0 && source && *source &&
-        !vtk_xml_add_name(x->names, source, title ? title : "", x->file, x->err))
+        !vtk_xml_add_name(x->names, source, x->file, x->err))
         stop(x);
 }
 

@@ -24,9 +24,7 @@ struct vtk_xml_names {
     bool is_parallel;  /* the names of pieces are in vtk_volume.files */
     bool is_composite; /* the names of blocks are here */
     uint32_t count;
-    struct vtk_xml_block {
-        char *file, *title; /* owned */
-    } * blocks;
+    char **files; /* owned */
 };
 
 /* Reads the pieces and arrays of a file. `names` is NULL for a piece of another file, which then
@@ -35,7 +33,7 @@ bool vtk_xml_read(struct vtk_volume *v, uint32_t number, struct vtk_xml_names *n
                   struct sp_error *err);
 
 /* Adds a block. */
-bool vtk_xml_add_name(struct vtk_xml_names *names, const char *file, const char *title,
+bool vtk_xml_add_name(struct vtk_xml_names *names, const char *file,
                       const struct import_file *source, struct sp_error *err);
 
 #endif

@@ -122,6 +122,13 @@ def check_hdf5_layouts(tool):
             for k in (0, 3):
                 packed = codec.encode(data[k:k + 3]) if codec else data[k:k + 3].tobytes()
                 own.write_direct_chunk((k, 0, 0), bytes(packed))
+        for name, code, frame in (('short zstd', 32015, numcodecs.Zstd().encode(bytes(40))), ('short blosc', 32001, numcodecs.Blosc().encode(bytes(40))),
+                                  ('short lzf', 32000, b'\x1f' + bytes(32))):
+            how = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            how.set_chunk(data.shape)
+            how.set_filter(code, h5py.h5z.FLAG_OPTIONAL, (4, 261, 32) if code == 32000 else ())
+            own = h5py.h5d.create(file.id, name.encode(), h5py.h5t.STD_I16LE, h5py.h5s.create_simple(data.shape), how)
+            own.write_direct_chunk((0, 0, 0), bytes(frame))
         labelled = file.create_dataset('labelled', data=data)
         for i, name in enumerate('xyz'):
             labelled.dims[i].label = name
@@ -135,6 +142,8 @@ def check_hdf5_layouts(tool):
         tool.layout('HDF5', f'compression {how}', f'{path}:/{name}', data)
     tool.layout_refused('HDF5', 'compression LZ4, bzip2, bitshuffle, ZFP, Blosc2', f'{path}:/lz4', 'the compression LZ4 (filter 32004) is not supported',
                         'h5repack')
+    for name in ('zstd', 'blosc', 'lzf'):
+        tool.refused(f'{path}:/short {name}', 'cannot read')
     tool.layout('HDF5', 'labels of dimensions (x, y, z)', f'{path}:/labelled', data.transpose(2, 1, 0))
     tool.layout_refused('HDF5', 'text', f'{path}:/text', 'it has no numbers but text')
     tool.layout_refused('HDF5', 'a table', f'{path}:/table', 'it has no numbers but rows of the columns a, b, c')
