@@ -119,9 +119,16 @@ left_out() {
     say "$1 leaves to the release stage:" $(ctest --test-dir "$root/build/$1" -N -L "$2" | sed -n 's/^ *Test *#[0-9]*: //p')
 }
 
-# report: the slowest 20 tests, and the time of each stage.
+# report: what failed, the slowest 20 tests, and the time of each stage.
 report() {
     local log
+    for log in "$logs"/*.log; do
+        awk -v preset="$(basename "$log" .log)" '
+            / Test +#[0-9]+: / { left = 0 }
+            /\*\*\*(Failed|Timeout|Exception|Not Run)/ { sub(/^ *[0-9]+\/[0-9]+ +/, ""); print "== failed: " preset "  " $0; left = 12; next }
+            /error: \|-/ { text = 4 } # lines of the text that follows
+            left > 0 && (text-- > 0 || /[Ee]rror|not ok|FAILED|LINE|Sanitizer/) { print "   " substr($0, 1, 300); left-- }' "$log" >&2
+    done
     say "slowest 20 tests"
     for log in "$logs"/*.log; do
         sed -nE "s|^ *[0-9]+/[0-9]+ +Test +#[0-9]+: +([^ ]+) .* ([0-9.]+) sec *\$|\2 s  $(basename "$log" .log)  \1|p" "$log"
