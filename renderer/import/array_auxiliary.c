@@ -8,22 +8,28 @@
 
 #include "import/array_reader.h"
 
+/* True if the list "a b c" has the word. */
+static bool has_word(const char *list, const char *word) {
+    const size_t length = strlen(word);
+    for (const char *at = length > 0 ? strstr(list, word) : NULL; at; at = strstr(at + 1, word))
+        if ((at == list || at[-1] == ' ') && (at[length] == ' ' || !at[length]))
+            return true;
+    return false;
+}
+
 /* Calls `visit` with each array that the attribute "coordinates" names, until it returns true. */
-static bool visit_named(const struct arrays *a,
+static void visit_named(const struct arrays *a,
                         bool (*visit)(void *user, unsigned n, const struct array_info *info,
                                       const char *name),
                         void *user) {
     struct array_info info;
-    char text[512], *left = NULL;
+    char text[512];
     a->call->text(a->handle, a->chosen, "coordinates", text, sizeof text);
-    for (char *word = strtok_r(text, " ", &left); word; word = strtok_r(NULL, " ", &left))
-        for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
-            const char *slash = strrchr(info.name, '/');
-            if (info.is_number && strcmp(slash ? slash + 1 : info.name, word) == 0 &&
-                visit(user, n, &info, word))
-                return true;
-        }
-    return false;
+    for (unsigned n = 0; *text && a->call->describe(a->handle, n, &info); n++) {
+        const char *slash = strrchr(info.name, '/'), *own = slash ? slash + 1 : info.name;
+        if (info.is_number && has_word(text, own) && visit(user, n, &info, own))
+            return;
+    }
 }
 
 /* The arrays along one dimension. */
