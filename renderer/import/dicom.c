@@ -46,9 +46,12 @@ static bool open_source(struct dicom_source *source, struct sp_error *err) {
     bool ok = dicom_describe(source, file->fd, &source->image, why);
     source->is_named = ok && !source->image.is_directory;
     if (source->is_named && source->image.columns == 0)
-        snprintf(why, sizeof why,
-                 "the file has no image (modality %s); open the series that it belongs to",
-                 *source->image.modality ? source->image.modality : "not known");
+        snprintf(
+            why, sizeof why,
+            source->image.has_empty_image
+                ? "the image has no pixels: Rows or Columns is 0 (modality %s); export it again"
+                : "the file has no image (modality %s); open the series that it belongs to",
+            *source->image.modality ? source->image.modality : "not known");
     if (source->is_named)
         ok = source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why);
     const struct dicom_image *image = &source->image;

@@ -51,20 +51,24 @@ enum dicom_key {
     DICOM_KEY_DELAY, /* time since a trigger, such as a heartbeat, or since the start [s] */
     DICOM_KEY_CLOCK, /* time of the acquisition [s], since 1970; less than a day: no date known */
     DICOM_KEY_ACQUISITION, /* its number */
+    DICOM_KEYS_OF_ORDER,   /* those before order images; those from here on do not */
+    DICOM_KEY_CONTENT = DICOM_KEYS_OF_ORDER, /* when the image was made [s], like the clock */
     DICOM_KEY_COUNT
 };
 
 enum { DICOM_TEXT_BYTES = 44, DICOM_FRAMES_MAX = 1 << 18 };
 
-struct dicom_frame {    /* what a file says about one of its images */
-    bool is_placed;     /* the file gives the position and the directions */
-    double position[3]; /* of the first pixel, in the patient: left, posterior, superior [mm] */
-    double along[2][3]; /* directions of a row and of a column, unit length */
-    double spacing[3];  /* between columns, rows and slices or frames [mm]; 0 = not known; that of
-                           slices is negative where they go against the normal */
-    bool is_ratio;      /* only the ratio of the spacings of pixels is known: they have no unit */
-    bool is_spaced;     /* the distance between slices is given, not only their thickness */
-    bool is_assumed;    /* the file gives neither: the next frame is taken to lie 1 mm apart */
+struct dicom_frame {      /* what a file says about one of its images */
+    bool is_placed;       /* the file gives the position and the directions */
+    double position[3];   /* of the first pixel, in the patient: left, posterior, superior [mm] */
+    double along[2][3];   /* directions of a row and of a column, unit length */
+    double spacing[3];    /* between columns, rows and slices or frames [mm]; 0 = not known; that of
+                             slices is negative where they go against the normal */
+    bool has_regions;     /* the spacing is that of a region of ultrasound, and others differ */
+    bool is_turned_wrong; /* the file gives a position, but its directions are none */
+    bool is_ratio;        /* only the ratio of the spacings of pixels is known: they have no unit */
+    bool is_spaced;       /* the distance between slices is given, not only their thickness */
+    bool is_assumed;      /* the file gives neither: the next frame is taken to lie 1 mm apart */
     double slope, intercept;
     double keys[DICOM_KEY_COUNT];
     char texts[DICOM_TEXT_COUNT][DICOM_TEXT_BYTES]; /* "" = the file does not say */
@@ -89,9 +93,11 @@ enum dicom_colors {
 /* What the frames of a file are to each other where the frames themselves do not say it. */
 enum dicom_order { DICOM_ORDER_PLACES, DICOM_ORDER_TIMES };
 
-struct dicom_image { /* what a file says about its images */
-    char id[68];     /* unique id of the file's images; "" = none */
-    char series[68]; /* unique id of the series; "" = none */
+struct dicom_image {  /* what a file says about its images */
+    char id[68];      /* unique id of the file's images; "" = none */
+    char series[68];  /* unique id of the series; "" = none */
+    char patient[68]; /* id of the patient; "" = none */
+    char space[68];   /* unique id of the frame of reference of positions; "" = none */
     bool has_number;
     long number;       /* of the series in its study */
     bool is_directory; /* the file is a DICOMDIR */
@@ -99,6 +105,7 @@ struct dicom_image { /* what a file says about its images */
     char modality[20];
     char description[68];           /* of the series, UTF-8 */
     uint32_t columns, rows, frames; /* columns 0 = the file has no image */
+    bool has_empty_image;           /* the file has pixels, but columns or rows are 0 */
     unsigned channels;              /* numbers per pixel */
     unsigned bytes, bits;           /* per number: in memory, and those that are used */
     unsigned high_bit;              /* the highest of the bits that are used */

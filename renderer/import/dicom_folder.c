@@ -182,8 +182,8 @@ static void warn_of_stacks(const struct dicom_source *source, const struct dicom
     import_list_end(&list);
     if (count > 0)
         import_warn(source->file->warnings,
-                    "Left out %u other %s of the series, whose size, kind, spacing or direction "
-                    "differs: %s.",
+                    "Left out %u other %s of the series, whose size, kind, spacing, direction or "
+                    "patient differs: %s.",
                     count, count > 1 ? "images" : "image", text);
 }
 
@@ -214,6 +214,31 @@ static void warn_of_files(const struct dicom_source *source, const struct dicom_
                     IMPORT_FILES_MAX, DICOM_FOLDERS_MAX);
 }
 
+/* Positions in different frames of reference have nothing to do with each other. */
+static void warn_of_spaces(const struct dicom_source *source, const struct dicom_scan *scan,
+                           uint32_t chosen) {
+    const struct dicom_image *first = dicom_scan_image(scan, chosen);
+    char text[LIST] = "";
+    struct import_list list;
+    unsigned count = 0;
+    import_list_begin(&list, text, sizeof text);
+    for (uint32_t i = 0; i < scan->count; i++) {
+        const struct dicom_found *found = &scan->images[i];
+        if (found->is_copy || found->stack != chosen ||
+            strcmp(found->image.space, first->space) == 0)
+            continue;
+        append(&list, "%.60s", name_of(source, found->name));
+        count++;
+    }
+    import_list_end(&list);
+    if (count > 0 && first->first.is_placed)
+        import_warn(
+            source->file->warnings,
+            "The places of %u %s may be wrong: FrameOfReferenceUID differs from that of the "
+            "others: %s.",
+            count, count > 1 ? "images" : "image", text);
+}
+
 /* The slices. */
 
 static int by_instance(const void *a, const void *b) {
@@ -235,9 +260,13 @@ static void order_unplaced(const struct dicom_source *source, struct dicom_found
         has_numbers &=
             i == 0 || found[i]->image.first.instance != found[i - 1]->image.first.instance;
     }
-    import_warn(source->file->warnings,
-                "The images have no position: they are shown in the order of their %s.",
-                has_numbers ? "instance numbers" : "names");
+    import_warn(
+        source->file->warnings, "%s: they are shown in the order of their %s.",
+        found[0]->image.first.is_turned_wrong
+            ? "The directions of the images (ImageOrientationPatient) are not of length 1, or "
+              "not perpendicular"
+            : "The images have no position",
+        has_numbers ? "instance numbers" : "names");
 }
 
 static bool add_slices(const struct dicom_source *source, struct dicom_scan *scan, uint32_t chosen,
@@ -268,6 +297,7 @@ static bool take(struct dicom_source *source, struct dicom_scan *scan, struct di
         warn_of_series(source, scan, chosen);
     if (!source->is_named || first->image.frames <= 1 || stack->frames > first->image.frames) {
         warn_of_stacks(source, scan, chosen);
+        warn_of_spaces(source, scan, chosen);
         warn_of_files(source, scan);
     }
     source->image = first->image;

@@ -66,8 +66,9 @@ static void keep_stack(struct dicom_slices *slices, const struct dicom_source *s
     for (unsigned n = 0; n < count; n++) {
         const char *name = stacks[n].first->stack;
         char one[64];
-        snprintf(one, sizeof one, "%s%.20s%s%u from frame %u on", *name ? "stack " : "", name,
-                 *name ? ": " : "", stacks[n].count, stacks[n].number);
+        snprintf(one, sizeof one, "%s%.20s%s%u%s from frame %u on", *name ? "stack " : "", name,
+                 *name ? ": " : "", stacks[n].count,
+                 stacks[n].first->is_placed ? "" : " without a place", stacks[n].number);
         if (n != best)
             import_list_add(&list, list.used ? ", " : "", one);
     }
@@ -76,8 +77,8 @@ static void keep_stack(struct dicom_slices *slices, const struct dicom_source *s
     dicom_slices_keep(slices, is_in_stack, &kept);
     if (slices->count < all)
         import_warn(source->file->warnings,
-                    "Left out %u frames of other stacks, directions or spacings (%s); the "
-                    "largest stack is shown.",
+                    "Left out %u frames of other stacks, directions, spacings or without a place "
+                    "(%s); the largest stack is shown.",
                     all - slices->count, others);
 }
 

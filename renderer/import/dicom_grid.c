@@ -12,6 +12,8 @@
  * warning says so. */
 #define EVEN_SHARE 0.05
 #define EXACT_SHARE 0.002
+/* A gap lacks whole slices if it is a multiple of the step within this share of the step. */
+#define MULTIPLE_SHARE 0.1
 /* They lie above one another within this share of a pixel. */
 #define SHIFT_SHARE 0.05
 
@@ -42,14 +44,17 @@ static void warn_of_gaps(const struct dicom_slices *slices, const double *places
                          struct import_warnings *warnings) {
     const uint32_t count = slices->planes - 1;
     unsigned wide = 0;
+    bool is_uneven = false;
     for (uint32_t i = 0; i < count; i++)
         gaps[i] = places[i + 1] - places[i];
     qsort(gaps, count, sizeof *gaps, compare_numbers);
     const double usual = gaps[(count - 1) / 2];
     for (uint32_t i = 0; i < count; i++) {
         const double gap = places[i + 1] - places[i], missing = round(gap / usual) - 1;
+        const bool is_multiple = fabs(gap / usual - missing - 1) <= MULTIPLE_SHARE;
         char before[80], after[80];
-        if (!(missing >= 1))
+        is_uneven |= !is_multiple;
+        if (!(missing >= 1) || !is_multiple)
             continue;
         wide++;
         name_plane(slices, i, before);
@@ -61,7 +66,7 @@ static void warn_of_gaps(const struct dicom_slices *slices, const double *places
                     (slices->is_falling ? -1 : 1) * (slices->plane[i].place + gap / 2), before,
                     after, gap, usual);
     }
-    if (!wide)
+    if (!wide || is_uneven)
         import_warn(warnings,
                     "The slices do not lie evenly: their distances are between %.6g and %.6g mm.",
                     gaps[0], gaps[count - 1]);

@@ -39,17 +39,27 @@ double days_of(int year, int month, int day) {
     return era * 146097.0 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719468;
 }
 
-/* Seconds of "YYYYMMDDHHMMSS.FFFFFF" since 1970, or NaN; what follows the month may be missing. The
- * time zone does not change within a series. */
+/* Seconds of a time zone "+HHMM" or "-HHMM" ahead of UTC. */
+double zone_of(const std::string &text) {
+    int hour = 0, minute = 0;
+    if (text.empty() || sscanf(text.c_str() + 1, "%2d%2d", &hour, &minute) < 1)
+        return 0;
+    return (text[0] == '-' ? -1 : 1) * (hour * 3600.0 + minute * 60.0);
+}
+
+/* Seconds of "YYYYMMDDHHMMSS.FFFFFF+HHMM" since 1970, or NaN; what follows the month may be
+ * missing. A time without a zone is taken as UTC, since a series has one zone if it names none. */
 double seconds_of(const std::string &text) {
     int year = 0, month = 1, day = 1, hour = 0, minute = 0;
     double second = 0;
-    const std::string local = text.substr(0, text.find_first_of("+-"));
+    const size_t end = std::min(text.find_first_of("+-"), text.size());
+    const std::string local = text.substr(0, end);
     if (sscanf(local.c_str(), "%4d%2d%2d%2d%2d%lf", &year, &month, &day, &hour, &minute, &second) <
             3 ||
         year < 1 || month < 1 || month > 12)
         return NAN;
-    return days_of(year, month, day) * 86400 + hour * 3600 + minute * 60 + second;
+    return days_of(year, month, day) * 86400 + hour * 3600 + minute * 60 + second -
+           zone_of(text.substr(end));
 }
 
 const double DAY = 86400;
@@ -97,6 +107,33 @@ bool take_directions(const numbers &cosines, dicom_frame &frame) {
            0.99;
 }
 
+/* Millimetres per column and row of an ultrasound region; empty if it has other units. */
+numbers region_scale(const gdcm::DataSet &region) {
+    const int centimetres = 3;
+    const double across = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602c));
+    const double down = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602e));
+    const bool is_length = dicom_value<uint16_t>(region, 0x0018, 0x6024) == centimetres &&
+                           dicom_value<uint16_t>(region, 0x0018, 0x6026) == centimetres;
+    const bool is_known = across > 0 && down > 0 && std::isfinite(across + down);
+    return is_length && is_known ? numbers{ across, down } : numbers();
+}
+
+/* That of the first region which has one. `is_mixed`: other regions have another one, or none. */
+numbers regions_scale(const gdcm::DataSet &set, bool *is_mixed) {
+    const auto regions = dicom_sequence(set, 0x0018, 0x6011);
+    const size_t count = regions ? regions->GetNumberOfItems() : 0;
+    numbers scale;
+    *is_mixed = false;
+    for (size_t i = 1; i <= count && scale.empty(); i++)
+        scale = region_scale(regions->GetItem(i).GetNestedDataSet());
+    for (size_t i = 1; i <= count && !scale.empty(); i++) {
+        const numbers other = region_scale(regions->GetItem(i).GetNestedDataSet());
+        *is_mixed |= other.empty() || std::fabs(other[0] - scale[0]) > 1e-3 * scale[0] ||
+                     std::fabs(other[1] - scale[1]) > 1e-3 * scale[1];
+    }
+    return scale;
+}
+
 /* Distances between pixels as a file without functional groups gives them. */
 void fill_plain_spacing(const gdcm::DataSet &set, dicom_frame &frame) {
     static const uint16_t tags[][2] = {
@@ -112,17 +149,10 @@ void fill_plain_spacing(const gdcm::DataSet &set, dicom_frame &frame) {
         frame.spacing[1] = pair[0];
         return;
     }
-    const gdcm::DataSet region = dicom_item(set, 0x0018, 0x6011); /* of an ultrasound image */
-    const int centimetres = 3;
-    if (dicom_value<uint16_t>(region, 0x0018, 0x6024) == centimetres &&
-        dicom_value<uint16_t>(region, 0x0018, 0x6026) == centimetres) {
-        const double across = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602c));
-        const double down = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602e));
-        if (across > 0 && down > 0 && std::isfinite(across + down)) {
-            frame.spacing[0] = across;
-            frame.spacing[1] = down;
-            return;
-        }
+    bool is_mixed;
+    if (copy_numbers(regions_scale(set, &is_mixed), 2, frame.spacing)) {
+        frame.has_regions = is_mixed;
+        return;
     }
     const numbers ratio = dicom_numbers(set, 0x0028, 0x0034); /* of height and width */
     frame.is_ratio = ratio.size() == 2 && ratio[0] > 0 && ratio[1] > 0;
@@ -161,10 +191,13 @@ bool fill_place(const groups &in, const gdcm::DataSet &detector, dicom_frame &fr
         return gap == DICOM_ONLY_LOCATION ||
                copy_numbers(dicom_numbers(in.file, 0x0020, 0x0032), 3, frame.position);
     }
-    return copy_numbers(dicom_numbers(of_all ? file : position, 0x0020, 0x0032), 3,
-                        frame.position) &&
-           take_directions(
-               dicom_numbers(orientation.IsEmpty() ? file : orientation, 0x0020, 0x0037), frame);
+    const bool has_position =
+        copy_numbers(dicom_numbers(of_all ? file : position, 0x0020, 0x0032), 3, frame.position);
+    const numbers cosines =
+        dicom_numbers(orientation.IsEmpty() ? file : orientation, 0x0020, 0x0037);
+    const bool has_directions = take_directions(cosines, frame);
+    frame.is_turned_wrong = has_position && !has_directions && cosines.size() >= 6;
+    return has_position && has_directions;
 }
 
 void unit_of_code(const gdcm::DataSet &mapping, dicom_frame &frame) {
@@ -372,6 +405,7 @@ void fill_time(const groups &in, dicom_frame &frame) {
     if (dicom_text(in.file, 0x0020, 0x0013).empty())
         set_key(frame, DICOM_KEY_CLOCK, clock_of(in.file, 0x0023, 0x0033)); /* of the content */
     set_key(frame, DICOM_KEY_ACQUISITION, dicom_number(in.file, 0x0020, 0x0012));
+    set_key(frame, DICOM_KEY_CONTENT, clock_of(in.file, 0x0023, 0x0033));
 }
 
 void fill_contrast(const groups &in, dicom_frame &frame) {

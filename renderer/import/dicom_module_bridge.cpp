@@ -179,6 +179,9 @@ static const char *note_of(const gdcm::DataSet &set, const dicom_image &image) {
     if (!has_spacing && image.first.spacing[0] > 0 && !dicom_text(set, 0x0018, 0x1164).empty())
         return "Lengths are those on the detector (ImagerPixelSpacing): in the body they are "
                "smaller.";
+    if (image.first.has_regions)
+        return "The image has regions of several scales or units: the spacing is that of the first "
+               "one in cm, and lengths in others are wrong.";
     return "";
 }
 
@@ -196,6 +199,8 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     }
     const gdcm::DataSet &set = reader.GetFile().GetDataSet();
     dicom_copy(image->series, sizeof image->series, dicom_text(set, 0x0020, 0x000e));
+    dicom_copy(image->patient, sizeof image->patient, dicom_text(set, 0x0010, 0x0020));
+    dicom_copy(image->space, sizeof image->space, dicom_text(set, 0x0020, 0x0052));
     dicom_copy(image->modality, sizeof image->modality, dicom_text(set, 0x0008, 0x0060));
     dicom_copy(image->description, sizeof image->description, dicom_text(set, 0x0008, 0x103e));
     dicom_copy(image->id, sizeof image->id, dicom_text(set, 0x0008, 0x0018));
@@ -208,6 +213,7 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     image->rows = whole(dicom_value<uint16_t>(set, 0x0028, 0x0010), 0);
     if (image->columns == 0 || image->rows == 0) {
         image->columns = 0;
+        image->has_empty_image = image->pixels_at > 0;
         return true;
     }
     const double frames = dicom_number(set, 0x0028, 0x0008);

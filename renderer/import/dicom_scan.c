@@ -59,9 +59,9 @@ static bool is_joinable(const struct dicom_image *image) {
 static bool belongs(const struct dicom_image *one, const struct dicom_image *other) {
     return dicom_is_same_series(one, other) && (one->series[0] || one->first.is_placed) &&
            is_joinable(one) && is_joinable(other) && one->columns == other->columns &&
-           one->rows == other->rows && one->channels == other->channels &&
-           one->colors == other->colors && one->is_float == other->is_float &&
-           is_same_geometry(&one->first, &other->first);
+           one->rows == other->rows && strcmp(one->patient, other->patient) == 0 &&
+           one->channels == other->channels && one->colors == other->colors &&
+           one->is_float == other->is_float && is_same_geometry(&one->first, &other->first);
 }
 
 static void count_image(struct dicom_stack *stack, const struct dicom_found *found) {
@@ -171,7 +171,7 @@ static int compare_images(const struct dicom_image *a, const struct dicom_image 
         order = compare_numbers(p->position[i], q->position[i]);
     for (int i = 0; order == 0 && i < 6; i++)
         order = compare_numbers(p->along[i / 3][i % 3], q->along[i / 3][i % 3]);
-    for (int key = 0; order == 0 && key < DICOM_KEY_COUNT; key++)
+    for (int key = 0; order == 0 && key < DICOM_KEYS_OF_ORDER; key++)
         order = compare_numbers(p->keys[key], q->keys[key]);
     if (order == 0)
         order = compare_numbers(p->slope, q->slope);

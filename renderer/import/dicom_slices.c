@@ -106,7 +106,7 @@ static int compare_numbers(double a, double b) {
 static int by_place(const void *a, const void *b) {
     const struct dicom_slice *p = a, *q = b;
     int order = compare_numbers(p->place, q->place);
-    for (int key = 0; order == 0 && key < DICOM_KEY_COUNT; key++)
+    for (int key = 0; order == 0 && key < DICOM_KEYS_OF_ORDER; key++)
         order = compare_numbers(p->is.keys[key], q->is.keys[key]);
     if (order == 0)
         order = (p->is.instance > q->is.instance) - (p->is.instance < q->is.instance);

@@ -331,27 +331,41 @@ bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_sou
 
 /* Steps: slices of one place at several times. */
 
-/* Says that only a number tells the images of one place apart. */
-static void warn_of_numbers(const struct dicom_slices *slices, const struct dicom_source *source,
-                            uint32_t steps) {
+/* True if two images of one place differ in a key of [from, to). */
+static bool differ(const struct dicom_slices *slices, int from, int to) {
     const struct dicom_slice *a = &slices->items[0], *b = &slices->items[1];
-    for (int key = 0; key < DICOM_KEY_ACQUISITION; key++)
+    for (int key = from; key < to; key++)
         if (!is_same_key(a->is.keys[key], b->is.keys[key]))
-            return;
-    const bool is_acquired =
-        !is_same_key(a->is.keys[DICOM_KEY_ACQUISITION], b->is.keys[DICOM_KEY_ACQUISITION]);
-    import_warn(source->file->warnings,
-                "Each place has %u images, and only their numbers (%s) differ: they are shown as "
-                "steps in this order, which may be no times.",
-                steps,
-                is_acquired           ? "AcquisitionNumber"
-                : is_one_file(slices) ? "of frames"
-                                      : "InstanceNumber");
+            return true;
+    return false;
+}
+
+/* Says that only a number, or the time when they were made, tells the images of one place apart.
+ * `has_times`: this time rises with the number. */
+static void warn_of_numbers(const struct dicom_slices *slices, const struct dicom_source *source,
+                            uint32_t steps, bool has_times) {
+    if (differ(slices, 0, DICOM_KEY_ACQUISITION))
+        return;
+    const char *number = differ(slices, DICOM_KEY_ACQUISITION, DICOM_KEYS_OF_ORDER)
+                             ? "AcquisitionNumber"
+                         : is_one_file(slices) ? "of frames"
+                                               : "InstanceNumber";
+    const bool is_made = differ(slices, DICOM_KEY_CONTENT, DICOM_KEY_CONTENT + 1);
+    if (has_times && is_made)
+        import_warn(source->file->warnings,
+                    "The times of the steps are those at which the images were made (ContentTime): "
+                    "the files give no others.");
+    else
+        import_warn(
+            source->file->warnings,
+            "Each place has %u images, and only their numbers (%s) differ%s: they are shown "
+            "as steps in this order, which may be no times.",
+            steps, number, is_made ? ", and ContentTime in another order" : "");
 }
 
 /* True if slices of one place have numbers that tell them apart. */
 static bool are_apart(const struct dicom_slice *a, const struct dicom_slice *b) {
-    for (int key = 0; key < DICOM_KEY_COUNT; key++)
+    for (int key = 0; key < DICOM_KEYS_OF_ORDER; key++)
         if (!is_same_key(a->is.keys[key], b->is.keys[key]))
             return true;
     return a->is.instance != b->is.instance;
@@ -382,9 +396,11 @@ static bool fail_uneven(const struct dicom_slices *slices, const struct dicom_so
         dicom_slice_name(a, first);
         dicom_slice_name(b, second);
         snprintf(text, sizeof text,
-                 "%s and %s show the same place (%.6g mm), other places have another number of "
-                 "images, and nothing tells which times they belong to",
-                 first, second, slices->is_falling ? -b->place : b->place);
+                 "%s and %s show the same place (%.6g mm), %s, and nothing tells which times they "
+                 "belong to",
+                 first, second, slices->is_falling ? -b->place : b->place,
+                 slices->planes == 1 ? "their numbers (InstanceNumber) are the same"
+                                     : "other places have another number of images");
         return dicom_fail(source, SP_ERR_UNSUPPORTED, a->name, text, err);
     }
     return true;
@@ -402,7 +418,8 @@ static double step_number(const struct dicom_slices *slices, uint32_t steps, uin
 
 static bool fill_times(const struct dicom_slices *slices, uint32_t steps, enum dicom_key key,
                        double *times) {
-    const double first = key == DICOM_KEY_CLOCK ? step_number(slices, steps, 0, key) : 0;
+    const bool is_clock = key == DICOM_KEY_CLOCK || key == DICOM_KEY_CONTENT;
+    const double first = is_clock ? step_number(slices, steps, 0, key) : 0;
     for (uint32_t n = 0; n < steps; n++) {
         times[n] = step_number(slices, steps, n, key) - first;
         if (!isfinite(times[n]) || (n > 0 && !(times[n] > times[n - 1])))
@@ -411,7 +428,8 @@ static bool fill_times(const struct dicom_slices *slices, uint32_t steps, enum d
     return true;
 }
 
-/* The times of the steps, by the first key that has them. */
+/* The times of the steps, by the first key that has them. When the images were made counts only
+ * where nothing but numbers tells them apart. */
 static bool take_times(struct dicom_slices *slices, const struct dicom_source *source,
                        uint32_t steps, struct import_header *header) {
     static const struct {
@@ -419,10 +437,14 @@ static bool take_times(struct dicom_slices *slices, const struct dicom_source *s
         const char *unit;
     } keys[] = { { DICOM_KEY_DELAY, "s" },      { DICOM_KEY_PERCENT, "%" },
                  { DICOM_KEY_CLOCK, "s" },      { DICOM_KEY_ECHO, "ms" },
-                 { DICOM_KEY_INVERSION, "ms" }, { DICOM_KEY_DIFFUSION, "s/mm²" } };
+                 { DICOM_KEY_INVERSION, "ms" }, { DICOM_KEY_DIFFUSION, "s/mm²" },
+                 { DICOM_KEY_CONTENT, "s" } };
+    const bool is_made =
+        !(source->image.frame_time > 0) && !differ(slices, 0, DICOM_KEY_ACQUISITION);
     slices->times = malloc(steps * sizeof *slices->times);
     for (size_t i = 0; slices->times && i < sizeof keys / sizeof *keys; i++) {
-        if (!fill_times(slices, steps, keys[i].key, slices->times))
+        if ((keys[i].key == DICOM_KEY_CONTENT && !is_made) ||
+            !fill_times(slices, steps, keys[i].key, slices->times))
             continue;
         header->steps.times = slices->times;
         snprintf(header->steps.unit, sizeof header->steps.unit, "%s", keys[i].unit);
@@ -445,9 +467,9 @@ bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_sour
         return false;
     if (steps == 1)
         return true;
-    warn_of_numbers(slices, source, steps);
     if (!take_times(slices, source, steps, header))
         return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the times");
+    warn_of_numbers(slices, source, steps, header->steps.times != NULL);
     const uint32_t count = slices->count;
     slices->count = 0;
     for (uint32_t i = 0; i < count; i++)

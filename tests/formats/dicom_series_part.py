@@ -9,7 +9,7 @@ import pydicom
 from pydicom.uid import ExplicitVRBigEndian, RLELossless
 
 import dicom_files as files
-from dicom_folder_part import Series, pixels, silent, stack, warned, whole
+from dicom_folder_part import Series, pixels, silent, stack, volume, warned, whole
 
 CLOCKS = {  # tags of step t: the first is before midnight
     'bare': lambda t: {'AcquisitionTime': ('235958.5', '000001.5', '000004.5')[t]},
@@ -374,7 +374,75 @@ def check_reconstructions(tool):
     warned(tool, plain.folder, 'InstanceNumber', 'no times')
 
 
+def check_told(tool):
+    """What a series mixes, and what its times are, is told."""
+    zones = Series(tool, 'zones')
+    made = Series(tool, 'made')
+    mixed = Series(tool, 'mixed')
+    for t, (clock, zone) in enumerate((('120000.0', '+0100'), ('110005.0', '+0000'), ('053010.0', '-0530'))):
+        for z in range(3):
+            number = 3 * t + z + 1
+            zones.add(f'{number}.dcm', z, t, InstanceNumber=number, AcquisitionDateTime=f'20200101{clock}{zone}')
+            made.add(f'{number}.dcm', z, t, InstanceNumber=number, ContentDate='20200101', ContentTime=f'12000{3 * t}')
+            mixed.add(f'{number}.dcm', z, t, InstanceNumber=number, ContentDate='20200101', ContentTime=f'12000{9 - t}')
+    whole(tool, zones.folder, count=3, step=2, time=2, times=[0.0, 5.0, 10.0], time_unit='s')
+    whole(tool, made.folder, count=3, step=2, time=2, times=[0.0, 3.0, 6.0], time_unit='s')
+    warned(tool, made.folder, 'ContentTime', 'no others')
+    whole(tool, mixed.folder, count=3, step=2, time=2, steps=3)
+    warned(tool, mixed.folder, 'InstanceNumber', 'ContentTime in another order')
+    patients = Series(tool, 'patients')
+    spaces = Series(tool, 'spaces')
+    for z in range(6):
+        patients.add(f'{z}.dcm', z, PatientID=str(z // 4))
+        spaces.add(f'{z}.dcm', z, FrameOfReferenceUID=f'1.2.{z // 4}')
+    whole(tool, patients.folder, count=4)
+    warned(tool, patients.folder, 'Left out 2 other images', 'patient', '4.dcm, 5.dcm')
+    whole(tool, spaces.folder)
+    warned(tool, spaces.folder, 'places of 2 images', 'FrameOfReferenceUID', '4.dcm, 5.dcm')
+
+
+def check_messages(tool):
+    """Messages say what is wrong and nothing else."""
+    for name, cosines in (('zero', [0, 0, 0, 0, 0, 0]), ('long', [2, 0, 0, 0, 2, 0])):
+        wrong = stack(tool, f'turned-{name}', ImageOrientationPatient=cosines)
+        tool.equal(wrong.folder, volume(6), spacing=[0.7, 0.5, 2.0], anatomy='')
+        warned(tool, wrong.folder, 'ImageOrientationPatient', 'not of length 1')
+    same = Series(tool, 'same')
+    for n in range(4):
+        same.add(f'{n}.dcm', 0, n, InstanceNumber=None)
+    tool.refused(same.folder, '0.dcm and 1.dcm show the same place', 'InstanceNumber')
+    offsets = (0, 2, 4, 7)
+    dose = [files.Frame(f.values, position=(1, 2, 3 + n)) for f, n in zip(files.stack(4), offsets)]
+    path = files.dose(tool.path('uneven dose.dcm'), dose, offsets)
+    warned(tool, path, 'do not lie evenly', 'between 2 and 3 mm')
+    info, _ = tool.dump(path)
+    if any('missing' in text for text in info['warnings']):
+        tool.fail(path, f'no slice is missing: {info["warnings"]}')
+    tool.refused(files.changed(files.enhanced(tool.path('empty.dcm'), files.stack(1)), Rows=0), 'Rows or Columns is 0')
+    path = files.enhanced(tool.path('groups.dcm'), files.stack(6))
+    files.changed(path, PerFrameFunctionalGroupsSequence=pydicom.dcmread(path).PerFrameFunctionalGroupsSequence[:4])
+    warned(tool, path, 'Left out 2 frames', '2 without a place from frame 5 on')
+
+
+def check_regions(tool):
+    """An ultrasound image with several regions has the scale of the first one in cm."""
+    def region(x, y, units=(3, 3)):
+        return files.item(PhysicalUnitsXDirection=units[0], PhysicalUnitsYDirection=units[1], PhysicalDeltaX=x, PhysicalDeltaY=y)
+
+    for regions, spacing, is_mixed in (([region(0.01, 0.02)], [0.1, 0.2, 1], False), ([region(0.01, 0.02)] * 2, [0.1, 0.2, 1], False),
+                                       ([region(0.01, 0.01), region(0.03, 0.03)], [0.1, 0.1, 1], True),
+                                       ([region(0.01, 2.0, (4, 7)), region(0.03, 0.03)], [0.3, 0.3, 1], True)):
+        path = files.capture(tool.path('regions.dcm'), files.stack(2), Modality='US', SequenceOfUltrasoundRegions=regions)
+        info, _ = tool.dump(path)
+        tool.checks += 1
+        if not numpy.allclose(info['spacing'], spacing) or info['unit'] != 'mm':
+            tool.fail(path, f'spacing {info["spacing"]} {info["unit"]}, expected {spacing} mm')
+        if any('several scales or units' in text for text in info['warnings']) != is_mixed:
+            tool.fail(path, f'mixed regions: {is_mixed}, warnings: {info["warnings"]}')
+
+
 def check(tool):
     warnings.filterwarnings('ignore', 'Invalid value for VR')  # of times that old files write
-    for part in (check_midnight, check_scout, check_missing, check_gaps, check_twins, check_bare, check_words, check_mosaics, check_joined, check_bits, check_named, check_reconstructions):
+    for part in (check_midnight, check_scout, check_missing, check_gaps, check_twins, check_bare, check_words, check_mosaics, check_joined, check_bits, check_named, check_reconstructions,
+                 check_told, check_messages, check_regions):
         part(tool)

@@ -38,6 +38,8 @@ static void mend_frame(struct dicom_frame *frame) {
     frame->unit[sizeof frame->unit - 1] = 0;
     frame->segment &= 0xffff;
     mend(&frame->is_placed);
+    mend(&frame->has_regions);
+    mend(&frame->is_turned_wrong);
     mend(&frame->is_spaced);
     mend(&frame->is_assumed);
     mend(&frame->is_ratio);
@@ -64,12 +66,12 @@ static const struct dicom_image usual = {
 };
 
 static bool describe(const char *path, struct dicom_image *image, char *why, size_t capacity) {
-    bool *const flags[] = { &image->is_signed,    &image->is_float,      &image->is_bits,
-                            &image->is_planar,    &image->is_packed,     &image->is_swapped,
-                            &image->is_labels,    &image->is_in_patient, &image->has_number,
-                            &image->is_directory, &image->is_tiled,      &image->has_places,
-                            &image->is_mosaic,    &image->has_labels,    &image->has_words,
-                            &image->is_foreign };
+    bool *const flags[] = { &image->is_signed,    &image->is_float,       &image->is_bits,
+                            &image->is_planar,    &image->is_packed,      &image->is_swapped,
+                            &image->is_labels,    &image->is_in_patient,  &image->has_number,
+                            &image->is_directory, &image->is_tiled,       &image->has_places,
+                            &image->is_mosaic,    &image->has_labels,     &image->has_words,
+                            &image->is_foreign,   &image->has_empty_image };
     unsigned char bytes[sizeof *image] = { 0 };
     *image = usual;
     snprintf(why, capacity, "too short");
@@ -79,6 +81,8 @@ static bool describe(const char *path, struct dicom_image *image, char *why, siz
         ((unsigned char *)image)[i] ^= bytes[i];
     image->id[sizeof image->id - 1] = 0;
     image->series[sizeof image->series - 1] = 0;
+    image->patient[sizeof image->patient - 1] = 0;
+    image->space[sizeof image->space - 1] = 0;
     image->modality[sizeof image->modality - 1] = 0;
     image->description[sizeof image->description - 1] = 0;
     image->note[sizeof image->note - 1] = 0;

@@ -79,10 +79,10 @@ static void a_missing_slice_leaves_the_others_in_their_places(void **state) {
     assert_compare(fabs(grid->coordinates[2][2] - 7.5), <=, 1e-9);
     check_slice(volume, 1, 1, -24);
     check_slice(volume, 2, 3, -24);
-    assert_string_equal(
-        sp_volume_info(volume)->warnings[0],
-        "Left out 1 other image of the series, whose size, kind, spacing or direction differs: "
-        "overview.dcm.");
+    assert_string_equal(sp_volume_info(volume)->warnings[0],
+                        "Left out 1 other image of the series, whose size, kind, spacing, "
+                        "direction or patient differs: "
+                        "overview.dcm.");
     assert_string_equal(sp_volume_info(volume)->warnings[1],
                         "Left out 1 file that cannot be read: broken.dcm: this is "
                         "no DICOM file, or it is "
