@@ -242,7 +242,7 @@ static struct srv_hibernated_session *find_surplus(const struct srv_hub *hub) {
         most = by->count > most->count ? by : most;
     for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
         for (struct srv_hibernated_session *s = hub->hibernated.buckets[i]; s; s = s->next)
-            if (s->owner == most &&
+            if (s->owner == most && s != hub->hibernated.resumed &&
                 (!found || s->is_guests > found->is_guests ||
                  (s->is_guests == found->is_guests && s->used_ms < found->used_ms)))
                 found = s;
@@ -259,8 +259,10 @@ static void end_hibernated(struct srv_hub *hub, const struct srv_hibernated_sess
 
 bool srv_hibernated_add(struct srv_hub *hub, const struct srv_session *session) {
     char why[128];
-    while (hub->hibernated.count > 0 && hub->hibernated.count >= hub->options.hibernated_max) {
-        const struct srv_hibernated_session *surplus = find_surplus(hub);
+    const unsigned resumed = hub->hibernated.resumed != NULL;
+    const struct srv_hibernated_session *surplus;
+    while (hub->hibernated.count - resumed >= hub->options.hibernated_max &&
+           (surplus = find_surplus(hub))) {
         snprintf(why, sizeof why,
                  "%u sessions are hibernated (--hibernated-sessions), %u of them of %s",
                  hub->hibernated.count, surplus->owner->count, surplus->owner->name);
@@ -407,16 +409,14 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
         return NULL;
     }
     session->identity.is_guests = (*link)->is_guests;
-    if (!srv_hub_ensure_capacity(hub, &session->identity, err)) {
+    hub->hibernated.resumed = *link;
+    const bool has_capacity = srv_hub_ensure_capacity(hub, &session->identity, err);
+    hub->hibernated.resumed = NULL;
+    if (!has_capacity) {
         srv_hub_free_session(hub, session);
         return NULL;
     }
     link = find(hub, id); /* ensure_capacity() may have changed the list */
-    if (!*link) {
-        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "the session '%s' ended: there are too many", id);
-        srv_hub_free_session(hub, session);
-        return NULL;
-    }
     session->saved.used_ms = (*link)->used_ms;
     unlink_hibernated(hub, link);
     srv_hub_link_session(hub, session, now_ms);

@@ -232,6 +232,7 @@ struct srv_active_sessions {
 struct srv_hibernated_sessions { /* hibernate.c */
     struct srv_hibernated_session *buckets[SRV_HUB_BUCKETS];
     struct srv_hibernated_owner *owners;
+    const struct srv_hibernated_session *resumed; /* becomes active now: it does not end instead */
     struct srv_timer_heap ends;
     unsigned count;
 };
