@@ -134,7 +134,10 @@ static void take_wrf(struct arrays *a, struct import_header *header) {
         a->is_placed[axis] = true;
     }
     snprintf(header->unit, sizeof header->unit, "m");
-    if (grid->dims[2] < 2 || a->is_placed[2])
+    if (a->is_placed[2])
+        return;
+    grid->spacing[2] = steps[0]; /* of a flat array */
+    if (grid->dims[2] < 2)
         return;
     const double extent = fmax(steps[0] * (grid->dims[0] - 1), steps[1] * (grid->dims[1] - 1));
     grid->spacing[2] = fmax(extent, steps[0]) * ARRAYS_HEIGHT_SHARE / (grid->dims[2] - 1);

@@ -75,13 +75,12 @@ static void place_mesh(const struct arrays *a, struct import_header *header) {
         return;
     mesh_text(a, "geometry", geometry, sizeof geometry);
     mesh_text(a, "dataOrder", order, sizeof order);
-    if (count != rank || !are_positive(spacing, rank) ||
-        (*geometry && strcmp(geometry, "cartesian") != 0)) {
+    const bool is_cartesian = !*geometry || strcmp(geometry, "cartesian") == 0;
+    if (!is_cartesian || count != rank || !are_positive(spacing, rank)) {
         import_warn(a->file->warnings,
-                    "The mesh of openPMD has %s geometry \"%.40s\": it is shown on an even grid of "
-                    "its indices.",
-                    count == rank ? "the" : "another number of axes, and the",
-                    *geometry ? geometry : "cartesian");
+                    "The mesh of openPMD %s%.40s%s: it is shown on an even grid of its indices.",
+                    is_cartesian ? "has no valid gridSpacing" : "has the geometry \"",
+                    is_cartesian ? "" : geometry, is_cartesian ? "" : "\"");
         return;
     }
     const size_t units = mesh_numbers(a, "gridUnitSI", meters);
@@ -104,6 +103,8 @@ static void place_mesh(const struct arrays *a, struct import_header *header) {
         const double factor = unit ? meters[k] / unit->meters : 1;
         const double origin = (offset[k] + position[k] * spacing[k]) * factor;
         header->grid.spacing[axis] = spacing[k] * factor;
+        if (axis == 0) /* a flat mesh is as thick as its columns are wide */
+            header->grid.spacing[1] = header->grid.spacing[2] = spacing[k] * factor;
         header->grid.origin[axis] = isfinite(origin) ? origin : 0;
     }
     snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : "");

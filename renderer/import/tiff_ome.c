@@ -181,7 +181,7 @@ static void take_height(struct ome *o, const char **list) {
 static void take_distance(struct ome *o) {
     struct tiff_planes *p = o->planes;
     const struct sp_unit *unit = sp_unit_find(o->height_unit);
-    if (p->slices < 2 || p->spacing[2] > 0 || !o->heights || !unit)
+    if (p->slices < 2 || !(p->spacing[0] > 0) || p->spacing[2] > 0 || !o->heights || !unit)
         return;
     const double step = (o->heights[p->slices - 1] - o->heights[0]) / (p->slices - 1);
     for (uint32_t i = 0; i < p->slices; i++)
@@ -190,8 +190,6 @@ static void take_distance(struct ome *o) {
     if (!isfinite(step) || step == 0)
         return;
     p->spacing[2] = fabs(step);
-    if (!p->unit[0])
-        snprintf(p->unit, sizeof p->unit, "%s", unit->shown);
     tiff_planes_convert(p, o->file, 2, unit->shown);
 }
 

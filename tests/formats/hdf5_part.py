@@ -159,6 +159,13 @@ def check_openpmd(tool):
     tool.layout('HDF5', layout, f'{path}:/data/1/fields/fortran', data, spacing=[3, 2, 1], origin=[30, 20, 10], unit='um', warned='')
     tool.layout('HDF5', layout, f'{path}:/data/1/fields/turned', data.transpose(2, 1, 0), spacing=[3, 2, 1], origin=[30, 20, 10], unit='um', warned='')
     tool.equal(f'{path}:/data/1/fields/fine', data, spacing=[10, 20, 30], unit='nm', warned='')
+    with h5py.File(path, 'r+') as file:
+        file['flat'] = data[0]
+        file['flat'].attrs.update({**mesh, 'axisLabels': [b'y', b'x'], 'gridSpacing': [2.0, 3.0], 'gridGlobalOffset': [0.0, 0.0]})
+        file['wrong'] = data
+        file['wrong'].attrs.update({**mesh, 'gridSpacing': [2.0, numpy.nan, 1.0]})
+    tool.equal(f'{path}:/flat', data[:1], spacing=[3, 2, 3], unit='um', warned='')
+    tool.equal(f'{path}:/wrong', data, spacing=[1, 1, 1], warned='has no valid gridSpacing: it is shown')
     tool.layout('HDF5', 'openPMD: a mesh that is not cartesian', f'{path}:/data/1/fields/modes', data, spacing=[1, 1, 1], warned='"thetaMode"',
                 result='indices, and a warning')
 
