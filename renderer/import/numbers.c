@@ -217,11 +217,11 @@ uint32_t import_numbers_hold(struct sp_numbered *files, const struct import_numb
 void import_numbers_warn_left_out(uint32_t left_out, const char *example, const char *own,
                                   struct import_warnings *warnings) {
     if (left_out > 0)
-        import_warn(
-            warnings,
-            "%" PRIu32 " numbered files were left out, such as %.60s: their numbers tell "
-            "another subject, well, position or channel than %.60s. Open them on their own.",
-            left_out, example, own);
+        import_warn(warnings,
+                    "%" PRIu32 " numbered %s left out, such as %.60s: the numbers tell another "
+                    "subject, well, position or channel than those of %.60s. Open %s by name.",
+                    left_out, left_out == 1 ? "file was" : "files were", example, own,
+                    left_out == 1 ? "it" : "them");
 }
 
 /* Numbers that are missing, beside the usual distance between two. */

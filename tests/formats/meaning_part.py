@@ -267,8 +267,10 @@ def check_choices(tool):
     """Choices that are unknown, empty, repeated or without effect are errors that name the known ones."""
     path = tool.path('plain.nrrd')
     nrrd.write(path, field(10))
-    for query in ('foo=1', 'as=', 'unit=', 'as=time&as=rgb', 'unit=mm&foo=1'):
-        tool.refused(f'{path}?{query}', query, 'level, series, as, unit, vectors and field')
+    for query, *words in (('foo=1', '"foo="', 'known are level='), ('as=', '"as=" needs a value'),
+                          ('unit=', '"unit=" needs a value'), ('as=time&as=rgb', 'as=time&as=rgb', 'once each'),
+                          ('unit=mm&foo=1', '"foo="', 'known are level=')):
+        tool.refused(f'{path}?{query}', *words)
     tool.refused(f'{path}?level=2', 'no levels of detail')
     tool.refused(f'{path}?unit=foo bar', 'one word')
     named = tool.path('plain?foo=1.nrrd')

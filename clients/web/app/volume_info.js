@@ -63,12 +63,13 @@ export class VolumeInfo {
 
   /** The shown volume, as in the list; null = unknown. */
   show(volume) {
+    if (volume?.id !== this.#volume?.id) this.#app.notice.hide('volume'); // it is about another one
     const isOther = volume?.id !== this.#volume?.id || volume?.state !== this.#volume?.state;
     this.#volume = volume;
     this.#fold.hidden = volume?.state !== 'ready';
     if (!isOther) return;
     this.#fill();
-    if (isBlank(volume)) this.#app.notice.show(t('info.blank', { name: volume.name }), 'warning');
+    if (isBlank(volume)) this.#app.notice.show(t('info.blank', { name: volume.name }), 'warning', 'volume');
     else this.#tellWarnings();
   }
 
@@ -80,7 +81,7 @@ export class VolumeInfo {
     const key = `warned:${id}:${source}`;
     if (storage.recall(key) === warnings.join(' ')) return;
     storage.remember(key, warnings.join(' '));
-    notice.show(warnings.length === 1 ? t('info.warnings.one', { name, text: warnings[0] }) : t('info.warnings.more', { name, text: warnings[0] }), 'info');
+    notice.show(warnings.length === 1 ? t('info.warnings.one', { name, text: warnings[0] }) : t('info.warnings.more', { name, text: warnings[0] }), 'info', 'volume');
   }
 
   async #fill() {

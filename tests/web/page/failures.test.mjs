@@ -287,6 +287,8 @@ test('a volume without a finite number says why the picture is empty', async (co
   assert.ok(await it.page.locator('#notice').isHidden(), 'one sample has a value');
   await it.page.click('#volumes [data-id="bad"]');
   await it.notice('No value of bad.nrrd is a finite number');
+  await it.page.click('#volumes [data-id="good"]');
+  await it.page.locator('#notice').waitFor({ state: 'hidden', timeout: 7000 }); // sooner than by itself
 });
 
 test('volumes of the same name are told apart, and long names stay inside of the panel', async (context) => {
