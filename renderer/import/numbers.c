@@ -144,12 +144,12 @@ static void use_several(struct search *s, enum import_number_kind main) {
         }
 }
 
-void import_numbers_find(const struct sp_numbered *files, enum import_number_kind main,
+bool import_numbers_find(const struct sp_numbered *files, enum import_number_kind main,
                          struct import_numbers *numbers) {
     uint64_t *values = files->count > 1 ? malloc(files->count * sizeof *values) : NULL;
     *numbers = (struct import_numbers){ .count = 0 };
-    if (!values) /* one file; without memory, what needs more fails */
-        return;
+    if (!values)
+        return files->count < 2;
     struct search s = { .numbers = numbers, .name = files->names[0], .alone = -1 };
     while (*find_number(s.name, numbers->count))
         numbers->count++;
@@ -159,6 +159,7 @@ void import_numbers_find(const struct sp_numbered *files, enum import_number_kin
         use_alone(&s, main);
     else
         use_several(&s, main);
+    return true;
 }
 
 static int number_of(const struct import_numbers *numbers, enum import_number_kind meaning) {

@@ -133,7 +133,6 @@ static bool open_alone(struct series *s, const struct import_file *file,
 static uint32_t hold_others(struct series *s, const struct import_file *file,
                             struct import_numbers *numbers, char example[NAME_MAX + 1]) {
     uint32_t left_out = 0;
-    import_numbers_find(&s->numbered, IMPORT_NUMBER_TIME, numbers);
     for (unsigned k = 0; k < numbers->count && file->is_guess && numbers->is_doubtful; k++)
         if (numbers->meanings[k] == IMPORT_NUMBER_TIME)
             numbers->meanings[k] = IMPORT_NUMBER_OTHER;
@@ -155,6 +154,8 @@ static bool open_numbered(struct series *s, const struct import_file *file,
         return false;
     if (s->numbered.count == 0)
         return sp_fail(err, SP_ERR_NOT_FOUND, file->shown, "the files of the series are gone");
+    if (!import_numbers_find(&s->numbered, IMPORT_NUMBER_TIME, &numbers))
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the names of files");
     const uint32_t left_out = hold_others(s, file, &numbers, example);
     const uint32_t count = s->numbered.count;
     const uint32_t step = count > 1 && file->step < count ? file->step : 0;

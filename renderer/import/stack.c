@@ -56,11 +56,12 @@ static bool find_files(struct stack *s, struct sp_error *err) {
     if (!sp_numbered_list(s->file->folder, pattern, SP_DIM_MAX + 1, &s->slices, s->file->shown,
                           err))
         return false;
-    import_numbers_find(&s->slices,
-                        as == IMPORT_AS_TIME       ? IMPORT_NUMBER_TIME
-                        : as == IMPORT_AS_CHANNELS ? IMPORT_NUMBER_CHANNEL
-                                                   : IMPORT_NUMBER_SLICE,
-                        &s->numbers);
+    if (!import_numbers_find(&s->slices,
+                             as == IMPORT_AS_TIME       ? IMPORT_NUMBER_TIME
+                             : as == IMPORT_AS_CHANNELS ? IMPORT_NUMBER_CHANNEL
+                                                        : IMPORT_NUMBER_SLICE,
+                             &s->numbers))
+        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory for the names of files");
     if (import_numbers_count(&s->slices, &s->numbers, IMPORT_NUMBER_TIME, NULL) > 1)
         s->alone.step = 0;
     if (as == IMPORT_AS_TIME || as == IMPORT_AS_CHANNELS)
@@ -279,6 +280,11 @@ static bool take(struct stack *s, struct import_header *header, struct sp_error 
                        SP_DIM_MAX);
     if (!choose_files(s, header, err) || !keep_alike(s, err))
         return false;
+    if (s->slices.count == 0)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->shown,
+                       "the files of this time step or channel differ from %.60s in size, type or "
+                       "spacing; open one of them, or ?as=slice",
+                       own_name(s));
     import_numbers_warn(&s->slices, &s->numbers, IMPORT_NUMBER_SLICE, "slices", s->file->warnings);
     warn_doubtful(s);
     if (s->slices.count < 2 && header->steps.count < 2 && !header->others[0][0])

@@ -204,6 +204,8 @@ static void words_before_numbers_tell_times_and_channels(void **state) {
     sp_volume_unref(&volume);
     volume = check_step("tz/img_t002_z001.tif", 1, 3, 4, 5, "");
     sp_volume_unref(&volume);
+    volume = check_step("tz/img_t*_z*.tif", 2, 3, 4, 10, "");
+    sp_volume_unref(&volume);
     check_slices("cz?field=channel 2", 4, 12, "");
     volume = check_step("cz/Img2-C2.tif", 0, 1, 4, 6, "");
     assert_string_equal(sp_volume_info(volume)->value_name, "channel 1");
