@@ -346,10 +346,11 @@ void fill_texts(const groups &in, dicom_frame &frame) {
         { DICOM_TEXT_DESCRIPTION, 0x0008, 0x103e },
     };
     for (const auto &one : plain)
-        set_text(frame, one.text, dicom_text(in.file, one.group, one.element));
+        set_text(frame, one.text,
+                 dicom_words(in.file, dicom_text(in.file, one.group, one.element)));
     const std::string derivation = dicom_text(in.file, 0x0008, 0x2111);
     if (!derivation.empty())
-        set_text(frame, DICOM_TEXT_DESCRIPTION, derivation);
+        set_text(frame, DICOM_TEXT_DESCRIPTION, dicom_words(in.file, derivation));
     const std::string kernel = dicom_text(in.find(0x0018, 0x9314), 0x0018, 0x1210);
     if (!kernel.empty())
         set_text(frame, DICOM_TEXT_KERNEL, kernel);
@@ -379,7 +380,7 @@ void fill_segment(const groups &in, dicom_frame &frame) {
         const gdcm::DataSet &segment = segments->GetItem(i).GetNestedDataSet();
         const std::string label = dicom_text(segment, 0x0062, 0x0005);
         if (dicom_value<uint16_t>(segment, 0x0062, 0x0004) == number && !label.empty())
-            set_text(frame, DICOM_TEXT_FLAVOUR, label);
+            set_text(frame, DICOM_TEXT_FLAVOUR, dicom_words(in.file, label));
     }
 }
 

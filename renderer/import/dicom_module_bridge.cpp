@@ -202,7 +202,8 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     dicom_copy(image->patient, sizeof image->patient, dicom_text(set, 0x0010, 0x0020));
     dicom_copy(image->space, sizeof image->space, dicom_text(set, 0x0020, 0x0052));
     dicom_copy(image->modality, sizeof image->modality, dicom_text(set, 0x0008, 0x0060));
-    dicom_copy(image->description, sizeof image->description, dicom_text(set, 0x0008, 0x103e));
+    dicom_copy(image->description, sizeof image->description,
+               dicom_words(set, dicom_text(set, 0x0008, 0x103e)));
     dicom_copy(image->id, sizeof image->id, dicom_text(set, 0x0008, 0x0018));
     const double number = dicom_number(set, 0x0020, 0x0011);
     image->has_number = std::fabs(number) <= 0x7fffffff;

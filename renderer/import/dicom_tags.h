@@ -55,6 +55,10 @@ gdcm::DataSet dicom_item(const gdcm::DataSet &set, uint16_t group, uint16_t elem
  * not UTF-8 is taken for Latin 1, which most other files have. */
 void dicom_copy(char *out, size_t capacity, const std::string &text);
 
+/* A text of the file as UTF-8, by the SpecificCharacterSet of the file; as it is, if it is not in
+ * this set (dicom_text_bridge.cpp). */
+std::string dicom_words(const gdcm::DataSet &file, const std::string &text);
+
 /* What a file without functional groups does not give of its place. */
 enum dicom_gap {
     DICOM_NO_GAP,

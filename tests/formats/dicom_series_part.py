@@ -424,6 +424,24 @@ def check_messages(tool):
     warned(tool, path, 'Left out 2 frames', '2 without a place from frame 5 on')
 
 
+def check_words_of_sets(tool):
+    """Descriptions in the character sets of DICOM choose their series; a label its segment."""
+    study = tool.path('sets')
+    names = (('ISO_IR 100', 'Schädel'), ('ISO_IR 101', 'głowa'), ('ISO_IR 144', 'Голова'), ('ISO_IR 126', 'κεφαλή'), ('ISO_IR 192', '頭部 ä'),
+             ('GB18030', '头部'), (['', 'ISO 2022 IR 87'], '頭部 AX'), (['', 'ISO 2022 IR 149'], '머리'), (['ISO 2022 IR 13', 'ISO 2022 IR 87'], '頭 x'))
+    for number, (charset, name) in enumerate(names):
+        series = Series(tool, f'set{number}', study, SpecificCharacterSet=charset, SeriesDescription=name, SeriesNumber=100 + number)
+        series.add(f'{number}.dcm', 0, number)
+    for number, (_, name) in enumerate(names):
+        whole(tool, f'{study}?series={name}', count=1, time=number)
+    frames = [(n, files.Frame(numpy.full((4, 4), n - 1, 'u1'))) for n in (1, 2)]
+    path = files.segmentation(tool.path('label.dcm'), frames, {1: 'other', 2: 'XX'})
+    data = pydicom.dcmread(path)
+    data.SpecificCharacterSet, data.SegmentSequence[1].SegmentLabel = ['', 'ISO 2022 IR 87'], '頭部'
+    data.save_as(path)
+    tool.equal(f'{path}?field=頭部', numpy.ones((1, 4, 4)), name='頭部')
+
+
 def check_regions(tool):
     """An ultrasound image with several regions has the scale of the first one in cm."""
     def region(x, y, units=(3, 3)):
@@ -444,5 +462,5 @@ def check_regions(tool):
 def check(tool):
     warnings.filterwarnings('ignore', 'Invalid value for VR')  # of times that old files write
     for part in (check_midnight, check_scout, check_missing, check_gaps, check_twins, check_bare, check_words, check_mosaics, check_joined, check_bits, check_named, check_reconstructions,
-                 check_told, check_messages, check_regions):
+                 check_told, check_messages, check_words_of_sets, check_regions):
         part(tool)
