@@ -206,7 +206,7 @@ void *dicom_open_pixels(const char *path, dicom_image *image, char *why, size_t 
     p->planar = gdcm::ImageHelper::GetPlanarConfigurationValue(file);
     if (file.GetDataSet().FindDataElement(tag))
         p->fragments = file.GetDataSet().GetDataElement(tag).GetSequenceOfFragments();
-    if (p->fragments)
+    if (p->fragments && p->frames > 0)
         find_frames(*p);
     if (!p->first.empty())
         dicom_check_colors(code_of(*p, 0), image);
