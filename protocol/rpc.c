@@ -125,6 +125,7 @@ enum proto_rpc_code proto_rpc_code_from(enum sp_code code) {
     case SP_ERR_DENIED:
         return PROTO_RPC_DENIED;
     case SP_ERR_BUDGET:
+    case SP_ERR_FRAME_BUDGET:
     case SP_ERR_QUOTA:
     case SP_ERR_TOO_LARGE:
         return PROTO_RPC_LIMIT;

@@ -16,6 +16,7 @@
 #include "layers/others.h"
 #include "light/light.h"
 #include "resample/resample.h"
+#include "sp/budget.h"
 #include "sp/edit.h"
 #include "sp/inflight.h"
 #include "sp/log.h"
@@ -96,6 +97,7 @@ static bool read_options(struct sp_renderer *r, const struct sp_renderer_options
         .threads = o->threads ? o->threads : count_cores(),
         .memory_bytes = o->memory_bytes ? o->memory_bytes : half_of_memory(),
         .video_bytes = o->video_bytes,
+        .frame_budget = o->frame_budget,
         .isa = strdup(o->isa ? o->isa : "auto"),
         .require_gpu = o->require_gpu,
         .refused = o->refused,
@@ -404,8 +406,8 @@ static bool draw_composed(struct sp_renderer *r, struct inflight *f, struct sp_e
     struct composing composing = { r, f };
     if (!r->workers)
         r->workers = sp_pool_create(r->wanted.threads, err);
-    if (r->workers && !r->frames)
-        r->frames = sp_frame_pool_create(idle_bytes, err);
+    if (r->workers && !r->frames && (r->frames = sp_frame_pool_create(idle_bytes, err)))
+        sp_frame_pool_set_budget(r->frames, r->wanted.frame_budget);
     if (!r->workers || !r->frames)
         return false;
     name_backend(f->job.frame, &r->info);
@@ -552,6 +554,26 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     return true;
 }
 
+static void trim(const struct sp_backend *backend, void *state) {
+    if (backend && backend->trim)
+        backend->trim(state);
+}
+
+void sp_renderer_trim(struct sp_renderer *renderer) {
+    assert(renderer->begun == 0);
+    trim(atomic_load(&renderer->backend), renderer->state);
+    trim(renderer->fallback.backend, renderer->fallback.state);
+    if (renderer->frames)
+        sp_frame_pool_trim(renderer->frames);
+}
+
+/* Leaves the memory to others if it is scarce. */
+static void trim_if_tight(struct sp_renderer *r) {
+    const struct sp_budget *budget = r->wanted.frame_budget;
+    if (r->begun == 0 && sp_budget_total(budget) > sp_budget_limit(budget) / 2)
+        sp_renderer_trim(r);
+}
+
 struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
     assert(renderer->begun > 0);
     struct inflight *f = inflight_at(renderer, 0);
@@ -565,6 +587,7 @@ struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_erro
         frame->stats.cpu_ms = f->cpu_ms + sp_clock_cpu_ms() - start_cpu_ms;
     }
     pop_oldest(renderer);
+    trim_if_tight(renderer);
     return frame;
 }
 

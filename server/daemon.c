@@ -17,11 +17,11 @@
 #include "http/address.h"
 #include "http/cors.h"
 #include "http/listener.h"
-#include "http/snapshot_memory.h"
 #include "http/streams.h"
 #include "paths/paths.h"
 #include "render/brick_cache.h"
 #include "render/catalog.h"
+#include "render/frame_memory.h"
 #include "render/persistence.h"
 #include "render/render_pool.h"
 #include "session/hub.h"
@@ -36,7 +36,7 @@ struct srv_daemon {
     struct srv_brick_cache *cache; /* NULL = none */
     struct srv_catalog *catalog;
     struct srv_render_pool *render_pool;
-    struct srv_snapshot_memory *snapshot_memory;
+    struct srv_frame_memory frame_memory;
     struct srv_tokens *tokens;
     char token[SRV_TOKEN_DIGITS + 1]; /* the only token if there is no --token-file */
     struct srv_hub *hub;
@@ -254,6 +254,7 @@ static bool start_renderer(struct srv_daemon *d, struct sp_error *err) {
                                                                ? budget / 2
                                                                : CACHED_BYTES_MIN };
     struct sp_renderer_options first = options;
+    first.frame_budget = d->frame_memory.sessions;
     first.refused = on_backend_refused;
     first.user = d;
     struct sp_renderer *renderer = sp_renderer_create(&first, err);
@@ -266,6 +267,7 @@ static bool start_renderer(struct srv_daemon *d, struct sp_error *err) {
                                             .queue_max = (unsigned)c->render_queue,
                                             .encode_threads = (unsigned)c->encode_threads,
                                             .video_px = (uint64_t)c->video_px,
+                                            .frame_memory = d->frame_memory,
                                             .renderer = options };
     d->render_pool = srv_render_pool_create(&pool, &renderer, err);
     if (!d->render_pool)
@@ -365,7 +367,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->cache = d->cache;
     o->render_pool = d->render_pool;
     o->streams = d->streams;
-    o->snapshot_memory = d->snapshot_memory;
+    o->frame_memory = &d->frame_memory;
     o->tokens = d->tokens;
     o->store = d->store;
     o->paths = atomic_load(&d->paths);
@@ -467,7 +469,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         (d->picking = srv_work_queue_create(NULL, err)) &&
         (d->listing = srv_work_queue_create("the listing thread", err)) &&
         (d->searching = srv_work_queue_create("the search thread", err)) &&
-        (d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
+        srv_frame_memory_init(&d->frame_memory, (uint64_t)config->render_bytes, err) &&
         open_store(d, err) && start_tokens(d, err) && start_uploads(d, err) &&
         (d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, err) &&
         start_sessions(d, err) && start_volumes(d, err) && start_paths(d, err) &&
@@ -551,7 +553,6 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     atomic_store(&d->http, NULL);
     srv_streams_destroy(&d->streams);
     srv_http_destroy(&http);
-    srv_snapshot_memory_destroy(&d->snapshot_memory);
     atomic_store(&d->paths, NULL);
     srv_paths_destroy(&paths);
     srv_hub_destroy(&d->hub);
@@ -568,5 +569,6 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_work_queue_destroy(&d->searching);
     srv_uploads_destroy(&d->uploads);
     srv_metrics_destroy(&d->metrics);
+    srv_frame_memory_finish(&d->frame_memory);
     free(d);
 }

@@ -42,10 +42,11 @@ struct sp_capabilities {
 #define SP_CAN_ALL UINT32_MAX
 
 struct sp_backend_options {
-    unsigned threads;      /* [1, 256] */
-    uint64_t memory_bytes; /* as in sp_renderer_options, > 0 */
-    uint64_t video_bytes;  /* as in sp_renderer_options */
-    const char *isa;       /* "auto" or a name; SP_ERR_INVALID if the backend does not know it */
+    unsigned threads;               /* [1, 256] */
+    uint64_t memory_bytes;          /* as in sp_renderer_options, > 0 */
+    uint64_t video_bytes;           /* as in sp_renderer_options */
+    struct sp_budget *frame_budget; /* as in sp_renderer_options */
+    const char *isa;  /* "auto" or a name; SP_ERR_INVALID if the backend does not know it */
     int gpu;          /* index of the GPU to use; −1 = the first that works. GPU backends only */
     bool require_gpu; /* start GPU backends only */
     /* A GPU backend calls passes() for each device on which it has created a state, before it
@@ -125,6 +126,10 @@ struct sp_backend {
     /* Optional; NULL = the backend caches nothing of a volume. */
     void (*evict)(void *state, const struct sp_volume *volume);
     uint64_t (*memory)(const void *state, const struct sp_volume *volume); /* bytes */
+
+    /* Optional; NULL = the backend keeps no memory of frames. Frees what it keeps from frame to
+     * frame to draw in. No frame is begun. */
+    void (*trim)(void *state);
 
     /* Optional; NULL = the backend has no devices to list. For sp_probe(); needs no state. */
     void (*probe)(const struct sp_backend_options *options, sp_device_visit *visit, void *user);

@@ -44,6 +44,8 @@ const char *sp_code_name(enum sp_code code) {
         return "cancelled";
     case SP_ERR_BACKEND:
         return "backend";
+    case SP_ERR_FRAME_BUDGET:
+        return "over-frame-budget";
     case SP_ERR_QUOTA:
         return "over-quota";
     case SP_ERR_NOT_READY:

@@ -94,8 +94,7 @@ static void place(const struct sp_cloud_input *in, double unit, struct sp_cloud 
 }
 
 static bool fail_memory(const struct sp_cloud_input *in, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                   in->arena->failed ? in->arena->failed : "elements");
+    return sp_arena_fail(in->arena, "elements", err);
 }
 
 /* The transfer function for the values of points. */

@@ -31,7 +31,20 @@ enum sp_image_format sp_image_format_find(const char *text) {
     return SP_IMAGE_FORMAT_COUNT;
 }
 
-enum { KEEP_BYTES = 64 << 20 };
+enum {
+    KEEP_BYTES = 64 << 20,
+    SMALL_BYTES = 1 << 20 /* kept by sp_encoder_trim() */
+};
+
+/* Bytes per pixel: converted pixels, what the library takes, the file in a buffer that doubles as it
+ * grows, and its copy. unit.encode_memory measures them. */
+uint64_t sp_encode_bytes(enum sp_image_format format, const uint32_t size[2]) {
+    static const unsigned per_pixel[SP_IMAGE_FORMAT_COUNT] = {
+        [SP_IMAGE_JPEG] = 12, [SP_IMAGE_PNG] = 16, [SP_IMAGE_WEBP] = 32, [SP_IMAGE_EXR] = 48
+    };
+    const uint64_t least = 256 << 10;
+    return least + (uint64_t)size[0] * size[1] * per_pixel[format];
+}
 
 bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_error *err) {
     /* Memory for one large image is freed when the images after it are far smaller. */
@@ -78,6 +91,18 @@ void sp_encoder_destroy(struct sp_encoder **encoder) {
     free(e->output.bytes);
     free(e);
     *encoder = NULL;
+}
+
+static void trim(struct sp_buffer *buffer) {
+    if (buffer->capacity <= SMALL_BYTES)
+        return;
+    free(buffer->bytes);
+    *buffer = (struct sp_buffer){ .bytes = NULL };
+}
+
+void sp_encoder_trim(struct sp_encoder *encoder) {
+    trim(&encoder->pixels);
+    trim(&encoder->output);
 }
 
 static bool encode_raster(struct sp_encoder *encoder, const struct sp_raster *raster,

@@ -32,6 +32,14 @@ const char *sp_video_codec_name(enum sp_video_codec codec) {
     return codecs[codec].name;
 }
 
+uint64_t sp_video_bytes(enum sp_video_codec codec, const uint32_t size[2]) {
+    static const unsigned per_pixel[SP_VIDEO_CODEC_COUNT] = {
+        [SP_VIDEO_VP8] = 40, [SP_VIDEO_VP9] = 100, [SP_VIDEO_H264] = 60
+    };
+    const uint64_t least = 4 << 20;
+    return least + (uint64_t)size[0] * size[1] * per_pixel[codec];
+}
+
 enum sp_video_codec sp_video_codec_find(const char *name) {
     for (int i = 0; i < SP_VIDEO_CODEC_COUNT; i++)
         if (strcasecmp(name, codecs[i].name) == 0)

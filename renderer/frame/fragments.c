@@ -68,8 +68,49 @@ bool sp_fragments_init(struct sp_fragments *fragments, const uint32_t size[2],
     fragments->list = sp_arena_alloc(arena, "fragments by tile", tiles, sizeof *fragments->list);
     if (!fragments->first || !fragments->list)
         return false;
+    fragments->begin = 0;
+    fragments->end = fragments->most = fragments->rows;
+    fragments->ms = 0;
+    sp_fragments_clear(fragments);
+    return true;
+}
+
+void sp_fragments_clear(struct sp_fragments *fragments) {
+    const size_t tiles = (size_t)fragments->columns * (size_t)fragments->rows;
     memset(fragments->first, 0, tiles * sizeof *fragments->first);
     memset(fragments->list, 0, tiles * sizeof *fragments->list);
+}
+
+void sp_fragments_limit(struct sp_fragments *fragments, size_t bytes) {
+    const size_t tile_bytes =
+        SP_FRAGMENT_PIXELS * (SP_FRAGMENTS_MAX * sizeof(struct sp_fragment) + sizeof(uint32_t));
+    const size_t rows = bytes / tile_bytes / (size_t)fragments->columns;
+    fragments->begin = fragments->end = 0;
+    fragments->most = rows < 1 ? 1 : rows < (size_t)fragments->rows ? (int)rows : fragments->rows;
+}
+
+int sp_fragments_rows(const struct sp_fragments *fragments, int tile, int height) {
+    const int all = (height + tile - 1) / tile * tile;
+    if (!fragments || fragments->most == fragments->rows)
+        return all;
+    const int rows = fragments->most * SP_FRAGMENT_TILE / tile * tile;
+    return rows < tile ? tile : rows < all ? rows : all;
+}
+
+bool sp_fragments_find(struct sp_fragments *fragments, int begin, int end, struct sp_error *err) {
+    if (!fragments)
+        return true;
+    const int first = begin / SP_FRAGMENT_TILE;
+    const int below = (end + SP_FRAGMENT_TILE - 1) / SP_FRAGMENT_TILE;
+    const int last = below < fragments->rows ? below : fragments->rows;
+    if (fragments->begin <= first && fragments->end >= last)
+        return true;
+    fragments->begin = fragments->end = 0;
+    sp_fragments_clear(fragments);
+    if (!fragments->fill(fragments->user, first, last, err))
+        return false;
+    fragments->begin = first;
+    fragments->end = last;
     return true;
 }
 

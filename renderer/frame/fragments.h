@@ -4,8 +4,9 @@
  *
  *   surface ──┐                        ┌─ no volume layer: composited, front to back
  *   shell  ───┴─► tile of 32 × 32 px ──┤
- *                 sp_fragment_add()    └─ else stored; the volume's compositor takes each fragment
- *                                         before the sheet or slab behind it
+ *                 sp_fragment_add()    └─ else stored, a band of the image at a time; the volume's
+ *                                         compositor takes each fragment before the sheet or slab
+ *                                         behind it
  *
  * Depth is u2 of camera space: the distance from the eye along the view direction [world unit]. It
  * may be negative in orthographic projection.
@@ -17,6 +18,7 @@
 #include <stdint.h>
 
 #include "base/arena.h"
+#include "sp/status.h"
 
 enum {
     SP_FRAGMENT_TILE = 32, /* px, both ways */
@@ -37,9 +39,16 @@ struct sp_fragment_tile {
     struct sp_fragment list[SP_FRAGMENT_PIXELS][SP_FRAGMENTS_MAX + 1]; /* the last one: scratch */
 };
 
-/* The fragments of an image. */
+/* The fragments of a band of an image. All of a large image would take gigabytes: a compositor
+ * draws band after band, and calls sp_fragments_find() before each. */
 struct sp_fragments {
-    int columns, rows; /* of tiles */
+    int columns, rows; /* of tiles, in the image */
+    int begin, end;    /* rows of tiles that are there; equal = none */
+    int most;          /* rows of tiles that may be there at a time, at least 1 */
+    /* Replaces all fragments by those of the rows of tiles [begin, end), and adds to `ms`. */
+    bool (*fill)(void *user, int begin, int end, struct sp_error *err);
+    void *user;
+    double ms; /* spent in fill() */
     /* [columns · rows]: of each tile where its pixels' fragments start, or NULL = it has none. */
     const uint32_t **first;          /* [SP_FRAGMENT_PIXELS + 1] */
     const struct sp_fragment **list; /* [first[SP_FRAGMENT_PIXELS]], rising depth per pixel */
@@ -77,9 +86,23 @@ static inline void sp_fragment_over(const struct sp_fragment *fragment, float rg
     rgbt[3] *= 1 - fragment->alpha;
 }
 
-/* Allocates the lists of an image of that size, all empty. False: out of memory. */
+/* Allocates the lists of an image of that size, all empty and all there. False: out of memory. */
 bool sp_fragments_init(struct sp_fragments *fragments, const uint32_t size[2],
                        struct sp_arena *arena);
+
+/* Limits the fragments that are there to `bytes`, but not below a row of tiles; none is there. */
+void sp_fragments_limit(struct sp_fragments *fragments, size_t bytes);
+
+/* Returns how many rows of pixels a compositor draws at a time: a multiple of `tile`, the height of
+ * its tiles, and at least that. fragments: NULL = the whole image, of `height`. */
+int sp_fragments_rows(const struct sp_fragments *fragments, int tile, int height);
+
+/* Finds the fragments of pixel rows [begin, end), unless they are there. fragments: NULL = nothing
+ * to do. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+bool sp_fragments_find(struct sp_fragments *fragments, int begin, int end, struct sp_error *err);
+
+/* Empties the lists of all tiles. */
+void sp_fragments_clear(struct sp_fragments *fragments);
 
 /* Memory that a tile's fragments need, and the copy of a tile to that memory. Tiles may be stored
  * on several threads at a time; `first` is [SP_FRAGMENT_PIXELS + 1], `list` is

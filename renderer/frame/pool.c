@@ -7,6 +7,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
+#include "sp/budget.h"
 #include "sp/view.h"
 
 enum { ALIGN = 64 };
@@ -25,6 +26,7 @@ struct sp_frame_pool {
     size_t idle_bytes, cap_bytes;
     size_t live; /* frames with references; the pool is freed after the last one */
     uint64_t allocations;
+    struct sp_budget *budget; /* NULL = none */
     bool closed;
 };
 
@@ -64,9 +66,15 @@ static struct block *evict(struct sp_frame_pool *pool, size_t bytes) {
     return gone;
 }
 
+/* Of a block in memory. */
+static size_t size_of(size_t capacity) {
+    return round_up(sizeof(struct block)) + capacity;
+}
+
 static void free_blocks(struct block *list) {
     while (list) {
         struct block *next = list->next;
+        sp_budget_give(list->pool->budget, SP_BUDGET_IMAGES, size_of(list->capacity));
         free(list);
         list = next;
     }
@@ -90,6 +98,19 @@ void sp_frame_pool_destroy(struct sp_frame_pool **pool) {
         free_pool(p);
 }
 
+void sp_frame_pool_set_budget(struct sp_frame_pool *pool, struct sp_budget *budget) {
+    pool->budget = budget;
+}
+
+void sp_frame_pool_trim(struct sp_frame_pool *pool) {
+    pthread_mutex_lock(&pool->lock);
+    struct block *gone = pool->idle;
+    pool->idle = NULL;
+    pool->idle_bytes = 0;
+    pthread_mutex_unlock(&pool->lock);
+    free_blocks(gone);
+}
+
 /* Returns the smallest idle block that is large enough and wastes at most half; NULL if there is
  * none. */
 static struct block *take_idle(struct sp_frame_pool *pool, size_t bytes) {
@@ -107,6 +128,28 @@ static struct block *take_idle(struct sp_frame_pool *pool, size_t bytes) {
     return b;
 }
 
+/* Allocates a block for that many bytes of pixels. */
+static struct block *allocate(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
+                              size_t bytes, struct sp_error *err) {
+    const size_t size = size_of(bytes);
+    if (!sp_budget_take(pool->budget, SP_BUDGET_IMAGES, size)) {
+        sp_frame_pool_trim(pool);
+        if (!sp_budget_take(pool->budget, SP_BUDGET_IMAGES, size)) {
+            sp_budget_fail(pool->budget, "pixels", size, err);
+            return NULL;
+        }
+    }
+    struct block *b = aligned_alloc(ALIGN, size);
+    if (!b) {
+        sp_budget_give(pool->budget, SP_BUDGET_IMAGES, size);
+        sp_fail(err, SP_ERR_MEMORY, "/size", "out of memory for a frame of %u × %u px (%zu bytes)",
+                width, height, bytes);
+        return NULL;
+    }
+    b->capacity = bytes;
+    return b;
+}
+
 struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
                                  enum sp_pixel_format format, struct sp_error *err) {
     assert(width >= 1 && width <= SP_SIZE_MAX && height >= 1 && height <= SP_SIZE_MAX);
@@ -120,17 +163,11 @@ struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uin
     if (!b)
         pool->allocations++;
     pthread_mutex_unlock(&pool->lock);
-    if (!b) {
-        b = aligned_alloc(ALIGN, header + bytes);
-        if (!b) {
-            pthread_mutex_lock(&pool->lock);
-            pool->live--;
-            pthread_mutex_unlock(&pool->lock);
-            sp_fail(err, SP_ERR_MEMORY, "/size",
-                    "out of memory for a frame of %u × %u px (%zu bytes)", width, height, bytes);
-            return NULL;
-        }
-        b->capacity = bytes;
+    if (!b && !(b = allocate(pool, width, height, bytes, err))) {
+        pthread_mutex_lock(&pool->lock);
+        pool->live--;
+        pthread_mutex_unlock(&pool->lock);
+        return NULL;
     }
     b->pool = pool;
     b->next = NULL;

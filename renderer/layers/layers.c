@@ -40,8 +40,7 @@ void sp_layers_channel_view(const struct sp_view *view, uint32_t layer,
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                   arena->failed ? arena->failed : "layers");
+    return sp_arena_fail(arena, "layers", err);
 }
 
 /* What the caches other than that of `type` leave. */
@@ -253,6 +252,7 @@ static int columns_of(const struct sp_view *view) {
 
 struct drawing {
     const struct sp_layers *layers;
+    int begin; /* row of tiles */
     sp_layers_tile_fn *tile;
     void *user;
     atomic_bool is_out_of_memory;
@@ -278,18 +278,17 @@ static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sp_layers *l = d->layers;
     const int columns = columns_of(l->input->view);
     for (size_t t = begin; t < end && !sp_interrupt_is_cancelled(&l->input->interrupt); t++) {
-        draw_tile(l, &l->workers[worker], (int)t % columns, (int)t / columns);
+        draw_tile(l, &l->workers[worker], (int)t % columns, d->begin + (int)t / columns);
         if (!d->tile(d->user, &l->workers[worker].tile, worker))
             atomic_store_explicit(&d->is_out_of_memory, true, memory_order_relaxed);
     }
 }
 
-bool sp_layers_draw(const struct sp_layers *l, sp_layers_tile_fn *tile, void *user,
-                    struct sp_error *err) {
-    const struct sp_view *view = l->input->view;
-    size_t rows = (view->size[1] + SP_FRAGMENT_TILE - 1) / SP_FRAGMENT_TILE;
-    struct drawing d = { .layers = l, .tile = tile, .user = user };
-    sp_parallel_for(l->input->pool, (size_t)columns_of(view) * rows, 1, draw_tiles, &d);
+bool sp_layers_draw(const struct sp_layers *l, int begin, int end, sp_layers_tile_fn *tile,
+                    void *user, struct sp_error *err) {
+    const size_t tiles = (size_t)columns_of(l->input->view) * (size_t)(end - begin);
+    struct drawing d = { .layers = l, .begin = begin, .tile = tile, .user = user };
+    sp_parallel_for(l->input->pool, tiles, 1, draw_tiles, &d);
     if (sp_interrupt_is_cancelled(&l->input->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     return !atomic_load(&d.is_out_of_memory) ||
@@ -315,12 +314,16 @@ static bool store(void *user, const struct sp_fragment_tile *tile, unsigned work
     return true;
 }
 
-bool sp_layers_collect(const struct sp_layers *l, struct sp_arena *worker_arenas,
-                       struct sp_fragments *fragments, struct sp_error *err) {
+bool sp_layers_collect(const struct sp_layers *l, int begin, int end,
+                       struct sp_arena *worker_arenas, struct sp_fragments *fragments,
+                       struct sp_error *err) {
     struct collection collection = { fragments, worker_arenas };
     for (unsigned w = 0; w < sp_pool_threads(l->input->pool); w++)
         sp_arena_reset(&worker_arenas[w]);
-    if (!sp_fragments_init(fragments, l->input->view->size, l->input->arena))
-        return fail_memory(l->input->arena, err);
-    return sp_layers_draw(l, store, &collection, err);
+    if (sp_layers_draw(l, begin, end, store, &collection, err))
+        return true;
+    for (unsigned w = 0; w < sp_pool_threads(l->input->pool); w++)
+        if (worker_arenas[w].failed)
+            return sp_arena_fail(&worker_arenas[w], "fragments", err);
+    return false;
 }

@@ -98,13 +98,14 @@ bool sp_layers_cloud(const struct sp_layers_input *input, uint32_t layer,
 bool sp_layers_prepare(const struct sp_layers_input *input, struct sp_layers *layers,
                        struct sp_error *err);
 
-/* Passes all tiles to `tile`. SP_ERR_MEMORY, SP_ERR_CANCELLED. */
-bool sp_layers_draw(const struct sp_layers *layers, sp_layers_tile_fn *tile, void *user,
-                    struct sp_error *err);
+/* Passes the tiles of the rows [begin, end) to `tile`. SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+bool sp_layers_draw(const struct sp_layers *layers, int begin, int end, sp_layers_tile_fn *tile,
+                    void *user, struct sp_error *err);
 
-/* Collects the fragments of all tiles; they are valid until one of the arenas is reset, of which
- * each thread has one. Errors as above. */
-bool sp_layers_collect(const struct sp_layers *layers, struct sp_arena *worker_arenas,
-                       struct sp_fragments *fragments, struct sp_error *err);
+/* Collects the fragments of these rows of tiles; they are valid until one of the arenas is reset,
+ * of which each thread has one. It resets them. Errors as above, SP_ERR_FRAME_BUDGET. */
+bool sp_layers_collect(const struct sp_layers *layers, int begin, int end,
+                       struct sp_arena *worker_arenas, struct sp_fragments *fragments,
+                       struct sp_error *err);
 
 #endif

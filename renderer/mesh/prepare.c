@@ -37,8 +37,7 @@ struct preparation {
 };
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the mesh's %s",
-                   arena->failed ? arena->failed : "entries");
+    return sp_arena_fail(arena, "entries", err);
 }
 
 static bool is_cancelled(const struct preparation *p) {

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "frame/fragments.h"
 #include "splat/slices.h"
 #include "volume/grid.h"
 
@@ -379,17 +380,39 @@ static bool allocate_scratch(struct sp_postconv *postconv, unsigned workers,
 struct tiles {
     const struct sp_postconv *postconv;
     sp_postconv_tile_fn *draw;
+    uint32_t begin, end; /* numbers of the tiles to draw */
 };
 
 static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     const struct tiles *t = user;
-    for (size_t i = begin; i < end && !sp_interrupt_is_cancelled(&t->postconv->interrupt); i++)
-        t->draw(t->postconv, &t->postconv->scratch[worker], t->postconv->order[i].tile);
+    for (size_t i = begin; i < end && !sp_interrupt_is_cancelled(&t->postconv->interrupt); i++) {
+        const uint32_t tile = t->postconv->order[i].tile;
+        if (tile >= t->begin && tile < t->end)
+            t->draw(t->postconv, &t->postconv->scratch[worker], tile);
+    }
+}
+
+/* Draws all tiles, in bands if the fragments of other layers come in bands. */
+static bool draw_bands(const struct sp_postconv_input *input, const struct sp_postconv *postconv,
+                       struct sp_error *err) {
+    const int height = postconv->rows * POSTCONV_TILE;
+    const int step = sp_fragments_rows(input->fragments, POSTCONV_TILE, height);
+    const size_t tiles = (size_t)(postconv->columns * postconv->rows);
+    for (int y = 0; y < height; y += step) {
+        const uint32_t first = (uint32_t)(y / POSTCONV_TILE * postconv->columns);
+        struct tiles band = { postconv, input->draw_tile, first,
+                              first + (uint32_t)(step / POSTCONV_TILE * postconv->columns) };
+        if (!sp_fragments_find(input->fragments, y, y + step, err))
+            return false;
+        sp_parallel_for(input->pool, tiles, 1, draw_tiles, &band);
+        if (sp_interrupt_is_cancelled(&input->interrupt))
+            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    }
+    return true;
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                   arena->failed ? arena->failed : "data");
+    return sp_arena_fail(arena, "data", err);
 }
 
 /* Returns the layer of each slice. */
@@ -556,11 +579,11 @@ bool sp_postconv_draw(const struct sp_postconv_input *input, struct sp_postconv 
     double clock = sp_interrupt_clock_ms(&input->interrupt);
     if (!allocate_scratch(postconv, sp_pool_threads(input->pool), input->arena))
         return fail_memory(input->arena, err);
-    struct tiles tiles = { postconv, input->draw_tile };
-    sp_parallel_for(input->pool, (size_t)(postconv->columns * postconv->rows), 1, draw_tiles,
-                    &tiles);
-    if (sp_interrupt_is_cancelled(&input->interrupt))
-        return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    const double layers_ms = input->fragments ? input->fragments->ms : 0;
+    if (!draw_bands(input, postconv, err))
+        return false;
+    if (input->fragments)
+        clock += input->fragments->ms - layers_ms;
     for (unsigned w = 0; w < sp_pool_threads(input->pool); w++) {
         stats->splats += postconv->scratch[w].splats;
         stats->fragments += postconv->scratch[w].fragments;

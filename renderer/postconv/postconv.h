@@ -239,11 +239,11 @@ struct sp_postconv_input {
     struct sp_interrupt interrupt;
     const struct sp_postconv_tables *tables;
     const struct sp_camera_transform *camera;
-    const struct sp_shade *shade;         /* NULL = not lit */
-    const struct sp_grid *grid;           /* its slices are the sheets */
-    const struct sp_level_frame *parts;   /* [SP_LEVELS] */
-    const struct sp_detail *detail;       /* the bricks */
-    const struct sp_fragments *fragments; /* of other layers, in sheets; NULL = none */
+    const struct sp_shade *shade;       /* NULL = not lit */
+    const struct sp_grid *grid;         /* its slices are the sheets */
+    const struct sp_level_frame *parts; /* [SP_LEVELS] */
+    const struct sp_detail *detail;     /* the bricks */
+    struct sp_fragments *fragments;     /* of other layers, in sheets; NULL = none */
     unsigned axis;
     double classify_ms;             /* time of the stage before, for the stats */
     sp_postconv_tile_fn *draw_tile; /* sp_postconv_tile() of an instruction set */

@@ -362,8 +362,7 @@ bool sp_shear_draw(const struct sp_postconv_input *input, const struct sp_shear_
     double clock = sp_interrupt_clock_ms(&input->interrupt);
     struct draw draw = { kernels, shear };
     if (!sort_slices(input, shear) || !allocate(input, shear))
-        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                       input->arena->failed ? input->arena->failed : "data");
+        return sp_arena_fail(input->arena, "data", err);
     sp_parallel_for(input->pool, (size_t)(shear->columns * shear->rows), 1, draw_tiles, &draw);
     if (sp_interrupt_is_cancelled(&input->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

@@ -5,8 +5,7 @@
 #include "resample/prepare.h"
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                   arena->failed ? arena->failed : "data");
+    return sp_arena_fail(arena, "data", err);
 }
 
 /* Allocates what the workers need for a channel. */
@@ -66,6 +65,7 @@ static struct sp_resample_scratch *allocate_all(const struct sp_resample_input *
 }
 
 struct tiles {
+    uint32_t first; /* number of the first tile */
     const struct sp_resample *r;
     struct sp_resample_scratch *scratch;
     sp_resample_tile_fn *draw;
@@ -76,8 +76,27 @@ static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t i = begin; i < end; i++) {
         if (sp_interrupt_is_cancelled(&tiles->r->interrupt))
             return;
-        tiles->draw(tiles->r, &tiles->scratch[worker], (uint32_t)i);
+        tiles->draw(tiles->r, &tiles->scratch[worker], tiles->first + (uint32_t)i);
     }
+}
+
+/* Draws all tiles, in bands if the fragments of other layers come in bands. */
+static bool draw_bands(const struct sp_resample_input *input, const struct sp_resample *r,
+                       struct sp_resample_scratch *scratch, struct sp_error *err) {
+    const int height = r->rows * RESAMPLE_TILE;
+    const int step = sp_fragments_rows(input->fragments, RESAMPLE_TILE, height);
+    for (int y = 0; y < height; y += step) {
+        const int end = y + step < height ? y + step : height;
+        struct tiles tiles = { (uint32_t)(y / RESAMPLE_TILE * r->columns), r, scratch,
+                               input->draw_tile };
+        if (!sp_fragments_find(input->fragments, y, end, err))
+            return false;
+        sp_parallel_for(input->pool, (size_t)((end - y) / RESAMPLE_TILE * r->columns), 1,
+                        draw_tiles, &tiles);
+        if (sp_interrupt_is_cancelled(&input->interrupt))
+            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    }
+    return true;
 }
 
 /* Draws all tiles with slices of axis r->axis. */
@@ -85,10 +104,8 @@ static bool draw(const struct sp_resample_input *input, const struct sp_resample
                  struct sp_resample_scratch *scratch, struct sp_error *err) {
     unsigned workers = sp_pool_threads(input->pool);
     struct sp_frame_stats *stats = &input->frame->stats;
-    struct tiles tiles = { r, scratch, input->draw_tile };
-    sp_parallel_for(input->pool, (size_t)(r->columns * r->rows), 1, draw_tiles, &tiles);
-    if (sp_interrupt_is_cancelled(&input->interrupt))
-        return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    if (!draw_bands(input, r, scratch, err))
+        return false;
     for (unsigned w = 0; w < workers; w++)
         for (struct sp_resample_scratch *s = &scratch[w]; s; s = s->next) {
             if (s->is_too_wide)
@@ -158,10 +175,14 @@ bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *er
     if (!sp_resample_prepare(input, &r, err))
         return false;
     double prepared = sp_interrupt_clock_ms(&input->interrupt);
+    const double classified_ms = prepared - clock;
+    const double layers_ms = input->fragments ? input->fragments->ms : 0;
     if (!draw_axes(input, &r, err))
         return false;
+    if (input->fragments)
+        prepared += input->fragments->ms - layers_ms;
     stats->stage_count = 2;
-    stats->stages[0] = (struct sp_stage_time){ "classify", prepared - clock };
+    stats->stages[0] = (struct sp_stage_time){ "classify", classified_ms };
     stats->stages[1] =
         (struct sp_stage_time){ "tile", sp_interrupt_clock_ms(&input->interrupt) - prepared };
     return true;

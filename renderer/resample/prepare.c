@@ -22,8 +22,7 @@ bool sp_resample_draws(const struct sp_view *view) {
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                   arena->failed ? arena->failed : "data");
+    return sp_arena_fail(arena, "data", err);
 }
 
 /* A level is drawn while its samples are at least this wide in the middle of the volume [px]. */

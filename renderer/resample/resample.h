@@ -67,9 +67,9 @@ struct sp_resample {
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
     const struct sp_camera_transform *camera;
-    const struct sp_shade *shade;         /* NULL = not lit */
-    const struct sp_light_field *light;   /* NULL = no occlusion and no shadow */
-    const struct sp_fragments *fragments; /* of other layers; NULL = none */
+    const struct sp_shade *shade;       /* NULL = not lit */
+    const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
+    struct sp_fragments *fragments;     /* of other layers; NULL = none */
     float light_scale, light_first; /* cell coordinate = coordinate · light_scale + light_first */
     float light_firmness; /* gradients from 1/firmness on are those of surfaces [gradient_unit] */
     const struct sp_samples *samples;
@@ -202,7 +202,7 @@ struct sp_resample_input {
     const struct sp_camera_transform *camera;
     const struct sp_shade *shade;         /* NULL = not lit */
     const struct sp_light_field *light;   /* NULL = no occlusion and no shadow */
-    const struct sp_fragments *fragments; /* of other layers; NULL = none */
+    struct sp_fragments *fragments; /* of other layers; NULL = none */
     struct sp_samples_cache *cache;       /* mip levels and ranges */
     uint64_t bytes_max;                   /* of the cache */
     unsigned mip_level;                   /* no finer level is drawn */

@@ -17,8 +17,7 @@ struct preparation {
 };
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the surface's %s",
-                   arena->failed ? arena->failed : "data");
+    return sp_arena_fail(arena, "data", err);
 }
 
 /* Discs of a ball are moved this many times the distance that brings them to the surface on

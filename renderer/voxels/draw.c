@@ -17,8 +17,7 @@ enum {
 static const double opaque_depth = 8;
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                   arena->failed ? arena->failed : "data");
+    return sp_arena_fail(arena, "data", err);
 }
 
 static bool fail_cancelled(struct sp_error *err) {

@@ -130,8 +130,10 @@ static const struct setting settings[] = {
       "Bytes of frames per client that are sent and not yet acknowledged." },
     { "render-queue", COUNT, AT(render_queue), "32", 1, 10000, "N",
       "Snapshots (images requested over HTTP) that may wait to be rendered." },
-    { "render-bytes", SIZE, AT(render_bytes), "1G", MIB, TIB, "SIZE",
-      "Total memory of all snapshots that are being rendered or sent." },
+    { "render-bytes", SIZE, AT(render_bytes), "0", 0, 64 * TIB, "SIZE",
+      "Memory of frames: what they are drawn in, pixels, encoders, images being sent. One half is "
+      "for sessions, the other for images over HTTP and camera paths. 0 = a quarter of the "
+      "machine's memory, at least 2G." },
     { "frame-size", PIXELS, AT(frame_px), "16M", 512 * 512, (int64_t)SP_SIZE_MAX *SP_SIZE_MAX,
       "PX|WxH", "Largest image, in pixels, that a client may request. 16M is 4096x4096." },
     { "video-pixels", PIXELS, AT(video_px), "8M", 512 * 512, 1024 * MIB, "PX|WxH",

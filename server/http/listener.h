@@ -20,7 +20,7 @@ struct srv_config;
 struct srv_hub;
 struct srv_catalog;
 struct srv_render_pool;
-struct srv_snapshot_memory;
+struct srv_frame_memory;
 struct srv_tokens;
 struct srv_streams;
 struct srv_store;
@@ -35,7 +35,7 @@ struct srv_http_options {
     struct srv_catalog *catalog;
     struct srv_brick_cache *cache; /* NULL = there is none */
     struct srv_render_pool *render_pool;
-    struct srv_snapshot_memory *snapshot_memory;
+    const struct srv_frame_memory *frame_memory;
     struct srv_tokens *tokens;
     struct srv_streams *streams;
     struct srv_store *store;

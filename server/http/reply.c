@@ -147,6 +147,7 @@ unsigned srv_status_from(enum sp_code code) {
         return 429;
     case SP_ERR_MEMORY:
     case SP_ERR_BUDGET:
+    case SP_ERR_FRAME_BUDGET:
     case SP_ERR_CANCELLED:
         return 503;
     case SP_OK:

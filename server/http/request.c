@@ -51,30 +51,29 @@ proto_json *srv_request_json(const struct srv_request *request, struct srv_reply
     return json;
 }
 
-bool srv_request_begin_snapshot(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
-    const struct srv_http_options *app = request->app;
-    if (!srv_tokens_begin_snapshot(app->tokens, &request->grant, srv_clock_ms(), err))
-        return false;
-    if (!srv_snapshot_memory_reserve(app->snapshot_memory, bytes, err)) {
-        srv_tokens_cancel_snapshot(app->tokens, &request->grant);
-        return false;
-    }
-    request->has_snapshot = true;
-    request->snapshot_bytes = bytes;
-    return true;
+bool srv_request_begin_snapshot(struct srv_request *request, struct sp_error *err) {
+    request->has_snapshot =
+        srv_tokens_begin_snapshot(request->app->tokens, &request->grant, srv_clock_ms(), err);
+    return request->has_snapshot;
 }
 
 bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
-    if (!srv_snapshot_memory_reserve(request->app->snapshot_memory, bytes, err))
-        return false;
-    request->snapshot_bytes = bytes;
+    struct sp_budget *budget = request->app->frame_memory->snapshots;
+    if (!sp_budget_take(budget, SP_BUDGET_ANSWERS, bytes))
+        return sp_budget_fail(budget, "numbers", bytes, err);
+    request->answer_bytes = bytes;
     return true;
+}
+
+void srv_request_count_answer(struct srv_request *request, uint64_t bytes) {
+    sp_budget_add(request->app->frame_memory->snapshots, SP_BUDGET_ANSWERS, bytes);
+    request->answer_bytes = bytes;
 }
 
 static void end_snapshot(struct srv_request *request,
                          void (*end)(struct srv_tokens *tokens, const struct srv_grant *grant)) {
-    if (request->snapshot_bytes)
-        srv_snapshot_memory_change(request->app->snapshot_memory, &request->snapshot_bytes, 0);
+    sp_budget_give(request->app->frame_memory->snapshots, SP_BUDGET_ANSWERS, request->answer_bytes);
+    request->answer_bytes = 0;
     if (!request->has_snapshot)
         return;
     request->has_snapshot = false;

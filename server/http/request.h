@@ -16,7 +16,6 @@
 #include "http/reply.h"
 #include "http/router.h"
 #include "http/smuggling.h"
-#include "http/snapshot_memory.h"
 #include "http/streams.h"
 #include "paths/paths.h"
 #include "render/render_pool.h"
@@ -42,9 +41,9 @@ struct srv_request {
     char param[SRV_PARAM_BYTES]; /* the part of the path that matched {} */
     char *body;                  /* NUL-terminated; NULL = empty */
     size_t body_size;
-    struct srv_grant grant;  /* rights of the token; 0 without a valid token of the daemon */
-    bool has_snapshot;       /* a snapshot is being rendered for it */
-    uint64_t snapshot_bytes; /* taken from app->snapshot_memory */
+    struct srv_grant grant; /* rights of the token; 0 without a valid token of the daemon */
+    bool has_snapshot;      /* a snapshot is being rendered for it */
+    uint64_t answer_bytes;  /* of an image or a slice that is being sent: of app->frame_memory */
     struct srv_reply reply;
     struct srv_upload_body *upload_body; /* of PATCH /uploads/{id}; NULL = none */
     void *upgrade;                       /* state of a stream's handshake; freed with the request */
@@ -92,13 +91,15 @@ bool srv_request_queue(struct srv_request *request, struct srv_work_queue *queue
  * the reply: sends the answer once the changes of the store and of sessions are on disk. The header
  * X-Durable is "no" if they are only in memory (no --state, or a full disk). */
 void srv_request_reply_when_durable(struct srv_request *request);
-/* Reserves memory (snapshot_memory.h) and quota (tokens.h) for a snapshot, until
- * srv_request_end_snapshot() or the end of the request. False: *err names the limit or quota that
- * is exceeded. */
-bool srv_request_begin_snapshot(struct srv_request *request, uint64_t bytes, struct sp_error *err);
+/* Takes the quota (tokens.h) of a snapshot, until srv_request_end_snapshot() or the end of the
+ * request. False: *err names the quota that is exceeded. */
+bool srv_request_begin_snapshot(struct srv_request *request, struct sp_error *err);
 void srv_request_end_snapshot(struct srv_request *request);
-/* Reserves memory for an answer that is made at once, until the end of the request; no quota. */
+/* Takes the memory of an answer (frame_memory.h) that is made at once, until the end of the
+ * request; no quota. SP_ERR_FRAME_BUDGET. */
 bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err);
+/* The same for an answer that is there already. */
+void srv_request_count_answer(struct srv_request *request, uint64_t bytes);
 /* Returns both for a snapshot that was refused, which does not count towards the fps quota. */
 void srv_request_cancel_snapshot(struct srv_request *request);
 /* Call after an upgrade: the connection is a stream from now on, and no longer a request. */

@@ -13,6 +13,7 @@
 #include "http/routes.h"
 #include "ops/metrics.h"
 #include "render/brick_cache.h"
+#include "render/frame_memory.h"
 
 /* Volumes with a series of their own. The other volumes are added up under the name "*". */
 enum { VOLUMES_MAX = 64 };
@@ -81,12 +82,26 @@ static void print_volumes(const struct srv_request *request, bool voxels,
         print_volume(out, "*", voxels ? &rest : NULL, cached_rest, info);
 }
 
+static void print_frame_memory(const struct srv_frame_memory *memory, FILE *out) {
+    static const char *const kinds[SP_BUDGET_KINDS] = { "arenas", "images", "encoders", "answers" };
+    for (int k = 0; k < SP_BUDGET_KINDS; k++)
+        fprintf(out, "splatd_memory_bytes{kind=\"%s\"} %" PRIu64 "\n", kinds[k],
+                sp_budget_used(memory->sessions, (enum sp_budget_kind)k) +
+                    sp_budget_used(memory->snapshots, (enum sp_budget_kind)k));
+    gauge(out, "splatd_frame_memory_budget_bytes", "Limit of --render-bytes",
+          (double)(sp_budget_limit(memory->sessions) + sp_budget_limit(memory->snapshots)));
+}
+
 static void print_memory(const struct srv_request *request, FILE *out) {
     struct sp_renderer_info info[SRV_RENDERERS];
     uint64_t used, budget, windows;
     srv_render_pool_info(request->app->render_pool, info);
     srv_catalog_memory(request->app->catalog, &used, &budget, &windows);
-    gauge(out, "splatd_memory_bytes", "Reserved for voxels", (double)used);
+    srv_metrics_family(out, "splatd_memory_bytes", "gauge",
+                       "Memory in use: voxels (of --memory); of frames (--render-bytes) what they "
+                       "are drawn in, pixels and cached images, encoders, answers being read");
+    fprintf(out, "splatd_memory_bytes{kind=\"voxels\"} %" PRIu64 "\n", used);
+    print_frame_memory(request->app->frame_memory, out);
     gauge(out, "splatd_window_bytes",
           "Samples of brick files in memory, bytes; they share what --memory has left",
           (double)windows);

@@ -191,8 +191,8 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
         if (result->err.code == SP_ERR_CANCELLED)
             sp_log(SP_LOG_INFO, "snapshot for %s not rendered: %s",
                    srv_connection_peer(request->connection), result->err.text);
-        /* The view exceeds the memory of the renderer: a retry does not help, but another view may.
-         * Hence 422, not 503. */
+        /* The view exceeds the memory of the renderer or of frames: a retry does not help, but
+         * another view may. Hence 422, not 503. */
         if (result->err.code == SP_ERR_BUDGET)
             srv_reply_problem(reply, 422, result->err.place, "%s", result->err.text);
         else
@@ -214,8 +214,8 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
                          result->stats.isa[0] ? " " : "", result->stats.isa);
         srv_reply_header(reply, "X-Splats", "%" PRIu64, result->stats.splats);
     }
-    srv_snapshot_memory_change(request->app->snapshot_memory, &request->snapshot_bytes,
-                               reply->chunked_body ? result->size : 0);
+    if (reply->chunked_body)
+        srv_request_count_answer(request, result->size);
     free(render);
     srv_request_complete(request);
 }
@@ -243,11 +243,10 @@ static void set_owner(const struct srv_request *request, struct srv_snapshot *sn
 static void submit(struct srv_request *request, struct srv_snapshot *snapshot, bool is_kept,
                    const char *etag, const char *caching, struct srv_reply *reply) {
     struct sp_error err;
-    uint64_t bytes = srv_snapshot_memory_of(&snapshot->view, snapshot->format);
     struct render *render = malloc(sizeof *render);
     if (!render)
         sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory for a render request");
-    if (!render || !srv_request_begin_snapshot(request, bytes, &err)) {
+    if (!render || !srv_request_begin_snapshot(request, &err)) {
         srv_catalog_release(request->app->catalog, snapshot->volume);
         srv_reply_error(reply, &err);
         free(render);

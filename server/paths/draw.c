@@ -138,6 +138,7 @@ static bool is_temporary(enum sp_code code, enum srv_counter *missing) {
         *missing = SRV_COUNT_PATH_WAIT_MEMORY;
         return true;
     case SP_ERR_BUDGET:
+    case SP_ERR_FRAME_BUDGET:
     case SP_ERR_QUOTA:
         *missing = SRV_COUNT_PATH_WAIT_LIMIT;
         return true;

@@ -177,6 +177,12 @@ static void maintain(struct srv_encode_pool *pool) {
     pthread_mutex_lock(&pool->mutex);
 }
 
+/* Keeps no memory of large images meanwhile. With the mutex held. */
+static void wait_for_work(struct encode_thread *thread) {
+    sp_encoder_trim(thread->encoder);
+    pthread_cond_wait(&thread->pool->changed, &thread->pool->mutex);
+}
+
 static void *encode_main(void *user) {
     struct encode_thread *thread = user;
     struct srv_encode_pool *pool = thread->pool;
@@ -194,7 +200,7 @@ static void *encode_main(void *user) {
         else if (pool->is_maintenance_due)
             maintain(pool);
         else
-            pthread_cond_wait(&pool->changed, &pool->mutex);
+            wait_for_work(thread);
     }
     pthread_mutex_unlock(&pool->mutex);
     return NULL;

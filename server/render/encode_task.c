@@ -32,6 +32,7 @@ static void encode_snapshot(struct srv_render_pool *pool, struct sp_encoder *enc
                             const struct srv_encode_task *task) {
     struct srv_snapshot_result result = { .stats = task->frame->stats };
     const struct srv_snapshot *snapshot = &task->snapshot->snapshot;
+    const uint64_t encoder_bytes = task->snapshot->encoder_bytes;
     const struct srv_encode_params params =
         srv_encode_params_from(snapshot->format, snapshot->quality, snapshot->chroma);
     double start_ms = srv_clock_ms();
@@ -54,6 +55,9 @@ static void encode_snapshot(struct srv_render_pool *pool, struct sp_encoder *enc
                     1);
     srv_snapshot_queue_answer(&pool->snapshots, task->snapshot, &result);
     srv_blob_unref(&cached);
+    sp_encoder_trim(encoder);
+    sp_budget_give(pool->options.frame_memory.snapshots, SP_BUDGET_ENCODERS, encoder_bytes);
+    srv_worker_wake(&pool->workers[SRV_WORKER_SNAPSHOT]); /* the next one may wait for the memory */
 }
 
 /* Session frames. */
@@ -165,7 +169,8 @@ static void encode_session_frame(struct srv_render_pool *pool, struct sp_encoder
            result.width, result.height, step_words[job->step], job->target_count,
            result.again ? 0 : result.render_ms, result.encode_ms);
     srv_schedule_done(pool->schedule, job, &result);
-    free(job);
+    sp_encoder_trim(encoder);
+    srv_session_frame_free(pool, job);
 }
 
 void srv_encode_task_run(void *user, struct sp_encoder *encoder,
@@ -174,4 +179,5 @@ void srv_encode_task_run(void *user, struct sp_encoder *encoder,
         encode_session_frame(user, encoder, task);
     else
         encode_snapshot(user, encoder, task);
+    srv_render_pool_note_work(user);
 }

@@ -6,8 +6,9 @@
 enum { BLOB_BYTES_MAX = 4 << 20 };
 #define FRAME_BYTES_MAX ((size_t)64 << 20)
 
-void srv_frame_cache_init(struct srv_frame_cache *cache) {
+void srv_frame_cache_init(struct srv_frame_cache *cache, struct sp_budget *budget) {
     memset(cache, 0, sizeof *cache);
+    cache->budget = budget;
     pthread_mutex_init(&cache->mutex, NULL);
 }
 
@@ -17,10 +18,18 @@ void srv_frame_cache_finish(struct srv_frame_cache *cache) {
 }
 
 /* With the mutex held. */
+static void drop_bytes(struct srv_frame_cache *cache, unsigned i) {
+    struct srv_blob **blob = &cache->encodings[i].blob;
+    if (*blob)
+        sp_budget_give(cache->budget, SP_BUDGET_IMAGES, (*blob)->size);
+    srv_blob_unref(blob);
+}
+
+/* With the mutex held. */
 static void clear(struct srv_frame_cache *cache) {
     sp_frame_unref(&cache->frame);
     for (unsigned i = 0; i < SRV_FRAME_CACHE_ENCODINGS; i++)
-        srv_blob_unref(&cache->encodings[i].blob);
+        drop_bytes(cache, i);
 }
 
 void srv_frame_cache_clear(struct srv_frame_cache *cache) {
@@ -68,9 +77,10 @@ struct srv_blob *srv_frame_cache_find_bytes(struct srv_frame_cache *cache,
 void srv_frame_cache_put_bytes(struct srv_frame_cache *cache, const struct sp_frame *frame,
                                const struct srv_encode_params *params, struct srv_blob *blob) {
     pthread_mutex_lock(&cache->mutex);
-    if (frame == cache->frame && blob->size <= BLOB_BYTES_MAX) {
+    if (frame == cache->frame && blob->size <= BLOB_BYTES_MAX &&
+        sp_budget_take(cache->budget, SP_BUDGET_IMAGES, blob->size)) {
         unsigned i = cache->next++ % SRV_FRAME_CACHE_ENCODINGS;
-        srv_blob_unref(&cache->encodings[i].blob);
+        drop_bytes(cache, i);
         cache->encodings[i].blob = srv_blob_ref(blob);
         cache->encodings[i].params = *params;
     }

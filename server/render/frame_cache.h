@@ -15,12 +15,14 @@
 #include "render/fingerprint.h"
 #include "session/encode_params.h"
 #include "session/outbox.h"
+#include "sp/budget.h"
 #include "sp/frame.h"
 
 enum { SRV_FRAME_CACHE_ENCODINGS = 4 };
 
 struct srv_frame_cache {
     pthread_mutex_t mutex;          /* guards what follows */
+    struct sp_budget *budget;       /* constant */
     struct sp_frame *frame;         /* a reference; NULL = the cache is empty */
     struct srv_fingerprint content; /* of the volumes that the view shows */
     struct sp_view view;
@@ -31,7 +33,8 @@ struct srv_frame_cache {
     unsigned next; /* the encoding to replace next, modulo their number */
 };
 
-void srv_frame_cache_init(struct srv_frame_cache *cache);
+/* budget: the bytes of encodings are taken from it; those of the frame are its pool's. */
+void srv_frame_cache_init(struct srv_frame_cache *cache, struct sp_budget *budget);
 void srv_frame_cache_finish(struct srv_frame_cache *cache);
 
 /* Replaces the cached frame; `content` is srv_catalog_fingerprint(). Takes a reference of its own.

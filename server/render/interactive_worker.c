@@ -26,6 +26,12 @@ static void take_job(struct srv_render_pool *pool, struct srv_render_job *job) {
         srv_session_frame_begin(pool, SRV_WORKER_INTERACTIVE, job);
         return;
     }
+    struct sp_error err = { .code = SP_OK };
+    if (!srv_session_frame_reserve(pool, job, &err)) {
+        sp_frame_unref(&frame);
+        srv_session_frame_fail(pool, job, &err, 0);
+        return;
+    }
     srv_encode_pool_submit(
         pool->encoders,
         &(struct srv_encode_task){
@@ -54,6 +60,7 @@ void *srv_interactive_worker_main(void *user) {
         } else if (queue->count > 0) {
             srv_session_frame_finish(pool, SRV_WORKER_INTERACTIVE);
         } else {
+            srv_render_pool_rest(pool, SRV_WORKER_INTERACTIVE);
             srv_worker_wait(worker, round.generation, has_capacity ? wait_ms : 1000);
         }
     }

@@ -27,8 +27,8 @@ static bool find_long_frame(struct srv_render_pool *pool, struct srv_running_job
     pthread_mutex_lock(&pool->mutex);
     const struct srv_inflight *frame =
         srv_frame_queue_oldest(&pool->in_flight[SRV_WORKER_INTERACTIVE]);
-    bool found =
-        frame && info.can_pause && !pool->has_no_preemption && !atomic_load(&frame->cancel);
+    bool found = frame && info.can_pause && !pool->has_no_preemption &&
+                 frame->job->order != pool->not_preempted && !atomic_load(&frame->cancel);
     if (found)
         *running =
             (struct srv_running_job){ .session = frame->job->session,
@@ -62,6 +62,7 @@ static bool create_renderer(struct srv_render_pool *pool, struct sp_error *err) 
     srv_worker_info(&pool->workers[SRV_WORKER_INTERACTIVE], &info);
     options.backend = info.backend;
     options.memory_bytes /= 2;
+    options.frame_budget = pool->options.frame_memory.sessions;
     return worker->renderer || (worker->renderer = sp_renderer_create(&options, err));
 }
 
@@ -110,6 +111,7 @@ void *srv_preemption_worker_main(void *user) {
             preempt(pool, running.order, job);
             job = NULL;
         } else {
+            srv_render_pool_rest(pool, SRV_WORKER_PREEMPTION);
             srv_worker_wait(worker, round.generation, wait_ms);
         }
     }

@@ -3,6 +3,9 @@
 
 #include <assert.h>
 #include <stdlib.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include "common/clock.h"
 #include "render/render_pool_private.h"
@@ -15,9 +18,42 @@ static void on_dequeued(void *user, enum srv_worker_kind kind) {
     srv_worker_wake(&pool->workers[kind]);
 }
 
+/* After the workers (srv_render_pool_rest). The frame cache stays while clients are connected. */
+static void give_back_memory(struct srv_render_pool *pool) {
+    if (!srv_schedule_has_clients(pool->schedule))
+        srv_frame_cache_clear(&pool->cache);
+    sp_frame_pool_trim(pool->frames);
+    sp_frame_pool_trim(pool->snapshot_frames);
+#ifdef __GLIBC__
+    malloc_trim(0);
+#endif
+}
+
 static void on_maintain(void *user) {
     struct srv_render_pool *pool = user;
     srv_video_encoders_tick(pool->videos, srv_clock_ms());
+    if (atomic_load(&pool->is_at_rest))
+        give_back_memory(pool);
+}
+
+void srv_render_pool_note_work(struct srv_render_pool *pool) {
+    atomic_store(&pool->frame_ms, srv_clock_ms());
+    atomic_store(&pool->is_at_rest, false);
+}
+
+void srv_render_pool_rest(struct srv_render_pool *pool, enum srv_worker_kind kind) {
+    struct srv_worker *worker = &pool->workers[kind];
+    if (!worker->has_frame_memory || srv_clock_ms() - worker->frame_ms < SRV_REST_MS)
+        return;
+    sp_renderer_trim(worker->renderer);
+    worker->has_frame_memory = false;
+}
+
+/* True once per rest, when the workers have given back their memory. */
+static bool begins_rest(struct srv_render_pool *pool) {
+    const double workers_ms = 1500; /* they look at least once per second */
+    const double idle_ms = srv_clock_ms() - atomic_load(&pool->frame_ms);
+    return idle_ms >= SRV_REST_MS + workers_ms && !atomic_exchange(&pool->is_at_rest, true);
 }
 
 static bool create_parts(struct srv_render_pool *pool, struct sp_error *err) {
@@ -26,11 +62,15 @@ static bool create_parts(struct srv_render_pool *pool, struct sp_error *err) {
                                                       .run = srv_encode_task_run,
                                                       .on_dequeued = on_dequeued,
                                                       .maintain = on_maintain };
+    const struct srv_frame_memory *memory = &pool->options.frame_memory;
     if (!(pool->frames = sp_frame_pool_create(IDLE_FRAMES_BYTES, err)) ||
-        !(pool->videos =
-              srv_video_encoders_create(pool->options.video_px, pool->options.metrics, err)) ||
+        !(pool->snapshot_frames = sp_frame_pool_create(IDLE_FRAMES_BYTES, err)) ||
+        !(pool->videos = srv_video_encoders_create(pool->options.video_px, memory->sessions,
+                                                   pool->options.metrics, err)) ||
         !(pool->encoders = srv_encode_pool_create(&encoders, err)))
         return false;
+    sp_frame_pool_set_budget(pool->frames, memory->sessions);
+    sp_frame_pool_set_budget(pool->snapshot_frames, memory->snapshots);
     return true;
 }
 
@@ -45,11 +85,12 @@ struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_opti
     pool->options = *options;
     pthread_mutex_init(&pool->mutex, NULL);
     pthread_cond_init(&pool->resume, NULL);
-    srv_frame_cache_init(&pool->cache);
+    srv_frame_cache_init(&pool->cache, options->frame_memory.sessions);
     if (!create_parts(pool, err)) {
         srv_encode_pool_destroy(&pool->encoders);
         srv_video_encoders_destroy(&pool->videos);
         sp_frame_pool_destroy(&pool->frames);
+        sp_frame_pool_destroy(&pool->snapshot_frames);
         srv_frame_cache_finish(&pool->cache);
         pthread_cond_destroy(&pool->resume);
         pthread_mutex_destroy(&pool->mutex);
@@ -63,6 +104,7 @@ struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_opti
         .catalog = options->catalog,
         .metrics = options->metrics,
         .worker = &pool->workers[SRV_WORKER_SNAPSHOT],
+        .budget = options->frame_memory.snapshots,
         .waiting_max = options->queue_max,
         .unencoded_max = srv_encode_pool_background_threads(pool->encoders)
     };
@@ -117,6 +159,7 @@ void srv_render_pool_destroy(struct srv_render_pool **pool_pointer) {
     srv_encode_pool_destroy(&pool->encoders);
     srv_video_encoders_destroy(&pool->videos);
     sp_frame_pool_destroy(&pool->frames);
+    sp_frame_pool_destroy(&pool->snapshot_frames);
     pthread_cond_destroy(&pool->resume);
     pthread_mutex_destroy(&pool->mutex);
     free(pool);
@@ -132,6 +175,9 @@ struct sp_frame *srv_render_pool_find(struct srv_render_pool *pool, const struct
 void srv_render_pool_note_frame(struct srv_render_pool *pool, enum srv_worker_kind kind,
                                 struct srv_volume *volume) {
     struct srv_worker *worker = &pool->workers[kind];
+    worker->has_frame_memory = true;
+    worker->frame_ms = srv_clock_ms();
+    srv_render_pool_note_work(pool);
     srv_catalog_set_cached(pool->options.catalog, volume, kind,
                            sp_renderer_memory(worker->renderer, srv_volume_voxels(volume)));
     if (srv_worker_update_info(worker) && kind == SRV_WORKER_INTERACTIVE)
@@ -151,7 +197,8 @@ void srv_render_pool_tick(struct srv_render_pool *pool) {
     pthread_cond_broadcast(&pool->resume);
     pthread_mutex_unlock(&pool->mutex);
     /* Destroying an encoder joins its threads, which takes time: an encode thread does it. */
-    if (srv_video_encoders_are_idle(pool->videos, srv_clock_ms()))
+    const bool rests = begins_rest(pool);
+    if (rests || srv_video_encoders_are_idle(pool->videos, srv_clock_ms()))
         srv_encode_pool_request_maintenance(pool->encoders);
 }
 

@@ -23,6 +23,7 @@
 #define SRV_RENDER_RENDER_POOL_H
 
 #include "render/catalog.h"
+#include "render/frame_memory.h"
 #include "render/snapshot_queue.h"
 #include "schedule/schedule.h"
 #include "sp/renderer.h"
@@ -36,8 +37,9 @@ struct srv_render_pool_options {
                                 three quarters of them */
     unsigned encode_threads; /* [1, SRV_ENCODE_THREADS_MAX]; background threads come on top */
     uint64_t video_px;       /* bound on all video encoders together, px; 0 = no video */
-    /* Of the snapshot worker's renderer. The preemption worker's has half of its memory. Strings
-     * live as long as the pool. */
+    struct srv_frame_memory frame_memory; /* lives as long as the pool and its frames */
+    /* Of the snapshot worker's renderer, but for frame_budget. The preemption worker's has half of
+     * its memory. Strings live as long as the pool. */
     struct sp_renderer_options renderer;
 };
 
@@ -52,8 +54,8 @@ void srv_render_pool_stop(struct srv_render_pool *pool);
 void srv_render_pool_destroy(struct srv_render_pool **pool); /* stops first; accepts NULL */
 
 /* Any thread; done() may be called at once. Takes over the use of the volume. On failure releases
- * it and does not call done(): SP_ERR_BUDGET (the queue is full), SP_ERR_CANCELLED (the daemon
- * stops), SP_ERR_MEMORY. */
+ * it and does not call done(): SP_ERR_BUDGET (the queue is full), SP_ERR_INVALID (the image can
+ * never fit the memory of frames), SP_ERR_CANCELLED (the daemon stops), SP_ERR_MEMORY. */
 bool srv_render_pool_submit(struct srv_render_pool *pool, const struct srv_snapshot *snapshot,
                             struct sp_error *err);
 /* Call it about ten times per second. Drops snapshots whose clients have left, and cancels moving

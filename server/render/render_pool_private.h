@@ -10,6 +10,7 @@
 #define SRV_RENDER_RENDER_POOL_PRIVATE_H
 
 #include <pthread.h>
+#include <stdatomic.h>
 
 #include "render/encode_pool.h"
 #include "render/frame_cache.h"
@@ -27,13 +28,16 @@ struct srv_render_pool {
     struct srv_frame_cache cache;
     struct srv_encode_pool *encoders;
     struct srv_video_encoders *videos;
-    struct sp_frame_pool *frames;
-    pthread_mutex_t mutex; /* guards what follows */
-    pthread_cond_t resume; /* a paused frame may resume, or is cancelled */
+    struct sp_frame_pool *frames, *snapshot_frames; /* of sessions; of the snapshot worker */
+    _Atomic double frame_ms; /* when a frame was last drawn or encoded; for the rest */
+    atomic_bool is_at_rest;  /* and the memory of frames is given back since then */
+    pthread_mutex_t mutex;   /* guards what follows */
+    pthread_cond_t resume;   /* a paused frame may resume, or is cancelled */
     struct srv_frame_queue
         in_flight[SRV_WORKERS]; /* session frames; the snapshot worker has none */
     bool stop;
     bool has_no_preemption; /* its renderer fails: long frames are no longer paused */
+    uint64_t not_preempted; /* order of a long frame that leaves other frames too little memory */
 };
 
 /* The workers' threads; `user` is the pool. */
@@ -50,7 +54,21 @@ struct sp_frame *srv_render_pool_find(struct srv_render_pool *pool, const struct
 void srv_render_pool_note_frame(struct srv_render_pool *pool, enum srv_worker_kind kind,
                                 struct srv_volume *volume);
 
+/* Memory (render_pool.c). */
+
+/* A frame is being drawn or encoded. Any thread. */
+void srv_render_pool_note_work(struct srv_render_pool *pool);
+/* Frees the memory of the worker's renderer if the worker has been idle for SRV_REST_MS. No frame
+ * is begun. The worker's thread. */
+void srv_render_pool_rest(struct srv_render_pool *pool, enum srv_worker_kind kind);
+
 /* Session frames (session_frame.c); the worker's thread. */
+
+/* Takes the memory of the encoders of a job's images; SP_ERR_FRAME_BUDGET. */
+bool srv_session_frame_reserve(struct srv_render_pool *pool, struct srv_render_job *job,
+                               struct sp_error *err);
+/* Gives it back and frees the job. Any thread. */
+void srv_session_frame_free(struct srv_render_pool *pool, struct srv_render_job *job);
 
 /* Begins to render the job, or tells the hub that it failed. Takes it over. */
 void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind kind,

@@ -11,26 +11,62 @@
 #include "sp/inflight.h"
 #include "sp/log.h"
 
+bool srv_session_frame_reserve(struct srv_render_pool *pool, struct srv_render_job *job,
+                               struct sp_error *err) {
+    struct sp_budget *budget = pool->options.frame_memory.sessions;
+    uint64_t most = 0;
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        const uint64_t own = sp_encode_bytes(job->targets[i].format, job->view.size);
+        most = own > most ? own : most; /* one after the other */
+    }
+    if (!sp_budget_take(budget, SP_BUDGET_ENCODERS, most))
+        return sp_budget_fail(budget, "encoder", most, err);
+    job->encoder_bytes = most;
+    return true;
+}
+
+void srv_session_frame_free(struct srv_render_pool *pool, struct srv_render_job *job) {
+    sp_budget_give(pool->options.frame_memory.sessions, SP_BUDGET_ENCODERS, job->encoder_bytes);
+    free(job);
+}
+
 void srv_session_frame_fail(struct srv_render_pool *pool, struct srv_render_job *job,
                             const struct sp_error *err, double elapsed_ms) {
     if (err->code == SP_ERR_CANCELLED) {
         sp_log(SP_LOG_DEBUG, "%s cancelled after %.1f ms: %s",
                job->is_refinement ? "refinement" : "moving frame", elapsed_ms, err->text);
         srv_schedule_cancelled(pool->schedule, job, elapsed_ms);
+    } else if (err->code == SP_ERR_FRAME_BUDGET &&
+               srv_schedule_shrink(pool->schedule, job, srv_clock_ms())) {
+        sp_log(SP_LOG_INFO, "a session's frames are drawn smaller for a while: %s", err->text);
+        srv_schedule_cancelled(pool->schedule, job, elapsed_ms);
     } else {
         sp_log(SP_LOG_ERROR, "rendering a session's view failed: %s%s%s", err->place,
                err->place[0] ? ": " : "", err->text);
         srv_schedule_failed(pool->schedule, job, err);
     }
-    free(job);
+    srv_session_frame_free(pool, job);
+}
+
+/* The long frame that is paused leaves too little memory: it is finished first. */
+static void finish_long_frame(struct srv_render_pool *pool) {
+    pthread_mutex_lock(&pool->mutex);
+    const struct srv_inflight *frame =
+        srv_frame_queue_oldest(&pool->in_flight[SRV_WORKER_INTERACTIVE]);
+    if (frame)
+        pool->not_preempted = frame->job->order;
+    pthread_mutex_unlock(&pool->mutex);
 }
 
 /* A frame that the preemption worker fails to render is left to the interactive worker, and so are
- * all later ones. */
+ * all later ones; if memory is scarce, those until the long frame is finished. */
 static void fail(struct srv_render_pool *pool, enum srv_worker_kind kind,
                  struct srv_render_job *job, struct sp_error *err, double spent_ms) {
     if (kind == SRV_WORKER_PREEMPTION && err->code != SP_ERR_CANCELLED) {
-        srv_preemption_disable(pool, err);
+        if (err->code == SP_ERR_FRAME_BUDGET)
+            finish_long_frame(pool);
+        else
+            srv_preemption_disable(pool, err);
         sp_fail(err, SP_ERR_CANCELLED, NULL, "the interactive worker renders it");
     }
     srv_session_frame_fail(pool, job, err, spent_ms);
@@ -99,7 +135,8 @@ void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind 
                                                .user = &shown,
                                                .cancel = &frame->cancel,
                                                .pause = &frame->pause };
-    bool ok = sp_renderer_begin(pool->workers[kind].renderer, srv_volume_voxels(job->volume),
+    bool ok = srv_session_frame_reserve(pool, job, &err) &&
+              sp_renderer_begin(pool->workers[kind].renderer, srv_volume_voxels(job->volume),
                                 &job->view, pool->frames, &options, &err);
     double now_ms = srv_clock_ms();
     frame->spent_ms = now_ms - start_ms;

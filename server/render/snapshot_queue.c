@@ -2,12 +2,14 @@
 #include "render/snapshot_queue.h"
 
 #include <assert.h>
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "common/clock.h"
 #include "common/fair_queue.h"
+#include "render/frame_memory.h"
 #include "session/encode_params.h"
 
 /* No session has rendered a frame for this long when a background snapshot begins. */
@@ -178,8 +180,55 @@ static bool is_before(const struct srv_snapshot_queue *queue, const struct srv_s
                                     srv_fair_owners_start(&queue->owners, b->snapshot.owner);
 }
 
+/* Memory that the entry needs before it is rendered: its pixels, and an encoder. */
+static uint64_t bytes_of(const struct srv_snapshot *snapshot) {
+    return srv_frame_memory_of(snapshot->format, snapshot->view.size);
+}
+
+static bool can_ever_fit(const struct srv_snapshot_queue *queue,
+                         const struct srv_snapshot *snapshot, struct sp_error *err) {
+    const uint64_t needed = bytes_of(snapshot), most = sp_budget_limit(queue->options.budget);
+    return needed <= most ||
+           sp_fail(err, SP_ERR_INVALID, "/size",
+                   "an image of %u x %u px as %s needs %" PRIu64 " bytes, and the half of "
+                   "--render-bytes for images over HTTP is %" PRIu64 "; ask for a smaller one",
+                   snapshot->view.size[0], snapshot->view.size[1],
+                   sp_image_format_info(snapshot->format)->name, needed, most);
+}
+
+/* Takes the memory of the entry's encoder if it and the pixels fit beside what others have. The
+ * next entry waits for its memory before any other is begun, so that small ones do not delay it for
+ * ever. With the mutex held. */
+static bool take_memory(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry,
+                        double now_ms) {
+    struct sp_budget *budget = queue->options.budget;
+    const uint64_t others = sp_budget_total(budget);
+    const uint64_t encoder =
+        entry->snapshot.wants_frame
+            ? 0
+            : sp_encode_bytes(entry->snapshot.format, entry->snapshot.view.size);
+    const bool fits = entry->needs_all
+                          ? others == 0
+                          : others + bytes_of(&entry->snapshot) <= sp_budget_limit(budget);
+    if (fits && sp_budget_take(budget, SP_BUDGET_ENCODERS, encoder)) {
+        entry->encoder_bytes = encoder;
+        entry->waits_for_memory = 0;
+        return true;
+    }
+    if (entry->waits_for_memory == 0)
+        entry->waits_for_memory = now_ms;
+    entry->is_refused = now_ms - entry->waits_for_memory >= SRV_MEMORY_WAIT_MS;
+    return entry->is_refused;
+}
+
+void srv_snapshot_queue_give(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry) {
+    sp_budget_give(queue->options.budget, SP_BUDGET_ENCODERS, entry->encoder_bytes);
+    entry->encoder_bytes = 0;
+}
+
 struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *queue,
-                                                   double *wait_ms) {
+                                                   double *wait_ms, bool *needs_memory) {
+    const double look_again_ms = 100;
     struct srv_snapshot_entry *next = NULL;
     double now_ms = srv_clock_ms();
     pthread_mutex_lock(&queue->mutex);
@@ -190,6 +239,11 @@ struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *qu
             *wait_ms = QUIET_MS;
         if (may_begin && has_volume(queue, e) && (!next || is_before(queue, e, next)))
             next = e;
+    }
+    *needs_memory = next && !take_memory(queue, next, now_ms);
+    if (*needs_memory) {
+        *wait_ms = look_again_ms;
+        next = NULL;
     }
     if (next) {
         if (!next->is_background)
@@ -327,7 +381,8 @@ bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue, const struct sr
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
     if (ok)
         equal = find_equal(queue, snapshot);
-    ok = ok && (equal || has_capacity(queue, snapshot, err));
+    ok =
+        ok && (equal || (can_ever_fit(queue, snapshot, err) && has_capacity(queue, snapshot, err)));
     if (ok) {
         *waiter =
             (struct srv_snapshot_waiter){ NULL, snapshot->done, snapshot->is_gone, snapshot->user };

@@ -30,6 +30,7 @@
 #include "ops/metrics.h"
 #include "render/catalog.h"
 #include "render/worker.h"
+#include "sp/budget.h"
 #include "sp/encode.h"
 #include "sp/frame.h"
 
@@ -77,12 +78,18 @@ struct srv_snapshot_entry { /* in the list until it is answered or dropped */
     double queued_ms;       /* when it was submitted */
     double yields_since_ms; /* when it had to yield first; 0 = never */
     double spent_ms;        /* the longest time spent on a rendering that was cancelled */
+    /* Memory of frames (frame_memory.h). */
+    uint64_t encoder_bytes;  /* taken for its encoder from when it is taken until it is encoded */
+    bool needs_all;          /* it did not fit beside others: nothing else may be taken */
+    bool is_refused;         /* others left too little for too long: it is not rendered */
+    double waits_for_memory; /* since when [ms]; 0 = it does not */
 };
 
 struct srv_snapshot_queue_options {
     struct srv_catalog *catalog;
     struct srv_metrics *metrics; /* NULL = none */
     struct srv_worker *worker;   /* woken when there may be a snapshot to render */
+    struct sp_budget *budget;    /* of the memory of snapshots; NULL = no limit */
     unsigned waiting_max; /* per class; in the foreground an owner has at most three quarters */
     unsigned
         unencoded_max; /* of one owner, rendered and not answered; over it, others come first */
@@ -126,12 +133,17 @@ void srv_snapshot_queue_end_session_frame(struct srv_snapshot_queue *queue, doub
  * srv_catalog_step_is_ready(). */
 bool srv_snapshot_has_steps(struct srv_catalog *catalog, const struct srv_snapshot_entry *entry,
                             struct sp_error *err);
-/* Takes the entry to render next. NULL if there is none; then asks again after *wait_ms at the
- * latest, which stays as it is if only an event can change that. */
+/* Takes the entry to render next, and the memory of its encoder. NULL if there is none; then asks
+ * again after *wait_ms at the latest, which stays as it is if only an event can change that.
+ * *needs_memory: the next one waits until others give memory back; the worker, too. An entry that
+ * has waited for SRV_MEMORY_WAIT_MS is returned with is_refused. */
 struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *queue,
-                                                   double *wait_ms);
-/* The rendering has ended and took so long: charges the owner. Returns true if the entry waits
- * again because it yielded. Else the caller answers it, now or after encoding. */
+                                                   double *wait_ms, bool *needs_memory);
+/* Gives back what was taken for the entry's encoder. */
+void srv_snapshot_queue_give(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry);
+/* The rendering has ended and took so long: charges the owner. is_cancelled: it is to be rendered
+ * again, because it yielded or because of memory. Returns true if the entry waits for that. Else
+ * the caller answers it, now or after encoding. */
 bool srv_snapshot_queue_end_rendering(struct srv_snapshot_queue *queue,
                                       struct srv_snapshot_entry *entry, bool is_cancelled,
                                       double render_ms);

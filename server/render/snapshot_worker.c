@@ -3,6 +3,8 @@
  * The snapshot worker: renders the entries of the snapshot queue, one at a time. Its renderer is
  * created for the first of them.
  */
+#include <inttypes.h>
+
 #include "common/background.h"
 #include "common/clock.h"
 #include "render/render_pool_private.h"
@@ -35,7 +37,9 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
     *is_cached = frame != NULL;
     if (frame)
         return frame;
-    if (!worker->renderer && !(worker->renderer = sp_renderer_create(&pool->options.renderer, err)))
+    struct sp_renderer_options renderer = pool->options.renderer;
+    renderer.frame_budget = pool->options.frame_memory.snapshots;
+    if (!worker->renderer && !(worker->renderer = sp_renderer_create(&renderer, err)))
         return NULL;
     struct srv_shown shown = { .catalog = pool->options.catalog,
                                .volume = snapshot->volume,
@@ -46,9 +50,44 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
                                                .wait_ms = BRICKS_MS,
                                                .cancel = &entry->cancel };
     frame = sp_renderer_render(worker->renderer, srv_volume_voxels(snapshot->volume),
-                               &snapshot->view, pool->frames, &options, err);
+                               &snapshot->view, pool->snapshot_frames, &options, err);
     srv_render_pool_note_frame(pool, SRV_WORKER_SNAPSHOT, snapshot->volume);
     return frame;
+}
+
+/* Frees what is kept for the next frame. */
+static void trim(struct srv_render_pool *pool) {
+    if (pool->workers[SRV_WORKER_SNAPSHOT].renderer)
+        sp_renderer_trim(pool->workers[SRV_WORKER_SNAPSHOT].renderer);
+    sp_frame_pool_trim(pool->snapshot_frames);
+}
+
+/* The frame did not fit the memory. True: it did not fit beside others, and is rendered again when
+ * they have given theirs back. Else it can never fit, and *err says so. */
+static bool may_fit_alone(struct srv_render_pool *pool, struct srv_snapshot_entry *entry,
+                          struct sp_error *err) {
+    const struct sp_budget *budget = pool->options.frame_memory.snapshots;
+    trim(pool);
+    srv_snapshot_queue_give(&pool->snapshots, entry);
+    if (sp_budget_total(budget) > 0 && !entry->needs_all) {
+        entry->needs_all = true;
+        return true;
+    }
+    err->code = SP_ERR_BUDGET;
+    return false;
+}
+
+static void refuse(struct srv_render_pool *pool, struct srv_snapshot_entry *entry) {
+    const struct sp_budget *budget = pool->options.frame_memory.snapshots;
+    struct sp_error err;
+    srv_snapshot_queue_end_rendering(&pool->snapshots, entry, false, 0);
+    sp_fail(&err, SP_ERR_FRAME_BUDGET, NULL,
+            "other images have %" PRIu64 " bytes, this one needs at least %" PRIu64
+            ", and the half of --render-bytes for images over HTTP is %" PRIu64 "; try again later",
+            sp_budget_total(budget),
+            srv_frame_memory_of(entry->snapshot.format, entry->snapshot.view.size),
+            sp_budget_limit(budget));
+    srv_snapshot_queue_fail(&pool->snapshots, entry, &err);
 }
 
 static void render(struct srv_render_pool *pool, struct srv_snapshot_entry *entry) {
@@ -57,9 +96,12 @@ static void render(struct srv_render_pool *pool, struct srv_snapshot_entry *entr
     bool is_cached = false;
     struct sp_frame *frame = find_or_render(pool, entry, &is_cached, &err);
     double render_ms = is_cached ? 0 : srv_clock_ms() - start_ms;
-    bool is_cancelled = !frame && err.code == SP_ERR_CANCELLED;
+    bool is_again = !frame && (err.code == SP_ERR_CANCELLED || (err.code == SP_ERR_FRAME_BUDGET &&
+                                                                may_fit_alone(pool, entry, &err)));
+    if (!frame)
+        srv_snapshot_queue_give(&pool->snapshots, entry);
     bool waits_again =
-        srv_snapshot_queue_end_rendering(&pool->snapshots, entry, is_cancelled, render_ms);
+        srv_snapshot_queue_end_rendering(&pool->snapshots, entry, is_again, render_ms);
     if (frame && entry->snapshot.wants_frame)
         answer_with_frame(pool, entry, frame, render_ms);
     else if (frame)
@@ -70,6 +112,17 @@ static void render(struct srv_render_pool *pool, struct srv_snapshot_entry *entr
                                                           .is_cached = is_cached });
     else if (!waits_again)
         srv_snapshot_queue_fail(&pool->snapshots, entry, &err);
+}
+
+/* Takes the next entry, and frees memory for it if that is what it waits for. */
+static struct srv_snapshot_entry *take(struct srv_render_pool *pool, double *wait_ms) {
+    bool needs_memory;
+    struct srv_snapshot_entry *entry =
+        srv_snapshot_queue_take(&pool->snapshots, wait_ms, &needs_memory);
+    if (!needs_memory)
+        return entry;
+    trim(pool);
+    return srv_snapshot_queue_take(&pool->snapshots, wait_ms, &needs_memory);
 }
 
 void *srv_snapshot_worker_main(void *user) {
@@ -83,13 +136,16 @@ void *srv_snapshot_worker_main(void *user) {
             break;
         double wait_ms = 1000;
         struct srv_snapshot_entry *entry =
-            srv_encode_pool_has_capacity(pool->encoders, SRV_WORKER_SNAPSHOT)
-                ? srv_snapshot_queue_take(&pool->snapshots, &wait_ms)
-                : NULL;
-        if (entry)
+            srv_encode_pool_has_capacity(pool->encoders, SRV_WORKER_SNAPSHOT) ? take(pool, &wait_ms)
+                                                                              : NULL;
+        if (entry && entry->is_refused) {
+            refuse(pool, entry);
+        } else if (entry) {
             render(pool, entry);
-        else
+        } else {
+            srv_render_pool_rest(pool, SRV_WORKER_SNAPSHOT);
             srv_worker_wait(worker, round.generation, wait_ms);
+        }
     }
     return NULL;
 }

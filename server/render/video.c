@@ -23,7 +23,8 @@ struct encoder {
     uint32_t full[2]; /* size at rest, px; moving frames may be smaller */
     unsigned users;   /* guarded by the list's mutex, as is used_ms */
     double used_ms;
-    pthread_mutex_t mutex; /* guards what follows */
+    pthread_mutex_t mutex;    /* guards what follows */
+    struct sp_budget *budget; /* from which its memory is taken; constant */
     struct sp_video *video;
     struct srv_video_mark mark; /* of the next frame; epoch 0 = it must be a key frame */
     uint64_t order;             /* of the newest job */
@@ -31,6 +32,7 @@ struct encoder {
 };
 
 struct srv_video_encoders {
+    struct sp_budget *budget;
     struct srv_metrics *metrics;
     pthread_mutex_t mutex;
     struct encoder *list;
@@ -38,7 +40,8 @@ struct srv_video_encoders {
     uint64_t epochs;     /* so far */
 };
 
-struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct srv_metrics *metrics,
+struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct sp_budget *budget,
+                                                     struct srv_metrics *metrics,
                                                      struct sp_error *err) {
     struct srv_video_encoders *encoders = calloc(1, sizeof *encoders);
     if (!encoders) {
@@ -46,6 +49,7 @@ struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct srv_met
         return NULL;
     }
     encoders->px_max = px;
+    encoders->budget = budget;
     encoders->metrics = metrics;
     pthread_mutex_init(&encoders->mutex, NULL);
     /* Loads the codecs now, so that no client waits for it. */
@@ -63,6 +67,8 @@ static uint64_t cost_px(const uint32_t full[2]) {
 
 static void destroy(struct encoder *encoder) {
     sp_video_destroy(&encoder->video);
+    sp_budget_give(encoder->budget, SP_BUDGET_ENCODERS,
+                   sp_video_bytes(encoder->codec, encoder->full));
     pthread_mutex_destroy(&encoder->mutex);
     free(encoder);
 }
@@ -123,16 +129,22 @@ void srv_video_encoders_destroy(struct srv_video_encoders **encoders_pointer) {
     free(encoders);
 }
 
-static struct encoder *create(const struct srv_render_job *job, enum sp_video_codec codec) {
+static struct encoder *create(struct sp_budget *budget, const struct srv_render_job *job,
+                              enum sp_video_codec codec) {
+    const uint64_t bytes = sp_video_bytes(codec, job->full);
+    if (!sp_budget_take(budget, SP_BUDGET_ENCODERS, bytes))
+        return NULL;
     struct encoder *encoder = calloc(1, sizeof *encoder);
     struct sp_error err = { .code = SP_ERR_MEMORY, .text = "out of memory" };
     unsigned threads = (uint64_t)job->full[0] * job->full[1] >= LARGE_PX ? 2 : 1;
     if (!encoder || !(encoder->video = sp_video_create(codec, threads, &err))) {
         sp_log(SP_LOG_WARN, "cannot create a %s encoder for a session: %s",
                sp_video_codec_name(codec), err.text);
+        sp_budget_give(budget, SP_BUDGET_ENCODERS, bytes);
         free(encoder);
         return NULL;
     }
+    encoder->budget = budget;
     encoder->session = job->session;
     encoder->codec = codec;
     encoder->full[0] = job->full[0];
@@ -155,7 +167,8 @@ static struct encoder *borrow(struct srv_video_encoders *encoders, const struct 
     struct encoder *idle = NULL;
     if (!encoder && encoders->px + cost > encoders->px_max)
         idle = take_idle(encoders, now_ms - BUSY_MS);
-    if (!encoder && encoders->px + cost <= encoders->px_max && (encoder = create(job, codec))) {
+    if (!encoder && encoders->px + cost <= encoders->px_max &&
+        (encoder = create(encoders->budget, job, codec))) {
         encoder->next = encoders->list;
         encoders->list = encoder;
         encoders->px += cost;

@@ -40,14 +40,17 @@
 
 #include "ops/metrics.h"
 #include "schedule/schedule.h"
+#include "sp/budget.h"
 #include "sp/frame.h"
 
 struct srv_video_encoders;
 
 /* px: bound on the frame sizes of all encoders together, by their size at rest; each encoder counts
- * for at least SRV_VIDEO_PX_MIN. metrics: may be NULL. NULL with *err set: SP_ERR_MEMORY. */
+ * for at least SRV_VIDEO_PX_MIN. budget: their memory is taken from it. metrics: may be NULL. NULL
+ * with *err set: SP_ERR_MEMORY. */
 enum { SRV_VIDEO_PX_MIN = 256 * 1024 };
-struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct srv_metrics *metrics,
+struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct sp_budget *budget,
+                                                     struct srv_metrics *metrics,
                                                      struct sp_error *err);
 /* After the encode threads have ended. Accepts NULL. */
 void srv_video_encoders_destroy(struct srv_video_encoders **encoders);

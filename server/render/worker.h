@@ -39,6 +39,8 @@ struct srv_eviction;
 struct srv_worker {
     struct sp_renderer *renderer; /* NULL = not created yet; for the worker's thread */
     pthread_t thread;
+    bool has_frame_memory; /* the renderer may keep memory of frames; for the worker's thread */
+    double frame_ms;       /* when its last frame ended; for the worker's thread */
     bool is_running;       /* there is a thread to join; for the thread that starts and stops it */
     pthread_mutex_t mutex; /* guards what follows; no other lock is taken while it is held */
     pthread_cond_t changed;

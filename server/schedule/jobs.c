@@ -226,6 +226,7 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     memcpy(job->view.size, job->full, sizeof job->full);
     job->volume = source->ref(source->user, s->shared.shown);
     job->target_count = 0;
+    job->encoder_bytes = 0;
 }
 
 /* Counts a new job in its session, and in the mean time between frames. */
@@ -336,6 +337,27 @@ bool srv_schedule_has_motion(struct srv_schedule *schedule) {
     bool has_motion = srv_has_motion(schedule);
     pthread_mutex_unlock(&schedule->hub->mutex);
     return has_motion;
+}
+
+bool srv_schedule_has_clients(struct srv_schedule *schedule) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    const bool has_clients = schedule->hub->participants.count > 0;
+    pthread_mutex_unlock(&schedule->hub->mutex);
+    return has_clients;
+}
+
+bool srv_schedule_shrink(struct srv_schedule *schedule, const struct srv_render_job *job,
+                         double now_ms) {
+    const uint64_t px = (uint64_t)job->view.size[0] * job->view.size[1], least = 128 * 128;
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_session *s = srv_schedule_session(schedule, job);
+    const bool shrinks = s && px / 2 >= least;
+    if (shrinks) {
+        s->shared.memory_px = px / 2;
+        s->shared.memory_until_ms = now_ms + SRV_SHRINK_MS;
+    }
+    pthread_mutex_unlock(&schedule->hub->mutex);
+    return shrinks;
 }
 
 /* Ending a job. */

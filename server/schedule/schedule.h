@@ -81,10 +81,11 @@ struct srv_render_job {
     /* Virtual times at which its session's and its first participant's accounts start, and what was
      * charged until its true time is known. */
     double start_ms, part_start_ms, charged_ms;
-    unsigned mip_level;  /* as in sp/renderer.h; 0 if final */
-    uint32_t full[2];    /* size at rest, px */
-    struct sp_view view; /* with the size to render */
-    void *volume;        /* a counted use, released when the job ends */
+    unsigned mip_level;     /* as in sp/renderer.h; 0 if final */
+    uint32_t full[2];       /* size at rest, px */
+    struct sp_view view;    /* with the size to render */
+    void *volume;           /* a counted use, released when the job ends */
+    uint64_t encoder_bytes; /* taken from the memory of frames; for render/ */
     uint32_t target_count;
     struct srv_render_target targets[SRV_PARTICIPANTS_MAX];
 };
@@ -113,6 +114,13 @@ bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_run
 
 /* True if the newest view of its session gives the image of the job. */
 bool srv_schedule_is_newest(struct srv_schedule *schedule, const struct srv_render_job *job);
+/* True if some client is connected to a session. */
+bool srv_schedule_has_clients(struct srv_schedule *schedule);
+/* The job's frame does not fit the memory of frames: for SRV_SHRINK_MS, frames of its session have
+ * at most half of its pixels. False: it is as small as frames get, or its session has ended. */
+#define SRV_SHRINK_MS 10000.0
+bool srv_schedule_shrink(struct srv_schedule *schedule, const struct srv_render_job *job,
+                         double now_ms);
 /* True if some view moves, or will within SRV_QUIET_MS. */
 bool srv_schedule_has_motion(struct srv_schedule *schedule);
 

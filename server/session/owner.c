@@ -23,8 +23,8 @@ bool srv_owner_allows_size(const struct srv_owner *owner, const uint32_t size[2]
                    size[1], px, owner->name, most);
 }
 
-void srv_owner_fit_size(const struct srv_owner *owner, uint32_t size[2]) {
-    double px = (double)size[0] * size[1], most = (double)owner->quota.frame_px;
+void srv_fit_size(uint64_t most_px, uint32_t size[2]) {
+    double px = (double)size[0] * size[1], most = (double)most_px;
     if (most == 0 || px <= most)
         return;
     for (int i = 0; i < 2; i++)

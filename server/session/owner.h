@@ -28,8 +28,8 @@ bool srv_owner_role(const struct srv_owner *owner, const char *name, unsigned ri
 /* SP_ERR_INVALID at "/size" if the size is over the owner's limit. */
 bool srv_owner_allows_size(const struct srv_owner *owner, const uint32_t size[2],
                            struct sp_error *err);
-/* Reduces the size to the owner's limit and keeps the aspect ratio. */
-void srv_owner_fit_size(const struct srv_owner *owner, uint32_t size[2]);
+/* Reduces the size to that many pixels and keeps the aspect ratio; 0 = no limit. */
+void srv_fit_size(uint64_t most_px, uint32_t size[2]);
 /* Returns the granted frames per second of a participant that asks for `wanted`. */
 int srv_owner_fps(const struct srv_owner *owner, int wanted);
 

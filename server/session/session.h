@@ -129,6 +129,10 @@ struct srv_session_identity {
 
 struct srv_view_state {
     struct sp_view view;
+    /* Frames have at most so many pixels, because larger ones do not fit the memory of frames; 0 =
+     * all fit. The first change of the view after memory_until_ms ends it. */
+    uint64_t memory_px;
+    double memory_until_ms;
     void *volume; /* a counted use */
     /* Uses of the view's time step, which may still be loading or have failed (NULL = memory is
      * out), and of what frames show: the same, or a step near it until it is loaded. */

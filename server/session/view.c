@@ -93,6 +93,8 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
         session->shared.volume = volume;
     }
     session->shared.view = view;
+    if (now_ms >= session->shared.memory_until_ms)
+        session->shared.memory_px = 0;
     srv_play_place(session, now_ms, &session->shared.view);
     if (volume)
         srv_play_stop_steps(hub, session);
@@ -118,6 +120,7 @@ void srv_hub_size(const struct srv_session *session, const struct srv_participan
     for (int i = 0; i < 2; i++)
         size[i] = participant->settings.size[0] ? participant->settings.size[i]
                                                 : session->shared.view.size[i];
-    srv_owner_fit_size(&session->identity.owner,
-                       size); /* the limit may be lower than when the size was set */
+    /* The limits may be lower than when the size was set. */
+    srv_fit_size(session->identity.owner.quota.frame_px, size);
+    srv_fit_size(session->shared.memory_px, size);
 }

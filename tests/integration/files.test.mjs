@@ -225,7 +225,7 @@ test('a closed volume: its participants see another one, and the last one ends t
   assert.match(stream.closed.reason, /volume was closed/);
   assert.equal((await own.json(`/api/v1/sessions/${stream.session.id}`)).status, 404);
   // The last frame may still hold the volume.
-  const isFreed = async () => /^splatd_memory_bytes 0$/m.test(await (await own.fetch('/metrics')).text());
+  const isFreed = async () => /^splatd_memory_bytes\{kind="voxels"\} 0$/m.test(await (await own.fetch('/metrics')).text());
   await within((async () => { while (!await isFreed()); })(), 'memory that is freed');
   assert.equal(await own.stop(), 0);
 });

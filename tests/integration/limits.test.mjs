@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Limits on images: their size through every interface, the memory of HTTP responses, the pixels of video, and open files.
+// Limits on images: their size through every interface, the pixels of video, and open files.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { compare } from '../support/compare.mjs';
@@ -8,7 +8,7 @@ import { Daemon, Raw, turned } from './harness.mjs';
 const CODECS = { jpeg: 1, vp8: 7 };
 let daemon;
 before(async () => {
-  daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--frame-size', '1024x512', '--video-pixels', '512x512', '--render-bytes', '1M']);
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--frame-size', '1024x512', '--video-pixels', '512x512']);
   await daemon.loaded('engine');
 });
 after(async () => assert.equal(await daemon.stop(), 0));
@@ -38,28 +38,6 @@ test('no interface gives an image larger than --frame-size', async () => {
   assert.deepEqual((await stream.call('stream.configure', { size: LARGEST })).size, LARGEST);
   assert.deepEqual((await stream.call('view.get')).view.size, LARGEST);
   await stream.end();
-});
-
-test('images of HTTP responses share a limit of bytes and return their share', async () => {
-  const draw = (quality) => daemon.fetch(`/api/v1/render?format=exr&quality=${quality}`, {
-    method: 'POST', body: JSON.stringify({ size: LARGEST }), headers: { 'Content-Type': 'application/json' },
-  });
-  const ask = async (quality) => {
-    const answer = await draw(quality);
-    const body = await answer.arrayBuffer();
-    if (answer.status === 200) return null;
-    return { status: answer.status, retry: answer.headers.get('Retry-After'), ...JSON.parse(Buffer.from(body).toString()) };
-  };
-  assert.equal(await ask(1), null, 'a single image is accepted even above the limit');
-  let refusal = null;
-  for (let round = 0; !refusal && round < 100; round++) {
-    const answers = await Promise.all([1, 2, 3, 4, 5, 6].map(ask));
-    assert.ok(answers.includes(null), 'one of them is rendered');
-    refusal = answers.find((answer) => answer);
-  }
-  assert.deepEqual([refusal.status, refusal.retry], [503, '1']);
-  assert.match(refusal.detail, /this one needs 8388608, and --render-bytes allows 1048576/);
-  assert.equal(await ask(1), null, 'all bytes were returned');
 });
 
 test('streams over --video-pixels get JPEG, and the client is notified', async () => {

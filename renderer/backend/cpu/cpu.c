@@ -45,6 +45,7 @@ static void *cpu_create(const struct sp_backend_options *options, struct sp_erro
         return NULL;
     }
     sp_arena_init(&state->arena);
+    state->arena.budget = options->frame_budget;
     sp_cubic_table_init(&state->cubic);
     sp_postconv_tables_init(&state->postconv);
     state->memory_bytes = options->memory_bytes;
@@ -59,8 +60,10 @@ static void *cpu_create(const struct sp_backend_options *options, struct sp_erro
         cpu_destroy(state);
         return NULL;
     }
-    for (unsigned w = 0; w < options->threads; w++)
+    for (unsigned w = 0; w < options->threads; w++) {
         sp_arena_init(&state->worker_arenas[w]);
+        state->worker_arenas[w].budget = options->frame_budget;
+    }
     read_device(state->device, sizeof state->device);
     return state;
 }
@@ -90,6 +93,13 @@ static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) 
     for (enum cpu_cache cache = 0; cache < CPU_CACHES; cache++)
         bytes += cpu_cache_bytes(pointer, cache, volume);
     return bytes;
+}
+
+static void cpu_trim(void *pointer) {
+    struct cpu_state *state = pointer;
+    sp_arena_trim(&state->arena);
+    for (unsigned w = 0; w < sp_pool_threads(state->pool); w++)
+        sp_arena_trim(&state->worker_arenas[w]);
 }
 
 static void cpu_probe(const struct sp_backend_options *options, sp_device_visit *visit,
@@ -131,5 +141,6 @@ const struct sp_backend cpu_backend = {
     .render = cpu_render,
     .evict = cpu_evict,
     .memory = cpu_memory,
+    .trim = cpu_trim,
     .probe = cpu_probe,
 };

@@ -76,7 +76,7 @@ static bool draw_channels(const struct sp_backend_job *job, struct sp_resample_i
 }
 
 static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job *job,
-                           const struct sp_fragments *fragments, struct sp_error *err) {
+                           struct sp_fragments *fragments, struct sp_error *err) {
     struct sp_camera_transform camera;
     struct sp_shade shade;
     struct sp_light_field light;
@@ -171,7 +171,7 @@ static bool mix_axes(struct cpu_frame *f, struct sp_error *err) {
 }
 
 static bool draw_classified(struct cpu_state *state, const struct sp_backend_job *job,
-                            const struct sp_fragments *fragments, struct sp_error *err) {
+                            struct sp_fragments *fragments, struct sp_error *err) {
     struct cpu_frame frame;
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
     const bool is_slab = job->view->compositing.mode == SP_COMPOSITE_SLAB;
@@ -192,22 +192,24 @@ static bool draw_classified(struct cpu_state *state, const struct sp_backend_job
 
 static bool draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
     struct sp_frame_stats *stats = &job->frame->stats;
-    struct sp_fragments all, *fragments = NULL;
+    struct cpu_layers layers;
+    struct sp_fragments *fragments = NULL;
     double begin = sp_job_clock_ms(job), layers_ms = 0;
     sp_arena_reset(&state->arena);
     if (sp_layers_are_wanted(job->view)) {
-        if (!cpu_layers_draw(state, job, &all, err))
+        if (!cpu_layers_draw(state, job, &layers, err))
             return false;
         if (!sp_layers_have_volume(job->view))
             return true;
-        fragments = &all;
+        fragments = &layers.fragments;
         layers_ms = sp_job_clock_ms(job) - begin;
     }
     if (!(sp_resample_draws(job->view) ? draw_resampled(state, job, fragments, err)
                                        : draw_classified(state, job, fragments, err)))
         return false;
     if (fragments && stats->stage_count < SP_STAGES_MAX)
-        stats->stages[stats->stage_count++] = (struct sp_stage_time){ "layers", layers_ms };
+        stats->stages[stats->stage_count++] =
+            (struct sp_stage_time){ "layers", layers_ms + fragments->ms };
     return true;
 }
 

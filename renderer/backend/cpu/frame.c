@@ -9,8 +9,7 @@
 _Static_assert((int)SP_MIP_LEVEL_MAX < (int)SP_LEVELS, "a level for each value of mip_level");
 
 bool cpu_fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                   arena->failed ? arena->failed : "data");
+    return sp_arena_fail(arena, "data", err);
 }
 
 /* Sheets of footprints mix bricks of several levels. All other compositing draws one level: the

@@ -40,7 +40,7 @@ enum cpu_stage { CPU_CLASSIFY, CPU_SPLAT, CPU_BIN, CPU_TILE, CPU_RESOLVE, CPU_ST
 struct cpu_frame {
     const struct sp_backend_job *job;
     struct cpu_state *state;
-    const struct sp_fragments *fragments; /* of other layers; NULL = none */
+    struct sp_fragments *fragments; /* of other layers; NULL = none */
     double stage_ms[CPU_STAGES];
     struct sp_camera_transform camera;
     struct sp_detail detail; /* the cut: bricks and their mip levels, without clipped bricks */

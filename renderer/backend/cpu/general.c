@@ -265,7 +265,7 @@ static size_t sums_bytes(const struct sp_blend *blend) {
 static int band_rows(const struct draw *d) {
     size_t tiles = BAND_BYTES / sums_bytes(&d->blend);
     int rows = (int)(tiles < BAND_TILES ? tiles : BAND_TILES) / d->grid.columns;
-    int needed = (d->frame->ewa->size[1] + SP_TILE - 1) / SP_TILE;
+    int needed = sp_fragments_rows(d->frame->fragments, SP_TILE, d->frame->ewa->size[1]) / SP_TILE;
     return rows < 1 ? 1 : rows < needed ? rows : needed;
 }
 
@@ -443,12 +443,14 @@ static bool all_saturated(const struct draw *d) {
 }
 
 /* Draws the band of tiles that begins at image row y. */
-static void draw_band(struct draw *d, int y) {
+static bool draw_band(struct draw *d, int y, struct sp_error *err) {
     int left = (d->frame->ewa->size[1] - y + SP_TILE - 1) / SP_TILE;
     d->grid.rows = left < d->grid.rows ? left : d->grid.rows;
     d->grid.y = y;
     int end = y + d->grid.rows * SP_TILE;
     set_rows(d, y, end < d->frame->ewa->size[1] ? end : d->frame->ewa->size[1]);
+    if (!sp_fragments_find(d->frame->fragments, y, end, err))
+        return false;
     d->bins.tiles = (uint32_t)(d->grid.columns * d->grid.rows);
     for (int r = 0; r < d->grid.rows; r++)
         for (int c = 0; c < d->grid.columns; c++)
@@ -469,6 +471,7 @@ static void draw_band(struct draw *d, int y) {
     double clock = sp_job_clock_ms(d->frame->job);
     sp_parallel_for(d->pool, d->bins.tiles, 4, resolve_tiles, d);
     cpu_frame_add_time(d->frame, CPU_RESOLVE, clock);
+    return true;
 }
 
 static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
@@ -492,7 +495,8 @@ bool cpu_general_draw(struct cpu_frame *frame, struct sp_error *err) {
     cpu_frame_add_time(frame, CPU_CLASSIFY, clock);
     int step = d.grid.rows * SP_TILE, height = frame->ewa->size[1];
     for (int y = 0; y < height && !is_cancelled(&d); y += step)
-        draw_band(&d, y);
+        if (!draw_band(&d, y, err))
+            return false;
     if (is_cancelled(&d))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     write_stats(&d, &frame->job->frame->stats);

@@ -3,17 +3,18 @@
 
 #include "backend/cpu/caches.h"
 
-struct drawing {
-    struct cpu_state *state;
-    const struct sp_backend_job *job;
-    struct sp_camera_transform camera;
-    struct sp_shade shade;
-    struct sp_layers_input input;
-};
+/* Fragments that are there at a time: a frame of 1920 × 1080 is drawn in three bands. A small
+ * budget gives them a quarter. */
+#define FRAGMENT_BYTES ((uint64_t)256 << 20)
+
+static size_t fragment_bytes(const struct sp_budget *budget) {
+    const uint64_t quarter = sp_budget_limit(budget) / 4;
+    return (size_t)(quarter < FRAGMENT_BYTES ? quarter : FRAGMENT_BYTES);
+}
 
 /* Composites the tile's fragments into the frame. */
 static bool resolve(void *user, const struct sp_fragment_tile *tile, unsigned worker) {
-    const struct drawing *l = user;
+    const struct cpu_layers *l = user;
     struct sp_frame *frame = l->job->frame;
     const float *background = l->job->view->background;
     int left = (int)frame->width - tile->x, below = (int)frame->height - tile->y;
@@ -42,7 +43,7 @@ static bool resolve(void *user, const struct sp_fragment_tile *tile, unsigned wo
     return true;
 }
 
-static void init(struct drawing *l, struct cpu_state *state, const struct sp_backend_job *job) {
+static void init(struct cpu_layers *l, struct cpu_state *state, const struct sp_backend_job *job) {
     const struct sp_view *view = job->view;
     bool is_lit = view->shading.mode == SP_SHADING_PHONG;
     l->state = state;
@@ -82,7 +83,7 @@ static bool draws_alone(const struct sp_view *view) {
     return view->layer_count == 1 && splats & SP_CAN(view->layers[0].type);
 }
 
-static bool draw_alone(const struct drawing *l, struct sp_error *err) {
+static bool draw_alone(const struct cpu_layers *l, struct sp_error *err) {
     struct sp_layers_cloud cloud;
     struct sp_voxel_input voxels, *input = &voxels;
     double begin = sp_job_clock_ms(l->job);
@@ -107,35 +108,57 @@ static void add_stats(struct sp_frame_stats *stats, const struct sp_voxel_layer 
     stats->fragments += (uint64_t)layer->area;
 }
 
+/* sp_fragments.fill */
+static bool fill(void *user, int begin, int end, struct sp_error *err) {
+    struct cpu_layers *l = user;
+    const double start_ms = sp_job_clock_ms(l->job);
+    const bool ok =
+        sp_layers_collect(&l->layers, begin, end, l->state->worker_arenas, &l->fragments, err);
+    l->fragments.ms += sp_job_clock_ms(l->job) - start_ms;
+    return ok;
+}
+
+static bool open_fragments(struct cpu_layers *l, struct sp_error *err) {
+    struct sp_arena *arena = &l->state->arena;
+    if (!sp_fragments_init(&l->fragments, l->job->view->size, arena))
+        return cpu_fail_memory(arena, err);
+    sp_fragments_limit(&l->fragments, fragment_bytes(arena->budget));
+    l->fragments.fill = fill;
+    l->fragments.user = l;
+    return true;
+}
+
 bool cpu_layers_draw(struct cpu_state *state, const struct sp_backend_job *job,
-                     struct sp_fragments *fragments, struct sp_error *err) {
-    struct drawing l;
-    struct sp_layers layers;
+                     struct cpu_layers *l, struct sp_error *err) {
     struct sp_frame_stats *stats = &job->frame->stats;
     const struct sp_view *view = job->view;
     double begin = sp_job_clock_ms(job);
-    init(&l, state, job);
+    init(l, state, job);
     if (draws_alone(view))
-        return draw_alone(&l, err);
-    if (!sp_layers_prepare(&l.input, &layers, err))
+        return draw_alone(l, err);
+    if (!sp_layers_prepare(&l->input, &l->layers, err))
         return false;
     if (sp_layers_have_volume(view))
-        return sp_layers_collect(&layers, state->worker_arenas, fragments, err);
+        return open_fragments(l, err);
     double prepared = sp_job_clock_ms(job);
-    if (!sp_layers_draw(&layers, resolve, &l, err))
+    const int rows = (int)((view->size[1] + SP_FRAGMENT_TILE - 1) / SP_FRAGMENT_TILE);
+    if (!sp_layers_draw(&l->layers, 0, rows, resolve, l, err))
         return false;
-    if (layers.shell.is_there)
-        add_stats(stats, &layers.shell.layer);
-    if (layers.vectors.is_there)
-        add_stats(stats, &layers.vectors.layer);
-    for (unsigned i = 0; i < layers.cloud_count; i++)
-        add_stats(stats, &layers.clouds[i].voxels.layer);
-    for (unsigned i = 0; i < layers.surface_count; i++) {
-        stats->visible_voxels += layers.surfaces[i].points->count;
-        stats->splats += layers.surfaces[i].drawn;
+    const struct sp_layers *layers = &l->layers;
+    if (layers->shell.is_there)
+        add_stats(stats, &layers->shell.layer);
+    if (layers->vectors.is_there)
+        add_stats(stats, &layers->vectors.layer);
+    for (unsigned i = 0; i < layers->cloud_count; i++)
+        add_stats(stats, &layers->clouds[i].voxels.layer);
+    for (unsigned i = 0; i < layers->surface_count; i++) {
+        stats->visible_voxels += layers->surfaces[i].points->count;
+        stats->splats += layers->surfaces[i].drawn;
     }
-    for (unsigned i = 0; i < layers.mesh_count; i++)
-        stats->splats += layers.meshes[i].first[layers.meshes[i].columns * layers.meshes[i].rows];
+    for (unsigned i = 0; i < layers->mesh_count; i++) {
+        const struct sp_mesh *mesh = &layers->meshes[i];
+        stats->splats += mesh->first[mesh->columns * mesh->rows];
+    }
     stats->stage_count = 2;
     stats->stages[0] = (struct sp_stage_time){ "splat", prepared - begin };
     stats->stages[1] = (struct sp_stage_time){ "tile", sp_job_clock_ms(job) - prepared };

@@ -43,7 +43,7 @@ bool gl_fragments_relate(struct gl_fragments *fragments, const struct gl_frame *
                                             .unit = unit };
     return f->compositing != SP_COMPOSITE_SHEET ||
            sp_insert_init_sheets(&fragments->insert, f->grid, f->axis, &s->arena) ||
-           sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", s->arena.failed);
+           sp_arena_fail(&s->arena, "data", err);
 }
 
 static uint32_t count_pixels(const struct gl_fragments_part *part) {
@@ -91,7 +91,7 @@ static bool upload_planes(const struct gl_fragments_part *part, struct sp_error 
         return true;
     float *offset = sp_arena_alloc(arena, "planes of sheets", insert->planes, sizeof *offset);
     if (!offset)
-        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's planes of sheets");
+        return sp_arena_fail(arena, "planes of sheets", err);
     for (uint32_t i = 0; i < insert->planes; i++)
         offset[i] = (float)insert->offset[i];
     glFinish(); /* the previous frame may still read them */

@@ -19,8 +19,7 @@ _Static_assert((int)SP_LIGHTS_MAX == (int)GL_LIGHTS, "the shaders hold every lig
 _Static_assert(2 * (int)SP_LEVELS <= (int)GL_PARTS, "a part for each level, enlarged or not");
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                   arena->failed ? arena->failed : "data");
+    return sp_arena_fail(arena, "data", err);
 }
 
 static uint32_t part_bit(unsigned level, bool is_enlarged) {

@@ -97,7 +97,8 @@ static struct gl_state *make(const struct sp_backend_options *options, bool soft
         return NULL;
     }
     sp_arena_init(&state->arena);
-    gl_partition_init(&state->partition);
+    state->arena.budget = options->frame_budget;
+    gl_partition_init(&state->partition, options->frame_budget);
     state->options = (struct gl_options){ .gpu = options->gpu, .software = software };
     state->video_bytes = options->video_bytes;
     state->memory_bytes = state->cache.limit_bytes = options->memory_bytes;

@@ -18,10 +18,11 @@ struct gl_item {
     double radius;
 };
 
-void gl_partition_init(struct gl_partition *partition) {
+void gl_partition_init(struct gl_partition *partition, struct sp_budget *budget) {
     *partition = (struct gl_partition){ 0 };
     sp_arena_init(&partition->kept);
     sp_arena_init(&partition->pieces);
+    partition->kept.budget = partition->pieces.budget = budget;
 }
 
 void gl_partition_finish(struct gl_partition *partition) {
@@ -30,7 +31,7 @@ void gl_partition_finish(struct gl_partition *partition) {
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", arena->failed);
+    return sp_arena_fail(arena, "data", err);
 }
 
 static void write_list_made(const struct gl_partition_source *from, uint64_t made[SP_LEVELS]) {

@@ -86,7 +86,8 @@ struct gl_partition {
     uint32_t layers, records; /* capacity of a batch */
 };
 
-void gl_partition_init(struct gl_partition *partition);
+/* budget: of the memory of frames; NULL = no limit. */
+void gl_partition_init(struct gl_partition *partition, struct sp_budget *budget);
 void gl_partition_finish(struct gl_partition *partition);
 
 /* Choose the layers of a frame: sheets along `axis` with sheets[count] as in struct gl_partition,

@@ -13,7 +13,7 @@ enum {
 };
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", arena->failed);
+    return sp_arena_fail(arena, "data", err);
 }
 
 /* Of a projection. */

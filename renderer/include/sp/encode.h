@@ -40,12 +40,19 @@ SP_API const struct sp_image_format_info *sp_image_format_info(enum sp_image_for
  * SP_IMAGE_FORMAT_COUNT if none matches. Thread-safe. */
 SP_API enum sp_image_format sp_image_format_find(const char *text);
 
+/* Returns an upper bound of the memory that encoding an image takes beside its pixels, and a copy
+ * of the file [bytes]. Thread-safe. */
+SP_API uint64_t sp_encode_bytes(enum sp_image_format format, const uint32_t size[2]);
+
 /* An encoder keeps the memory that it reuses from frame to frame. One thread at a time. */
 struct sp_encoder;
 /* Returns NULL on failure: SP_ERR_MEMORY. */
 SP_API struct sp_encoder *sp_encoder_create(struct sp_error *err);
 /* Accepts a NULL encoder and nulls *encoder. */
 SP_API void sp_encoder_destroy(struct sp_encoder **encoder);
+/* Frees what the encoder keeps for large images; the bytes of the last image are no longer valid.
+ */
+SP_API void sp_encoder_trim(struct sp_encoder *encoder);
 
 /* Chroma subsampling of a JPEG: one colour per pixel (4:4:4), per 2 × 1 (4:2:2) or per 2 × 2 pixels
  * (4:2:0). */

@@ -80,6 +80,7 @@ struct sp_frame {
 };
 
 struct sp_frame_pool; /* opaque */
+struct sp_budget;     /* sp/budget.h */
 
 /* Creates a pool that keeps at most cap_bytes of idle frame memory for reuse (0 = none). Returns
  * NULL on failure: SP_ERR_MEMORY. Thread-safe. */
@@ -88,8 +89,14 @@ SP_API struct sp_frame_pool *sp_frame_pool_create(size_t cap_bytes, struct sp_er
  * freed with their last reference. */
 SP_API void sp_frame_pool_destroy(struct sp_frame_pool **pool);
 
+/* Has the pool take the memory of its frames, idle ones included, from the budget (sp/budget.h,
+ * SP_BUDGET_IMAGES), which must outlive the pool and its frames. Call it before the first frame. */
+SP_API void sp_frame_pool_set_budget(struct sp_frame_pool *pool, struct sp_budget *budget);
+/* Frees the memory of idle frames. Thread-safe. */
+SP_API void sp_frame_pool_trim(struct sp_frame_pool *pool);
+
 /* Returns one reference to a frame with uninitialised pixels. width and height in px, [1,
- * SP_SIZE_MAX]. Returns NULL on failure: SP_ERR_MEMORY. Thread-safe. */
+ * SP_SIZE_MAX]. Returns NULL on failure: SP_ERR_MEMORY, SP_ERR_FRAME_BUDGET. Thread-safe. */
 SP_API struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
                                         enum sp_pixel_format format, struct sp_error *err);
 /* Adds a reference and returns its argument. Thread-safe. */

@@ -30,6 +30,7 @@ extern "C" {
 
 struct sp_renderer; /* opaque */
 struct sp_pause;    /* sp/inflight.h */
+struct sp_budget;   /* sp/budget.h */
 
 /* All zero = all defaults. Strings are copied. */
 struct sp_renderer_options {
@@ -59,6 +60,11 @@ struct sp_renderer_options {
      * two renderers leave a quarter to other programs; half of memory_bytes and at most 1 GiB if
      * the GPU does not report its size; memory_bytes with software GL. */
     uint64_t video_bytes;
+    /* What frames are drawn in (SP_BUDGET_ARENAS) is taken from it: main memory, beside the cache.
+     * A frame for which it does not suffice fails with SP_ERR_FRAME_BUDGET. The memory is kept from
+     * frame to frame while at most half of the budget is taken. The budget must outlive the
+     * renderer. NULL = no limit. */
+    struct sp_budget *frame_budget;
 };
 
 /* Starts a renderer. `options` may be NULL. Returns NULL if no backend starts: SP_ERR_INVALID
@@ -144,6 +150,10 @@ SP_API bool sp_renderer_supports(const struct sp_renderer *renderer, const struc
 /* Drops everything cached for the volume, and the reference to it. Harmless if nothing is cached.
  * Frames in flight may cache it again: finish them first. */
 SP_API void sp_renderer_evict(struct sp_renderer *renderer, const struct sp_volume *volume);
+
+/* Frees the memory that is kept from frame to frame to draw in. No frame may be in flight. Call it
+ * on the renderer's thread. */
+SP_API void sp_renderer_trim(struct sp_renderer *renderer);
 
 /* Returns the bytes that are cached for the volume; NULL = for all volumes, with the buffers that a
  * GPU draws in. Call it on the renderer's thread. */

@@ -18,18 +18,20 @@ extern "C" {
 
 enum sp_code {
     SP_OK = 0,
-    SP_ERR_INVALID,     /* an argument, a view field or an option is out of its range */
-    SP_ERR_UNSUPPORTED, /* valid, but this build or backend cannot do it */
-    SP_ERR_NOT_FOUND,   /* no such file, volume or built-in name */
-    SP_ERR_FORMAT,      /* a file breaks the rules of its format */
-    SP_ERR_IO,          /* the system refused: open, read, fork, map */
-    SP_ERR_DENIED,      /* a path leads out of the folder that it is confined to */
-    SP_ERR_MEMORY,      /* an allocation failed */
-    SP_ERR_BUDGET,      /* over a configured budget; refused before allocating */
-    SP_ERR_TIMEOUT,     /* it took longer than its limit */
-    SP_ERR_CRASHED,     /* a helper process died or broke its protocol */
-    SP_ERR_CANCELLED,   /* the caller cancelled it */
-    SP_ERR_BACKEND,     /* the backend failed; the next call may work */
+    SP_ERR_INVALID,      /* an argument, a view field or an option is out of its range */
+    SP_ERR_UNSUPPORTED,  /* valid, but this build or backend cannot do it */
+    SP_ERR_NOT_FOUND,    /* no such file, volume or built-in name */
+    SP_ERR_FORMAT,       /* a file breaks the rules of its format */
+    SP_ERR_IO,           /* the system refused: open, read, fork, map */
+    SP_ERR_DENIED,       /* a path leads out of the folder that it is confined to */
+    SP_ERR_MEMORY,       /* an allocation failed */
+    SP_ERR_BUDGET,       /* over a configured budget; refused before allocating */
+    SP_ERR_TIMEOUT,      /* it took longer than its limit */
+    SP_ERR_CRASHED,      /* a helper process died or broke its protocol */
+    SP_ERR_CANCELLED,    /* the caller cancelled it */
+    SP_ERR_BACKEND,      /* the backend failed; the next call may work */
+    SP_ERR_FRAME_BUDGET, /* over the budget of the memory of frames (sp/budget.h): another frame may
+                            have left too little, or this one needs too much */
     /* For programs that serve volumes to several users; the renderer itself never returns them. */
     SP_ERR_QUOTA,          /* over the quota of one user; other users are not affected */
     SP_ERR_NOT_READY,      /* is still being loaded or computed; try again later */

@@ -39,6 +39,10 @@ SP_API enum sp_video_codec sp_video_codec_find(const char *name);
 /* True if this installation can encode the codec. Looks for the module's file. Thread-safe. */
 SP_API bool sp_video_is_available(enum sp_video_codec codec);
 
+/* Returns an upper bound of the memory of an encoder for frames of at most that size [bytes].
+ * Thread-safe. */
+SP_API uint64_t sp_video_bytes(enum sp_video_codec codec, const uint32_t size[2]);
+
 /* The encoder of one stream. One thread at a time. */
 struct sp_video;
 

@@ -134,12 +134,59 @@ static void stored_tiles_are_found(void **state) {
     free(tile);
 }
 
+struct filling {
+    int calls, begin, end;
+};
+
+static bool fill(void *user, int begin, int end, struct sp_error *err) {
+    struct filling *filling = user;
+    (void)err;
+    filling->calls++;
+    filling->begin = begin;
+    filling->end = end;
+    return true;
+}
+
+static void a_large_image_has_a_band_of_fragments_at_a_time(void **state) {
+    (void)state;
+    struct filling filling = { 0 };
+    struct sp_arena arena;
+    struct sp_fragments all;
+    sp_arena_init(&arena);
+    assert_true(sp_fragments_init(&all, (const uint32_t[2]){ 320, 320 }, &arena));
+    all.fill = fill;
+    all.user = &filling;
+    assert_int_equal(sp_fragments_rows(NULL, 64, 320), 320);
+    assert_int_equal(sp_fragments_rows(&all, 64, 320), 320);
+    assert_true(sp_fragments_find(&all, 0, 320, NULL));
+    assert_int_equal(filling.calls, 0); /* all are there already */
+    sp_fragments_limit(&all, 1);
+    assert_int_equal(all.most, 1);
+    assert_int_equal(sp_fragments_rows(&all, 32, 320), 32);
+    assert_int_equal(sp_fragments_rows(&all, 96, 320), 96);
+    sp_fragments_limit(&all, (size_t)5 * 10 * SP_FRAGMENT_PIXELS * 324);
+    assert_int_equal(all.most, 5);
+    assert_int_equal(sp_fragments_rows(&all, 32, 320), 160);
+    assert_int_equal(sp_fragments_rows(&all, 64, 320), 128);
+    assert_true(sp_fragments_find(&all, 128, 256, NULL));
+    assert_int_equal(filling.begin, 4);
+    assert_int_equal(filling.end, 8);
+    assert_true(sp_fragments_find(&all, 130, 250, NULL));
+    assert_int_equal(filling.calls, 1);
+    assert_true(sp_fragments_find(&all, 256, 384, NULL)); /* the last tiles reach below the image */
+    assert_int_equal(filling.begin, 8);
+    assert_int_equal(filling.end, 10);
+    assert_int_equal(filling.calls, 2);
+    sp_arena_finish(&arena);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(fragments_are_sorted),
         cmocka_unit_test(a_full_pixel_merges_neighbours),
         cmocka_unit_test(merged_neighbours_leave_a_surface_in_its_place),
         cmocka_unit_test(stored_tiles_are_found),
+        cmocka_unit_test(a_large_image_has_a_band_of_fragments_at_a_time),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

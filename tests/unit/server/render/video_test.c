@@ -204,7 +204,7 @@ static void finish_job(struct world *w, unsigned which) {
 
 static void set_up(struct world *w, struct fixture *f, unsigned seed) {
     *w = (struct world){ .f = f, .random = seed, .now_ms = 1 };
-    w->videos = srv_video_encoders_create(VIDEO_PX, NULL, NULL);
+    w->videos = srv_video_encoders_create(VIDEO_PX, NULL, NULL, NULL);
     for (int i = 0; i < VIEWERS; i++)
         join(w, &w->viewers[i]);
 }

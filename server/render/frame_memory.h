@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The memory of frames (--render-bytes): what renderers draw in, pixels, encoders, cached images
+ * and answers that clients have not read yet. Sessions have one half, snapshots and camera paths
+ * the other, so that neither can take all. Bytes are taken before they are allocated (sp/budget.h).
+ *
+ *   frame of a session   does not fit: it is drawn with half as many pixels, and all of the session
+ *                        for a while (srv_schedule_shrink)
+ *   snapshot             does not fit beside others: waits for them, at most SRV_MEMORY_WAIT_MS,
+ * then 503; does not fit alone: 422 video encoder        does not fit: images instead of video
+ *
+ * At rest, SRV_REST_MS after the last frame, the memory is given back to the system.
+ */
+#ifndef SRV_RENDER_FRAME_MEMORY_H
+#define SRV_RENDER_FRAME_MEMORY_H
+
+#include "sp/budget.h"
+#include "sp/encode.h"
+
+#define SRV_REST_MS 2000.0
+#define SRV_MEMORY_WAIT_MS 30000.0
+
+struct srv_frame_memory {
+    struct sp_budget *sessions, *snapshots; /* NULL = no limit */
+};
+
+/* bytes: of both together; 0 = a quarter of the machine's memory, at least 2 GiB. */
+bool srv_frame_memory_init(struct srv_frame_memory *memory, uint64_t bytes, struct sp_error *err);
+/* All bytes must have been given back. */
+void srv_frame_memory_finish(struct srv_frame_memory *memory);
+
+/* Returns an upper bound of the pixels and the encoder of an image [bytes]. */
+uint64_t srv_frame_memory_of(enum sp_image_format format, const uint32_t size[2]);
+
+#endif
