@@ -417,6 +417,7 @@ static bool start_paths(struct srv_daemon *d, struct sp_error *err) {
                                          .paths_max = (unsigned)c->paths,
                                          .frames_max = (uint32_t)c->path_frames,
                                          .bytes_max = (uint64_t)c->path_bytes,
+                                         .budget = d->frame_memory.sessions,
                                          .video_px = (uint64_t)c->video_px };
     struct srv_paths *paths = srv_paths_create(&options, err);
     atomic_store(&d->paths, paths);

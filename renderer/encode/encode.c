@@ -36,8 +36,8 @@ enum {
     SMALL_BYTES = 1 << 20 /* kept by sp_encoder_trim() */
 };
 
-/* Bytes per pixel: converted pixels, what the library takes, the file in a buffer that doubles as it
- * grows, and its copy. unit.encode_memory measures them. */
+/* Bytes per pixel: converted pixels, what the library takes, the file in a buffer that doubles as
+ * it grows, and its copy. */
 uint64_t sp_encode_bytes(enum sp_image_format format, const uint32_t size[2]) {
     static const unsigned per_pixel[SP_IMAGE_FORMAT_COUNT] = {
         [SP_IMAGE_JPEG] = 12, [SP_IMAGE_PNG] = 16, [SP_IMAGE_WEBP] = 32, [SP_IMAGE_EXR] = 48

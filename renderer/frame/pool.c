@@ -16,8 +16,9 @@ struct block {
     struct sp_frame frame; /* first, so that a frame's address is its block's */
     atomic_uint refs;
     struct sp_frame_pool *pool;
-    struct block *next; /* in the idle list, the most recently used first */
-    size_t capacity;    /* bytes of pixels */
+    struct sp_budget *budget; /* the pool's: the pool may be freed before its last block */
+    struct block *next;       /* in the idle list, the most recently used first */
+    size_t capacity;          /* bytes of pixels */
 };
 
 struct sp_frame_pool {
@@ -74,7 +75,7 @@ static size_t size_of(size_t capacity) {
 static void free_blocks(struct block *list) {
     while (list) {
         struct block *next = list->next;
-        sp_budget_give(list->pool->budget, SP_BUDGET_IMAGES, size_of(list->capacity));
+        sp_budget_give(list->budget, SP_BUDGET_IMAGES, size_of(list->capacity));
         free(list);
         list = next;
     }
@@ -147,6 +148,7 @@ static struct block *allocate(struct sp_frame_pool *pool, uint32_t width, uint32
         return NULL;
     }
     b->capacity = bytes;
+    b->budget = pool->budget;
     return b;
 }
 

@@ -25,6 +25,8 @@ struct encoder { /* the encoder of one movie; it lives between frames */
     char id[SRV_PATH_ID_BYTES];
     struct sp_video *video;
     uint64_t px;
+    struct sp_budget *budget; /* NULL = no limit */
+    uint64_t bytes;           /* taken from it */
 };
 
 struct drawing { /* the state of the thread */
@@ -46,6 +48,7 @@ static void drop_video(struct encoder **at) {
     struct encoder *encoder = *at;
     *at = encoder->next;
     sp_video_destroy(&encoder->video);
+    sp_budget_give(encoder->budget, SP_BUDGET_ENCODERS, encoder->bytes);
     free(encoder);
 }
 
@@ -75,6 +78,19 @@ static void evict_videos(struct drawing *d, uint64_t px) {
         drop_video(at);
 }
 
+/* Takes the memory of an encoder from the budget; frees other movies' encoders if it does not
+ * suffice. */
+static bool take_memory(struct drawing *d, uint64_t bytes, struct sp_error *err) {
+    struct sp_budget *budget = d->paths->options.budget;
+    bool is_taken = sp_budget_take(budget, SP_BUDGET_ENCODERS, bytes);
+    if (!is_taken && d->videos) {
+        while (d->videos)
+            drop_video(&d->videos);
+        is_taken = sp_budget_take(budget, SP_BUDGET_ENCODERS, bytes);
+    }
+    return is_taken || sp_budget_fail(budget, "encoder", bytes, err);
+}
+
 /* Returns the encoder of the path's movie, creating it if necessary. */
 static struct sp_video *take_video(struct drawing *d, struct sp_error *err) {
     struct encoder **at = find_video(d, d->path->id), *encoder = *at;
@@ -84,14 +100,20 @@ static struct sp_video *take_video(struct drawing *d, struct sp_error *err) {
         uint64_t px = (uint64_t)d->path->size[0] * d->path->size[1];
         px = px < SRV_VIDEO_PX_MIN ? SRV_VIDEO_PX_MIN : px;
         evict_videos(d, px);
+        const uint64_t bytes = sp_video_bytes(SP_VIDEO_VP9, d->path->size);
+        if (!take_memory(d, bytes, err))
+            return NULL;
         encoder = calloc(1, sizeof *encoder);
         if (!encoder || !(encoder->video = sp_video_create(SP_VIDEO_VP9, VIDEO_THREADS, err))) {
             if (!encoder)
                 sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a video encoder");
+            sp_budget_give(d->paths->options.budget, SP_BUDGET_ENCODERS, bytes);
             free(encoder);
             return NULL;
         }
         encoder->px = px;
+        encoder->budget = d->paths->options.budget;
+        encoder->bytes = bytes;
         memcpy(encoder->id, d->path->id, sizeof encoder->id);
     }
     encoder->next = d->videos;
@@ -275,7 +297,7 @@ static void give_back_bytes(struct drawing *d, uint64_t bytes) {
 }
 
 /* Encodes the frame and writes its file. */
-static bool write_frame(struct drawing *d, const struct sp_frame *frame, struct sp_error *err) {
+static bool encode_frame(struct drawing *d, const struct sp_frame *frame, struct sp_error *err) {
     const struct srv_path_output *output = &d->path->output;
     struct sp_video_packet packet = { .size = 0 };
     const uint8_t *image = NULL;
@@ -302,6 +324,19 @@ static bool write_frame(struct drawing *d, const struct sp_frame *frame, struct 
                           output->is_movie ? packet.bytes : image, packet.size, err);
     if (!ok)
         give_back_bytes(d, bytes);
+    return ok;
+}
+
+/* The same with the memory of an image's encoder; that of a movie has its own. */
+static bool write_frame(struct drawing *d, const struct sp_frame *frame, struct sp_error *err) {
+    const struct srv_path_output *output = &d->path->output;
+    const uint32_t size[2] = { frame->width, frame->height };
+    const uint64_t bytes = output->is_movie ? 0 : sp_encode_bytes(output->format, size);
+    if (!take_memory(d, bytes, err))
+        return false;
+    const bool ok = encode_frame(d, frame, err);
+    sp_encoder_trim(d->encoder);
+    sp_budget_give(d->paths->options.budget, SP_BUDGET_ENCODERS, bytes);
     return ok;
 }
 

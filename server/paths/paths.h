@@ -53,6 +53,7 @@ struct srv_paths_options {
     unsigned paths_max;        /* camera paths that are not removed */
     uint32_t frames_max;       /* per path */
     uint64_t bytes_max;        /* of all files of all paths */
+    struct sp_budget *budget;  /* of the memory of movies' encoders; NULL = no limit */
     uint64_t video_px;         /* of the encoders of all movies together, and so of one movie */
 };
 

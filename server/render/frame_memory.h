@@ -1,13 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The memory of frames (--render-bytes): what renderers draw in, pixels, encoders, cached images
- * and answers that clients have not read yet. Sessions have one half, snapshots and camera paths
- * the other, so that neither can take all. Bytes are taken before they are allocated (sp/budget.h).
+ * and answers that clients have not read yet. Sessions and movies' encoders have one half,
+ * snapshots and frames of camera paths the other, so that neither can take all. Bytes are taken
+ * before they are allocated (sp/budget.h).
  *
- *   frame of a session   does not fit: it is drawn with half as many pixels, and all of the session
- *                        for a while (srv_schedule_shrink)
- *   snapshot             does not fit beside others: waits for them, at most SRV_MEMORY_WAIT_MS,
- * then 503; does not fit alone: 422 video encoder        does not fit: images instead of video
+ *   what does not fit     then
+ *   -------------------   ------------------------------------------------------------------------
+ *   frame of a session    the session's frames have half as many pixels (srv_schedule_shrink)
+ *   snapshot, by others   it waits for them, at most SRV_MEMORY_WAIT_MS, then 503
+ *   snapshot, alone       422
+ *   video encoder         images instead of video
  *
  * At rest, SRV_REST_MS after the last frame, the memory is given back to the system.
  */

@@ -26,7 +26,7 @@ from peer import Peer, chosen, demos, describe, find
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'layers', 'elements', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'bricks', 'codecs', 'tls', 'soak')
+PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'layers', 'elements', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'bricks', 'memory', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -498,6 +498,7 @@ def main():
                                                  *(('--seconds', '1', '--rtt', '50', '--mbit', '2', '--stalls', '1') if options.quick else ()), program='network.mjs')),
             'browser': (1, lambda: measure_browser(run)),
             'bricks': (1, lambda: measure_serve(run, 'bricks.csv', 'volumes that are larger than memory', *(('--sides', '512') if options.quick else ()), program='bricks.mjs')),
+            'memory': (1, lambda: measure_serve(run, 'memory.csv', 'the memory of frames', *(('--side', '512') if options.quick else ()), program='memory.mjs')),
             'codecs': (1, lambda: measure_codecs(run)),
             'tls': (1, lambda: measure_tls(run)),
             'soak': (1, lambda: measure_serve(run, 'soak.csv', 'clients that connect and disconnect', '--only', 'soak', *(('--minutes', '2') if options.quick else ()))),

@@ -223,6 +223,12 @@ static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
     return bytes;
 }
 
+static void gl_trim(void *pointer) {
+    struct gl_state *state = pointer;
+    sp_arena_trim(&state->arena);
+    gl_partition_trim(&state->partition);
+}
+
 /* The same as the CPU backend, except light. */
 #define CAPABILITIES                                                                               \
     {                                                                                              \
@@ -248,6 +254,7 @@ const struct sp_backend gl_backend = {
     .finish = gl_end,
     .evict = gl_evict,
     .memory = gl_memory,
+    .trim = gl_trim,
     .probe = gl_probe, /* lists the devices of both entries */
 };
 const struct sp_backend gl_software_backend = {
@@ -263,4 +270,5 @@ const struct sp_backend gl_software_backend = {
     .finish = gl_end,
     .evict = gl_evict,
     .memory = gl_memory,
+    .trim = gl_trim,
 };

@@ -30,6 +30,13 @@ void gl_partition_finish(struct gl_partition *partition) {
     sp_arena_finish(&partition->pieces);
 }
 
+void gl_partition_trim(struct gl_partition *partition) {
+    sp_arena_trim(&partition->kept);
+    sp_arena_trim(&partition->pieces);
+    partition->volume = NULL;
+    partition->is_cut = false;
+}
+
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
     return sp_arena_fail(arena, "data", err);
 }

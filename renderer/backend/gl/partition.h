@@ -89,6 +89,8 @@ struct gl_partition {
 /* budget: of the memory of frames; NULL = no limit. */
 void gl_partition_init(struct gl_partition *partition, struct sp_budget *budget);
 void gl_partition_finish(struct gl_partition *partition);
+/* Frees its memory; the next frame chooses layers and makes batches again. */
+void gl_partition_trim(struct gl_partition *partition);
 
 /* Choose the layers of a frame: sheets along `axis` with sheets[count] as in struct gl_partition,
  * or by distance. SP_ERR_MEMORY. */

@@ -40,6 +40,60 @@ static void arena_reuses_memory(void **state) {
     sp_arena_finish(&arena);
 }
 
+static void a_budget_is_never_exceeded(void **state) {
+    (void)state;
+    struct sp_error err = { .code = SP_OK };
+    struct sp_budget *budget = sp_budget_create(1000, &err);
+    assert_non_null(budget);
+    assert_true(sp_budget_take(budget, SP_BUDGET_IMAGES, 600));
+    assert_false(sp_budget_take(budget, SP_BUDGET_ENCODERS, 401));
+    assert_false(sp_budget_take(budget, SP_BUDGET_ENCODERS, UINT64_MAX));
+    assert_true(sp_budget_take(budget, SP_BUDGET_ENCODERS, 400));
+    assert_int_equal(sp_budget_used(budget, SP_BUDGET_IMAGES), 600);
+    assert_int_equal(sp_budget_total(budget), 1000);
+    sp_budget_add(budget, SP_BUDGET_ANSWERS, 50); /* is there already */
+    assert_false(sp_budget_take(budget, SP_BUDGET_ARENAS, 0));
+    assert_false(sp_budget_fail(budget, "pixels", 77, &err));
+    assert_int_equal(err.code, SP_ERR_FRAME_BUDGET);
+    assert_non_null(strstr(err.text, "77 bytes for its pixels"));
+    assert_non_null(strstr(err.text, "1050 of the 1000 bytes"));
+    sp_budget_give(budget, SP_BUDGET_IMAGES, 600);
+    sp_budget_give(budget, SP_BUDGET_ENCODERS, 400);
+    sp_budget_give(budget, SP_BUDGET_ANSWERS, 50);
+    sp_budget_destroy(&budget);
+    assert_null(budget);
+    assert_true(sp_budget_take(NULL, SP_BUDGET_IMAGES, UINT64_MAX)); /* no limit */
+}
+
+static void an_arena_takes_its_blocks_from_the_budget(void **state) {
+    (void)state;
+    enum { LIMIT = 4 << 20 };
+    struct sp_error err;
+    struct sp_budget *budget = sp_budget_create(LIMIT, NULL);
+    struct sp_arena arena;
+    size_t got = 0;
+    sp_arena_init(&arena);
+    arena.budget = budget;
+    while (sp_arena_alloc(&arena, "records", 1, 100 << 10)) {
+        got += 100 << 10;
+        assert_int_equal(sp_budget_used(budget, SP_BUDGET_ARENAS), arena.held);
+        assert_compare(arena.held, <=, (uint64_t)LIMIT);
+    }
+    assert_compare(got, >, (size_t)LIMIT * 3 / 4); /* little is left unused */
+    assert_false(sp_arena_fail(&arena, "data", &err));
+    assert_int_equal(err.code, SP_ERR_FRAME_BUDGET);
+    assert_non_null(strstr(err.text, "for its records"));
+    sp_arena_trim(&arena);
+    assert_int_equal(sp_budget_total(budget), 0);
+    assert_non_null(sp_arena_alloc(&arena, "records", 1, 100 << 10));
+    assert_null(
+        sp_arena_alloc(&arena, "huge", SIZE_MAX / 2, 4)); /* that is no matter of the budget */
+    assert_false(sp_arena_fail(&arena, "data", &err));
+    assert_int_equal(err.code, SP_ERR_MEMORY);
+    sp_arena_finish(&arena);
+    sp_budget_destroy(&budget);
+}
+
 enum { COUNT = 100003, GRAIN = 64 };
 struct visit {
     atomic_uchar seen[COUNT];
@@ -152,6 +206,8 @@ static void the_version_is_that_of_the_headers(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(arena_reuses_memory),
+        cmocka_unit_test(a_budget_is_never_exceeded),
+        cmocka_unit_test(an_arena_takes_its_blocks_from_the_budget),
         cmocka_unit_test(parallel_for_visits_each_index_once),
         cmocka_unit_test(inverse_times_matrix_is_identity),
         cmocka_unit_test(long_error_texts_are_truncated),

@@ -13,6 +13,7 @@
 
 #include "frame/pool.h"
 #include "frame/resolve.h"
+#include "sp/budget.h"
 #include "sp/view.h"
 #include "support/compare.h"
 
@@ -51,6 +52,29 @@ static void frames_are_recycled(void **state) {
     assert_int_equal(sp_frame_pool_allocations(pool), before);
     sp_frame_pool_destroy(&pool);
     assert_null(pool);
+}
+
+static void pixels_are_taken_from_the_budget(void **state) {
+    (void)state;
+    struct sp_error err = { .code = SP_OK };
+    struct sp_budget *budget = sp_budget_create(100 << 10, NULL);
+    struct sp_frame_pool *pool = sp_frame_pool_create(1 << 24, NULL);
+    sp_frame_pool_set_budget(pool, budget);
+    struct sp_frame *a = make(pool, 128, 128, SP_RGBA8), *b; /* 64 KiB */
+    assert_compare(sp_budget_used(budget, SP_BUDGET_IMAGES), >=, (uint64_t)64 << 10);
+    assert_null(sp_frame_create(pool, 128, 100, SP_RGBA8, &err));
+    assert_int_equal(err.code, SP_ERR_FRAME_BUDGET);
+    sp_frame_unref(&a);
+    b = make(pool, 32, 640, SP_RGBA8); /* 80 KiB: idle memory makes way */
+    sp_frame_unref(&b);
+    assert_compare(sp_budget_total(budget), >, (uint64_t)0);
+    sp_frame_pool_trim(pool);
+    assert_int_equal(sp_budget_total(budget), 0);
+    a = make(pool, 128, 128, SP_RGBA8);
+    sp_frame_pool_destroy(&pool);
+    sp_frame_unref(&a); /* after its pool */
+    assert_int_equal(sp_budget_total(budget), 0);
+    sp_budget_destroy(&budget);
 }
 
 static void idle_memory_is_capped(void **state) {
@@ -143,8 +167,11 @@ static void resolve_blends_the_background(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(frames_are_recycled),           cmocka_unit_test(idle_memory_is_capped),
-        cmocka_unit_test(frames_outlive_their_pool),     cmocka_unit_test(threads_can_share_a_pool),
+        cmocka_unit_test(pixels_are_taken_from_the_budget),
+        cmocka_unit_test(frames_are_recycled),
+        cmocka_unit_test(idle_memory_is_capped),
+        cmocka_unit_test(frames_outlive_their_pool),
+        cmocka_unit_test(threads_can_share_a_pool),
         cmocka_unit_test(resolve_blends_the_background),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
