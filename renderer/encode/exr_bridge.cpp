@@ -54,6 +54,8 @@ sp_exr_status splat_exr_encode(const sp_exr_image *image, sp_exr_sink *sink, voi
             OIIO::attribute("threads", 1) && OIIO::attribute("exr_threads", -1);
         (void)alone;
         std::vector<unsigned char> file;
+        /* Noise takes all of it. A vector that grows would take three times as much. */
+        file.reserve(static_cast<std::size_t>(image->width) * image->height * 16 + (1 << 16));
         std::string why = write(*image, file);
         if (!why.empty()) {
             std::snprintf(error, error_size, "%s", why.c_str());
