@@ -6,9 +6,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "backend/backend.h"
+#include "backend/defaults.h"
 #include "backend/support.h"
 #include "base/clock.h"
 #include "compose/compose.h"
@@ -20,7 +20,6 @@
 #include "sp/edit.h"
 #include "sp/inflight.h"
 #include "sp/log.h"
-#include "sp/probe.h"
 #include "volume/volume.h"
 #include "window/channels.h"
 #include "window/shown.h"
@@ -61,17 +60,7 @@ struct sp_renderer {
     struct sp_frame_pool *frames;
 };
 
-enum { THREADS_MAX = 256, GPUS_MAX = 64, FAILURES_MAX = 3 };
-
-static unsigned count_cores(void) {
-    long n = sysconf(_SC_NPROCESSORS_ONLN);
-    return n < 1 ? 1 : n > THREADS_MAX ? THREADS_MAX : (unsigned)n;
-}
-
-static uint64_t half_of_memory(void) {
-    long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
-    return pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page / 2 : UINT64_C(1) << 30;
-}
+enum { GPUS_MAX = 64, FAILURES_MAX = 3 };
 
 /* "auto" or an index. */
 static bool parse_gpu(const char *text, int *gpu, struct sp_error *err) {
@@ -90,12 +79,12 @@ static bool parse_gpu(const char *text, int *gpu, struct sp_error *err) {
 
 static bool read_options(struct sp_renderer *r, const struct sp_renderer_options *o,
                          struct sp_error *err) {
-    if (o->threads > THREADS_MAX)
+    if (o->threads > SP_THREADS_MAX)
         return sp_fail(err, SP_ERR_INVALID, "", "%u render threads; at most %d can be used",
-                       o->threads, THREADS_MAX);
+                       o->threads, SP_THREADS_MAX);
     r->wanted = (struct sp_backend_options){
-        .threads = o->threads ? o->threads : count_cores(),
-        .memory_bytes = o->memory_bytes ? o->memory_bytes : half_of_memory(),
+        .threads = o->threads ? o->threads : sp_default_threads(),
+        .memory_bytes = o->memory_bytes ? o->memory_bytes : sp_default_memory(),
         .video_bytes = o->video_bytes,
         .frame_budget = o->frame_budget,
         .isa = strdup(o->isa ? o->isa : "auto"),
@@ -173,39 +162,6 @@ void sp_renderer_destroy(struct sp_renderer **renderer) {
     free((char *)r->wanted.isa);
     free(r);
     *renderer = NULL;
-}
-
-struct probing {
-    sp_device_visit *visit;
-    void *user;
-    bool works; /* any GPU so far */
-};
-
-static void visit_device(void *user, const struct sp_device *device) {
-    struct probing *probing = user;
-    probing->works = probing->works || (device->is_gpu && device->refusal_code == SP_OK);
-    probing->visit(probing->user, device);
-}
-
-bool sp_probe(sp_device_visit *visit, void *user) {
-    const struct sp_backend_options options = {
-        .threads = count_cores(), .memory_bytes = half_of_memory(), .isa = "auto", .gpu = -1
-    };
-    const struct sp_device none = { .backend = "none",
-                                    .place = "GPU",
-                                    .refusal_code = SP_ERR_UNSUPPORTED,
-                                    .refusal = "this build has no GPU backend",
-                                    .gpu = -1 };
-    struct probing probing = { .visit = visit, .user = user };
-    bool has_gpu = false;
-    const struct sp_backend *backend;
-    for (unsigned i = 0; (backend = sp_registry_at(i)); i++)
-        has_gpu = has_gpu || backend->is_gpu;
-    if (!has_gpu)
-        visit(user, &none);
-    for (unsigned i = 0; (backend = sp_registry_at(i)); i++)
-        sp_registry_probe(backend, &options, visit_device, &probing);
-    return probing.works;
 }
 
 void sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info) {
