@@ -169,10 +169,12 @@ static bool keep(const char *path, char kept[PATH_MAX], struct sp_error *err) {
     char suffix[24];
     for (int i = 1; i <= KEPT_MAX; i++) {
         snprintf(suffix, sizeof suffix, i > 1 ? ".found.%d" : ".found", i);
-        if (suffix_path(path, suffix, kept) && link(path, kept) == 0)
+        if (!suffix_path(path, suffix, kept) || mark(kept).ino)
+            continue;
+        /* A link leaves no moment without a database; a file of another user may have none. */
+        if (link(path, kept) == 0 || rename(path, kept) == 0)
             return true;
-        if (errno != EEXIST)
-            return fail(path, "keep the file that is in the place of the database", err);
+        return fail(path, "keep the file that is in the place of the database", err);
     }
     return sp_fail(err, SP_ERR_IO, path,
                    "this file is in the place of the database, and %d others were before; delete "

@@ -150,11 +150,10 @@ static void answer(struct waiter *waiters, bool durable) {
     }
 }
 
-/* Checks, when it is time to, that the database is still there. The caller holds the mutex, which
- * is released in between. */
+/* Checks that the database is still there. The caller holds the mutex, which is released in
+ * between.
+ */
 static bool is_lost(struct srv_store *store) {
-    if (srv_clock_ms() < store->check_ms)
-        return false;
     pthread_mutex_unlock(&store->mutex);
     bool is_intact = srv_database_is_intact(store->database);
     pthread_mutex_lock(&store->mutex);
@@ -170,11 +169,13 @@ static void wait_until(struct srv_store *store, double until_ms) {
 
 static void *writer_main(void *user) {
     struct srv_store *store = user;
+    bool must_write = false;
     pthread_mutex_lock(&store->mutex);
     for (;;) {
         bool has_work = atomic_load(&store->is_nudged) || srv_table_changes(store->table) > 0;
-        if (store->waiters || store->stop || (has_work && srv_clock_ms() >= store->next_ms) ||
-            is_lost(store)) {
+        if (store->waiters || store->stop || must_write ||
+            (has_work && srv_clock_ms() >= store->next_ms)) {
+            must_write = false;
             bool stop = store->stop;
             struct waiter *waiters = store->waiters;
             store->waiters = NULL;
@@ -184,6 +185,8 @@ static void *writer_main(void *user) {
             pthread_mutex_lock(&store->mutex);
             if (stop)
                 break;
+        } else if (srv_clock_ms() >= store->check_ms) {
+            must_write = is_lost(store); /* a flush may have come meanwhile: look again */
         } else {
             wait_until(store, has_work ? fmin(store->next_ms, store->check_ms) : store->check_ms);
         }
