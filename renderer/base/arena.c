@@ -52,7 +52,7 @@ void sp_arena_trim(struct sp_arena *arena) {
 bool sp_arena_fail(const struct sp_arena *arena, const char *fallback, struct sp_error *err) {
     const char *what = arena->failed ? arena->failed : fallback;
     if (arena->refused)
-        return sp_budget_fail(arena->budget, what, arena->held + arena->refused, err);
+        return sp_budget_fail(arena->budget, what, arena->refused, err);
     return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", what);
 }
 

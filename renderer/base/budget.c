@@ -68,7 +68,7 @@ uint64_t sp_budget_limit(const struct sp_budget *budget) {
 bool sp_budget_fail(const struct sp_budget *budget, const char *what, uint64_t needed,
                     struct sp_error *err) {
     return sp_fail(err, SP_ERR_FRAME_BUDGET, "/size",
-                   "the frame needs at least %" PRIu64 " bytes for its %s; frames have %" PRIu64
+                   "the frame needs %" PRIu64 " more bytes for its %s; frames have %" PRIu64
                    " of the %" PRIu64 " bytes that they may have together; ask for a smaller image "
                    "or fewer layers",
                    needed, what, sp_budget_total(budget), sp_budget_limit(budget));

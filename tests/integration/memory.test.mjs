@@ -79,7 +79,7 @@ test('an image that turns out to need too much is refused with both numbers, and
   const heavy = { size: [600, 600], compositing: { mode: 'splat' } };
   const { status, detail } = await render(heavy);
   assert.equal(status, 422, detail);
-  const [, needed, allowed] = /needs at least (\d+) bytes for its .* of the (\d+) bytes/.exec(detail);
+  const [, needed, allowed] = /needs (\d+) more bytes for its .*; frames have \d+ of the (\d+) bytes/.exec(detail);
   compare(Number(needed), '>', 0);
   assert.equal(Number(allowed), HALF);
   assert.equal((await render({ ...heavy, size: [128, 128] })).status, 200);

@@ -45,8 +45,8 @@ SP_API uint64_t sp_budget_total(const struct sp_budget *budget);
 /* UINT64_MAX without a budget. */
 SP_API uint64_t sp_budget_limit(const struct sp_budget *budget);
 
-/* Fails with SP_ERR_FRAME_BUDGET and both numbers; returns false. needed: what the caller needs at
- * least; what: for the message. */
+/* Fails with SP_ERR_FRAME_BUDGET and both numbers; returns false. needed: what the caller could
+ * not take; what: for the message. */
 SP_API bool sp_budget_fail(const struct sp_budget *budget, const char *what, uint64_t needed,
                            struct sp_error *err);
 

@@ -55,7 +55,7 @@ static void a_budget_is_never_exceeded(void **state) {
     assert_false(sp_budget_take(budget, SP_BUDGET_ARENAS, 0));
     assert_false(sp_budget_fail(budget, "pixels", 77, &err));
     assert_int_equal(err.code, SP_ERR_FRAME_BUDGET);
-    assert_non_null(strstr(err.text, "77 bytes for its pixels"));
+    assert_non_null(strstr(err.text, "77 more bytes for its pixels"));
     assert_non_null(strstr(err.text, "1050 of the 1000 bytes"));
     sp_budget_give(budget, SP_BUDGET_IMAGES, 600);
     sp_budget_give(budget, SP_BUDGET_ENCODERS, 400);
