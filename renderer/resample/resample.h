@@ -200,15 +200,15 @@ struct sp_resample_input {
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
     const struct sp_camera_transform *camera;
-    const struct sp_shade *shade;         /* NULL = not lit */
-    const struct sp_light_field *light;   /* NULL = no occlusion and no shadow */
-    struct sp_fragments *fragments; /* of other layers; NULL = none */
-    struct sp_samples_cache *cache;       /* mip levels and ranges */
-    uint64_t bytes_max;                   /* of the cache */
-    unsigned mip_level;                   /* no finer level is drawn */
-    sp_resample_tile_fn *draw_tile;       /* sp_resample_tile() of an instruction set */
-    sp_ranges_find_fn *find_ranges;       /* sp_ranges_find() of that set */
-    bool keeps_layout;                    /* no copy of the samples is turned for faster reading */
+    const struct sp_shade *shade;       /* NULL = not lit */
+    const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
+    struct sp_fragments *fragments;     /* of other layers; NULL = none */
+    struct sp_samples_cache *cache;     /* mip levels and ranges */
+    uint64_t bytes_max;                 /* of the cache */
+    unsigned mip_level;                 /* no finer level is drawn */
+    sp_resample_tile_fn *draw_tile;     /* sp_resample_tile() of an instruction set */
+    sp_ranges_find_fn *find_ranges;     /* sp_ranges_find() of that set */
+    bool keeps_layout;                  /* no copy of the samples is turned for faster reading */
     struct sp_pool *pool;
     struct sp_arena *arena;
 };
