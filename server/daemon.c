@@ -51,7 +51,7 @@ struct srv_daemon {
     struct srv_timer_task tick;
     struct srv_work_queue *disk;
     struct srv_work_queue *measuring; /* parts of volumes */
-    struct srv_work_queue *picking;   /* what a picture shows at a point */
+    struct srv_work_queue *picking;   /* what an image shows at a point */
     struct srv_work_queue *listing;   /* series of folders */
     struct srv_work_queue *searching; /* the data folder */
     struct srv_uploads *uploads;      /* NULL = --upload-bytes is 0 */

@@ -94,7 +94,7 @@ void import_names_finish(struct import_names *list) {
 struct folder {
     struct import_file file; /* that one, or the folder itself */
     char shown[PATH_MAX], real[PATH_MAX], pattern[NAME_MAX + 1];
-    bool is_volume; /* and no picture */
+    bool is_volume; /* and no image */
     const struct import_format *inner;
     void *reader; /* of `inner`; owned */
 };

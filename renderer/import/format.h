@@ -42,7 +42,7 @@ struct import_file {
     /* Of the time series of files that this one belongs to, the pattern of their names
      * (numbered.h); "" = only this file is read. */
     const char *pattern;
-    bool is_guess; /* the pattern is that of a folder's first file, which nobody named */
+    bool is_guess; /* the pattern is that of a folder's first file, which no path named */
     struct import_selection selection; /* of the source */
     uint32_t step;                     /* of a time series, from 0 */
     struct import_shift *shift;        /* of the positions of elements (shift.h); NULL = none */

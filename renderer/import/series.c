@@ -128,7 +128,7 @@ static bool open_alone(struct series *s, const struct import_file *file,
     return file->step == 0 || open_member(s, file, 0, file->step, header, err);
 }
 
-/* Keeps the files of one subject, channel and so on. Of a folder nobody said that they are steps,
+/* Keeps the files of one subject, channel and so on. Of a folder no path said that they are steps,
  * if their names say something else. */
 static uint32_t hold_others(struct series *s, const struct import_file *file,
                             struct import_numbers *numbers, char example[NAME_MAX + 1]) {

@@ -22,7 +22,7 @@
 
 /* Candidates of a lower rank are drawn only while no candidate has a higher one. */
 enum srv_rank {
-    SRV_RANK_FIRST,       /* the client has no picture yet, and the frame is short */
+    SRV_RANK_FIRST,       /* the client has no frame yet, and this one is short */
     SRV_RANK_INTERACTION, /* the view is newer than what the client sees of it */
     SRV_RANK_REFINEMENT,  /* a better frame of the same view, or a frame for a client that takes
                              only final frames */
@@ -37,7 +37,7 @@ enum srv_rank {
  *     was not of final quality */
 struct srv_demand {
     bool wants_frame;        /* as above, without the frame rate and the rest */
-    bool is_first;           /* the client has no picture yet, and may have one before others */
+    bool is_first;           /* the client has no frame yet, and may have one before others */
     bool is_newer;           /* the view is newer than its last job */
     bool is_progressive;     /* the client takes frames of less detail while the view moves */
     bool needs_intermediate; /* at rest; the sharp frame takes long, so a faster one precedes it */

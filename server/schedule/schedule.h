@@ -69,7 +69,7 @@ struct srv_render_job {
     enum srv_frame_step step;
     bool is_refinement;         /* a newer view of the session cancels it at once */
     bool is_alone;              /* for the only participant of the daemon */
-    bool is_first;              /* before others, for a client that has no picture yet */
+    bool is_first;              /* before others, for a client that has no frame yet */
     bool is_slow_to_encode;     /* SRV_SLOW_ENCODE_MS */
     bool is_sharp;              /* full size and all voxels: only the encoding can get better */
     double protected_ms;        /* SRV_INTERRUPT_MOTION cancels it once it was drawn for so long;

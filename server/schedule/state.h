@@ -95,7 +95,7 @@ struct srv_frame_request srv_request_to_share(const struct srv_schedule *schedul
                                               const struct srv_session *session,
                                               const struct srv_participant *participant,
                                               double now_ms);
-/* True if the participant has no picture yet, and first frames have not used up their part of the
+/* True if the participant has no frame yet, and first frames have not used up their part of the
  * time: a fifth, with bursts of half a second. Else it is served like all others. */
 bool srv_is_first(const struct srv_schedule *schedule, const struct srv_participant *participant,
                   double now_ms);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The method pick: what the picture shows at a point. It takes up to some milliseconds, and more
+ * The method pick: what the image shows at a point. It takes up to some milliseconds, and more
  * for millions of points, so the picking thread computes it.
  */
 #include <math.h>

@@ -7,7 +7,7 @@ import { compare } from '../support/compare.mjs';
 import { Daemon, FINAL, within } from './harness.mjs';
 
 const MIB = 2 ** 20;
-const LIMIT = 40 * MIB;
+const LIMIT = 48 * MIB;
 const HALF = LIMIT / 2;
 // What the metrics do not count: stacks, pages that the C library keeps, what is cached of the volume.
 const TOLERANCE = process.env.SPLATD_SANITIZE ? Infinity : 12 * MIB; // sanitizers keep what is freed
@@ -16,7 +16,7 @@ const LAYERS = [{ type: 'volume' }, ...SURFACES];
 
 let daemon;
 before(async () => {
-  daemon = await Daemon.start(['--volume', 'demo:engine?size=24', '--render-bytes', '40M', '--threads', '2'], { backend: 'cpu' });
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=24', '--render-bytes', '48M', '--threads', '2'], { backend: 'cpu' });
   await daemon.loaded('engine');
 });
 after(async () => assert.equal(await daemon.stop(), 0));

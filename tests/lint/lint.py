@@ -111,7 +111,7 @@ THIRD_PARTY = [
 ]
 # What belongs to the C and C++ languages, to POSIX, to Linux or to glibc.
 SYSTEM = re.compile(
-    r'(assert|complex|ctype|errno|fenv|float|inttypes|iso646|limits|locale|math|setjmp|signal|stdalign|stdarg|stdatomic|'
+    r'(assert|complex|ctype|errno|fenv|float|inttypes|iconv|iso646|limits|locale|math|setjmp|signal|stdalign|stdarg|stdatomic|'
     r'stdbool|stddef|stdint|stdio|stdlib|stdnoreturn|string|strings|tgmath|threads|time|uchar|wchar|wctype|'
     r'dirent|dlfcn|endian|byteswap|fcntl|fnmatch|ftw|getopt|glob|grp|libgen|link|malloc|netdb|poll|pthread|pwd|regex|sched|'
     r'semaphore|spawn|syslog|termios|ucontext|unistd|(sys|net|netinet|arpa|linux|asm)/\w+)\.h$|[a-z_]+$')

@@ -205,9 +205,9 @@ static void packed_and_foreign_files_are_named(void **state) {
         load_error(files[i].name, SP_ERR_UNSUPPORTED, files[i].name, files[i].remedy);
         remove(in_folder(files[i].name));
     }
-    assert_int_equal(mkdir(in_folder("pictures"), 0700), 0);
-    write_text("pictures/b1.bmp", "BM");
-    load_error("pictures", SP_ERR_UNSUPPORTED, "b1.bmp", "\"magick b1.bmp out.png\"");
+    assert_int_equal(mkdir(in_folder("bitmaps"), 0700), 0);
+    write_text("bitmaps/b1.bmp", "BM");
+    load_error("bitmaps", SP_ERR_UNSUPPORTED, "b1.bmp", "\"magick b1.bmp out.png\"");
 }
 
 static void choices_that_cannot_be_read_are_named(void **state) {

@@ -142,7 +142,7 @@ static uint32_t random_number(uint32_t *state, uint32_t below) {
 }
 
 /* Two heavy views (17 s for a sharp frame) move, rest, wait until their refinements are protected,
- * or want final frames only. Whenever somebody joins one of their sessions, it gets a frame within
+ * or want final frames only. Whenever a client joins one of their sessions, it gets a frame within
  * FIRST_MS: whatever is running, and although the times of its frames are not known. */
 static void whoever_joins_gets_a_frame_soon(void **state) {
     enum { HISTORIES = 20, STEPS = 12, FIRST_MS = 400 };
