@@ -92,8 +92,8 @@ test('a damaged record is named at the start, gets 500 with its id, and can be d
     assert.equal((await send(daemon, 'GET', target)).status, 404, target);
   }
   assert.equal(await daemon.stop(), 0);
-  assert.deepEqual(readdirSync(path.join(state, 'paths')), [], 'the files of the path are gone');
   daemon = await start(state);
+  while (readdirSync(path.join(state, 'paths')).length > 0) await daemon.json('/healthz'); // the thread of the paths removes them
   assert.doesNotMatch(daemon.log, /is damaged/);
   assert.equal((await send(daemon, 'GET', `sessions/${sound.id}`)).status, 200);
   assert.equal(await daemon.stop(), 0);
