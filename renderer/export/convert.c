@@ -215,7 +215,7 @@ static void warn(const char *source, const struct format *format,
         !(are_labels && format->has_labels))
         sp_log(SP_LOG_WARN, "%s: the output does not say that the samples are %s%s", source,
                are_labels                              ? "labels"
-               : info->meaning == SP_MEANING_STATISTIC ? "those of a statistical test"
+               : info->meaning == SP_MEANING_STATISTIC ? "results of a statistical test"
                                                        : "distances from a surface",
                are_labels ? "; open it with ?as=labels" : "");
     if (info->others[0][0])

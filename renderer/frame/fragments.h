@@ -45,7 +45,7 @@ struct sp_fragments {
     int columns, rows; /* of tiles, in the image */
     int begin, end;    /* rows of tiles that are there; equal = none */
     int most;          /* rows of tiles that may be there at a time, at least 1 */
-    /* Replaces all fragments by those of the rows of tiles [begin, end), and adds to `ms`. */
+    /* Drops all fragments, makes the fragments of the tile rows [begin, end), and adds to `ms`. */
     bool (*fill)(void *user, int begin, int end, struct sp_error *err);
     void *user;
     double ms; /* spent in fill() */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Coordinates that are not those of a dimension by name: CF calls them auxiliary.
+ * Auxiliary coordinates (CF): an array of coordinates with another name than its dimension.
  */
 #include <stdio.h>
 #include <string.h>

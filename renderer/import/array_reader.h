@@ -85,8 +85,8 @@ enum arrays_role {
     ARRAYS_ROLE_CHANNEL
 };
 
-/* What a dimension is by its name, and by the attributes of array n with its coordinates; −1 =
- * there is none. */
+/* Finds the role of a dimension from its name and from the attributes of array n, which has its
+ * coordinates; n = −1: there is no such array. */
 enum arrays_role arrays_role_of(const struct arrays *a, int n, const char *name);
 
 /* Finds the coordinates of dimension d in an array of another name: the only one of one dimension

@@ -59,7 +59,7 @@ void arrays_take_tags(struct arrays *a) {
     json_decref(tags);
 }
 
-/* Attributes with the size of a voxel. Some have the unit in their names. */
+/* Attributes that give the size of a voxel. The names of some contain the unit. */
 static const struct size_name {
     const char *name, *unit;
 } names[] = {

@@ -65,7 +65,7 @@ export function install(app) {
   const forget = () => {
     notice.hide('pick');
     prompts.hide('pick');
-    if (over) restart(); // else the value is that of a slice
+    if (over) restart(); // else the status line shows a value of a slice
   };
   viewer.on('camera', forget);
   viewer.on('view', forget);
