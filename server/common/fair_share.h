@@ -4,13 +4,15 @@
  * leaves free. So one owner gets three quarters of the pool, two get three sevenths each, n get
  * 3 / (3n + 1), and a part is always free for another owner (dynamic thresholds: Choudhury and
  * Hahne 1998, with a factor of 3). Owners without a limit, such as admins, may take that part, too.
- * A pool of fewer than 4 has no such part. Pure.
+ * A pool of fewer than SRV_FAIR_LEAST has no such part. Pure.
  */
 #ifndef SRV_COMMON_FAIR_SHARE_H
 #define SRV_COMMON_FAIR_SHARE_H
 
 #include <stdbool.h>
 #include <stdint.h>
+
+enum { SRV_FAIR_LEAST = 4 };
 
 struct srv_pool {
     uint64_t most; /* of all owners together: objects, or bytes */

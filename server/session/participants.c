@@ -40,18 +40,22 @@ static bool may_take_all(const struct srv_hub *hub, const struct srv_session *se
     return rights & SRV_RIGHT_ADMIN;
 }
 
-/* Guests count as one owner of places in the session: they cannot shut out its owner. */
+/* Guests may have all places but one, which is kept for the owner of the session and admins. They
+ * cannot be told apart. Another token has a fair share. */
 static bool has_capacity(const struct srv_hub *hub, const struct srv_session *session,
                          const char *token, struct sp_error *err) {
-    struct srv_pool pool = { hub->options.participants_max, session->participant_count, 0 };
+    const unsigned most = hub->options.participants_max;
+    struct srv_pool pool = { most, session->participant_count, 0 };
     for (const struct srv_participant *p = session->participants; p; p = p->next)
         pool.own += strcmp(p->identity.token, token) == 0;
-    return srv_fair_left(&pool, !may_take_all(hub, session, token)) > 0 ||
-           sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "the session has %u participants, %u of them %s, and --participants allows %u; "
-                   "the last places are kept for its owner and for others",
-                   session->participant_count, (unsigned)pool.own,
-                   token[0] ? "by this token" : "guests", hub->options.participants_max);
+    uint64_t left = srv_fair_left(&pool, token[0] && !may_take_all(hub, session, token));
+    if (!token[0] && most >= SRV_FAIR_LEAST && left == 1)
+        left = 0;
+    return left > 0 || sp_fail(err, SP_ERR_BUDGET, NULL,
+                               "the session has %u participants, %u of them %s, and --participants "
+                               "allows %u; a place is kept for its owner",
+                               session->participant_count, (unsigned)pool.own,
+                               token[0] ? "by this token" : "guests", most);
 }
 
 bool srv_hub_can_join(struct srv_hub *hub, const char *id, const char *token, double now_ms,

@@ -41,11 +41,16 @@ export async function runToEnd(args, { prefix = [] } = {}) {
   return { status: code ?? signal, out, err };
 }
 
-// A failed test leaves its daemon running: this process does not wait for the daemon, and kills it on exit.
+// A failed test leaves its daemon running: this process does not wait for the daemon, and kills it on exit. Open connections
+// to the daemon would keep this process alive, so it is killed after the deadline at the latest.
 // (Hooks of the tests that stop daemons run after this one.)
 const running = new Set();
-after(() => running.forEach((child) => [child, child.stdout, child.stderr].forEach((handle) => handle.unref())));
-process.on('exit', () => running.forEach((child) => child.kill('SIGKILL')));
+const killAll = () => running.forEach((child) => child.kill('SIGKILL'));
+after(() => {
+  running.forEach((child) => [child, child.stdout, child.stderr].forEach((handle) => handle.unref()));
+  setTimeout(killAll, DEADLINE_MS).unref();
+});
+process.on('exit', killAll);
 
 /** A daemon with the test-card backend. Call stop() at the end: it checks the exit status and the log. */
 export class Daemon {

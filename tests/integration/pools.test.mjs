@@ -121,12 +121,17 @@ test('hibernated sessions: those of the owner with the most end first', async ()
   for (const { id } of json.sessions) await root.ask('DELETE', `sessions/${id}`);
 });
 
-test('participants: guests leave places to the owner', async () => {
-  const { json: session } = await modest.ask('POST', 'sessions', {});
+test('participants: guests leave a place to the owner', async () => {
+  let { json: session } = await modest.ask('POST', 'sessions', {});
   const guests = [];
-  for (let i = 0; i < GREEDY_MOST; i += 1) guests.push(await daemon.stream({ session, token: session.tokens.view }));
+  for (let i = 0; i < LIMIT - 1; i += 1) guests.push(await daemon.stream({ session, token: session.tokens.view }));
   await assert.rejects(daemon.stream({ session, token: session.tokens.view }), { status: 503 });
-  for (const token of [TOKENS.modest, TOKENS.modest]) guests.push(await daemon.stream({ session, token }));
+  guests.push(await daemon.stream({ session, token: TOKENS.modest }));
+  await assert.rejects(daemon.stream({ session, token: TOKENS.root }), { status: 503 });
+  ({ json: session } = await modest.ask('POST', 'sessions', {}));
+  for (let i = 0; i < GREEDY_MOST; i += 1) guests.push(await daemon.stream({ session, token: TOKENS.greedy }));
+  await assert.rejects(daemon.stream({ session, token: TOKENS.greedy }), { status: 503 });
+  for (const token of [session.tokens.view, TOKENS.root]) guests.push(await daemon.stream({ session, token }));
   for (const guest of guests) await guest.end();
 });
 

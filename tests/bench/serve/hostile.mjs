@@ -15,6 +15,7 @@ const HASTE_MS = 20; // between two changes during a drag
 const MANY_STREAMS = 24; // streams per client
 const ASKING_STREAMS = 16;
 const MANY_MEASURES = 100; // the most that a session has
+const MEASURE_MS = 55; // between two changes of measurements: the daemon allows 20 per second
 const SLOW = { size: [4096, 4096], format: 'png', quality: 100, max_fps: 60 };
 const clients = [];
 let served = 0;
@@ -83,7 +84,10 @@ export const plain = {
   [`asking for ${MANY_MEASURES} measurements, on ${ASKING_STREAMS} streams`]: async (daemon) => {
     const session = await daemon.session(512);
     const measure = (i) => ({ kind: 'distance', points: [[0, 0, 0], [1, i, 0]], text: `measurement ${i}` });
-    for (let i = 0; i < MANY_MEASURES; i++) await daemon.ask('PUT', `sessions/${session.id}/measures/m${i}`, measure(i));
+    for (let i = 0; i < MANY_MEASURES; i++) {
+      await daemon.ask('PUT', `sessions/${session.id}/measures/m${i}`, measure(i));
+      await pause(MEASURE_MS);
+    }
     await askOnStreams(daemon, session, 'measure.list');
   },
   [`asking for the view, on ${ASKING_STREAMS} streams`]: async (daemon) => askOnStreams(daemon, await daemon.session(512), 'view.get'),
