@@ -114,13 +114,26 @@ static void take_unit(const struct arrays *a, const struct size_name *from, unsi
         snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : text);
 }
 
+/* True if the array of WRF lies on the faces of cells along an axis: the dimension has one place
+ * more than there are cells. */
+static bool is_staggered(const struct arrays *a, int axis) {
+    static const char *const dims[3] = { "west_east_stag", "south_north_stag", "bottom_top_stag" };
+    char stagger[8];
+    const int d = a->axes.space[axis];
+    if (d < 0 || strcmp(a->info.dims[d], dims[axis]) == 0)
+        return d >= 0;
+    a->call->text(a->handle, a->chosen, "stagger", stagger, sizeof stagger);
+    return strncmp(a->info.dims[d], dims[axis], strcspn(dims[axis], "_")) == 0 &&
+           strchr(stagger, "XYZ"[axis]);
+}
+
 /* The grid of WRF is even on its map: DX and DY of the file are its steps. Its levels have no even
- * height, so they get a share of the horizontal extent. */
-static void take_wrf(struct arrays *a, struct import_header *header) {
+ * height, so they get a share of the horizontal extent of the cells. */
+static void take_wrf_steps(struct arrays *a, struct import_header *header) {
     static const char *const dims[2] = { "west_east", "south_north" };
     static const char *const attributes[2] = { "DX", "DY" };
     struct sp_grid *grid = &header->grid;
-    double steps[2];
+    double steps[2], extent = 0;
     for (int axis = 0; axis < 2; axis++) {
         const int d = a->axes.space[axis];
         if (d < 0 || a->is_placed[axis] ||
@@ -128,6 +141,8 @@ static void take_wrf(struct arrays *a, struct import_header *header) {
             a->call->numbers(a->handle, ARRAY_OF_FILE, attributes[axis], &steps[axis], 1) != 1 ||
             !isfinite(steps[axis]) || !(steps[axis] > 0))
             return;
+        const double cells = (double)grid->dims[axis] - is_staggered(a, axis);
+        extent = fmax(extent, fmax(cells - 1, axis == 0) * steps[axis]);
     }
     for (int axis = 0; axis < 2; axis++) {
         grid->spacing[axis] = steps[axis];
@@ -139,11 +154,21 @@ static void take_wrf(struct arrays *a, struct import_header *header) {
     grid->spacing[2] = steps[0]; /* of a flat array */
     if (grid->dims[2] < 2)
         return;
-    const double extent = fmax(steps[0] * (grid->dims[0] - 1), steps[1] * (grid->dims[1] - 1));
-    grid->spacing[2] = fmax(extent, steps[0]) * ARRAYS_HEIGHT_SHARE / (grid->dims[2] - 1);
+    const double levels = (double)grid->dims[2] - is_staggered(a, 2);
+    grid->spacing[2] = extent * ARRAYS_HEIGHT_SHARE / fmax(levels - 1, 1);
     import_warn(a->file->warnings,
                 "The levels of WRF have no height here: the vertical axis was scaled to a quarter "
                 "of the horizontal ones.");
+}
+
+/* The centre of the first cell is at 0; its first face lies half a cell before. */
+static void take_wrf(struct arrays *a, struct import_header *header) {
+    bool has_coordinates[3];
+    memcpy(has_coordinates, a->is_placed, sizeof has_coordinates);
+    take_wrf_steps(a, header);
+    for (int axis = 0; axis < 3; axis++)
+        if (!has_coordinates[axis] && is_staggered(a, axis))
+            header->grid.origin[axis] = -header->grid.spacing[axis] / 2;
 }
 
 void arrays_take_sizes(struct arrays *a, struct import_header *header) {

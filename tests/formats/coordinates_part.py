@@ -193,6 +193,14 @@ def check_auxiliary(tool):
                  XTIME=(('Time',), [0, 60, 120], {'units': 'minutes since 2000-01-01'}), XLONG=(wrf[2:], data[0, 0], {}), XLAT=(wrf[2:], data[0, 0], {}))
     tool.layout('NetCDF', 'WRF: DX, DY and XTIME', path, data[1], step=1, steps=3, times=[0, 60, 120], time_unit='min', spacing=[300, 200, 125], unit='m',
                 warned='The levels of WRF have no height', result='read; levels get a quarter of the horizontal extent, with a warning')
+    for name, axis, sizes, attributes in (('west_east', 0, (4, 5, 7), {}), ('south_north', 1, (4, 6, 6), {}), ('bottom_top', 2, (5, 5, 6), {}),
+                                          ('west_east', 0, (4, 5, 7), {'stagger': 'X'})):
+        own = [dim + ('_stag' if dim == name and not attributes else '') for dim in wrf]
+        origin = [0, 0, 0]
+        origin[axis] = -(300, 200, 125)[axis] / 2
+        path = write('stagger.nc', own[1:], ramp(sizes, 'f4'), attributes, {'DX': 300.0, 'DY': 200.0})
+        tool.layout('NetCDF', 'WRF: staggered arrays (U, V, W)', path, ramp(sizes, 'f4'), spacing=[300, 200, 125], origin=origin, unit='m',
+                    result='half a cell before the first centre')
     path = write('named.nc', ('a', 'b', 'c'), data[0], {'coordinates': 'north east'}, north=(('b',), [5, 4, 3, 2, 1], {'units': 'degrees_north'}),
                  east=(('c',), numpy.arange(6) * 2, {'units': 'degrees_east'}))
     tool.layout('NetCDF', 'coordinates of one dimension, of another name', path, data[0], spacing=[2, 1, 2.5 / 3], origin=[0, 5, 0], unit='degrees')
