@@ -274,6 +274,8 @@ static bool take_matrix(struct tiff_planes *p, const struct tiff_file *t,
     for (int i = 0; i < 12; i++)
         if (!isfinite(m[i]))
             return false;
+    if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
+        return false;
     const bool is_flat = m[2] == 0 && m[6] == 0 && m[10] == 0;
     double spacing[3], direction[3][3];
     for (int a = 0; a < 3; a++)
@@ -315,11 +317,31 @@ static bool take_scale(struct tiff_planes *p, const struct tiff_file *t,
     return true;
 }
 
+/* A scale or a matrix that cannot be used, or control points, leave the image without a place. */
+static void warn_of_geography(const struct tiff_file *t, const struct tiff_page *page) {
+    struct tiff_tag tag;
+    if (tiff_tag_find(t, page, TAG_TRANSFORMATION, &tag))
+        import_warn(t->file->warnings,
+                    "The ModelTransformation of GeoTIFF is not a matrix of 16 finite numbers that "
+                    "is affine; the image is not placed on the map.");
+    else if (tiff_tag_find(t, page, TAG_PIXEL_SCALE, &tag))
+        import_warn(t->file->warnings,
+                    "The ModelPixelScale of GeoTIFF does not have two numbers above 0; the image "
+                    "is not placed on the map.");
+    else if (tiff_tag_find(t, page, TAG_TIEPOINT, &tag))
+        import_warn(t->file->warnings,
+                    "The image has %" PRIu64 " control points (ModelTiepoint) and no scale. They "
+                    "are not applied: the image is not placed on the map. Warp it with gdalwarp.",
+                    tag.count / 6);
+}
+
 static bool take_geography(struct tiff_planes *p, const struct tiff_file *t,
                            const struct tiff_page *page) {
     const struct geo geo = read_geo_keys(t, page);
-    if (!take_scale(p, t, page, geo) && !take_matrix(p, t, page, geo))
+    if (!take_scale(p, t, page, geo) && !take_matrix(p, t, page, geo)) {
+        warn_of_geography(t, page);
         return false;
+    }
     take_geo_unit(p, geo);
     return true;
 }

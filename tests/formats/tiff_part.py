@@ -289,10 +289,18 @@ def check_place(tool):
     for matrix, place in (([30, 0, 0, 5e5, 0, -20, 0, 4e6] + [0] * 7 + [1], {'spacing': [30, 20, 30], 'origin': [500015, 3999990, 0],
                                                                             'direction': [1, 0, 0, 0, -1, 0, 0, 0, 1]}),
                           ([20, -10, 0, 100, 10, 20, 0, 200] + [0] * 7 + [1], {'spacing': [500 ** 0.5] * 3, 'origin': [105, 215, 0],
-                                                                               'direction': [0.8 ** 0.5, -0.2 ** 0.5, 0, 0.2 ** 0.5, 0.8 ** 0.5, 0, 0, 0, 1]})):
+                                                                               'direction': [0.8 ** 0.5, -0.2 ** 0.5, 0, 0.2 ** 0.5, 0.8 ** 0.5, 0, 0, 0, 1]}),
+                          ([20, 3, 0, 100, 0, -4, 0, 200] + [0] * 7 + [1], {'spacing': [20, 5, 20], 'origin': [111.5, 198, 0],
+                                                                            'direction': [1, 0.6, 0, 0, -0.8, 0, 0, 0, 1]})):
         tags = [(34264, 12, 16, tuple(map(float, matrix)), True), (34735, 3, len(keys), keys, True)]
         tifffile.imwrite(path, data[:1], extratags=tags, **plain)
         tool.layout('TIFF', 'GeoTIFF: ModelTransformation', path, data[:1], result='place, spacing and directions', unit='m', **place)
+    ties = [float(n) for i, j in ((0, 0), (9, 0), (0, 8), (9, 8)) for n in (i, j, 0, 5e5 + 30 * i + i * j, 4e6 - 30 * j, 0)]
+    for tags, layout, warning in (([(33922, 12, len(ties), ties, True)], 'control points', 'The image has 4 control points'),
+                                  ([(33550, 12, 3, [0.0, 30.0, 0.0], True)], 'a scale of 0', 'ModelPixelScale'),
+                                  ([(34264, 12, 16, [float(i % 5 == 0) for i in range(15)] + [2.0], True)], 'a matrix that is not affine', 'ModelTransformation')):
+        tifffile.imwrite(path, data[:1], extratags=[*tags, (34735, 3, len(keys), keys, True)], **plain)
+        tool.layout('TIFF', f'GeoTIFF: {layout}', path, data[:1], result='not placed, with a warning', spacing=[1, 1, 1], warned=warning)
     path = tool.path('place.ome.tif')
     size = {'PhysicalSizeX': 0.2, 'PhysicalSizeXUnit': 'µm', 'PhysicalSizeY': 0.2, 'PhysicalSizeYUnit': 'µm'}
     for own, z, warning in (({'Plane': {'PositionZ': [0.0, 400.0, 800.0, 1200.0], 'PositionZUnit': ['nm'] * 4}}, 0.4, ''),
