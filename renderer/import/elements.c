@@ -220,6 +220,28 @@ static bool finish_colors(const struct import_file *file, const struct import_he
     return ok;
 }
 
+/* Colours of a mesh, in [0, 1]. Floating-point numbers of a file may reach 255 instead; a little
+ * more than 1 is light that is too bright. */
+static void scale_colors(struct import_warnings *warnings, const struct sp_elements *e) {
+    float most = 0;
+    for (size_t i = 0; i < e->shape.vertex_count; i++)
+        for (int k = 0; k < 4; k++)
+            most = isfinite(e->colors[i][k]) ? fmaxf(most, e->colors[i][k]) : most;
+    if (most > 2 && most <= 255) {
+        bool has_alpha = false; /* in [0, 255], too; 1 is the alpha of files without one */
+        for (size_t i = 0; i < e->shape.vertex_count; i++)
+            has_alpha |= e->colors[i][3] > 1;
+        for (size_t i = 0; i < e->shape.vertex_count; i++)
+            for (int k = 0; k < 3 + has_alpha; k++)
+                e->colors[i][k] /= 255;
+    } else if (most > 1.001F) {
+        import_warn(warnings,
+                    "The colours have numbers up to %g, which are neither in [0, 1] nor in "
+                    "[0, 255]; they were cut at 1.",
+                    (double)most);
+    }
+}
+
 bool import_elements_finish(const struct import_file *file, const struct import_header *header,
                             const struct sp_elements *elements,
                             const struct import_progress *progress, uint64_t *folded,
@@ -227,6 +249,8 @@ bool import_elements_finish(const struct import_file *file, const struct import_
     *folded = 0;
     if (elements->shape.kind == SP_KIND_MESH && !header->has_normals)
         find_normals(elements);
+    if (elements->shape.kind == SP_KIND_MESH)
+        scale_colors(file->warnings, elements);
     if (header->are_colored_points && !finish_colors(file, header, elements, progress, err))
         return false;
     if (elements->shape.kind == SP_KIND_GAUSSIANS)

@@ -123,6 +123,9 @@ static void normals_and_colors_are_those_of_the_points(void **state) {
         { "n.vtk", LEGACY "POINTS 5 float\n" SQUARE "POLYGONS 1 5\n4 0 1 2 3\nPOINT_DATA 5\n"
                           "COLOR_SCALARS c 4\n1 0 0 .5 1 0 0 .5 1 0 0 .5 1 0 0 .5 0 0 0 1\n"
                           "NORMALS n float\n1 0 0 1 0 0 1 0 0 1 0 0 0 0 1\n" },
+        { "n.vtk", LEGACY "POINTS 5 float\n" SQUARE "POLYGONS 1 5\n4 0 1 2 3\nPOINT_DATA 5\n"
+                          "COLOR_SCALARS c 4\n255 0 0 127 255 0 0 127 255 0 0 127 255 0 0 127 0 0 "
+                          "0 255\nNORMALS n float\n1 0 0 1 0 0 1 0 0 1 0 0 0 0 1\n" },
         { "n.vtp",
           XML("NumberOfPolys=\"1\"",
               "<PointData Normals=\"Normals\"><DataArray type=\"Float32\" Name=\"Normals\" "
@@ -208,6 +211,16 @@ static void what_is_left_out_is_a_warning(void **state) {
     volume = load("w.vtk");
     assert_int_equal(sp_volume_elements(volume)->shape.kind, SP_KIND_POINTS);
     assert_string_equal(sp_volume_info(volume)->warnings[0], "");
+    sp_volume_unref(&volume);
+}
+
+/* Colours that are neither shares of 1 nor of 255. */
+static void colors_that_are_cut_are_a_warning(void **state) {
+    (void)state;
+    write_text("c.vtk", LEGACY "POINTS 5 float\n" SQUARE "POLYGONS 1 5\n4 0 1 2 3\nPOINT_DATA 5\n"
+                               "COLOR_SCALARS c 3\n1000 0 0 1 0 0 1 0 0 1 0 0 0 0 1\n");
+    struct sp_volume *volume = load("c.vtk");
+    assert_true(warns(volume, "The colours have numbers up to 1000"));
     sp_volume_unref(&volume);
 }
 
@@ -299,6 +312,7 @@ int main(void) {
         cmocka_unit_test(normals_and_colors_are_those_of_the_points),
         cmocka_unit_test(lines_are_tubes),
         cmocka_unit_test(what_is_left_out_is_a_warning),
+        cmocka_unit_test(colors_that_are_cut_are_a_warning),
         cmocka_unit_test(cells_that_lie_are_refused),
         cmocka_unit_test(odd_meshes_are_read),
         cmocka_unit_test(files_without_polygons_are_empty),
