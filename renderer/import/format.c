@@ -60,6 +60,14 @@ void import_header_use_interval(struct import_header *header, double first, doub
     snprintf(header->steps.unit, sizeof header->steps.unit, "%.*s", SP_UNIT_BYTES - 1, unit);
 }
 
+void import_warn_distance(const struct import_header *header, struct import_warnings *warnings) {
+    if (header->lacks_distance)
+        import_warn(warnings,
+                    "The file does not give the distance of its slices; that of columns was taken, "
+                    "%g %s.",
+                    header->grid.spacing[2], header->unit);
+}
+
 void import_header_use_elements(struct import_header *header,
                                 const struct sp_elements_shape *shape) {
     import_header_init(header);

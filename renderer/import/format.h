@@ -82,6 +82,7 @@ struct import_header {   /* result of open() */
     struct import_steps steps;
     bool used_as, used_series; /* the reader honoured file->selection */
     bool took_folder;          /* the volume has all files of the folder that belong to the file */
+    bool lacks_distance;       /* of slices: that of columns was taken */
     enum sp_type type;
     unsigned bits; /* of a number in the file, where several become one type; 0 = others */
     enum sp_meaning meaning; /* as in struct sp_volume_info */
@@ -217,6 +218,9 @@ void import_header_use_interval(struct import_header *header, double first, doub
 /* Sets spacing 1, origin 0, identity direction, even axes, and vectors along the axes of the world;
  * keeps everything else. */
 void import_header_init(struct import_header *header);
+
+/* Warns if the files of a stack do not give the distance of slices. */
+void import_warn_distance(const struct import_header *header, struct import_warnings *warnings);
 
 /* Sets the grid, type and size of a file that has elements, and whether it has vectors. */
 void import_header_use_elements(struct import_header *header,

@@ -192,7 +192,8 @@ static bool use_times(struct stack *s, const uint64_t *values, uint32_t count,
     return true;
 }
 
-/* The files of the channel. Of images in colour, the channel of the file that was asked for. */
+/* The files of the channel: of the field, or else of the file that was asked for. Images in colour
+ * have their own fields. */
 static void use_channels(struct stack *s, const uint64_t *values, uint32_t count,
                          struct import_header *header) {
     header->used_as |= s->file->selection.as == IMPORT_AS_CHANNELS;
@@ -205,8 +206,11 @@ static void use_channels(struct stack *s, const uint64_t *values, uint32_t count
         import_numbers_warn_left_out(left_out, example, own_name(s), s->file->warnings);
         return;
     }
+    const uint64_t own = import_numbers_value(&s->numbers, IMPORT_NUMBER_CHANNEL, own_name(s));
     uint32_t chosen = 0;
     char name[SP_FIELD_BYTES];
+    for (uint32_t i = 0; i < count && !s->file->field[0]; i++)
+        chosen = values[i] == own ? i : chosen;
     for (uint32_t i = 0; i < count; i++) {
         snprintf(name, sizeof name, "channel %" PRIu64, values[i]);
         chosen = strcmp(name, s->file->field) == 0 ? i : chosen;
@@ -293,6 +297,8 @@ static bool take(struct stack *s, struct import_header *header, struct sp_error 
     s->single = NULL;
     header->grid.dims[2] = s->slices.count;
     header->took_folder = true;
+    if (header->grid.dims[2] > 1)
+        import_warn_distance(header, s->file->warnings);
     return sp_grid_check(&header->grid, header->type, s->file->shown, &header->bytes, err);
 }
 

@@ -287,13 +287,11 @@ static void take_place(const struct tiff *t, struct import_header *header) {
             memcpy(grid->direction[a], p->direction[a], sizeof p->direction[a]);
         }
     }
-    if (p->slices > 1 && *p->unit && p->spacing[0] > 0 && !(p->spacing[2] > 0))
-        import_warn(t->file->warnings,
-                    "The file does not give the distance of its slices; that of columns was taken, "
-                    "%g %s.",
-                    grid->spacing[2], p->unit);
+    header->lacks_distance = *p->unit && p->spacing[0] > 0 && !(p->spacing[2] > 0);
     memcpy(header->unit, p->unit, sizeof header->unit);
     memcpy(header->value_unit, p->value_unit, sizeof header->value_unit);
+    if (p->slices > 1)
+        import_warn_distance(header, t->file->warnings);
 }
 
 static void close_tiff(void *reader) {

@@ -11,7 +11,12 @@
 
 #include "import/tiff_planes.h"
 
-enum { TAG_X_RESOLUTION = 282, TAG_Y_RESOLUTION = 283, TAG_RESOLUTION_UNIT = 296 };
+enum {
+    TAG_ORIENTATION = 274,
+    TAG_X_RESOLUTION = 282,
+    TAG_Y_RESOLUTION = 283,
+    TAG_RESOLUTION_UNIT = 296
+};
 enum { TAG_PIXEL_SCALE = 33550, TAG_STK_PLANES = 33629, TAG_TIEPOINT = 33922 };
 enum { RESOLUTIONS_MAX = 4096 }; /* pages whose resolution is compared */
 enum { GROUPS_MAX = 32 };        /* kinds of pages */
@@ -377,10 +382,22 @@ bool tiff_layout_find(struct tiff_planes *p, const struct tiff_file *t, const ch
                                          : take_pages(p, t, err);
 }
 
+/* Samples stay in the order of the file. */
+static void warn_of_orientation(const struct tiff_file *t, const struct tiff_page *page) {
+    double orientation = 1;
+    tiff_tag_numbers(t, page, TAG_ORIENTATION, &orientation, 1);
+    if (orientation >= 2 && orientation <= 8)
+        import_warn(t->file->warnings,
+                    "The tag Orientation is %g: the file asks viewers to mirror or turn the image. "
+                    "It is drawn as stored.",
+                    orientation);
+}
+
 void tiff_layout_place(struct tiff_planes *p, const struct tiff_file *t, const char *description) {
     const uint32_t n =
         p->is_hidden || p->pages[0] == TIFF_NO_PAGE ? 0 : tiff_planes_page(p, p->pages[0]);
     take_missing(p, t, &t->pages[n]);
+    warn_of_orientation(t, &t->pages[n]);
     if (!(p->spacing[0] > 0) && !p->has_own_unit && !take_geography(p, t, &t->pages[n]))
         take_resolution(p, t, &t->pages[n]);
     take_slide_scale(p, description);

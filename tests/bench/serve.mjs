@@ -174,7 +174,7 @@ async function viewers() {
   for (const n of [1, 8, 63]) {
     const daemon = await start('auto');
     const session = await daemon.session(512);
-    const driver = await Client.open(daemon, session);
+    const driver = await Client.open(daemon, session, { token: daemon.token }); // a place is kept for the owner
     const clients = [];
     for (let i = 0; i < n; i++) clients.push(await Client.open(daemon, session, { role: 'view' }));
     driver.drive();

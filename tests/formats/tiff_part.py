@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """TIFF, OME-TIFF and hyperstacks of ImageJ against tifffile."""
 import itertools
+import os
 import struct
 
 import numpy
@@ -301,6 +302,13 @@ def check_place(tool):
                                   ([(34264, 12, 16, [float(i % 5 == 0) for i in range(15)] + [2.0], True)], 'a matrix that is not affine', 'ModelTransformation')):
         tifffile.imwrite(path, data[:1], extratags=[*tags, (34735, 3, len(keys), keys, True)], **plain)
         tool.layout('TIFF', f'GeoTIFF: {layout}', path, data[:1], result='not placed, with a warning', spacing=[1, 1, 1], warned=warning)
+    tifffile.imwrite(path, data, extratags=[(274, 3, 1, 2, True)], **plain)
+    tool.layout('TIFF', 'the tag Orientation, other than 1', path, data, result='as stored, with a warning', warned='The tag Orientation is 2')
+    os.makedirs(tool.path('stack'))
+    for k in range(3):
+        tifffile.imwrite(tool.path(f'stack/s{k}.tif'), data[k], resolution=(100, 100), resolutionunit='centimeter', **plain)
+    tool.layout('TIFF', 'a stack of files without a distance of slices', tool.path('stack'), data[:3], spacing=[0.1, 0.1, 0.1], unit='mm',
+                result='that of columns, with a warning', warned='does not give the distance of its slices')
     path = tool.path('place.ome.tif')
     size = {'PhysicalSizeX': 0.2, 'PhysicalSizeXUnit': 'µm', 'PhysicalSizeY': 0.2, 'PhysicalSizeYUnit': 'µm'}
     for own, z, warning in (({'Plane': {'PositionZ': [0.0, 400.0, 800.0, 1200.0], 'PositionZUnit': ['nm'] * 4}}, 0.4, ''),

@@ -162,11 +162,11 @@ export class Client {
   phase = 2.4 * Client.#opened++;
   sent = new Map();
 
-  static async open(daemon, session, { role = 'control', delay = 0 } = {}) {
+  static async open(daemon, session, { role = 'control', token = session.tokens[role], delay = 0 } = {}) {
     const client = new Client();
     client.reset();
     client.view = session.view ?? daemon.views[0];
-    client.socket = new WebSocket(`ws${daemon.secure ? 's' : ''}://127.0.0.1:${daemon.port}/api/v1/sessions/${session.id}/stream?token=${session.tokens[role]}`,
+    client.socket = new WebSocket(`ws${daemon.secure ? 's' : ''}://127.0.0.1:${daemon.port}/api/v1/sessions/${session.id}/stream?token=${token}`,
       ['splatd.v1'], { perMessageDeflate: false, ...UNCHECKED });
     client.socket.on('message', (data, isBinary) => (isBinary ? client.#take(data, delay) : client.#hear(data)));
     client.socket.on('error', () => {});

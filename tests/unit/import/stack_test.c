@@ -207,9 +207,11 @@ static void words_before_numbers_tell_times_and_channels(void **state) {
     volume = check_step("tz/img_t*_z*.tif", 2, 3, 4, 10, "");
     sp_volume_unref(&volume);
     check_slices("cz?field=channel 2", 4, 12, "");
-    volume = check_step("cz/Img2-C2.tif", 0, 1, 4, 6, "");
-    assert_string_equal(sp_volume_info(volume)->value_name, "channel 1");
-    assert_string_equal(sp_volume_info(volume)->others[0], "channel 2");
+    check_slices("cz", 4, 6, "");
+    check_slices("cz/Img2-C2.tif?field=channel 1", 4, 6, "");
+    volume = check_step("cz/Img2-C2.tif", 0, 1, 4, 12, "");
+    assert_string_equal(sp_volume_info(volume)->value_name, "channel 2");
+    assert_string_equal(sp_volume_info(volume)->others[0], "channel 1");
     sp_volume_unref(&volume);
 }
 
