@@ -103,6 +103,19 @@ static void mark_missing(const struct import_conversion *c, double *values, size
     }
 }
 
+/* Only colours are floating-point numbers in the file and whole ones in memory. */
+static void warn_of_cuts(const struct import_conversion *c, const double *values, size_t count,
+                         double least, double most) {
+    bool is_cut = false;
+    for (size_t i = 0; i < count; i++)
+        is_cut |= values[i] >= most + 1 || values[i] <= least - 1;
+    if (is_cut)
+        import_warn(c->warnings,
+                    "Some colours are numbers outside of the range of the format, 0 to %g; they "
+                    "were cut.",
+                    (most - least) / c->slope);
+}
+
 static void put_block(const struct import_conversion *c, const char *at, size_t count, void *out,
                       uint64_t first) {
     const size_t stride = c->components * c->number.size;
@@ -118,6 +131,8 @@ static void put_block(const struct import_conversion *c, const char *at, size_t 
         for (size_t i = 0; i < count; i++)
             values[i] = c->slope * values[i] + c->offset;
     import_number_range(to, &least, &most);
+    if (c->number.kind == IMPORT_FLOAT && to.kind != IMPORT_FLOAT)
+        warn_of_cuts(c, values, count, least, most);
     for (size_t i = 0; i < count; i++)
         sp_sample_set(out, c->type, first + i,
                       to.kind == IMPORT_FLOAT ? values[i] : fmin(fmax(values[i], least), most));

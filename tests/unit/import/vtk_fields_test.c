@@ -147,6 +147,16 @@ static void components_are_fields(void **state) {
     struct sp_volume *volume = load("m.vtk?field=c green");
     assert_memory_equal(sp_volume_voxels(volume), "\x15\x40", 2);
     assert_fields(volume, "c green: c red, c blue");
+    assert_string_equal(sp_volume_info(volume)->warnings[0], "");
+    sp_volume_unref(&volume);
+    write_text("m.vtk", "# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_POINTS\n"
+                        "DIMENSIONS 2 1 1\nPOINT_DATA 2\nCOLOR_SCALARS c 3\n"
+                        "0 127 1 0.5 0 0\n");
+    volume = load("m.vtk?field=c green");
+    assert_memory_equal(sp_volume_voxels(volume), "\xff\0", 2);
+    assert_string_equal(sp_volume_info(volume)->warnings[0],
+                        "Some colours are numbers outside of the range of the format, 0 to 1; they "
+                        "were cut.");
     sp_volume_unref(&volume);
 }
 
