@@ -40,8 +40,8 @@ static bool may_take_all(const struct srv_hub *hub, const struct srv_session *se
     return rights & SRV_RIGHT_ADMIN;
 }
 
-/* Guests may have all places but one, which is kept for the owner of the session and admins. They
- * cannot be told apart. Another token has a fair share. */
+/* The last place is kept for the owner of the session and admins while only guests are there.
+ * Another token has a fair share. */
 static bool has_capacity(const struct srv_hub *hub, const struct srv_session *session,
                          const char *token, struct sp_error *err) {
     const unsigned most = hub->options.participants_max;
@@ -49,7 +49,7 @@ static bool has_capacity(const struct srv_hub *hub, const struct srv_session *se
     for (const struct srv_participant *p = session->participants; p; p = p->next)
         pool.own += strcmp(p->identity.token, token) == 0;
     uint64_t left = srv_fair_left(&pool, token[0] && !may_take_all(hub, session, token));
-    if (!token[0] && most >= SRV_FAIR_LEAST && left == 1)
+    if (!token[0] && most >= SRV_FAIR_LEAST && left == 1 && pool.own + 1 == most)
         left = 0;
     return left > 0 || sp_fail(err, SP_ERR_BUDGET, NULL,
                                "the session has %u participants, %u of them %s, and --participants "
