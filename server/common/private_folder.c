@@ -11,6 +11,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* mkdtemp replaces these characters; only folders with names of this form are ours. */
+#define RANDOM_PART "XXXXXX"
+
 enum { ID_CHARACTERS = 32, TRIES = 100 };
 
 bool srv_folder_is_id(const char *name) {
@@ -74,9 +77,10 @@ static void remove_left(int parent, const char *name, const char *parent_path) {
 }
 
 static void remove_all_left(const char *prefix) {
+    const size_t prefix_length = strlen(prefix), length = prefix_length + strlen(RANDOM_PART);
     DIR *folders = opendir(temporary());
     for (struct dirent *folder; folders && (folder = readdir(folders));)
-        if (strncmp(folder->d_name, prefix, strlen(prefix)) == 0)
+        if (strlen(folder->d_name) == length && strncmp(folder->d_name, prefix, prefix_length) == 0)
             remove_left(dirfd(folders), folder->d_name, temporary());
     if (folders)
         closedir(folders);
@@ -91,7 +95,7 @@ bool srv_private_folder_open(const char *prefix, char path[SRV_FOLDER_BYTES], in
     struct stat st;
     remove_all_left(prefix);
     for (int i = 0; i < TRIES; i++) {
-        int n = snprintf(path, SRV_FOLDER_BYTES, "%s/%sXXXXXX", temporary(), prefix);
+        int n = snprintf(path, SRV_FOLDER_BYTES, "%s/%s" RANDOM_PART, temporary(), prefix);
         if (n < 0 || n >= SRV_FOLDER_BYTES)
             return sp_fail(err, SP_ERR_INVALID, NULL, "the path of $TMPDIR is too long");
         if (!mkdtemp(path))

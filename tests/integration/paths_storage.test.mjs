@@ -310,13 +310,14 @@ test('the next daemon removes the files of a killed daemon without --state, and 
   killed.kill('SIGKILL');
   await killed.ended;
   const [left] = fs.readdirSync(folder).filter((name) => name !== living);
-  const others = ['splatd-frames-notours', 'splatd-else'];
-  for (const other of others) fs.mkdirSync(path.join(folder, other, 'keep'), { recursive: true });
+  const others = ['splatd-frames-theirs', 'splatd-frames-notours', 'splatd-else'];
+  for (const other of others) fs.mkdirSync(path.join(folder, other));
+  fs.mkdirSync(path.join(folder, 'splatd-frames-theirs', 'keep'));
   const next = await start();
   const names = fs.readdirSync(folder);
   assert.ok(!names.includes(left), `${left} of ${names}`);
-  assert.equal(names.length, 4);
-  for (const other of others) assert.ok(fs.existsSync(path.join(folder, other, 'keep')));
+  assert.equal(names.length, 5);
+  assert.ok(fs.existsSync(path.join(folder, 'splatd-frames-theirs', 'keep')));
   assert.equal((await lives.fetch(`${API}/${there}/frames/8`)).status, 200);
   assert.equal(await next.stop(), 0);
   assert.equal(await lives.stop(), 0);

@@ -124,14 +124,19 @@ test('hibernated sessions: those of the owner with the most end first', async ()
 test('participants: guests leave a place to the owner', async () => {
   let { json: session } = await modest.ask('POST', 'sessions', {});
   const guests = [];
-  for (let i = 0; i < LIMIT - 1; i += 1) guests.push(await daemon.stream({ session, token: session.tokens.view }));
+  const join = async (token) => {
+    const guest = await daemon.stream({ session, token });
+    guests.push(guest);
+    await guest.note('session.participants', (p) => p.you > 0); // from now on the guest has its place
+  };
+  for (let i = 0; i < LIMIT - 1; i += 1) await join(session.tokens.view);
   await assert.rejects(daemon.stream({ session, token: session.tokens.view }), { status: 503 });
-  guests.push(await daemon.stream({ session, token: TOKENS.modest }));
+  await join(TOKENS.modest);
   await assert.rejects(daemon.stream({ session, token: TOKENS.root }), { status: 503 });
   ({ json: session } = await modest.ask('POST', 'sessions', {}));
-  for (let i = 0; i < GREEDY_MOST; i += 1) guests.push(await daemon.stream({ session, token: TOKENS.greedy }));
+  for (let i = 0; i < GREEDY_MOST; i += 1) await join(TOKENS.greedy);
   await assert.rejects(daemon.stream({ session, token: TOKENS.greedy }), { status: 503 });
-  for (const token of [session.tokens.view, TOKENS.root]) guests.push(await daemon.stream({ session, token }));
+  for (const token of [session.tokens.view, TOKENS.root]) await join(token);
   for (const guest of guests) await guest.end();
 });
 
