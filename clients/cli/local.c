@@ -83,12 +83,14 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
                    "needs %" PRIu64 " bytes of memory; the machine has %" PRIu64, bytes, memory);
 }
 
-static struct sp_volume *load_step(const struct options *options, const char *source, uint32_t step,
-                                   struct sp_error *err) {
+/* `step` may be NULL: sp_load_options chooses. */
+static struct sp_volume *load_step(const struct options *options, const char *source,
+                                   const uint32_t *step, struct sp_error *err) {
     char host[SP_SOURCE_HOST_BYTES]; /* the user who passes an address allows its host */
     const struct sp_load_options how = { .reserve = reserve,
                                          .allowed_hosts = host,
-                                         .step = step,
+                                         .step = step ? *step : 0,
+                                         .has_step = step,
                                          .progress = show_progress,
                                          .user = (void *)source, /* only read */
                                          .timeout_ms = (int)options->timeout_s * 1000 };
@@ -97,7 +99,7 @@ static struct sp_volume *load_step(const struct options *options, const char *so
 
 struct sp_volume *load_local(const struct options *options, const char *source,
                              struct sp_error *err) {
-    return load_step(options, source, 0, err);
+    return load_step(options, source, NULL, err);
 }
 
 /* Loads a volume to be shown. */
@@ -119,7 +121,7 @@ static struct sp_volume *load_beside(const struct options *options, const char *
     if (shown->count < 2 || count < 2 || step == sp_volume_info(volume)->steps.index)
         return volume;
     sp_volume_unref(&volume);
-    return load_step(options, source, step, err);
+    return load_step(options, source, &step, err);
 }
 
 /* The volume that a layer names: the id is a source as for --volume. Loads each once. */
@@ -150,7 +152,8 @@ static struct sp_frame *render_frame(struct sp_renderer *renderer, struct volume
     return frame;
 }
 
-/* Replaces the volume by the time step of the view. The default view is that of the first one. */
+/* Replaces the volume by the time step of the view. The default view is that of the one that the
+ * source names, or else of the first one. */
 static bool choose_step(struct volumes *volumes, const char *source, const struct sp_view *view,
                         struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(volumes->own);
@@ -159,7 +162,7 @@ static bool choose_step(struct volumes *volumes, const char *source, const struc
     if (view->time.step == info->steps.index)
         return true;
     sp_volume_unref(&volumes->own);
-    volumes->own = load_step(volumes->options, source, view->time.step, err);
+    volumes->own = load_step(volumes->options, source, &view->time.step, err);
     return volumes->own != NULL;
 }
 

@@ -142,9 +142,10 @@ bool sp_import_child_start_reader(struct sp_import_child *c, const char *program
                                   const struct sp_import_request *request, const char *scratch,
                                   int fds[], unsigned count, struct sp_error *err) {
     const struct sp_source_parts *parts = request->parts;
-    char seconds[16], step[16], level[16];
+    char seconds[16], step[16] = "", level[16];
     snprintf(seconds, sizeof seconds, "%d", c->timeout_ms / 1000 + 1);
-    snprintf(step, sizeof step, "%" PRIu32, request->step);
+    if (request->has_step)
+        snprintf(step, sizeof step, "%" PRIu32, request->step);
     snprintf(level, sizeof level, "%d", parts->level);
     const char *arguments[SP_ARGUMENT_COUNT + 1] = {
         [SP_ARGUMENT_PROGRAM] = "splat-import",

@@ -42,6 +42,7 @@ struct sp_import_request {
     const char *pattern; /* of a time series of files (numbered.h); "" = one file */
     const struct sp_source_parts *parts;
     uint32_t step;
+    bool has_step;
     const char *mode; /* "", SP_IMPORT_CHUNKS or SP_IMPORT_LIST */
 };
 

@@ -454,6 +454,17 @@ static bool take_times(struct dicom_slices *slices, const struct dicom_source *s
     return slices->times != NULL;
 }
 
+/* The step that is wanted, or else that of the file that was opened by its name. Slice i belongs to
+ * step i % `steps`. */
+static uint32_t find_step(const struct dicom_slices *slices, const struct dicom_source *source,
+                          uint32_t steps) {
+    const bool is_asked = source->file->has_step || !source->is_named || is_one_file(slices);
+    for (uint32_t i = 0; !is_asked && i < slices->count; i++)
+        if (strcmp(slices->items[i].name, source->name) == 0)
+            return i % steps;
+    return source->file->step;
+}
+
 bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_source *source,
                             struct import_header *header, struct sp_error *err) {
     uint32_t steps = slices->are_together ? 1 : count_steps(slices);
@@ -471,9 +482,10 @@ bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_sour
         return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the times");
     warn_of_numbers(slices, source, steps, header->steps.times != NULL);
     const uint32_t count = slices->count;
+    header->steps.index = find_step(slices, source, steps);
     slices->count = 0;
     for (uint32_t i = 0; i < count; i++)
-        if (i % steps == source->file->step)
+        if (i % steps == header->steps.index)
             slices->items[slices->count++] = slices->items[i];
         else
             free(slices->items[i].name);

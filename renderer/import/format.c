@@ -45,6 +45,7 @@ bool import_header_use_steps(struct import_header *header, const struct import_f
         return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
                        "the file has %" PRIu64 " time steps; the limit is %u", count, SP_STEPS_MAX);
     header->steps.count = (uint32_t)count;
+    header->steps.index = file->step;
     return file->step < count ||
            sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
                    "there is no time step %" PRIu32 "; the last one is %" PRIu64, file->step,

@@ -44,8 +44,9 @@ struct import_file {
     const char *pattern;
     bool is_guess; /* the pattern is that of a folder's first file, which no path named */
     struct import_selection selection; /* of the source */
-    uint32_t step;                     /* of a time series, from 0 */
-    struct import_shift *shift;        /* of the positions of elements (shift.h); NULL = none */
+    uint32_t step;                     /* of a time series, from 0; without has_step 0 */
+    bool has_step; /* false: the step of the file that was asked for, if it belongs to one */
+    struct import_shift *shift; /* of the positions of elements (shift.h); NULL = none */
     int level; /* of detail, for formats that have several: 0 = the finest, −1 = the reader chooses
                 */
 };
@@ -70,6 +71,7 @@ enum import_derived { IMPORT_NOT_DERIVED, IMPORT_LENGTH, IMPORT_X, IMPORT_Y, IMP
 /* The time series of a file. A reader that knows no time leaves all zero. */
 struct import_steps {
     uint32_t count; /* 0 = 1 */
+    uint32_t index; /* the one that is read, below `count`, or 0 */
     /* The time of each step: times[i], or first + i·interval; interval 0 = unknown. The reader owns
      * the times until close(). A file of one step may have one, which counts in a series. */
     const double *times;
@@ -206,7 +208,8 @@ __attribute__((format(printf, 6, 7))) bool import_fail(struct sp_error *err, enu
 bool import_header_use_selection(struct import_header *header, const struct import_file *file,
                                  struct sp_error *err);
 
-/* Says that the file has `count` steps in time. Fails if the step of `file` is not one of them. */
+/* Says that the file has `count` steps in time, of which that of `file` is read. Fails if it is not
+ * one of them. */
 bool import_header_use_steps(struct import_header *header, const struct import_file *file,
                              uint64_t count, struct sp_error *err);
 

@@ -72,6 +72,7 @@ static bool start_child(struct import *im, struct sp_error *err) {
                                                .pattern = im->place.series,
                                                .parts = &im->parts,
                                                .step = im->options->step,
+                                               .has_step = im->options->has_step,
                                                .mode = "" };
     im->has_holes = is_sparse(im->input.fds[0]);
     im->child = (struct sp_import_child){ .shown = im->place.path, .timeout_ms = im->timeout_ms };

@@ -182,7 +182,7 @@ static bool say_header(struct job *job) {
     message.header.level = h->level;
     message.header.level_count = h->level_count;
     message.header.steps = h->steps.count;
-    message.header.step = job->file.step;
+    message.header.step = h->steps.index;
     message.header.has_times = h->steps.times || h->steps.interval > 0;
     memcpy(message.header.time_unit, h->steps.unit, sizeof h->steps.unit);
     message.header.bytes = h->bytes;
@@ -446,6 +446,7 @@ int main(int argc, char **argv) {
                                  .folder = argv[SP_ARGUMENT_FOLDER],
                                  .pattern = argv[SP_ARGUMENT_PATTERN],
                                  .step = (uint32_t)strtoul(argv[SP_ARGUMENT_STEP], NULL, 10),
+                                 .has_step = argv[SP_ARGUMENT_STEP][0] != 0,
                                  .level = atoi(argv[SP_ARGUMENT_LEVEL]),
                                  .selection = { .series = argv[SP_ARGUMENT_SERIES],
                                                 .unit = argv[SP_ARGUMENT_UNIT] },

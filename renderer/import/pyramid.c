@@ -88,6 +88,7 @@ static bool spawn(struct reader *r, struct sp_error *err) {
                                                .pattern = p->place.series,
                                                .parts = &p->parts,
                                                .step = p->step,
+                                               .has_step = true,
                                                .mode = SP_IMPORT_CHUNKS };
     r->child = (struct sp_import_child){
         .shown = p->place.path, .timeout_ms = p->timeout_ms, .socket = -1, .memory = -1
@@ -243,7 +244,7 @@ bool sp_pyramid_open(const struct sp_pyramid_job *job, struct sp_handover_header
     p->parts.vectors[0] = 0;
     p->parts.level = -1;
     snprintf(p->importer, sizeof p->importer, "%s", job->importer);
-    p->step = job->options->step;
+    p->step = job->options->has_step ? job->options->step : 0;
     p->timeout_ms = job->timeout_ms;
     for (unsigned i = 0; i < READERS_MAX; i++) {
         p->readers[i].pyramid = p;

@@ -60,6 +60,7 @@ static bool open_file(struct series *s, const struct import_file *source, const 
     s->file.folder = s->folder[0] ? s->folder : "/";
     s->file.pattern = "";
     s->file.step = 0;
+    s->file.has_step = true;
     return true;
 }
 

@@ -166,6 +166,14 @@ static void close_stack(void *reader) {
     free(s);
 }
 
+/* The first one for a value that is not there. */
+static uint32_t index_of(const uint64_t *values, uint32_t count, uint64_t value) {
+    uint32_t i = 0;
+    while (i < count && values[i] != value)
+        i++;
+    return i < count ? i : 0;
+}
+
 /* Keeps the names of the value number `chosen` of this meaning. */
 static void keep_value(struct stack *s, enum import_number_kind meaning, const uint64_t *values,
                        uint32_t chosen) {
@@ -176,7 +184,7 @@ static void keep_value(struct stack *s, enum import_number_kind meaning, const u
         }
 }
 
-/* The files of the step. */
+/* The files of the step: of the one that is wanted, or else of the file that was asked for. */
 static bool use_times(struct stack *s, const uint64_t *values, uint32_t count,
                       struct import_header *header, struct sp_error *err) {
     header->used_as |= s->file->selection.as == IMPORT_AS_TIME;
@@ -188,7 +196,10 @@ static bool use_times(struct stack *s, const uint64_t *values, uint32_t count,
     for (uint32_t i = 0; s->times && i < count; i++)
         s->times[i] = (double)values[i];
     header->steps.times = s->times;
-    keep_value(s, IMPORT_NUMBER_TIME, values, s->file->step);
+    if (!s->file->has_step)
+        header->steps.index = index_of(
+            values, count, import_numbers_value(&s->numbers, IMPORT_NUMBER_TIME, own_name(s)));
+    keep_value(s, IMPORT_NUMBER_TIME, values, header->steps.index);
     return true;
 }
 
@@ -207,10 +218,8 @@ static void use_channels(struct stack *s, const uint64_t *values, uint32_t count
         return;
     }
     const uint64_t own = import_numbers_value(&s->numbers, IMPORT_NUMBER_CHANNEL, own_name(s));
-    uint32_t chosen = 0;
+    uint32_t chosen = s->file->field[0] ? 0 : index_of(values, count, own);
     char name[SP_FIELD_BYTES];
-    for (uint32_t i = 0; i < count && !s->file->field[0]; i++)
-        chosen = values[i] == own ? i : chosen;
     for (uint32_t i = 0; i < count; i++) {
         snprintf(name, sizeof name, "channel %" PRIu64, values[i]);
         chosen = strcmp(name, s->file->field) == 0 ? i : chosen;

@@ -186,9 +186,10 @@ static void find_state(const char *source, uint64_t state[2]) {
 }
 
 /* The path of the brick file of a source; false if it is too long. */
-static bool find_path(const struct srv_brick_cache *cache, const char *source, uint32_t step,
-                      char path[PATH_MAX]) {
+static bool find_path(const struct srv_brick_cache *cache, const char *source,
+                      const struct sp_load_options *options, char path[PATH_MAX]) {
     uint64_t state[2] = { 0 };
+    const uint32_t step = options->has_step ? options->step : UINT32_MAX;
     find_state(source, state);
     const struct srv_part parts[] = { { source, strlen(source) },
                                       { state, sizeof state },
@@ -236,7 +237,7 @@ struct sp_volume *srv_brick_cache_load(struct srv_brick_cache *cache, const char
                                        struct sp_error *err) {
     char path[PATH_MAX];
     struct sp_error why;
-    if (!find_path(cache, source, options->step, path)) {
+    if (!find_path(cache, source, options, path)) {
         sp_fail(err, SP_ERR_INVALID, source, "the path of its file in the brick cache is too long");
         return NULL;
     }

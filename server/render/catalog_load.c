@@ -157,6 +157,7 @@ static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct s
     pthread_mutex_lock(&catalog->mutex);
     v->is_loading = false; /* from here on srv_catalog_remove() frees the entry */
     v->volume = volume;
+    v->step = v->last_step = volume ? sp_volume_info(volume)->steps.index : 0;
     v->error = *err;
     bool was_removed = v->is_removed;
     bool was_stopped = !volume && !was_removed && err->code == SP_ERR_CANCELLED;
@@ -215,7 +216,8 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
                                        .root = entry->confined ? catalog->data : NULL,
                                        .allowed_hosts = catalog->options.allowed_hosts,
                                        .importer = catalog->options.importer,
-                                       .step = v->step };
+                                       .step = v->step,
+                                       .has_step = v->parent != NULL };
     double start_ms = srv_clock_ms();
     if (!v->parent) {
         /* With the lock: after the last notification of an earlier entry with this id. */

@@ -74,11 +74,11 @@ def stack(tool, name, count=6, **tags):
     return series
 
 
-def whole(tool, source, count=6, time=0, step=0, **wanted):
+def whole(tool, source, count=6, time=0, step=None, **wanted):
     tool.equal(source, volume(count, time), step=step, **{'spacing': list(SPACING), 'origin': [5, 6, 0], **wanted})
 
 
-def warned(tool, source, *words, step=0):
+def warned(tool, source, *words, step=None):
     """The warnings have these words."""
     info, _ = tool.dump(source, step)
     tool.checks += 1
@@ -325,6 +325,9 @@ def check_times(tool):
                 series.add(f'IM{n if is_shuffled else z * 3 + t:04}.dcm', z, t, InstanceNumber=z * 3 + t + 1 if has_numbers else None, **tags(z, t))
             for step in range(3):
                 whole(tool, series.folder, count=4, time=step, step=step)
+            n, (z, t) = names[0] if is_shuffled else 5, slices[0] if is_shuffled else (1, 2)
+            whole(tool, series.path(f'IM{n:04}.dcm'), count=4, time=t, step_shown=t)  # that of the file
+            whole(tool, series.path(f'IM{n:04}.dcm'), count=4, time=1, step=1, step_shown=1)
             info, _ = tool.dump(series.path('IM0001.dcm'))
             tool.checks += 1
             got = info and info.get('times')

@@ -64,6 +64,7 @@ static void print_info(const struct sp_volume_info *info) {
     }
     printf("],\n");
     printf("\"steps\": %" PRIu32 ",\n", info->steps.count);
+    printf("\"step_shown\": %" PRIu32 ",\n", info->steps.index);
     if (info->steps.times)
         print_numbers("times", info->steps.times, (int)info->steps.count);
     print_text("time_unit", info->steps.unit);
@@ -74,7 +75,8 @@ static void print_info(const struct sp_volume_info *info) {
 
 int main(int argc, char **argv) {
     const struct sp_load_options options = { .importer = SPLATD_BIN_DIR "/splat-import",
-                                             .step = argc > 3 ? (uint32_t)atoi(argv[3]) : 0 };
+                                             .step = argc > 3 ? (uint32_t)atoi(argv[3]) : 0,
+                                             .has_step = argc > 3 };
     struct sp_error err = { .text = "" };
     if (argc < 3) {
         fprintf(stderr, "usage: volume_dump SOURCE OUT [STEP]\n");

@@ -61,12 +61,13 @@ class Tool:
         self.skipped.append(f'{path} is missing')
         return None
 
-    def run(self, source, step=0):
+    def run(self, source, step=None):
+        """`step` None: the reader chooses the time step."""
         out = self.path('samples.raw')
-        done = subprocess.run([self.dump_program, source, out, str(step)], capture_output=True, text=True, check=False)
+        done = subprocess.run([self.dump_program, source, out, *([] if step is None else [str(step)])], capture_output=True, text=True, check=False)
         return done, out
 
-    def dump(self, source, step=0):
+    def dump(self, source, step=None):
         """(description, samples as z, y, x); None, and a failure, if the file cannot be loaded."""
         import numpy
         done, out = self.run(source, step)
@@ -78,7 +79,7 @@ class Tool:
 
     def refused(self, source, *words):
         """The source is refused with an error that has these words."""
-        self.refused_step(source, 0, *words)
+        self.refused_step(source, None, *words)
 
     def refused_step(self, source, step, *words):
         done, _ = self.run(source, step)
@@ -127,7 +128,7 @@ class Tool:
         self.failed += 1
         print(f'{source}: {text}')
 
-    def equal(self, source, expected, step=0, warned=None, **wanted):
+    def equal(self, source, expected, step=None, warned=None, **wanted):
         """The samples are `expected` (z, y, x); spacing, origin, unit, name, … are `wanted`; a warning has the words `warned` ('' = there is none)."""
         import numpy
         info, samples = self.dump(source, step)

@@ -77,6 +77,35 @@ test('a volume tells its steps, and an image shows the one that its view names',
   assert.match(beyond.bytes.toString(), /6 is outside \[0, 5\]/);
 });
 
+/** A grey TIFF image of SIDE² pixels of one byte. */
+function tiff(pixels) {
+  const tags = [[256, SIDE], [257, SIDE], [258, 8], [259, 1], [262, 1], [273, 8], [277, 1], [278, SIDE], [279, SIDE * SIDE]];
+  const numbers = tags.flatMap(([tag, value]) => [tag | 4 << 16, 1, value]); // of 32 bits: tag and type, count, value
+  const table = Buffer.alloc(2 + 4 * numbers.length + 4);
+  table.writeUInt16LE(tags.length);
+  numbers.forEach((number, i) => table.writeUInt32LE(number, 2 + 4 * i));
+  const start = Buffer.from('II*\0\0\0\0\0', 'latin1');
+  start.writeUInt32LE(8 + pixels.length, 4);
+  return Buffer.concat([start, pixels, table]);
+}
+
+test('a file of a later step begins with this step', async () => {
+  for (let step = 0; step < 3; step += 1)
+    for (let z = 0; z < 2; z += 1) writeFileSync(path.join(folder, `img_t${step}_z${z}.tif`), tiff(Buffer.alloc(SIDE * SIDE, 50 * step + z)));
+  const { json: made } = await daemon.post('/api/v1/volumes', { path: 'img_t2_z1.tif' });
+  const loaded = await daemon.loaded(made.id);
+  assert.equal(loaded.state, 'ready', loaded.reason);
+  const session = await daemon.session({ volume: made.id, size: [8, 8] });
+  assert.equal((await daemon.json(`/api/v1/sessions/${session.id}`)).json.view.time.step, 2);
+  for (const [of, value] of [['', 101], ['&step=0', 1], ['&step=2', 101], ['&step=1', 51]]) {
+    let answer;
+    do answer = await daemon.fetch(`/api/v1/volumes/${made.id}/slice?axis=2&index=1&format=raw${of}`);
+    while (answer.status === 409);
+    assert.deepEqual(Buffer.from(await answer.arrayBuffer()), Buffer.alloc(SIDE * SIDE, value), of);
+  }
+  assert.equal((await daemon.fetch(`/api/v1/volumes/${made.id}`, { method: 'DELETE' })).status, 204);
+});
+
 test('a slice is that of a step', async () => {
   const at = async (step) => {
     for (;;) {

@@ -215,7 +215,8 @@ struct sp_load_options {
                                   and 443 are allowed. *.DOMAIN allows public IP addresses only,
                                   HOST any address. NULL = none */
     int timeout_ms;            /* limit for the whole import, >= 0; 0 = 300,000 */
-    uint32_t step;             /* of a time series, from 0 */
+    uint32_t step;             /* of a time series, from 0, if has_step is set */
+    bool has_step;  /* false: the step of the file that the source names, or else the first */
     bool is_finest; /* do not read a coarser level if the finest does not fit (reserve()) */
     /* Of a brick file (sp/bricks.h) and of chunks: bytes of the samples that are kept in memory for
      * all frames; reserve() is asked for them at once, and for half of them if it refuses, and so

@@ -49,6 +49,7 @@ static void check_steps(const char *name, double first, double interval, const c
     struct sp_load_options options = importer_options();
     struct sp_error err = { .text = "" };
     options.step = STEPS;
+    options.has_step = true;
     assert_null(sp_volume_load(in_folder(name), &options, &err));
     assert_int_equal(err.code, SP_ERR_NOT_FOUND);
     assert_non_null(strstr(err.text, "there is no time step 3; the last one is 2"));
@@ -130,6 +131,7 @@ static void numbered_files_are_steps(void **state) {
     struct sp_load_options options = importer_options();
     struct sp_error err = { .text = "" };
     options.step = 2;
+    options.has_step = true;
     assert_null(sp_volume_load(in_folder("run"), &options, &err));
     assert_non_null(strstr(err.place, "t0011.mha"));
 }

@@ -206,6 +206,10 @@ static void words_before_numbers_tell_times_and_channels(void **state) {
     sp_volume_unref(&volume);
     volume = check_step("tz/img_t*_z*.tif", 2, 3, 4, 10, "");
     sp_volume_unref(&volume);
+    volume = load("tz/img_t002_z001.tif"); /* the step of the file */
+    assert_int_equal(sp_volume_info(volume)->steps.index, 2);
+    assert_int_equal(*(const uint8_t *)sp_volume_voxels(volume), value(10, 0));
+    sp_volume_unref(&volume);
     check_slices("cz?field=channel 2", 4, 12, "");
     check_slices("cz", 4, 6, "");
     check_slices("cz/Img2-C2.tif?field=channel 1", 4, 6, "");

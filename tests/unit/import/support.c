@@ -83,18 +83,24 @@ struct sp_load_options importer_options(void) {
     return (struct sp_load_options){ .importer = SPLATD_BIN_DIR "/splat-import" };
 }
 
+static struct sp_volume *load_with(const char *name, const struct sp_load_options *options) {
+    struct sp_error err = { .text = "" };
+    struct sp_volume *volume = sp_volume_load(in_folder(name), options, &err);
+    if (!volume)
+        fail_msg("%s: %s: %s [%s]", name, sp_code_name(err.code), err.text, err.place);
+    return volume;
+}
+
 struct sp_volume *load(const char *name) {
-    return load_step(name, 0);
+    const struct sp_load_options options = importer_options();
+    return load_with(name, &options);
 }
 
 struct sp_volume *load_step(const char *name, uint32_t step) {
     struct sp_load_options options = importer_options();
     options.step = step;
-    struct sp_error err = { .text = "" };
-    struct sp_volume *volume = sp_volume_load(in_folder(name), &options, &err);
-    if (!volume)
-        fail_msg("%s: %s: %s [%s]", name, sp_code_name(err.code), err.text, err.place);
-    return volume;
+    options.has_step = true;
+    return load_with(name, &options);
 }
 
 void load_warns(const char *name, const char *text) {
