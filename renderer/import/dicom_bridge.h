@@ -69,6 +69,7 @@ struct dicom_frame {      /* what a file says about one of its images */
     bool is_ratio;        /* only the ratio of the spacings of pixels is known: they have no unit */
     bool is_spaced;       /* the distance between slices is given, not only their thickness */
     bool is_assumed;      /* the file gives neither: the next frame is taken to lie 1 mm apart */
+    bool is_contradicted; /* the offsets of a dose fit neither of their two meanings */
     double slope, intercept;
     double keys[DICOM_KEY_COUNT];
     char texts[DICOM_TEXT_COUNT][DICOM_TEXT_BYTES]; /* "" = the file does not say */

@@ -150,6 +150,10 @@ static void warn_of_missing(const struct dicom_slices *slices, const struct dico
         import_warn(warnings,
                     "The file does not say how far apart its slices are: they are shown 1%s apart.",
                     has_pixels ? " mm" : "");
+    if (first->is_contradicted)
+        import_warn(warnings, "The first number of GridFrameOffsetVector is neither 0 nor the "
+                              "height of the image: the numbers are taken as distances from "
+                              "ImagePositionPatient. Check the heights of the slices.");
 }
 
 bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_source *source,

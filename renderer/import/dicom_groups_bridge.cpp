@@ -458,8 +458,10 @@ void place_dose(const numbers &offsets, uint32_t index, dicom_frame &frame) {
         dicom_move(&frame, index * (frame.is_assumed ? 1 : frame.spacing[2]));
     } else if (offsets[0] != 0 && std::fabs(offsets[0] - frame.position[2]) < 1e-3)
         frame.position[2] = offsets[index];
-    else
+    else {
+        frame.is_contradicted = offsets[0] != 0;
         dicom_move(&frame, offsets[index]);
+    }
 }
 
 } // namespace

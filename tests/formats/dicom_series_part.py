@@ -418,6 +418,9 @@ def check_messages(tool):
     info, _ = tool.dump(path)
     if any('missing' in text for text in info['warnings']):
         tool.fail(path, f'no slice is missing: {info["warnings"]}')
+    offsets = (5, 7, 9, 11)  # neither from 0 nor from the height, which is 3
+    dose = [files.Frame(f.values, position=(1, 2, 3 + n)) for f, n in zip(files.stack(4), offsets)]
+    warned(tool, files.dose(tool.path('odd dose.dcm'), dose, offsets), 'neither 0 nor the height')
     tool.refused(files.changed(files.enhanced(tool.path('empty.dcm'), files.stack(1)), Rows=0), 'Rows or Columns is 0')
     path = files.enhanced(tool.path('groups.dcm'), files.stack(6))
     files.changed(path, PerFrameFunctionalGroupsSequence=pydicom.dcmread(path).PerFrameFunctionalGroupsSequence[:4])
