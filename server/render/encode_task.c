@@ -74,17 +74,15 @@ static bool wants(const struct srv_render_target *target, const struct srv_encod
     return srv_encode_params_equal(&own, params);
 }
 
-static struct srv_blob *encode_blob(struct sp_encoder *encoder, const struct sp_frame *frame,
+static struct srv_blob *encode_blob(struct srv_blob_pool *blobs, struct sp_encoder *encoder,
+                                    const struct srv_encode_task *task,
                                     const struct srv_encode_params *params, struct sp_error *err) {
     const uint8_t *bytes;
     size_t size;
     sp_encoder_set_chroma(encoder, params->chroma);
-    if (!sp_encode(encoder, frame, params->format, params->quality, &bytes, &size, err))
+    if (!sp_encode(encoder, task->frame, params->format, params->quality, &bytes, &size, err))
         return NULL;
-    struct srv_blob *blob = srv_blob_create(bytes, size);
-    if (!blob)
-        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for an encoded frame of %zu bytes", size);
-    return blob;
+    return srv_blob_create(blobs, &task->job->owner, bytes, size, err);
 }
 
 /* Encodes the frame for the first target of the set `images` (one bit per target), and delivers the
@@ -102,7 +100,7 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
     struct srv_blob *blob = srv_frame_cache_find_bytes(&pool->cache, frame, &params);
     const bool is_cached = blob != NULL;
     if (!is_cached) {
-        blob = encode_blob(encoder, frame, &params, err);
+        blob = encode_blob(pool->blobs, encoder, task, &params, err);
         if (!blob)
             return false;
         srv_frame_cache_put_bytes(&pool->cache, frame, &params, blob);

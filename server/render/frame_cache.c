@@ -6,9 +6,8 @@
 enum { BLOB_BYTES_MAX = 4 << 20 };
 #define FRAME_BYTES_MAX ((size_t)64 << 20)
 
-void srv_frame_cache_init(struct srv_frame_cache *cache, struct sp_budget *budget) {
+void srv_frame_cache_init(struct srv_frame_cache *cache) {
     memset(cache, 0, sizeof *cache);
-    cache->budget = budget;
     pthread_mutex_init(&cache->mutex, NULL);
 }
 
@@ -18,23 +17,26 @@ void srv_frame_cache_finish(struct srv_frame_cache *cache) {
 }
 
 /* With the mutex held. */
-static void drop_bytes(struct srv_frame_cache *cache, unsigned i) {
-    struct srv_blob **blob = &cache->encodings[i].blob;
-    if (*blob)
-        sp_budget_give(cache->budget, SP_BUDGET_IMAGES, (*blob)->size);
-    srv_blob_unref(blob);
+static void clear_bytes(struct srv_frame_cache *cache) {
+    for (unsigned i = 0; i < SRV_FRAME_CACHE_ENCODINGS; i++)
+        srv_blob_unref(&cache->encodings[i].blob);
 }
 
 /* With the mutex held. */
 static void clear(struct srv_frame_cache *cache) {
     sp_frame_unref(&cache->frame);
-    for (unsigned i = 0; i < SRV_FRAME_CACHE_ENCODINGS; i++)
-        drop_bytes(cache, i);
+    clear_bytes(cache);
 }
 
 void srv_frame_cache_clear(struct srv_frame_cache *cache) {
     pthread_mutex_lock(&cache->mutex);
     clear(cache);
+    pthread_mutex_unlock(&cache->mutex);
+}
+
+void srv_frame_cache_clear_bytes(struct srv_frame_cache *cache) {
+    pthread_mutex_lock(&cache->mutex);
+    clear_bytes(cache);
     pthread_mutex_unlock(&cache->mutex);
 }
 
@@ -77,10 +79,9 @@ struct srv_blob *srv_frame_cache_find_bytes(struct srv_frame_cache *cache,
 void srv_frame_cache_put_bytes(struct srv_frame_cache *cache, const struct sp_frame *frame,
                                const struct srv_encode_params *params, struct srv_blob *blob) {
     pthread_mutex_lock(&cache->mutex);
-    if (frame == cache->frame && blob->size <= BLOB_BYTES_MAX &&
-        sp_budget_take(cache->budget, SP_BUDGET_IMAGES, blob->size)) {
+    if (frame == cache->frame && blob->size <= BLOB_BYTES_MAX) {
         unsigned i = cache->next++ % SRV_FRAME_CACHE_ENCODINGS;
-        drop_bytes(cache, i);
+        srv_blob_unref(&cache->encodings[i].blob);
         cache->encodings[i].blob = srv_blob_ref(blob);
         cache->encodings[i].params = *params;
     }

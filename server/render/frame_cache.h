@@ -13,16 +13,14 @@
 
 #include "render/catalog.h"
 #include "render/fingerprint.h"
+#include "session/blob.h"
 #include "session/encode_params.h"
-#include "session/outbox.h"
-#include "sp/budget.h"
 #include "sp/frame.h"
 
 enum { SRV_FRAME_CACHE_ENCODINGS = 4 };
 
 struct srv_frame_cache {
     pthread_mutex_t mutex;          /* guards what follows */
-    struct sp_budget *budget;       /* constant */
     struct sp_frame *frame;         /* a reference; NULL = the cache is empty */
     struct srv_fingerprint content; /* of the volumes that the view shows */
     struct sp_view view;
@@ -33,8 +31,8 @@ struct srv_frame_cache {
     unsigned next; /* the encoding to replace next, modulo their number */
 };
 
-/* budget: the bytes of encodings are taken from it; those of the frame are its pool's. */
-void srv_frame_cache_init(struct srv_frame_cache *cache, struct sp_budget *budget);
+/* Frame and encodings count for the pools that they come from. */
+void srv_frame_cache_init(struct srv_frame_cache *cache);
 void srv_frame_cache_finish(struct srv_frame_cache *cache);
 
 /* Replaces the cached frame; `content` is srv_catalog_fingerprint(). Takes a reference of its own.
@@ -42,6 +40,8 @@ void srv_frame_cache_finish(struct srv_frame_cache *cache);
 void srv_frame_cache_put(struct srv_frame_cache *cache, struct sp_frame *frame,
                          const struct srv_fingerprint *content, const struct sp_view *view);
 void srv_frame_cache_clear(struct srv_frame_cache *cache);
+/* Releases the encodings and keeps the frame. */
+void srv_frame_cache_clear_bytes(struct srv_frame_cache *cache);
 /* Returns a reference that the caller owns, or NULL if the cached frame shows something else. */
 struct sp_frame *srv_frame_cache_find(struct srv_frame_cache *cache,
                                       const struct srv_fingerprint *content,

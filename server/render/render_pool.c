@@ -56,6 +56,12 @@ static bool begins_rest(struct srv_render_pool *pool) {
     return idle_ms >= SRV_REST_MS + workers_ms && !atomic_exchange(&pool->is_at_rest, true);
 }
 
+/* No client waits for the encodings of the frame cache. */
+static void reclaim_blobs(void *user) {
+    struct srv_render_pool *pool = user;
+    srv_frame_cache_clear_bytes(&pool->cache);
+}
+
 static bool create_parts(struct srv_render_pool *pool, struct sp_error *err) {
     const struct srv_encode_pool_options encoders = { .threads = pool->options.encode_threads,
                                                       .user = pool,
@@ -63,10 +69,14 @@ static bool create_parts(struct srv_render_pool *pool, struct sp_error *err) {
                                                       .on_dequeued = on_dequeued,
                                                       .maintain = on_maintain };
     const struct srv_frame_memory *memory = &pool->options.frame_memory;
+    const struct srv_blob_pool_options blobs = { .budget = memory->sessions,
+                                                 .reclaim = reclaim_blobs,
+                                                 .user = pool };
     if (!(pool->frames = sp_frame_pool_create(IDLE_FRAMES_BYTES, err)) ||
         !(pool->snapshot_frames = sp_frame_pool_create(IDLE_FRAMES_BYTES, err)) ||
+        !(pool->blobs = srv_blob_pool_create(&blobs, err)) ||
         !(pool->videos = srv_video_encoders_create(pool->options.video_px, memory->sessions,
-                                                   pool->options.metrics, err)) ||
+                                                   pool->blobs, pool->options.metrics, err)) ||
         !(pool->encoders = srv_encode_pool_create(&encoders, err)))
         return false;
     sp_frame_pool_set_budget(pool->frames, memory->sessions);
@@ -85,10 +95,11 @@ struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_opti
     pool->options = *options;
     pthread_mutex_init(&pool->mutex, NULL);
     pthread_cond_init(&pool->resume, NULL);
-    srv_frame_cache_init(&pool->cache, options->frame_memory.sessions);
+    srv_frame_cache_init(&pool->cache);
     if (!create_parts(pool, err)) {
         srv_encode_pool_destroy(&pool->encoders);
         srv_video_encoders_destroy(&pool->videos);
+        srv_blob_pool_destroy(&pool->blobs);
         sp_frame_pool_destroy(&pool->frames);
         sp_frame_pool_destroy(&pool->snapshot_frames);
         srv_frame_cache_finish(&pool->cache);
@@ -158,6 +169,7 @@ void srv_render_pool_destroy(struct srv_render_pool **pool_pointer) {
         srv_worker_finish(&pool->workers[k]);
     srv_encode_pool_destroy(&pool->encoders);
     srv_video_encoders_destroy(&pool->videos);
+    srv_blob_pool_destroy(&pool->blobs);
     sp_frame_pool_destroy(&pool->frames);
     sp_frame_pool_destroy(&pool->snapshot_frames);
     pthread_cond_destroy(&pool->resume);

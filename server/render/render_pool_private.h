@@ -29,6 +29,7 @@ struct srv_render_pool {
     struct srv_encode_pool *encoders;
     struct srv_video_encoders *videos;
     struct sp_frame_pool *frames, *snapshot_frames; /* of sessions; of the snapshot worker */
+    struct srv_blob_pool *blobs;                    /* encoded frames of sessions */
     _Atomic double frame_ms; /* when a frame was last drawn or encoded; for the rest */
     atomic_bool is_at_rest;  /* and the memory of frames is given back since then */
     pthread_mutex_t mutex;   /* guards what follows */

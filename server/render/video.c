@@ -33,6 +33,7 @@ struct encoder {
 
 struct srv_video_encoders {
     struct sp_budget *budget;
+    struct srv_blob_pool *blobs;
     struct srv_metrics *metrics;
     pthread_mutex_t mutex;
     struct encoder *list;
@@ -41,6 +42,7 @@ struct srv_video_encoders {
 };
 
 struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct sp_budget *budget,
+                                                     struct srv_blob_pool *blobs,
                                                      struct srv_metrics *metrics,
                                                      struct sp_error *err) {
     struct srv_video_encoders *encoders = calloc(1, sizeof *encoders);
@@ -50,6 +52,7 @@ struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct sp_budg
     }
     encoders->px_max = px;
     encoders->budget = budget;
+    encoders->blobs = blobs;
     encoders->metrics = metrics;
     pthread_mutex_init(&encoders->mutex, NULL);
     /* Loads the codecs now, so that no client waits for it. */
@@ -256,12 +259,14 @@ static bool encode(struct srv_video_encoders *encoders, struct srv_schedule *sch
     struct sp_error err;
     double start_ms = srv_clock_ms();
     bool ok = sp_video_encode(encoder->video, frame, best_quality(job, set), key, &packet, &err);
-    struct srv_blob *blob = ok ? srv_blob_create(packet.bytes, packet.size) : NULL;
+    struct srv_blob *blob =
+        ok ? srv_blob_create(encoders->blobs, &job->owner, packet.bytes, packet.size, &err) : NULL;
     double took_ms = srv_clock_ms() - start_ms;
     *encode_ms += took_ms;
     srv_metrics_time(encoders->metrics, SRV_TIME_ENCODE, took_ms);
     if (!blob) { /* the encoder may have advanced: the next frame must be a key frame */
-        sp_log(SP_LOG_ERROR, "encoding a video frame failed: %s", ok ? "out of memory" : err.text);
+        sp_log(err.code == SP_ERR_FRAME_BUDGET ? SP_LOG_INFO : SP_LOG_ERROR,
+               "encoding a video frame failed: %s", err.text);
         encoder->mark.epoch = 0;
         return false;
     }

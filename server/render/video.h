@@ -31,7 +31,7 @@
  * participants of a further encoder receive JPEG, and stream.policy says so
  * (srv_schedule_refuse_video).
  *
- * Locks: an encoder's, then the hub's.
+ * Locks: an encoder's, then the hub's or the frame cache's.
  */
 #ifndef SRV_RENDER_VIDEO_H
 #define SRV_RENDER_VIDEO_H
@@ -46,10 +46,11 @@
 struct srv_video_encoders;
 
 /* px: bound on the frame sizes of all encoders together, by their size at rest; each encoder counts
- * for at least SRV_VIDEO_PX_MIN. budget: their memory is taken from it. metrics: may be NULL. NULL
- * with *err set: SP_ERR_MEMORY. */
+ * for at least SRV_VIDEO_PX_MIN. budget: their memory is taken from it. blobs: of their frames.
+ * metrics: may be NULL. NULL with *err set: SP_ERR_MEMORY. */
 enum { SRV_VIDEO_PX_MIN = 256 * 1024 };
 struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct sp_budget *budget,
+                                                     struct srv_blob_pool *blobs,
                                                      struct srv_metrics *metrics,
                                                      struct sp_error *err);
 /* After the encode threads have ended. Accepts NULL. */

@@ -208,6 +208,14 @@ static uint32_t find_recipients(const struct srv_schedule *schedule,
     return count;
 }
 
+/* A guest's frames count for the owner of the session. */
+static struct srv_blob_owner owner_of(const struct srv_session *s) {
+    const struct srv_owner *owner = &s->identity.owner;
+    struct srv_blob_owner of = { .is_limited = owner->quota.is_limited };
+    memcpy(of.name, owner->name, sizeof of.name);
+    return of;
+}
+
 static void fill_job(struct srv_schedule *schedule, const struct srv_choice *choice, double now_ms,
                      struct srv_render_job *job) {
     const struct srv_session *s = choice->participant->session;
@@ -225,6 +233,7 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     srv_hub_size(s, choice->participant, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
     job->volume = source->ref(source->user, s->shared.shown);
+    job->owner = owner_of(s);
     job->target_count = 0;
     job->encoder_bytes = 0;
 }

@@ -81,11 +81,12 @@ struct srv_render_job {
     /* Virtual times at which its session's and its first participant's accounts start, and what was
      * charged until its true time is known. */
     double start_ms, part_start_ms, charged_ms;
-    unsigned mip_level;     /* as in sp/renderer.h; 0 if final */
-    uint32_t full[2];       /* size at rest, px */
-    struct sp_view view;    /* with the size to render */
-    void *volume;           /* a counted use, released when the job ends */
-    uint64_t encoder_bytes; /* taken from the memory of frames; for render/ */
+    unsigned mip_level;          /* as in sp/renderer.h; 0 if final */
+    uint32_t full[2];            /* size at rest, px */
+    struct sp_view view;         /* with the size to render */
+    void *volume;                /* a counted use, released when the job ends */
+    struct srv_blob_owner owner; /* of the session; its encoded frames count for it */
+    uint64_t encoder_bytes;      /* taken from the memory of frames; for render/ */
     uint32_t target_count;
     struct srv_render_target targets[SRV_PARTICIPANTS_MAX];
 };

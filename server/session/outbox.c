@@ -1,29 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "session/outbox.h"
 
-#include <stdlib.h>
 #include <string.h>
-
-struct srv_blob *srv_blob_create(const uint8_t *bytes, size_t size) {
-    struct srv_blob *blob = malloc(sizeof *blob + size);
-    if (!blob)
-        return NULL;
-    atomic_init(&blob->references, 1);
-    blob->size = size;
-    memcpy(blob->bytes, bytes, size);
-    return blob;
-}
-
-struct srv_blob *srv_blob_ref(struct srv_blob *blob) {
-    atomic_fetch_add_explicit(&blob->references, 1, memory_order_relaxed);
-    return blob;
-}
-
-void srv_blob_unref(struct srv_blob **blob) {
-    if (*blob && atomic_fetch_sub_explicit(&(*blob)->references, 1, memory_order_acq_rel) == 1)
-        free(*blob);
-    *blob = NULL;
-}
 
 void srv_outbox_init(struct srv_outbox *outbox) {
     memset(outbox, 0, sizeof *outbox);

@@ -1,27 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Encoded frames on their way to one client's socket. Clients that see the same image share its
- * bytes; only the header differs. The outbox holds one frame, the newest; the stream thread writes
- * another one to the socket. So a client never costs more memory than these two.
+ * Encoded frames on their way to one client's socket. The outbox holds one frame, the newest; the
+ * stream thread writes another one to the socket. Clients that see the same image share its bytes
+ * (blob.h); only the header differs.
  */
 #ifndef SRV_SESSION_OUTBOX_H
 #define SRV_SESSION_OUTBOX_H
 
-#include <stdatomic.h>
 #include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 
 #include "protocol/frame_header.h"
-
-struct srv_blob { /* reference-counted bytes, immutable once shared */
-    atomic_uint references;
-    size_t size;
-    uint8_t bytes[];
-};
-struct srv_blob *srv_blob_create(const uint8_t *bytes, size_t size); /* copies; NULL: no memory */
-struct srv_blob *srv_blob_ref(struct srv_blob *blob);
-void srv_blob_unref(struct srv_blob **blob);
+#include "session/blob.h"
 
 /* A frame of a video: `number` since the key frame that began the epoch. Epochs are unique and
  * never 0. */

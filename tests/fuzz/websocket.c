@@ -108,7 +108,7 @@ static void serve(struct srv_schedule *schedule, double now_ms) {
         return;
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG, .width = 1, .height = 1 };
     struct srv_render_result result = { .width = 1, .height = 1, .render_ms = 1 };
-    struct srv_blob *blob = srv_blob_create((const uint8_t *)"x", 1);
+    struct srv_blob *blob = srv_blob_create(NULL, NULL, (const uint8_t *)"x", 1, NULL);
     for (uint32_t i = 0; blob && i < job.target_count; i++)
         srv_schedule_deliver(schedule, &job, i, &header, blob);
     srv_blob_unref(&blob);

@@ -173,7 +173,7 @@ struct srv_blob *deliver(struct stream *s, size_t size, double now_ms) {
     uint8_t *bytes = malloc(size);
     for (size_t i = 0; i < size; i++)
         bytes[i] = (uint8_t)(i * 7 + i / 251);
-    struct srv_blob *blob = srv_blob_create(bytes, size);
+    struct srv_blob *blob = srv_blob_create(NULL, NULL, bytes, size, NULL);
     free(bytes);
     assert_non_null(blob);
     assert_true(srv_schedule_next(f->schedule, now_ms, &job, &wait_ms));

@@ -193,7 +193,8 @@ static void finish_job(struct world *w, unsigned which) {
     double encode_ms = 0;
     uint64_t images = srv_video_encoders_encode(w->videos, w->f->schedule, &inflight.job,
                                                 &inflight.frame, w->now_ms, &encode_ms);
-    struct srv_blob *blob = srv_blob_create((const uint8_t *)&inflight.job.version, 8);
+    struct srv_blob *blob =
+        srv_blob_create(NULL, NULL, (const uint8_t *)&inflight.job.version, 8, NULL);
     for (uint32_t i = 0; i < inflight.job.target_count; i++)
         if (images >> i & 1)
             srv_schedule_deliver(w->f->schedule, &inflight.job, i, &header, blob);
@@ -204,7 +205,7 @@ static void finish_job(struct world *w, unsigned which) {
 
 static void set_up(struct world *w, struct fixture *f, unsigned seed) {
     *w = (struct world){ .f = f, .random = seed, .now_ms = 1 };
-    w->videos = srv_video_encoders_create(VIDEO_PX, NULL, NULL, NULL);
+    w->videos = srv_video_encoders_create(VIDEO_PX, NULL, NULL, NULL, NULL);
     for (int i = 0; i < VIEWERS; i++)
         join(w, &w->viewers[i]);
 }
@@ -395,7 +396,7 @@ static void a_delivery_checks_the_mark_again(void **state) {
                               image = { .codec = PROTO_CODEC_JPEG };
     struct srv_render_result result = { .render_ms = 1 };
     struct srv_video_mark key = { 5, 0 }, second = { 5, 1 }, third = { 5, 2 };
-    struct srv_blob *blob = srv_blob_create((const uint8_t *)"12345678", 8);
+    struct srv_blob *blob = srv_blob_create(NULL, NULL, (const uint8_t *)"12345678", 8, NULL);
     struct srv_message message;
     set_up(&w, *state, 1);
     struct srv_hub *hub = w.f->hub;

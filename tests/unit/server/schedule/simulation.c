@@ -90,7 +90,7 @@ static struct srv_blob *image_of(struct simulation *s) {
     uint8_t *bytes = calloc(1, s->bytes);
     assert_non_null(bytes);
     srv_blob_unref(&s->image);
-    s->image = srv_blob_create(bytes, s->bytes);
+    s->image = srv_blob_create(NULL, NULL, bytes, s->bytes, NULL);
     free(bytes);
     assert_non_null(s->image);
     return s->image;

@@ -235,7 +235,7 @@ void hub_finish(struct fixture *f, struct srv_render_job *job, double render_ms)
     struct srv_render_result result = { .width = job->view.size[0],
                                         .height = job->view.size[1],
                                         .render_ms = render_ms };
-    struct srv_blob *blob = srv_blob_create((const uint8_t *)"image", 5);
+    struct srv_blob *blob = srv_blob_create(NULL, NULL, (const uint8_t *)"image", 5, NULL);
     for (uint32_t i = 0; i < job->target_count; i++)
         srv_schedule_deliver(f->schedule, job, i, &header, blob);
     srv_blob_unref(&blob);

@@ -225,8 +225,8 @@ static void the_outbox_keeps_the_newest(void **state) {
     (void)state;
     struct srv_outbox outbox;
     struct proto_frame_header header = { .seq = 1 }, got;
-    struct srv_blob *a = srv_blob_create((const uint8_t *)"a", 1);
-    struct srv_blob *b = srv_blob_create((const uint8_t *)"bb", 2);
+    struct srv_blob *a = srv_blob_create(NULL, NULL, (const uint8_t *)"a", 1, NULL);
+    struct srv_blob *b = srv_blob_create(NULL, NULL, (const uint8_t *)"bb", 2, NULL);
     srv_outbox_init(&outbox);
     assert_null(srv_outbox_take(&outbox, &got));
     assert_true(srv_outbox_put(&outbox, 5, &header, a));
