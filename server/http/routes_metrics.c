@@ -99,7 +99,8 @@ static void print_memory(const struct srv_request *request, FILE *out) {
     srv_catalog_memory(request->app->catalog, &used, &budget, &windows);
     srv_metrics_family(out, "splatd_memory_bytes", "gauge",
                        "Memory in use: voxels (of --memory); of frames (--render-bytes) what they "
-                       "are drawn in, pixels and cached images, encoders, answers being read");
+                       "are drawn in, pixels, encoders, encoded images that clients have not read "
+                       "or that are cached");
     fprintf(out, "splatd_memory_bytes{kind=\"voxels\"} %" PRIu64 "\n", used);
     print_frame_memory(request->app->frame_memory, out);
     gauge(out, "splatd_window_bytes",

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The memory of frames (--render-bytes): what renderers draw in, pixels, encoders, cached images
- * and answers that clients have not read yet. Sessions and movies' encoders have one half,
- * snapshots and frames of camera paths the other, so that neither can take all. Bytes are taken
- * before they are allocated (sp/budget.h).
+ * The memory of frames (--render-bytes): what renderers draw in, pixels, encoders, cached images,
+ * and encoded frames and answers that clients have not read yet. Sessions and movies' encoders have
+ * one half, snapshots and frames of camera paths the other, so that neither can take all. Bytes are
+ * taken before they are allocated (sp/budget.h). Encoded frames of sessions have at most a quarter
+ * of the sessions' half, and each owner its share of that (session/blob.h).
  *
  *   what does not fit     then
  *   -------------------   ------------------------------------------------------------------------
@@ -11,6 +12,7 @@
  *   snapshot, by others   it waits for them, at most SRV_MEMORY_WAIT_MS, then 503
  *   snapshot, alone       422
  *   video encoder         images instead of video
+ *   encoded frame         the frame cache's encodings are dropped; then as a frame of a session
  *
  * At rest, SRV_REST_MS after the last frame, the memory is given back to the system.
  */

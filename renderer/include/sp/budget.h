@@ -22,7 +22,7 @@ enum sp_budget_kind {
     SP_BUDGET_ARENAS,   /* what renderers draw in: records, tiles, fragments */
     SP_BUDGET_IMAGES,   /* pixels of frames */
     SP_BUDGET_ENCODERS, /* of images and of video */
-    SP_BUDGET_ANSWERS,  /* encoded images that clients have not read yet */
+    SP_BUDGET_ANSWERS,  /* encoded images that clients have not read yet, or that are cached */
     SP_BUDGET_KINDS
 };
 

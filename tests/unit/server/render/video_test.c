@@ -23,7 +23,15 @@
 #include "support/compare.h"
 #include "unit/server/session/hub_fixture.h"
 
-enum { WIDTH = 64, HEIGHT = 48, SIDE = 16, VIEWERS = 3, JOBS = 2, VIDEO_PX = 1 << 20 };
+enum {
+    WIDTH = 64,
+    HEIGHT = 48,
+    SIDE = 16,
+    VIEWERS = 3,
+    JOBS = 2,
+    VIDEO_PX = 1 << 20,
+    BUDGET = 1 << 20
+};
 
 struct viewer {
     struct srv_participant *p;
@@ -41,6 +49,8 @@ struct inflight {
 
 struct world {
     struct fixture *f;
+    struct sp_budget *budget; /* of the encoded frames */
+    struct srv_blob_pool *blobs;
     struct srv_video_encoders *videos;
     struct viewer viewers[VIEWERS];
     struct inflight jobs[JOBS];
@@ -205,7 +215,9 @@ static void finish_job(struct world *w, unsigned which) {
 
 static void set_up(struct world *w, struct fixture *f, unsigned seed) {
     *w = (struct world){ .f = f, .random = seed, .now_ms = 1 };
-    w->videos = srv_video_encoders_create(VIDEO_PX, NULL, NULL, NULL, NULL);
+    w->budget = sp_budget_create(BUDGET, NULL);
+    w->blobs = srv_blob_pool_create(&(struct srv_blob_pool_options){ .budget = w->budget }, NULL);
+    w->videos = srv_video_encoders_create(VIDEO_PX, NULL, w->blobs, NULL, NULL);
     for (int i = 0; i < VIEWERS; i++)
         join(w, &w->viewers[i]);
 }
@@ -216,6 +228,8 @@ static void tear_down(struct world *w) {
     for (int i = 0; i < VIEWERS; i++)
         leave(w, &w->viewers[i]);
     srv_video_encoders_destroy(&w->videos);
+    srv_blob_pool_destroy(&w->blobs);
+    sp_budget_destroy(&w->budget);
 }
 
 /* Runs until no frame is due. */
@@ -389,6 +403,25 @@ static void an_idle_encoder_is_destroyed(void **state) {
     tear_down(&w);
 }
 
+/* The viewers get images instead, and a key frame once packets fit again. */
+static void a_packet_that_does_not_fit_becomes_an_image(void **state) {
+    struct world w;
+    set_up(&w, *state, 1);
+    one_frame(&w);
+    one_frame(&w);
+    const struct viewer before = w.viewers[0];
+    const uint64_t others = BUDGET - sp_budget_total(w.budget);
+    assert_true(sp_budget_take(w.budget, SP_BUDGET_ARENAS, others));
+    one_frame(&w);
+    assert_int_equal(w.viewers[0].videos, before.videos);
+    assert_int_equal(w.viewers[0].images, before.images + 1);
+    sp_budget_give(w.budget, SP_BUDGET_ARENAS, others);
+    one_frame(&w);
+    assert_int_equal(w.viewers[0].videos, before.videos + 1);
+    assert_int_equal(w.viewers[0].keys, before.keys + 1);
+    tear_down(&w);
+}
+
 /* The state of a participant may change between its decision and the delivery. */
 static void a_delivery_checks_the_mark_again(void **state) {
     struct world w;
@@ -545,6 +578,7 @@ int main(void) {
         TEST(viewers_that_keep_up_share_delta_frames),
         TEST(a_frame_skipped_before_encoding_costs_no_key_frame),
         TEST(an_idle_encoder_is_destroyed),
+        TEST(a_packet_that_does_not_fit_becomes_an_image),
         TEST(a_delivery_checks_the_mark_again),
         TEST(frames_above_the_bound_are_images),
         TEST(requests_for_key_frames_are_limited),

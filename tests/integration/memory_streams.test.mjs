@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// Clients that do not read: the frames that wait for them are memory of frames (--render-bytes), and only their owner's share of it.
+import assert from 'node:assert/strict';
+import { randomBytes } from 'node:crypto';
+import fs from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { compare } from '../support/compare.mjs';
+import { clientFrame, Daemon, FINAL, Raw, within } from './harness.mjs';
+
+const MIB = 2 ** 20;
+const LIMIT = 48 * MIB;
+const POOL = LIMIT / 2 / 4; // sessions have a half, and frames that wait a quarter of it
+const SHARE = POOL * 3 / 4; // of one owner
+const CLIENTS = 16; // of 400 kB each, of which the system's buffers take a part
+const SIDE = 512;
+const LOSSLESS = JSON.stringify({ jsonrpc: '2.0', id: 1, method: 'stream.configure', params: { lossless: true, progressive: false } });
+const TOKENS = { root: 'root-root-root-root', greedy: 'greedy-greedy-greedy', modest: 'modest-modest-modest' };
+// What the metrics do not count: stacks, pages that the C library keeps, what is cached of the volume.
+const TOLERANCE = process.env.SPLATD_SANITIZE ? Infinity : 12 * MIB; // sanitizers keep what is freed
+
+const folder = fs.mkdtempSync(path.join(tmpdir(), 'splatd-memory-test-'));
+let daemon;
+before(async () => {
+  const [noise, tokens] = ['noise.nrrd', 'tokens'].map((name) => path.join(folder, name));
+  fs.writeFileSync(noise, Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 32 32 32\nencoding: raw\n\n'), randomBytes(32 ** 3)]));
+  fs.writeFileSync(tokens, `${TOKENS.root} name=root\n${TOKENS.greedy} name=greedy role=control\n${TOKENS.modest} name=modest role=control\n`, { mode: 0o600 });
+  daemon = await Daemon.start(['--volume', noise, '--token-file', tokens, '--render-bytes', '48M', '--threads', '2', '--stall-time', '600', '--ping-time', '600'], { backend: 'cpu' });
+  daemon.token = TOKENS.root;
+  await daemon.loaded('noise');
+});
+after(async () => {
+  assert.equal(await daemon.stop(), 0);
+  fs.rmSync(folder, { recursive: true });
+});
+
+const resident = () => Number(/VmRSS:\s+(\d+) kB/.exec(fs.readFileSync(`/proc/${daemon.child.pid}/status`, 'utf8'))[1]) * 1024;
+
+/** Resolves to the bytes of frames: those that wait for clients or are cached, and all. */
+async function counted() {
+  const text = await (await daemon.fetch('/metrics')).text();
+  const kinds = [...text.matchAll(/^splatd_memory_bytes\{kind="(\w+)"\} (\d+)$/gm)].map(([, kind, bytes]) => [kind, Number(bytes)]);
+  return { answers: Object.fromEntries(kinds).answers, all: kinds.reduce((sum, [kind, bytes]) => sum + (kind === 'voxels' ? 0 : bytes), 0) };
+}
+
+let made = 0;
+async function sessionOf(name) {
+  made += 1; // each session has an image of its own
+  const { status, json } = await daemon.post('/api/v1/sessions', { view: { size: [SIDE, SIDE], camera: { fov_y: 15 + made / 100 } } }, { token: TOKENS[name] });
+  assert.equal(status, 201, JSON.stringify(json));
+  return json;
+}
+
+/** Resolves to the width of the final frame that a client receives. */
+async function finalWidth(name) {
+  const stream = await daemon.stream({ session: await sessionOf(name) });
+  await stream.call('stream.configure', { lossless: true, progressive: false });
+  const { width } = await stream.frame(({ flags }) => flags & FINAL, `a final frame of ${name}`);
+  await stream.end();
+  return width;
+}
+
+test('frames that clients do not read are counted, and take no more than the share of their owner', async () => {
+  const base = resident();
+  const idle = [];
+  for (let i = 0; i < CLIENTS; i += 1) {
+    const raw = await Raw.webSocket(daemon, await sessionOf('greedy'));
+    raw.socket.pause();
+    raw.write(clientFrame(1, LOSSLESS));
+    idle.push(raw);
+  }
+  const refusal = /the encoded frame needs (\d+) bytes; the owner of this session has frames of (\d+) bytes that clients have not read, and may have (\d+)/;
+  await daemon.untilLogged(refusal);
+  const [needed, had, most] = refusal.exec(daemon.log).slice(1).map(Number);
+  compare(needed + had, '>', most);
+  compare(most, '<=', SHARE);
+  const full = await counted();
+  compare(full.answers, '>', SHARE / 2);
+  compare(full.answers, '<=', SHARE);
+  compare(resident(), '<=', base + full.all + TOLERANCE);
+  assert.equal(await finalWidth('modest'), SIDE, 'another owner');
+  compare(await finalWidth('greedy'), '<', SIDE, 'a client of this owner that reads');
+  compare((await counted()).answers, '<=', POOL);
+  idle.forEach((raw) => raw.destroy());
+  await within((async () => { while ((await counted()).all > 0); })(), 'memory that is given back');
+  compare(resident(), '<=', base + TOLERANCE);
+});
