@@ -27,6 +27,8 @@ cores; each step prints what runs and how long it took.
                   so, what takes longer than --software-limit; serve to soak, except codecs, need
                   node, and all of these but tls what deploy/test.sh installs in tests/node_modules
   --software-limit S  seconds (default 30): with more of them heavier scenes are drawn as well
+  --memory-sides LIST  sides in px of the images of the part memory, at most 4096, with commas between
+                  (default 1024; 4096 takes sixteen times as long: an hour or more)
   --gpu-peak G,T  what the GPU can do, for the page to compare with: memory in GB/s, arithmetic in TFLOP/s
   --views N       cameras of each orbit, 2 to 24 (default 24)
   --full          24 cameras for VTK at 1024 px as well, where 8 are taken (10 minutes more)
@@ -47,7 +49,7 @@ need_value() {
     [[ $# -ge 2 ]] || { usage >&2; exit 2; }
 }
 
-install=yes quick=no vtk=auto views='' full=no out='' only='' peak=''
+install=yes quick=no vtk=auto views='' full=no out='' only='' peak='' memory_sides=''
 software_limit='' data=${SPLATD_DATA_DIR:-$root/../shared/data} scenes=$root/../shared/bench/scenes
 while [[ $# -gt 0 ]]; do
     case $1 in
@@ -60,6 +62,7 @@ while [[ $# -gt 0 ]]; do
     --scenes) need_value "$@"; scenes=$2; shift ;;
     --out) need_value "$@"; out=$2; shift ;;
     --only) need_value "$@"; only=$2; shift ;;
+    --memory-sides) need_value "$@"; memory_sides=$2; shift ;;
     --gpu-peak) need_value "$@"; peak=$2; shift ;;
     --views) need_value "$@"; views=$2; shift ;;
     --software-limit) need_value "$@"; software_limit=$2; shift ;;
@@ -75,6 +78,9 @@ else
 fi
 [[ $views =~ ^[0-9]+$ && $views -ge 2 && $views -le 24 ]] || die "--views takes a number from 2 to 24"
 [[ $software_limit =~ ^([1-9][0-9]{0,4})?$ ]] || die "--software-limit takes seconds, from 1 to 99999"
+
+side='[1-9][0-9]{1,3}'
+[[ $memory_sides =~ ^($side(,$side)*)?$ ]] || die "--memory-sides takes sides from 10 to 9999 px with commas between, not $memory_sides"
 
 data=$(realpath -m "$data") scenes=$(realpath -m "$scenes")
 peer=$scenes/../vtk_bench.py why=''
@@ -100,6 +106,7 @@ load=$(cut -d' ' -f1 /proc/loadavg)
 arguments=(--bin "$root/build/release/bin" --data "$data" --scenes "$scenes" --out "$out" --views "$views")
 [[ $quick == no ]] || arguments+=(--quick)
 [[ -z $only ]] || arguments+=(--only "$only")
+[[ -z $memory_sides ]] || arguments+=(--memory-sides "$memory_sides")
 [[ -z $peak ]] || arguments+=(--gpu-peak "$peak")
 [[ -z $software_limit ]] || arguments+=(--software-limit "$software_limit")
 [[ $full == no ]] || arguments+=(--peer-views 24)

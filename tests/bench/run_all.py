@@ -45,9 +45,11 @@ def arguments():
     p.add_argument('--gpu-peak', type=peaks, default=('', ''), metavar='GB/s,TFLOP/s',
                    help='memory bandwidth and single-precision arithmetic of the GPU; the page compares with them')
     p.add_argument('--software-limit', type=int, default=30, metavar='S', help='seconds that two views of a scene may take on software GL')
+    p.add_argument('--memory-sides', default='', metavar='LIST', help='sides of the images whose memory is measured, px, with commas between')
     p.add_argument('--peer-views', type=int, default=8, help='cameras for VTK at 1024 px, evenly chosen; 24 at 512 px')
     options = p.parse_args()
     options.only = options.only.split(',')
+    options.memory_sides = options.memory_sides or ('512' if options.quick else '1024')
     for part in options.only:
         if part not in PARTS:
             p.error(f'--only: "{part}" is not one of {", ".join(PARTS)}')
@@ -498,7 +500,7 @@ def main():
                                                  *(('--seconds', '1', '--rtt', '50', '--mbit', '2', '--stalls', '1') if options.quick else ()), program='network.mjs')),
             'browser': (1, lambda: measure_browser(run)),
             'bricks': (1, lambda: measure_serve(run, 'bricks.csv', 'volumes that are larger than memory', *(('--sides', '512') if options.quick else ()), program='bricks.mjs')),
-            'memory': (1, lambda: measure_serve(run, 'memory.csv', 'the memory of frames', *(('--side', '512') if options.quick else ()), program='memory.mjs')),
+            'memory': (1, lambda: measure_serve(run, 'memory.csv', 'the memory of frames', '--sides', options.memory_sides, program='memory.mjs')),
             'codecs': (1, lambda: measure_codecs(run)),
             'tls': (1, lambda: measure_tls(run)),
             'soak': (1, lambda: measure_serve(run, 'soak.csv', 'clients that connect and disconnect', '--only', 'soak', *(('--minutes', '2') if options.quick else ()))),
