@@ -76,13 +76,18 @@ static bool wants(const struct srv_render_target *target, const struct srv_encod
 
 static struct srv_blob *encode_blob(struct srv_blob_pool *blobs, struct sp_encoder *encoder,
                                     const struct srv_encode_task *task,
-                                    const struct srv_encode_params *params, struct sp_error *err) {
+                                    const struct srv_encode_params *params, uint64_t set,
+                                    struct sp_error *err) {
     const uint8_t *bytes;
     size_t size;
     sp_encoder_set_chroma(encoder, params->chroma);
     if (!sp_encode(encoder, task->frame, params->format, params->quality, &bytes, &size, err))
         return NULL;
-    return srv_blob_create(blobs, &task->job->owner, bytes, size, err);
+    const struct srv_blob_owner owner = srv_render_job_owner(task->job, set);
+    struct srv_blob *blob = srv_blob_create(blobs, &owner, bytes, size, err);
+    if (!blob)
+        task->job->too_large = set;
+    return blob;
 }
 
 /* Encodes the frame for the first target of the set `images` (one bit per target), and delivers the
@@ -96,11 +101,15 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
     const struct srv_render_target *like = &job->targets[first];
     const struct srv_encode_params params =
         srv_encode_params_from(like->format, like->quality, like->chroma);
+    uint64_t set = 0;
+    for (uint32_t i = first; i < job->target_count; i++)
+        if (*images >> i & 1 && wants(&job->targets[i], &params))
+            set |= UINT64_C(1) << i;
     double start_ms = srv_clock_ms();
     struct srv_blob *blob = srv_frame_cache_find_bytes(&pool->cache, frame, &params);
     const bool is_cached = blob != NULL;
     if (!is_cached) {
-        blob = encode_blob(pool->blobs, encoder, task, &params, err);
+        blob = encode_blob(pool->blobs, encoder, task, &params, set, err);
         if (!blob)
             return false;
         srv_frame_cache_put_bytes(&pool->cache, frame, &params, blob);
@@ -119,10 +128,9 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
         .encode_us = (uint32_t)(took_ms * 1000),
     };
     for (uint32_t i = first; i < job->target_count; i++)
-        if (*images >> i & 1 && wants(&job->targets[i], &params)) {
+        if (set >> i & 1)
             srv_schedule_deliver(pool->schedule, job, i, &header, blob);
-            *images &= ~(UINT64_C(1) << i);
-        }
+    *images &= ~set;
     srv_blob_unref(&blob);
     return true;
 }

@@ -8,7 +8,7 @@
  *
  *   what does not fit     then
  *   -------------------   ------------------------------------------------------------------------
- *   frame of a session    the session's frames have half as many pixels (srv_schedule_shrink)
+ *   frame of a session    its clients' frames have half as many pixels (srv_schedule_shrink)
  *   snapshot, by others   it waits for them, at most SRV_MEMORY_WAIT_MS, then 503
  *   snapshot, alone       422
  *   video encoder         images instead of video

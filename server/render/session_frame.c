@@ -37,8 +37,9 @@ void srv_session_frame_fail(struct srv_render_pool *pool, struct srv_render_job 
                job->is_refinement ? "refinement" : "moving frame", elapsed_ms, err->text);
         srv_schedule_cancelled(pool->schedule, job, elapsed_ms);
     } else if (err->code == SP_ERR_FRAME_BUDGET &&
-               srv_schedule_shrink(pool->schedule, job, srv_clock_ms())) {
-        sp_log(SP_LOG_INFO, "a session's frames are drawn smaller for a while: %s", err->text);
+               srv_schedule_shrink(pool->schedule, job,
+                                   job->too_large ? job->too_large : UINT64_MAX, srv_clock_ms())) {
+        sp_log(SP_LOG_INFO, "a client's frames are drawn smaller for a while: %s", err->text);
         srv_schedule_cancelled(pool->schedule, job, elapsed_ms);
     } else {
         sp_log(SP_LOG_ERROR, "rendering a session's view failed: %s%s%s", err->place,

@@ -259,8 +259,9 @@ static bool encode(struct srv_video_encoders *encoders, struct srv_schedule *sch
     struct sp_error err;
     double start_ms = srv_clock_ms();
     bool ok = sp_video_encode(encoder->video, frame, best_quality(job, set), key, &packet, &err);
+    const struct srv_blob_owner owner = srv_render_job_owner(job, set);
     struct srv_blob *blob =
-        ok ? srv_blob_create(encoders->blobs, &job->owner, packet.bytes, packet.size, &err) : NULL;
+        ok ? srv_blob_create(encoders->blobs, &owner, packet.bytes, packet.size, &err) : NULL;
     double took_ms = srv_clock_ms() - start_ms;
     *encode_ms += took_ms;
     srv_metrics_time(encoders->metrics, SRV_TIME_ENCODE, took_ms);

@@ -137,7 +137,9 @@ static double cancellable_from_ms(const struct srv_session *s, const struct srv_
 static struct srv_render_target target_of(const struct srv_participant *p,
                                           const struct srv_render_job *job) {
     struct srv_encoding e = srv_policy_encoding(p, job->step);
+    const char *owner = p->session->identity.owner.name;
     return (struct srv_render_target){ .participant = p->identity.id,
+                                       .is_guest = strcmp(p->identity.token, owner) != 0,
                                        .seq = p->delivery.seq,
                                        .updated_ms = p->delivery.updated_ms,
                                        .format = e.format,
@@ -208,7 +210,6 @@ static uint32_t find_recipients(const struct srv_schedule *schedule,
     return count;
 }
 
-/* A guest's frames count for the owner of the session. */
 static struct srv_blob_owner owner_of(const struct srv_session *s) {
     const struct srv_owner *owner = &s->identity.owner;
     struct srv_blob_owner of = { .is_limited = owner->quota.is_limited };
@@ -234,6 +235,7 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     memcpy(job->view.size, job->full, sizeof job->full);
     job->volume = source->ref(source->user, s->shared.shown);
     job->owner = owner_of(s);
+    job->too_large = 0;
     job->target_count = 0;
     job->encoder_bytes = 0;
 }
@@ -356,17 +358,28 @@ bool srv_schedule_has_clients(struct srv_schedule *schedule) {
 }
 
 bool srv_schedule_shrink(struct srv_schedule *schedule, const struct srv_render_job *job,
-                         double now_ms) {
+                         uint64_t set, double now_ms) {
     const uint64_t px = (uint64_t)job->view.size[0] * job->view.size[1], least = 128 * 128;
+    bool shrinks = false;
     pthread_mutex_lock(&schedule->hub->mutex);
     struct srv_session *s = srv_schedule_session(schedule, job);
-    const bool shrinks = s && px / 2 >= least;
-    if (shrinks) {
-        s->shared.memory_px = px / 2;
-        s->shared.memory_until_ms = now_ms + SRV_SHRINK_MS;
+    for (uint32_t i = 0; px / 2 >= least && i < job->target_count; i++) {
+        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        if (!p || !(set >> i & 1))
+            continue;
+        p->memory = (struct srv_memory_limit){ px / 2, now_ms + SRV_SHRINK_MS };
+        shrinks = true;
     }
     pthread_mutex_unlock(&schedule->hub->mutex);
     return shrinks;
+}
+
+struct srv_blob_owner srv_render_job_owner(const struct srv_render_job *job, uint64_t set) {
+    struct srv_blob_owner owner = job->owner;
+    owner.is_guests = true;
+    for (uint32_t i = 0; i < job->target_count; i++)
+        owner.is_guests = owner.is_guests && !(set >> i & 1 && !job->targets[i].is_guest);
+    return owner;
 }
 
 /* Ending a job. */

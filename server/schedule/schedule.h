@@ -60,6 +60,7 @@ struct srv_render_target { /* one participant that gets the frame */
     int quality;
     enum sp_chroma chroma; /* of a JPEG; never AUTO */
     bool final;            /* full detail in the granted quality: no other frame follows */
+    bool is_guest;         /* joined with another token than that of the session's owner */
 };
 
 struct srv_render_job {
@@ -85,8 +86,9 @@ struct srv_render_job {
     uint32_t full[2];            /* size at rest, px */
     struct sp_view view;         /* with the size to render */
     void *volume;                /* a counted use, released when the job ends */
-    struct srv_blob_owner owner; /* of the session; its encoded frames count for it */
-    uint64_t encoder_bytes;      /* taken from the memory of frames; for render/ */
+    struct srv_blob_owner owner; /* of the session; see srv_render_job_owner() */
+    uint64_t too_large;     /* targets whose encoded frame does not fit; 0 = of all; for render/ */
+    uint64_t encoder_bytes; /* taken from the memory of frames; for render/ */
     uint32_t target_count;
     struct srv_render_target targets[SRV_PARTICIPANTS_MAX];
 };
@@ -117,11 +119,14 @@ bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_run
 bool srv_schedule_is_newest(struct srv_schedule *schedule, const struct srv_render_job *job);
 /* True if some client is connected to a session. */
 bool srv_schedule_has_clients(struct srv_schedule *schedule);
-/* The job's frame does not fit the memory of frames: for SRV_SHRINK_MS, frames of its session have
- * at most half of its pixels. False: it is as small as frames get, or its session has ended. */
+/* The job's frame does not fit the memory of frames: for SRV_SHRINK_MS, frames of these targets (a
+ * set, one bit each) have at most half of its pixels. False: it is as small as frames get, or the
+ * targets have left. */
 #define SRV_SHRINK_MS 10000.0
 bool srv_schedule_shrink(struct srv_schedule *schedule, const struct srv_render_job *job,
-                         double now_ms);
+                         uint64_t set, double now_ms);
+/* Returns the owner that an encoded frame for these targets counts for. */
+struct srv_blob_owner srv_render_job_owner(const struct srv_render_job *job, uint64_t set);
 /* True if some view moves, or will within SRV_QUIET_MS. */
 bool srv_schedule_has_motion(struct srv_schedule *schedule);
 

@@ -11,7 +11,7 @@
 
 struct srv_blob_account { /* of an owner that has blobs */
     struct srv_blob_account *next;
-    uint64_t bytes;
+    uint64_t bytes, guests; /* guests: those of `bytes` that only guests get */
     char owner[SRV_TOKEN_NAME_BYTES];
 };
 
@@ -71,23 +71,34 @@ static void remove_if_empty(struct srv_blob_pool *pool, struct srv_blob_account 
 }
 
 /* With the mutex held. */
+static uint64_t left_for(const struct srv_blob_pool *pool, const struct srv_blob_account *account,
+                         const struct srv_blob_owner *owner) {
+    const struct srv_pool all = { pool->most, pool->used, account->bytes };
+    const uint64_t left = srv_fair_left(&all, owner->is_limited);
+    const struct srv_pool owners = { account->bytes + left, account->bytes, account->guests };
+    return owner->is_guests ? srv_fair_left(&owners, true) : left;
+}
+
+/* With the mutex held. */
 static enum sp_code take_from(struct srv_blob_pool *pool, struct srv_blob_account *account,
-                              bool is_limited, uint64_t bytes, struct sp_error *err) {
+                              const struct srv_blob_owner *owner, uint64_t bytes,
+                              struct sp_error *err) {
     struct sp_budget *budget = pool->options.budget;
-    const struct srv_pool state = { pool->most, pool->used, account->bytes };
-    const uint64_t left = srv_fair_left(&state, is_limited);
+    const uint64_t left = left_for(pool, account, owner);
+    const uint64_t own = owner->is_guests ? account->guests : account->bytes;
     if (bytes > left)
         sp_fail(err, SP_ERR_FRAME_BUDGET, "/size",
                 "the encoded frame needs %" PRIu64
-                " bytes; the owner of this session has frames of %" PRIu64
-                " bytes that clients have not read, and may have %" PRIu64
+                " bytes; the %s of this session's owner have %" PRIu64
+                " bytes that were not read, and may have %" PRIu64
                 "; read faster, or ask for smaller images",
-                bytes, account->bytes, account->bytes + left);
+                bytes, owner->is_guests ? "guests" : "clients", own, own + left);
     else if (!sp_budget_take(budget, SP_BUDGET_ANSWERS, bytes))
         sp_budget_fail(budget, "encoded image", bytes, err);
     else {
         pool->used += bytes;
         account->bytes += bytes;
+        account->guests += owner->is_guests ? bytes : 0;
         return SP_OK;
     }
     return SP_ERR_FRAME_BUDGET;
@@ -99,7 +110,7 @@ static enum sp_code take(struct srv_blob_pool *pool, const struct srv_blob_owner
     pthread_mutex_lock(&pool->mutex);
     *account = find_or_add(pool, owner->name);
     if (*account) {
-        code = take_from(pool, *account, owner->is_limited, bytes, err);
+        code = take_from(pool, *account, owner, bytes, err);
         remove_if_empty(pool, *account);
     } else {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the owner of an encoded frame");
@@ -108,13 +119,15 @@ static enum sp_code take(struct srv_blob_pool *pool, const struct srv_blob_owner
     return code;
 }
 
-static void give(struct srv_blob_pool *pool, struct srv_blob_account *account, uint64_t bytes) {
+static void give(struct srv_blob_pool *pool, struct srv_blob_account *account, bool is_guests,
+                 uint64_t bytes) {
     if (!pool)
         return;
     pthread_mutex_lock(&pool->mutex);
     sp_budget_give(pool->options.budget, SP_BUDGET_ANSWERS, bytes);
     pool->used -= bytes;
     account->bytes -= bytes;
+    account->guests -= is_guests ? bytes : 0;
     remove_if_empty(pool, account);
     pthread_mutex_unlock(&pool->mutex);
 }
@@ -137,13 +150,14 @@ struct srv_blob *srv_blob_create(struct srv_blob_pool *pool, const struct srv_bl
     }
     struct srv_blob *blob = malloc(sizeof *blob + size);
     if (!blob) {
-        give(pool, account, bytes_of(size));
+        give(pool, account, pool && owner->is_guests, bytes_of(size));
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for an encoded frame of %zu bytes", size);
         return NULL;
     }
     atomic_init(&blob->references, 1);
     blob->pool = pool;
     blob->account = account;
+    blob->is_guests = pool && owner->is_guests;
     blob->size = size;
     memcpy(blob->bytes, bytes, size);
     return blob;
@@ -161,7 +175,8 @@ void srv_blob_unref(struct srv_blob **blob_pointer) {
         return;
     struct srv_blob_pool *pool = blob->pool;
     struct srv_blob_account *account = blob->account;
+    const bool is_guests = blob->is_guests;
     const uint64_t bytes = bytes_of(blob->size);
     free(blob);
-    give(pool, account, bytes);
+    give(pool, account, is_guests, bytes);
 }

@@ -3,7 +3,8 @@
  * Encoded frames of sessions. Clients that see the same image share its bytes, and so does the
  * frame cache. A client that does not read keeps two of them: one waits in its outbox, one at its
  * socket. Therefore a pool bounds the bytes of all frames: those of all owners together have a part
- * of the memory of frames, and each owner has its share of that part (common/fair_share.h).
+ * of the memory of frames, each owner has its share of that part (common/fair_share.h), and the
+ * guests of its sessions have a share of the owner's.
  *
  *   create ──► takes the bytes ──► outboxes, sockets, frame cache ──► last unref gives them back
  *
@@ -42,12 +43,14 @@ void srv_blob_pool_destroy(struct srv_blob_pool **pool);
 struct srv_blob_owner {              /* the owner of the session that a frame is encoded for */
     char name[SRV_TOKEN_NAME_BYTES]; /* "" = no owner */
     bool is_limited;                 /* has a share; false = it may take all */
+    bool is_guests; /* only guests get it: they have a share of the owner's share */
 };
 
 struct srv_blob { /* reference-counted bytes, immutable once shared */
     atomic_uint references;
     struct srv_blob_pool *pool;       /* NULL = not counted */
     struct srv_blob_account *account; /* of the owner; NULL = not counted */
+    bool is_guests;                   /* of the owner's guests */
     size_t size;
     uint8_t bytes[];
 };

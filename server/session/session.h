@@ -100,6 +100,13 @@ struct srv_delivery {
     uint64_t frames_sent, bytes_sent;
 };
 
+/* Frames have at most so many pixels, because larger ones do not fit the memory of frames. The
+ * first change of the view after until_ms ends it. */
+struct srv_memory_limit {
+    uint64_t px; /* 0 = all fit */
+    double until_ms;
+};
+
 struct srv_participant {
     struct srv_session *session; /* NULL = the session ended */
     struct srv_participant *next, *next_ready;
@@ -111,6 +118,7 @@ struct srv_participant {
     double measured_ms; /* the same for measurements */
     struct srv_pending pending;
     struct srv_stream_settings settings;
+    struct srv_memory_limit memory;
     struct srv_policy policy;
     struct srv_delivery delivery;
     struct srv_participant_schedule *schedule; /* freed with the participant */
@@ -129,10 +137,6 @@ struct srv_session_identity {
 
 struct srv_view_state {
     struct sp_view view;
-    /* Frames have at most so many pixels, because larger ones do not fit the memory of frames; 0 =
-     * all fit. The first change of the view after memory_until_ms ends it. */
-    uint64_t memory_px;
-    double memory_until_ms;
     void *volume; /* a counted use */
     /* Uses of the view's time step, which may still be loading or have failed (NULL = memory is
      * out), and of what frames show: the same, or a step near it until it is loaded. */

@@ -93,8 +93,9 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
         session->shared.volume = volume;
     }
     session->shared.view = view;
-    if (now_ms >= session->shared.memory_until_ms)
-        session->shared.memory_px = 0;
+    for (struct srv_participant *p = session->participants; p; p = p->next)
+        if (now_ms >= p->memory.until_ms)
+            p->memory.px = 0;
     srv_play_place(session, now_ms, &session->shared.view);
     if (volume)
         srv_play_stop_steps(hub, session);
@@ -122,5 +123,5 @@ void srv_hub_size(const struct srv_session *session, const struct srv_participan
                                                 : session->shared.view.size[i];
     /* The limits may be lower than when the size was set. */
     srv_fit_size(session->identity.owner.quota.frame_px, size);
-    srv_fit_size(session->shared.memory_px, size);
+    srv_fit_size(participant->memory.px, size);
 }

@@ -12,7 +12,7 @@ import { clientFrame, Daemon, FINAL, Raw, within } from './harness.mjs';
 const MIB = 2 ** 20;
 const LIMIT = 48 * MIB;
 const POOL = LIMIT / 2 / 4; // sessions have a half, and frames that wait a quarter of it
-const SHARE = POOL * 3 / 4; // of one owner
+const SHARE = POOL * 3 / 4 * 3 / 4; // of one owner's guests
 const CLIENTS = 16; // of 400 kB each, of which the system's buffers take a part
 const SIDE = 512;
 const LOSSLESS = JSON.stringify({ jsonrpc: '2.0', id: 1, method: 'stream.configure', params: { lossless: true, progressive: false } });
@@ -52,16 +52,16 @@ async function sessionOf(name) {
   return json;
 }
 
-/** Resolves to the width of the final frame that a client receives. */
-async function finalWidth(name) {
-  const stream = await daemon.stream({ session: await sessionOf(name) });
+/** Resolves to the width of the final frame that a client receives; token: with which it joins, a guest by default. */
+async function finalWidth(name, token) {
+  const stream = await daemon.stream({ session: await sessionOf(name), token });
   await stream.call('stream.configure', { lossless: true, progressive: false });
   const { width } = await stream.frame(({ flags }) => flags & FINAL, `a final frame of ${name}`);
   await stream.end();
   return width;
 }
 
-test('frames that clients do not read are counted, and take no more than the share of their owner', async () => {
+test('frames that clients do not read are counted, and take no more than the share of their owner\'s guests', async () => {
   const base = resident();
   const idle = [];
   for (let i = 0; i < CLIENTS; i += 1) {
@@ -70,7 +70,7 @@ test('frames that clients do not read are counted, and take no more than the sha
     raw.write(clientFrame(1, LOSSLESS));
     idle.push(raw);
   }
-  const refusal = /the encoded frame needs (\d+) bytes; the owner of this session has frames of (\d+) bytes that clients have not read, and may have (\d+)/;
+  const refusal = /the encoded frame needs (\d+) bytes; the guests of this session's owner have (\d+) bytes that were not read, and may have (\d+)/;
   await daemon.untilLogged(refusal);
   const [needed, had, most] = refusal.exec(daemon.log).slice(1).map(Number);
   compare(needed + had, '>', most);
@@ -79,8 +79,9 @@ test('frames that clients do not read are counted, and take no more than the sha
   compare(full.answers, '>', SHARE / 2);
   compare(full.answers, '<=', SHARE);
   compare(resident(), '<=', base + full.all + TOLERANCE);
-  assert.equal(await finalWidth('modest'), SIDE, 'another owner');
-  compare(await finalWidth('greedy'), '<', SIDE, 'a client of this owner that reads');
+  compare(await finalWidth('greedy'), '<', SIDE, 'a guest of this owner that reads');
+  assert.equal(await finalWidth('greedy', TOKENS.greedy), SIDE, 'the owner');
+  assert.equal(await finalWidth('modest'), SIDE, 'a guest of another owner');
   compare((await counted()).answers, '<=', POOL);
   idle.forEach((raw) => raw.destroy());
   await within((async () => { while ((await counted()).all > 0); })(), 'memory that is given back');

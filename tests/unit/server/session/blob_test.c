@@ -23,8 +23,11 @@ enum {
     COUNT = MOST >> 10                          /* blobs that fit */
 };
 
-static const struct srv_blob_owner greedy = { "greedy", true }, modest = { "modest", true },
-                                   admin = { "admin", false };
+static const struct srv_blob_owner greedy = { "greedy", true, false },
+                                   guests = { "greedy", true, true },
+                                   modest = { "modest", true, false },
+                                   admin = { "admin", false, false },
+                                   admins_guests = { "admin", false, true };
 static const uint8_t image[LIMIT];
 
 struct fixture {
@@ -89,7 +92,7 @@ static void each_owner_has_a_share(void **state) {
     }
     assert_int_equal(f->count, COUNT * 3 / 4);
     char both[128];
-    snprintf(both, sizeof both, "needs %u bytes; the owner of this session has frames of %u bytes",
+    snprintf(both, sizeof both, "needs %u bytes; the clients of this session's owner have %u bytes",
              1u << 10, MOST * 3 / 4);
     assert_non_null(strstr(f->err.text, both));
     snprintf(both, sizeof both, "and may have %u;", MOST * 3 / 4);
@@ -98,6 +101,23 @@ static void each_owner_has_a_share(void **state) {
     while (make(f, &admin)) {
     }
     assert_int_equal(f->count, COUNT);
+}
+
+static void guests_have_a_share_of_the_owners(void **state) {
+    struct fixture *f = *state;
+    while (make(f, &guests)) {
+    }
+    assert_int_equal(f->count, COUNT * 3 / 4 * 3 / 4);
+    assert_non_null(strstr(f->err.text, "the guests of this session's owner have 9216 bytes"));
+    assert_true(make(f, &greedy));
+    assert_true(make(f, &greedy));
+    assert_false(make(f, &guests));
+    while (f->count > 0)
+        srv_blob_unref(&f->blobs[--f->count]);
+    while (make(f, &admins_guests)) {
+    }
+    assert_int_equal(f->count, COUNT * 3 / 4);
+    assert_true(make(f, &admin));
 }
 
 static void shared_bytes_count_once(void **state) {
@@ -152,10 +172,11 @@ static void without_memory_nothing_is_taken(void **state) {
 
 static void *create_and_release(void *user) {
     struct fixture *f = user;
-    struct srv_blob_owner owner = { "", true };
+    struct srv_blob_owner owner = { "", true, false };
     struct srv_blob *kept[COUNT] = { NULL };
     for (unsigned i = 0; i < 4000; i++) {
         owner.name[0] = (char)('a' + i % 5);
+        owner.is_guests = i % 2;
         struct srv_blob **blob = &kept[i % COUNT];
         srv_blob_unref(blob);
         *blob = srv_blob_create(f->pool, &owner, image, i % 3 ? SIZE : 0, NULL);
@@ -199,10 +220,15 @@ static void without_a_pool_nothing_is_counted(void **state) {
 int main(void) {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
     const struct CMUnitTest tests[] = {
-        TEST(the_pool_has_a_part_of_the_budget), TEST(each_owner_has_a_share),
-        TEST(shared_bytes_count_once),           TEST(cached_bytes_make_way),
-        TEST(other_frames_may_leave_too_little), TEST(without_memory_nothing_is_taken),
-        TEST(threads_never_exceed_the_pool),     TEST(without_a_pool_nothing_is_counted),
+        TEST(the_pool_has_a_part_of_the_budget),
+        TEST(each_owner_has_a_share),
+        TEST(guests_have_a_share_of_the_owners),
+        TEST(shared_bytes_count_once),
+        TEST(cached_bytes_make_way),
+        TEST(other_frames_may_leave_too_little),
+        TEST(without_memory_nothing_is_taken),
+        TEST(threads_never_exceed_the_pool),
+        TEST(without_a_pool_nothing_is_counted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

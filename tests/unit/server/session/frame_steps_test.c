@@ -8,6 +8,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -257,6 +258,70 @@ static void moving_frames_are_cancelled_late_and_never_twice_in_a_row(void **sta
     assert_int_equal(f->why, SRV_INTERRUPT_UNWANTED);
 }
 
+static uint64_t pixels(const uint32_t size[2]) {
+    return (uint64_t)size[0] * size[1];
+}
+
+static uint64_t bit_of(const struct srv_render_job *job, const struct srv_participant *p) {
+    for (uint32_t i = 0; i < job->target_count; i++)
+        if (job->targets[i].participant == srv_participant_id(p))
+            return UINT64_C(1) << i;
+    return 0;
+}
+
+static void a_frame_that_does_not_fit_makes_those_of_its_clients_smaller(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job, next;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0),
+                           *b = hub_join(f, SRV_ROLE_VIEW, 0);
+    assert_true(hub_next_job(f, 1000, &job));
+    assert_int_equal(job.target_count, 2);
+    assert_false(srv_schedule_shrink(f->schedule, &job, 0, 1000));
+    assert_true(srv_schedule_shrink(f->schedule, &job, bit_of(&job, a), 1000));
+    srv_schedule_cancelled(f->schedule, &job, 0);
+    for (int i = 0; i < 2; i++) {
+        assert_true(hub_next_job(f, 1000, &next));
+        assert_int_equal(next.target_count, 1);
+        if (bit_of(&next, a))
+            assert_compare(pixels(next.full), <=, pixels(job.view.size) / 2);
+        else
+            assert_compare(pixels(next.full), ==, pixels(job.full));
+        memcpy(next.view.size, (uint32_t[]){ 128, 128 }, sizeof next.view.size);
+        assert_false(srv_schedule_shrink(f->schedule, &next, UINT64_MAX, 1000));
+        hub_finish(f, &next, 5);
+    }
+    hub_ack(f, a, hub_drain(f, a, 1005).frame, 1006);
+    hub_ack(f, b, hub_drain(f, b, 1005).frame, 1006);
+    hub_update(f, a, 1, 1000 + SRV_SHRINK_MS);
+    assert_true(hub_next_job(f, 1000 + SRV_SHRINK_MS, &next));
+    assert_int_equal(next.target_count, 2);
+    assert_compare(pixels(next.full), ==, pixels(job.full));
+    hub_finish(f, &next, 5);
+    srv_hub_leave(f->hub, &b, 12000);
+    srv_hub_leave(f->hub, &a, 12000);
+}
+
+/* The session has no owner, so that "ann" is a guest. */
+static void frames_that_only_guests_get_count_for_the_guests(void **state) {
+    struct fixture *f = *state;
+    struct srv_quota quota = { .fps = 0 };
+    struct srv_render_job job;
+    f->quota = &quota;
+    f->rights = SRV_RIGHT_VIEW;
+    struct srv_participant *owner = hub_join(f, SRV_ROLE_CONTROL, 0);
+    struct srv_participant *guest = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "ann", f, 0, NULL);
+    assert_non_null(guest);
+    assert_true(hub_next_job(f, 0, &job));
+    assert_int_equal(job.target_count, 2);
+    const uint64_t owners = bit_of(&job, owner), guests = bit_of(&job, guest);
+    assert_true(srv_render_job_owner(&job, guests).is_guests);
+    assert_false(srv_render_job_owner(&job, owners).is_guests);
+    assert_false(srv_render_job_owner(&job, owners | guests).is_guests);
+    hub_finish(f, &job, 5);
+    srv_hub_leave(f->hub, &owner, 10);
+    srv_hub_leave(f->hub, &guest, 10);
+}
+
 static void a_change_of_volume_or_stream_interrupts(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
@@ -346,6 +411,8 @@ int main(void) {
         TEST(a_cancelled_frame_is_rendered_again_after_a_change_of_slices),
         TEST(changes_that_come_as_often_as_frames_are_due_do_not_wait),
         TEST(moving_frames_are_cancelled_late_and_never_twice_in_a_row),
+        TEST(a_frame_that_does_not_fit_makes_those_of_its_clients_smaller),
+        TEST(frames_that_only_guests_get_count_for_the_guests),
         TEST(a_change_of_volume_or_stream_interrupts),
         TEST(an_intermediate_frame_precedes_a_slow_sharp_one),
         TEST(a_moving_frame_that_cannot_get_better_is_final),
