@@ -2,7 +2,7 @@
 // The section "Channels": the volume and other volumes on its grid in one picture, each with a colour and a window of its own. Channels are
 // layers of the view (layers.js), so undo and redo are those of the layers.
 import {
-  channelSources, channelsLeft, colorOf, moveEnd, nextColor, paint, rampOf, signalWindow, whyNoChannels, windowOf,
+  channelSources, channelsLeft, colorOf, colorsFor, moveEnd, paint, rampOf, shownTogether, signalWindow, whyNoChannels, windowOf, windowsFor,
 } from '../core/channels.js';
 import { showsVolume, isChannel } from '../core/layers.js';
 import { isProjection } from '../core/projection.js';
@@ -108,17 +108,14 @@ class Channels {
     const { layers, transfer, viewer } = this.#app;
     const shown = this.#view.volume;
     const ids = await this.#load(sources);
-    const [own, ...windows] = (await Promise.all([shown, ...ids].map((id) => this.volumes.ask(id)))).map((known) => known && signalWindow(known.histogram, known.window));
+    const signals = (await Promise.all([shown, ...ids].map((id) => this.volumes.ask(id)))).map((known) => known && signalWindow(known.histogram, known.window));
     if (!ids.length || viewer.view?.volume !== shown || !layers.isEditable) return;
-    const used = this.list.filter(({ index }) => index >= 0).map(({ color }) => color);
-    const take = () => {
-      const color = nextColor(used);
-      used.push(color);
-      return color;
-    };
-    const points = isAll ? rampOf(own ?? transfer.range, take()) : null;
-    if (!isAll) used.push(colorOf(transfer.points));
-    layers.addChannels(ids.map((id, i) => ({ id, points: rampOf(windows[i] ?? [0, 1], take()) })), points, performance.now());
+    const others = this.list.filter(({ index }) => index >= 0).map(({ color }) => color);
+    const names = [shown, ...ids].map((id) => layers.fieldName(id));
+    const [own, ...windows] = isAll ? windowsFor(names, signals) : signals;
+    const [first, ...colors] = isAll ? colorsFor(names, others) : [null, ...colorsFor(names.slice(1), [...others, colorOf(transfer.points)])];
+    const points = isAll ? rampOf(own ?? transfer.range, first) : null;
+    layers.addChannels(ids.map((id, i) => ({ id, points: rampOf(windows[i] ?? [0, 1], colors[i]) })), points, performance.now());
     if (isAll) this.#fit();
   }
 
@@ -161,7 +158,11 @@ class ChannelsSection {
   }
 
   /** The other fields of the file that the view can still show. */
-  get #fields() { return this.#sources.filter(({ field }) => field).slice(0, this.#channels.left); }
+  get #fields() {
+    const fields = this.#sources.filter(({ field }) => field);
+    const together = shownTogether(this.#app.viewer.volume?.fields?.[0]?.name ?? '', fields.map(({ field }) => field));
+    return fields.filter(({ field }) => together.includes(field)).slice(0, this.#channels.left);
+  }
 
   #row({ key, index, name }) {
     const { layers } = this.#app;

@@ -25,6 +25,36 @@ const isColor = (a, b) => a.every((part, i) => Math.abs(part - b[i]) < 0.02);
 /** The next colour that none of `used` is. */
 export const nextColor = (used) => COLORS.find((color) => !used.some((other) => isColor(color, other))) ?? COLORS.at(-1);
 
+const NAMED = { red: [1, 0, 0], green: [0, 1, 0], blue: [0, 0, 1], cyan: [0, 1, 1], magenta: [1, 0, 1], yellow: [1, 1, 0], white: [1, 1, 1] };
+const PRIMARIES = ['red', 'green', 'blue'];
+const lastWord = (name) => name.toLowerCase().split(/[^a-z]+/).at(-1);
+
+/** The colours of new channels: a name that ends in a colour, such as "rgb red", gets it, and the others the next that none of `used` is. */
+export function colorsFor(names, used) {
+  const named = names.map((name) => NAMED[lastWord(name)] ?? null);
+  const taken = [...used, ...named.filter(Boolean)];
+  return named.map((color) => {
+    if (color) return color;
+    taken.push(nextColor(taken));
+    return taken.at(-1);
+  });
+}
+
+/** True if the names are those of a picture in colours: red, green and blue. */
+const isRgb = (names) => PRIMARIES.every((color) => names.some((name) => lastWord(name) === color));
+
+/** Fields that are shown together: all but the opacity of a picture in colours, which would veil it. own: the name of the volume's field. */
+export const shownTogether = (own, fields) => (isRgb([own, ...fields]) ? fields.filter((name) => lastWord(name) !== 'alpha') : fields);
+
+/** The windows of new channels, null = unknown. Red, green and blue of one picture share a window, or else its hues would change. */
+export function windowsFor(names, windows) {
+  if (!isRgb(names)) return windows;
+  const isPart = (i) => PRIMARIES.includes(lastWord(names[i]));
+  const known = windows.filter((window, i) => window && isPart(i));
+  const all = known.length ? [Math.min(...known.map(([low]) => low)), Math.max(...known.map(([, high]) => high))] : null;
+  return windows.map((window, i) => (isPart(i) ? all : window));
+}
+
 /** Points of one colour from transparent at `low` to an opacity at `high`. */
 export const rampOf = ([low, high], color, /** @type {number} */ opacity = OPACITY) => tidy([
   { value: low, color, opacity: 0 }, { value: Math.max(high, low + EXTENT_MIN, low + Math.abs(low) * 1e-8), color, opacity },

@@ -2,8 +2,8 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
-  CHANNELS_MAX, COLORS, addChannels, channelSources, channelsLeft, colorOf, fade, isSameGrid, moveEnd, moveWindow, nextColor, opacityOf, paint,
-  patchForChannels, rampOf, signalWindow, whyNoChannels, windowOf,
+  CHANNELS_MAX, COLORS, addChannels, channelSources, channelsLeft, colorOf, colorsFor, fade, isSameGrid, moveEnd, moveWindow, nextColor, opacityOf,
+  paint, patchForChannels, rampOf, shownTogether, signalWindow, whyNoChannels, windowOf, windowsFor,
 } from '../../../clients/web/core/channels.js';
 import { allows, choose, matters, whyIdle } from '../../../clients/web/core/choices.js';
 import { addSurface, isSameLayers, showVolumeAlone, showsOthers } from '../../../clients/web/core/layers.js';
@@ -44,6 +44,22 @@ test('channels get the next free colour, up to the limit of a view', () => {
   assert.equal(full.length, 8);
   assert.deepEqual(full[7], { type: 'channel', visible: true, id: 'c6', color: MAGENTA, points: rampOf([0, 1], MAGENTA) });
   assert.equal(channelsLeft(full), 0);
+});
+
+test('channels that are called as colours get them, and red, green and blue share a window', () => {
+  const [red, green, blue] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  assert.deepEqual(colorsFor(['red', 'green', 'blue'], []), [red, green, blue]);
+  assert.deepEqual(colorsFor(['scan Blue', 'scan_RED', 'Ch 3 green'], []), [blue, red, green], 'the last word counts');
+  assert.deepEqual(colorsFor(['DAPI', 'green', 'infrared', 'GFP'], [COLORS[2]]), [MAGENTA, green, COLORS[3], red], 'others get what is left');
+  assert.deepEqual(colorsFor(['', '2'], []), [GREEN, MAGENTA]);
+  assert.deepEqual(colorsFor(['red', 'red'], [red]), [red, red], 'a name wins over what is used');
+  const windows = [[3, 90], null, [5, 200], [255, 256]];
+  assert.deepEqual(windowsFor(['red', 'green', 'blue', 'alpha'], windows), [[3, 200], [3, 200], [3, 200], [255, 256]]);
+  assert.deepEqual(windowsFor(['red', 'green', 'blue'], [null, null, null]), [null, null, null]);
+  assert.deepEqual(windowsFor(['red', 'green', 'DAPI'], windows.slice(0, 3)), windows.slice(0, 3), 'not a picture in colours');
+  assert.deepEqual(shownTogether('red', ['green', 'blue', 'alpha']), ['green', 'blue']);
+  assert.deepEqual(shownTogether('alpha', ['beta']), ['beta']);
+  assert.deepEqual(shownTogether('t', ['alpha', 'red']), ['alpha', 'red']);
 });
 
 test('the fields of the file and volumes on the same grid may become channels', () => {
