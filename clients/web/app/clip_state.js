@@ -135,17 +135,23 @@ export class ClipState extends Emitter {
 
   // Names and numbers.
 
-  /** The names of both ends of one of the volume's axes, such as {name: 'x', low: 'right', high: 'left'}. */
+  /**
+   * The names of both ends of one of the volume's axes, such as {name: 'R–L', label: 'From right to left', low: 'right', high: 'left'}. low: where
+   * the axis begins; name and label go as the coordinates rise.
+   */
   axisNames(axis) {
     const { anatomy } = this.#orientation;
     const { world, sign, isExact } = this.volumeBox ? axisOf(this.volumeBox, axis) : { world: axis, sign: 1, isExact: true };
-    const [low, high] = [-sign, sign].map((way) => this.#orientation.name(world, way));
+    const rising = (ends) => (isExact && sign < 0 ? ends.toReversed() : ends);
     if (anatomy) {
-      const letters = (isExact ? [-1, 1] : [-sign, sign]).map((way) => this.#orientation.letter(world, way)); // as the coordinates rise
-      return { name: letters.join('–'), label: t('clip.between', { low, high }), low, high };
+      const ways = [-sign, sign];
+      const [low, high] = ways.map((way) => this.#orientation.name(world, way));
+      const [from, to] = rising([low, high]);
+      return { name: rising(ways.map((way) => this.#orientation.letter(world, way))).join('–'), label: t('clip.between', { low: from, high: to }), low, high };
     }
     const own = isExact ? 'xyz'[world] : String(axis + 1);
-    return { name: t('clip.axis', { name: own }), label: t('clip.axis', { name: own }), low: `−${own}`, high: `+${own}` };
+    const [low, high] = rising([`−${own}`, `+${own}`]);
+    return { name: t('clip.axis', { name: own }), label: t('clip.axis', { name: own }), low, high };
   }
 
   /** The name of the plane across an axis: sagittal, or x. */

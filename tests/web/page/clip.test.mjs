@@ -122,9 +122,14 @@ test('the ranges of the box ascend, also where an axis of the volume descends', 
   await page.locator('#clip summary').click();
   const ends = [await page.inputValue(number(0, 0)), await page.inputValue(number(0, 1))].map(Number);
   compare(ends[0], '<', ends[1]);
+  for (const [at, end] of ['Axis x, end −x', 'Axis x, end +x'].entries()) {
+    for (const selector of [number(0, at), slider(0, at)]) assert.equal(await page.getAttribute(selector, 'aria-label'), end);
+  }
   await page.focus(slider(0, 0));
   assert.deepEqual(await patch(() => page.keyboard.press('ArrowRight')), { clip: { box: [[0, 0, 0], [0.99, 1, 1]] } }, 'the lower end is the far face of the grid');
   compare(Number(await page.inputValue(number(0, 0))), '>', ends[0]);
+  await page.click('#clip-tool');
+  assert.equal(await handle(page, 'Face +x of the box').getAttribute('aria-valuetext'), `${ends[1] - 0} mm`);
 });
 
 test('names and numbers are anatomical and in millimetres', async (context) => {
