@@ -6,7 +6,7 @@ import { byId } from './dom.js';
 import { tellIfNothing } from './nothing_visible.js';
 
 export function install(app) {
-  const { transfer, api, prompts } = app;
+  const { transfer, api, prompts, viewer } = app;
   const choice = byId('transfer-kind');
   let volume = null;
   let placed = null; // the points that the chosen kind set
@@ -14,7 +14,7 @@ export function install(app) {
   const isPlaced = () => transfer.volume === volume && JSON.stringify(transfer.state.points) === placed;
 
   function usePreset(kind, time) {
-    const { points, map, note } = presetOf(kind, transfer.histogram, transfer.unit);
+    const { points, map, note } = presetOf(kind, transfer.histogram, transfer.unit, viewer.volume?.meaning);
     const range = [points[0].value, points.at(-1).value];
     transfer.replace({ points, gradient: [], map: map && { name: map, table: null, isReversed: false, steps: 0, range } },
       time, `${note[0].toUpperCase()}${note.slice(1)}.`);

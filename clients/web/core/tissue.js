@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Transfer functions by kind of data. CT presets are in Hounsfield units, which scaleOf() finds in the values of the file; the
+// Transfer functions by kind of data. CT presets are in Hounsfield units if scaleOf() finds these in the file; the
 // others follow percentiles of the histogram. Opacities refer to the smallest spacing.
 import { peak, percentile, shareBetween, threshold } from './histogram.js';
 import { t } from './text.js';
@@ -31,12 +31,24 @@ const CT = {
 const TISSUE = { 'ct-bone': [250, 3000], 'ct-soft': [-150, 200], 'ct-lung': [-950, -500], 'ct-vessels': [130, 700] };
 const LEAST_SHARE = 0.001; // of the samples
 
-/** How Hounsfield units lie in the values of a volume: {at(HU) → value, note, isCt}; isCt: the values are such units. unit: of the values, if the file states it. */
-export function scaleOf(histogram, unit = '') {
+/** True if the values look like those of a CT: the fullest bin of low values is that of air. */
+function hasAir(histogram) {
+  const { range: [low, high], counts } = histogram;
+  const air = low <= -200 && high >= 200 ? peak(histogram, -1500, -300) : null;
+  return air !== null && Math.abs(air - AIR) <= 150 && counts[Math.floor((air - low) / (high - low) * counts.length)] > 0;
+}
+
+/**
+ * How Hounsfield units lie in the values of a volume: {at(HU) → value, note, isCt}; isCt: the values are such units. unit: of the values,
+ * '' if the file does not state it; only then the histogram decides. meaning: what the file says that the samples are; '' = nothing.
+ */
+export function scaleOf(histogram, unit = '', meaning = '') {
   const [low, high] = histogram.range;
-  if (HOUNSFIELD.test(unit) || (low <= -200 && high >= 200)) return { at: (hu) => hu, note: t('kind.note.hu'), isCt: true };
+  if (HOUNSFIELD.test(unit)) return { at: (hu) => hu, note: t('kind.note.hu'), isCt: true };
+  const isOpen = !unit && !meaning;
+  if (isOpen && hasAir(histogram)) return { at: (hu) => hu, note: t('kind.note.alike'), isCt: true };
   // Scanners without negative numbers store HU + 1024 or HU + 1000. Soft tissue, the peak between −150 and 150 HU, decides.
-  const tissue = low > -200 && low < 400 && high > 1400 && high < 6000 ? peak(histogram, 850, 1180) : null;
+  const tissue = isOpen && low > -200 && low < 400 && high > 1400 && high < 6000 ? peak(histogram, 850, 1180) : null;
   if (tissue !== null) {
     const offset = Math.abs(tissue - 1040) <= Math.abs(tissue - 1016) ? 1024 : 1000;
     return { at: (hu) => hu + offset, note: t('kind.note.offset', { offset }), isCt: true };
@@ -44,7 +56,7 @@ export function scaleOf(histogram, unit = '') {
   const air = peak(histogram, low, low + (high - low) / 3);
   const dense = percentile(histogram, 0.995, threshold(histogram));
   const span = Math.max(dense - air, (high - low) / 100);
-  return { at: (hu) => air + (hu - AIR) / (DENSE - AIR) * span, note: t('kind.note.none'), isCt: false };
+  return { at: (hu) => air + (hu - AIR) / (DENSE - AIR) * span, note: unit ? t('kind.note.other', { unit }) : t('kind.note.none'), isCt: false };
 }
 
 const point = (value, opacity, color) => ({ value, opacity: Math.min(opacity, OPACITY_MAX), color });
@@ -81,12 +93,12 @@ function simulation(histogram) {
   return [point(base, 0, WHITE), point(at(0.5), 0.012, WHITE), point(at(0.9), 0.06, WHITE), point(at(0.99), 0.3, WHITE), point(high, 0.6, WHITE)];
 }
 
-/** {points, map, note} of a kind for a volume with this histogram {range, counts} and unit of values. `map` names a colour map, or is null. */
-export function presetOf(kind, histogram, unit = '') {
+/** {points, map, note} of a kind for a volume with this histogram {range, counts}, unit and meaning of values. `map` names a colour map, or is null. */
+export function presetOf(kind, histogram, unit = '', meaning = '') {
   const { range } = histogram;
   if (!(range[1] > range[0])) return { points: [point(range[0], 0.1, WHITE)], map: null, note: t('kind.note.equal') };
   if (CT[kind]) {
-    const { at, note, isCt } = scaleOf(histogram, unit);
+    const { at, note, isCt } = scaleOf(histogram, unit, meaning);
     const [from, to] = TISSUE[kind];
     const lacks = isCt && shareBetween(histogram, at(from), at(to)) < LEAST_SHARE;
     return { points: rising(CT[kind].map(([hu, opacity, color]) => point(at(hu), opacity, color)), range), map: null, note: lacks ? t('kind.note.lacks', { from, to }) : note };

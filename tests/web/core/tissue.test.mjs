@@ -48,15 +48,34 @@ test('percentile, peak and threshold', () => {
   compare(split, '<=', 151);
 });
 
-test('Hounsfield units are found: as they are, with an offset, or by the histogram', () => {
-  assert.equal(scaleOf(histogramOf([-1024, 3071], [[-1000, 1e6]])).at(300), 300);
-  assert.equal(scaleOf(histogramOf([0, 3926], [[5, 6e4], [1050, 2e4]])).at(300), 1324);
-  assert.equal(scaleOf(histogramOf([0, 4095], [[5, 6e4], [1020, 2e4]])).at(300), 1300);
-  assert.equal(scaleOf(histogramOf([0, 4095], [[5, 6e4], [1020, 2e4]]), 'HU').at(300), 300, 'the file states the unit');
+test('Hounsfield units are found: as the file says, or by the values where it states no unit', () => {
+  const scan = histogramOf([-1024, 3071], [[-1000, 1e6], [40, 1e5]]);
+  const offset = (tissue) => histogramOf([0, 3926], [[5, 6e4], [tissue, 2e4]]);
+  assert.deepEqual([scaleOf(scan).at(300), scaleOf(scan).isCt], [300, true]);
+  assert.match(scaleOf(scan).note, /states no unit, but the values look like Hounsfield units$/);
+  assert.equal(scaleOf(histogramOf([-32768, 32767], [[-1000, 1e6]])).isCt, true, 'wide bins');
+  assert.equal(scaleOf(offset(1050)).at(300), 1324);
+  assert.equal(scaleOf(offset(1020)).at(300), 1300);
+  assert.match(scaleOf(offset(1020)).note, /look like Hounsfield units \+ 1000/);
+  assert.equal(scaleOf(offset(1020), 'HU').at(300), 300, 'the file states the unit');
+  assert.equal(scaleOf(histogramOf([-150, 180], [[0, 1e5]]), 'HU').isCt, true);
   const bytes = scaleOf(histogramOf([0, 255], [[20, 1e6], [120, 1e5]]));
   compare(Math.abs(bytes.at(-1000) - 20.4), '<', 1);
   compare(bytes.at(1600), '<=', 255);
   compare(bytes.at(1600), '>', 200);
+});
+
+test('other values are not called Hounsfield units, whatever their range', () => {
+  const scan = histogramOf([-1024, 3071], [[-1000, 1e6], [40, 1e5]]);
+  const bell = Array.from({ length: 40 }, (_, i) => [-1650 + i * 90, Math.round(1e5 * Math.exp(-(((i - 18) / 8) ** 2)))]);
+  const pressure = histogramOf([-1700, 1962], bell, 0);
+  assert.match(presetOf('ct-bone', pressure, 'hPa').note, /values are in hPa, not in Hounsfield units; placed by the histogram/);
+  assert.match(presetOf('ct-bone', scan, 'Pa').note, /values are in Pa/);
+  assert.match(presetOf('ct-lung', histogramOf([0, 3926], [[5, 6e4], [1050, 2e4]]), 'counts').note, /values are in counts/);
+  for (const [histogram, meaning] of [[pressure, ''], [scan, 'distance'], [scan, 'labels'], [histogramOf([-500, 500], [[0, 1e6]], 0), '']]) {
+    const { note, isCt } = scaleOf(histogram, '', meaning);
+    assert.deepEqual([note, isCt], ['the file has no Hounsfield units; placed by its histogram', false], `${histogram.range} ${meaning}`);
+  }
 });
 
 test('every kind gives valid points on every histogram', () => {

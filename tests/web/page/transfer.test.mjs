@@ -274,7 +274,7 @@ test('presets by kind of data are placed by the histogram and say how', async (c
   }
   const bone = await it.patch(() => page.selectOption('#transfer-kind', 'ct-bone'));
   assert.equal(bone.points[0].value, 150);
-  assert.equal(await page.locator('#transfer-note').textContent(), 'Values are Hounsfield units.');
+  assert.equal(await page.locator('#transfer-note').textContent(), 'The file states no unit, but the values look like Hounsfield units.');
   const chosen = () => page.locator('#transfer-kind').inputValue();
   assert.equal(await chosen(), 'ct-bone');
   await page.selectOption('#transfer-map', 'inferno'); // other colours of the same kind
