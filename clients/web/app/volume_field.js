@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The choices "Field" and "Vectors" below the list of volumes, if the file of the shown volume has several: load others of it, and show them
-// under the same camera.
+// under the same camera. Who may not load them sees which one is shown.
 import { t } from '../core/text.js';
 import { make } from './dom.js';
 
@@ -49,10 +49,10 @@ export class VolumeField {
   show(volume) {
     const { mayOpen, viewer } = this.#app;
     const [values, vectors] = volume?.fields ?? [];
-    const others = (names) => (mayOpen && names) || [];
+    const mayChange = mayOpen && viewer.canControl;
     this.#volume = volume;
-    this.#field.show(values?.name ?? '', others(volume?.other_fields), viewer.canControl);
-    this.#vectors.show(vectors?.name ?? '', others(volume?.other_vectors), viewer.canControl);
+    this.#field.show(values?.name ?? '', volume?.other_fields ?? [], mayChange);
+    this.#vectors.show(vectors?.name ?? '', volume?.other_vectors ?? [], mayChange);
   }
 
   async #open(names) {
