@@ -1,24 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Loads the volumes of channels, and asks the daemon for what it knows about them: the range of their values, the histogram, and the window.
-
-/** Resolves to a volume of the list as soon as it is ready; rejects with the reason if it cannot be. */
-function whenReady(connection, id) {
-  return new Promise((resolve, reject) => {
-    let isKnown = false;
-    const look = (volumes) => {
-      const volume = volumes.find((one) => one.id === id);
-      if (volume?.state === 'loading' || (!volume && !isKnown)) {
-        isKnown = Boolean(volume);
-        return;
-      }
-      stop();
-      if (volume?.state === 'ready') resolve(volume);
-      else reject(new Error(volume?.reason ?? ''));
-    };
-    const stop = connection.on('volumes', look);
-    connection.refresh().catch(() => {}); // the stream reports a lost daemon
-  });
-}
+import { whenReady } from '../core/ready.js';
 
 export class ChannelVolumes {
   #app; #changed;

@@ -3,6 +3,7 @@
 // volume, and files of this computer.
 import { arranged, below, crumbs, filteredSeries, joined, mayBeStudy, numberedSeries, parentOf, searched, sizeText, withRecent } from '../core/files.js';
 import { READINGS, cleanUnit, parseReadings, rememberReading, withReading } from '../core/readings.js';
+import { whenReady } from '../core/ready.js';
 import { t } from '../core/text.js';
 import { byId, icon, make, setText } from './dom.js';
 
@@ -54,6 +55,12 @@ class Readings {
   about(source) {
     const { as, unit } = this.#known.get(source) ?? {};
     return [as && t(`open.as.${as}`), unit].filter(Boolean).join(' · ');
+  }
+
+  /** What is typed as a unit, and is none; '' = nothing. */
+  get badUnit() {
+    const typed = this.#unit.value.trim();
+    return cleanUnit(typed) ? '' : typed;
   }
 
   /** The source with the choice of the dialog, or else the one of last time. */
@@ -391,25 +398,33 @@ class OpenDialog {
     }
   }
 
-  /** Opens a file of the folder as the dialog says, and remembers it for this file. */
-  async #read(source, name) {
+  /** Opens a file of the folder as the dialog says, and remembers it for this file once it is ready. */
+  #read(source, name) {
+    const { badUnit: unit } = this.#readings;
+    if (unit) {
+      this.#say(t('open.unit.bad', { unit }), true);
+      byId('open-unit').focus();
+      return;
+    }
     const reading = this.#readings.apply(source);
-    if (await this.open({ source: withReading(source, reading), name })) this.#readings.remember(reading);
+    this.open({ source: withReading(source, reading), name }, () => this.#readings.remember(reading));
   }
 
-  /** Loads a source, and shows it once it is ready. Returns whether the daemon takes it. named: it gets this name instead of that of its file. */
-  async open({ source, name, named = false }) {
+  /** Loads a source, and shows it once it is ready. named: it gets this name instead of that of its file. opened(): it is ready. */
+  async open({ source, name, named = false }, opened = () => {}) {
+    const { api, connection, notice, openVolume } = this.#app;
     try {
       this.#say(t('open.opening', { name }));
-      const volume = await this.#app.api.openVolume(named ? { source, name } : { source });
-      this.#recent.add({ source, name, named });
+      const volume = await api.openVolume(named ? { source, name } : { source });
       this.#dialog.close();
-      this.#app.openVolume(volume, this.#use);
-      return true;
+      openVolume(volume, this.#use);
+      whenReady(connection, volume.id).then(() => {
+        this.#recent.add({ source, name, named });
+        opened();
+      }, () => {}); // openVolume() says why
     } catch (error) {
       this.#say(error.message, true);
-      if (!this.#dialog.open) this.#app.notice.show(error.message, 'error', 'open');
-      return false;
+      if (!this.#dialog.open) notice.show(error.message, 'error', 'open');
     }
   }
 }

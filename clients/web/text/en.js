@@ -280,6 +280,7 @@ export default {
   'open.steps': 'time series of {count} files',
   'open.title': 'Open a volume',
   'open.unit': 'Unit',
+  'open.unit.bad': '“{unit}” is not a unit. Type one word of at most 31 bytes, such as mm or µm.',
   'open.unit.file': 'from file',
   'open.unit.title': 'Unit of the spacing, such as mm, in place of the one in the file',
   'open.unlisted': '{count} files or folders are not listed, because their names are not UTF-8. Rename them on the computer of the daemon, for example with convmv.',

@@ -68,6 +68,19 @@ async function serve(context, root) {
   return `127.0.0.1:${server.address().port}`;
 }
 
+/** A guest of the page's session, who may control it. */
+async function join(context, page) {
+  const { origin, searchParams } = new URL(daemon.url);
+  const id = await page.evaluate(() => window.splatd.session);
+  const answer = await fetch(`${origin}/api/v1/sessions/${id}`, { headers: { Authorization: `Bearer ${searchParams.get('token')}` } });
+  const { tokens } = await answer.json();
+  const guest = await openPage(browser);
+  context.after(() => guest.context.close());
+  await guest.page.goto(`${origin}/#session=${id}&token=${tokens.control}`);
+  await firstFrame(guest.page);
+  return guest;
+}
+
 const shows = (page, name) => page.locator('#volumes .pick[aria-current]', { hasText: name }).waitFor();
 const entries = (page) => page.locator('#open-list .name').allTextContents();
 
@@ -186,9 +199,15 @@ test('another field of the file is loaded and shown under the same camera', asyn
   assert.equal(await field.inputValue(), 'age');
   assert.deepEqual(await page.evaluate(() => window.splatd.camera.position), camera.position);
   await shot(page, 'open-field');
+  const guest = await join(context, page);
+  const named = guest.page.locator('#volume-field');
+  await named.waitFor();
+  assert.deepEqual([await named.inputValue(), await named.isDisabled()], ['age', true], 'a guest sees which field it is');
   // Back: the volume exists already.
   await field.selectOption('heat');
   await until(page, 'the first field', (s) => s.isIdle && s.volume === 'table');
+  await until(guest.page, 'the same', (s) => s.volume === 'table');
+  await guest.page.waitForFunction(() => document.getElementById('volume-field').value === 'heat');
   assert.equal(await page.locator('#volumes li').count(), 3);
   await page.locator('#volumes .pick', { hasText: 'phantom' }).click();
   await field.waitFor({ state: 'hidden' });
@@ -395,6 +414,29 @@ test('a failed load says why and is removed; closing the shown volume shows anot
   await shows(page, 'cube');
   await until(page, 'a picture again', (s) => s.state === 'live' && s.count > 0);
   assert.deepEqual(said.filter((text) => !/404/.test(text)), []);
+});
+
+test('a choice of the dialog is remembered for a file once it opened with it; what is no unit is refused', async (context) => {
+  const { page, said } = await open(context);
+  const row = page.locator('#open-list [data-name="cube.nrrd"]');
+  await page.click('#open-button');
+  await page.selectOption('#open-as', 'time');
+  await row.click();
+  await page.locator('#notice[data-tone="error"]', { hasText: 'cube' }).waitFor();
+  await page.click('#open-button');
+  assert.equal(await row.locator('.about').textContent(), '24 × 24 × 24 · uint8 · 14 kB', 'what failed is not remembered');
+  assert.ok(await page.locator('#open-recent').isHidden());
+  await page.fill('#open-unit', 'mm mm');
+  await row.click();
+  await page.locator('#open-said.complaint', { hasText: '“mm mm” is not a unit' }).waitFor();
+  await page.locator('#open-unit:focus').waitFor();
+  await page.fill('#open-unit', 'µm');
+  await row.click();
+  await shows(page, 'cube');
+  await page.click('#open-button');
+  assert.match(await row.locator('.about').textContent(), /µm$/);
+  await page.locator('#open-recent-list button', { hasText: 'cube.nrrd' }).waitFor();
+  assert.deepEqual(said, []);
 });
 
 test('a guest by a join link opens and closes nothing, and reads why; a phone shows the whole dialog', async (context) => {
