@@ -126,11 +126,17 @@ static size_t take_slopes(const struct sp_volume *volume, double *world, double 
     return n;
 }
 
-static bool are_one(const double *slopes, size_t n) {
-    const double most = 0.8;
+static int by_size(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* True if most of the sorted slopes are the same: distances, in any unit. */
+static bool are_even(const double *slopes, size_t n) {
+    const double most = 0.8, usual = slopes[n / 2];
     size_t good = 0;
     for (size_t i = 0; i < n; i++)
-        good += fabs(slopes[i] - 1) < 0.1;
+        good += fabs(slopes[i] - usual) < 0.1 * usual;
     return (double)good >= most * (double)n;
 }
 
@@ -145,28 +151,36 @@ static double share_outside(const struct sp_first_samples *s) {
     return all > 0 ? outside / all : 0.5;
 }
 
-bool sp_first_is_distance(const struct sp_volume *volume, const struct sp_first_samples *s) {
+bool sp_first_is_distance(const struct sp_volume *volume, const struct sp_first_samples *s,
+                          double *per_voxel) {
     enum { SLOPES = 1 << 14, SLOPES_MIN = 64 };
     const struct sp_volume_info *info = s->info;
-    const bool is_real = info->type == SP_FLOAT32 || info->type == SP_FLOAT64;
-    if (info->meaning != SP_MEANING_UNKNOWN)
-        return info->meaning == SP_MEANING_DISTANCE;
-    if (!is_real || !(info->range[0] < 0 && info->range[1] > 0) || info->whole.dims[0] ||
-        fabs(share_outside(s) - 0.5) < 0.4)
+    const bool is_known = info->meaning != SP_MEANING_UNKNOWN;
+    const double *spacing = info->grid.spacing;
+    *per_voxel = fmin(spacing[0], fmin(spacing[1], spacing[2]));
+    if (is_known && info->meaning != SP_MEANING_DISTANCE)
         return false;
-    double *slopes = malloc(2 * SLOPES * sizeof *slopes);
-    const size_t n = slopes ? take_slopes(volume, slopes, slopes + SLOPES, SLOPES) : 0;
-    const bool ok = n >= SLOPES_MIN && (are_one(slopes, n) || are_one(slopes + SLOPES, n));
+    if (!(info->range[0] < 0 && info->range[1] > 0) || info->whole.dims[0] ||
+        (!is_known && fabs(share_outside(s) - 0.5) < 0.4))
+        return is_known;
+    double *slopes = malloc(2 * SLOPES * sizeof *slopes), *index = slopes ? slopes + SLOPES : NULL;
+    const size_t n = slopes ? take_slopes(volume, slopes, index, SLOPES) : 0;
+    bool is_even = false;
+    if (n >= SLOPES_MIN) {
+        qsort(slopes, n, sizeof *slopes, by_size);
+        qsort(index, n, sizeof *index, by_size);
+        is_even = are_even(slopes, n) || are_even(index, n);
+        *per_voxel = index[n / 2] > 0 ? index[n / 2] : *per_voxel;
+    }
     free(slopes);
-    return ok;
+    return is_known || is_even;
 }
 
-void sp_first_show_distance(const struct sp_first_samples *s, struct sp_view *view) {
+void sp_first_show_distance(const struct sp_first_samples *s, double per_voxel,
+                            struct sp_view *view) {
     struct sp_transfer_function *tf = &view->transfer_function;
     const struct sp_volume_info *info = s->info;
-    const double *spacing = info->grid.spacing;
-    const double voxel = fmin(spacing[0], fmin(spacing[1], spacing[2]));
-    const double step = fmin(voxel, 0.25 * fmin(info->range[1], -info->range[0]));
+    const double step = fmin(per_voxel, 0.25 * fmin(info->range[1], -info->range[0]));
     const struct sp_layer surface = sp_layer_default(SP_LAYER_SURFACE);
     view->layers[0] = surface;
     view->layers[0].value = 0;

@@ -20,11 +20,14 @@ bool sp_first_is_signed(const struct sp_first_samples *samples);
  * point_count of *tf, whose reference length is set. */
 void sp_first_show_signed(const struct sp_first_samples *samples, struct sp_transfer_function *tf);
 
-/* True if the samples are distances from a closed surface at 0: the file says so, or their slope is
- * 1 nearly everywhere, per world unit or per voxel. */
-bool sp_first_is_distance(const struct sp_volume *volume, const struct sp_first_samples *samples);
+/* True if the samples are distances from a closed surface at 0, in any unit: the file says so, or
+ * their slope is the same nearly everywhere, per world unit or per voxel. *per_voxel is the
+ * usual slope, > 0. */
+bool sp_first_is_distance(const struct sp_volume *volume, const struct sp_first_samples *samples,
+                          double *per_voxel);
 
 /* The surface at 0 as a layer, and a transfer function that shows what lies inside. */
-void sp_first_show_distance(const struct sp_first_samples *samples, struct sp_view *view);
+void sp_first_show_distance(const struct sp_first_samples *samples, double per_voxel,
+                            struct sp_view *view);
 
 #endif

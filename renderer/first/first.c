@@ -66,9 +66,10 @@ static bool show(struct sp_view *view, const struct sp_volume *volume,
     if (sp_first_are_labels(volume) && sp_first_show_labels(volume, view))
         return false;
     const bool values_matter = sp_first_transfer(samples, &view->transfer_function);
-    if (!sp_first_is_distance(volume, samples))
+    double per_voxel;
+    if (!sp_first_is_distance(volume, samples, &per_voxel))
         return values_matter;
-    sp_first_show_distance(samples, view);
+    sp_first_show_distance(samples, per_voxel, view);
     return false;
 }
 

@@ -114,6 +114,7 @@ struct vtk_volume { /* a reader of either format */
     char other_real[PATH_MAX], other_folder[PATH_MAX];
 
     struct vtk_choice samples, vectors;
+    bool may_be_colored, are_colored;    /* the points are drawn in the colours of `samples` */
     enum vtk_home home;                  /* of these: the grid has points or cells */
     struct import_conversion conversion; /* of samples */
     int32_t first[3];                    /* of all pieces: the first point, and … */

@@ -5,6 +5,7 @@
  *   1 component              NAME
  *   3, unless colours        vectors NAME, and "magnitude", "NAME x" …
  *   others                   "NAME component 1" …, of colours "NAME red" …
+ *   colours of points        also "colors"
  *   of cells, beside points  the same with "NAME (cells)"
  */
 #include <stdio.h>
@@ -156,10 +157,36 @@ static void choose(struct vtk_volume *v, const struct names *n) {
         v->samples.entry = NULL;
 }
 
+static const char colors_field[] = "colors";
+
+static const struct vtk_entry *find_colors(const struct vtk_volume *v) {
+    for (size_t i = 0; i < v->entry_count && v->may_be_colored; i++)
+        if (v->entries[i].home == VTK_OF_POINTS && vtk_is_color(&v->entries[i]))
+            return &v->entries[i];
+    return NULL;
+}
+
+/* Points without scalars and vectors keep their colours; of others, the source may ask for them. */
+static void choose_colors(struct vtk_volume *v) {
+    const struct import_file *file = v->file;
+    const struct vtk_entry *colors = find_colors(v), *chosen = v->samples.entry;
+    const bool is_scalar = chosen && chosen->components == 1;
+    const bool is_asked = strcmp(file->field, colors_field) == 0 &&
+                          !(is_scalar && strcmp(chosen->name, colors_field) == 0);
+    const bool is_alone = !*file->field && !*file->vectors && !is_scalar && !v->vectors.entry;
+    if (!colors || !(is_asked || is_alone))
+        return;
+    v->are_colored = true;
+    v->samples = (struct vtk_choice){ colors, 0 };
+    v->vectors.entry = NULL;
+}
+
 static void name_chosen(const struct vtk_volume *v, const struct names *n,
                         struct import_header *header) {
     const struct vtk_entry *e = v->samples.entry;
-    if (e && e->components == 1)
+    if (v->are_colored)
+        import_name(header->value_name, colors_field);
+    else if (e && e->components == 1)
         name_array(n, e, header->value_name);
     else if (e)
         name_component(n, e, v->samples.component, header->value_name);
@@ -257,6 +284,7 @@ bool vtk_choose(struct vtk_volume *v, struct import_header *header, struct sp_er
         return false;
     v->home = find_home(&n);
     choose(v, &n);
+    choose_colors(v);
     name_chosen(v, &n, header);
     for (int components = 0; components < 2; components++) {
         for (size_t i = 0; i < v->entry_count; i++)
@@ -264,5 +292,7 @@ bool vtk_choose(struct vtk_volume *v, struct import_header *header, struct sp_er
         if (!components) /* what comes from vectors stands between them */
             use_vectors(v, header);
     }
+    if (find_colors(v) && !v->are_colored)
+        import_header_add_other(header, colors_field);
     return check_pieces(v, &v->samples, err) && check_pieces(v, &v->vectors, err);
 }

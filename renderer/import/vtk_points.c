@@ -5,6 +5,7 @@
  */
 #include <inttypes.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "import/derived.h"
@@ -78,6 +79,7 @@ bool vtk_points_open(struct vtk_volume *v, struct import_header *header, struct 
         return import_fail(err, SP_ERR_FORMAT, file->shown, v->grid_at, v->grid_name,
                            "the file ends without a Piece");
     v->home = VTK_OF_POINTS;
+    v->may_be_colored = v->set != VTK_STRUCTURED;
     if (!count_points(v, &count, err) || !check_positions(v, err) || !vtk_choose(v, header, err))
         return false;
     if (v->set == VTK_POLY && count > 0 && vtk_mesh_is_there(v) && !*file->field &&
@@ -86,11 +88,19 @@ bool vtk_points_open(struct vtk_volume *v, struct import_header *header, struct 
         return vtk_mesh_open(v, header, err);
     }
     const enum import_derived derived = header->derived;
-    import_header_use_elements(header,
-                               &(struct sp_elements_shape){ .kind = SP_KIND_POINTS,
-                                                            .count = (uint32_t)count,
-                                                            .has_vectors = v->vectors.entry });
+    import_header_use_elements(
+        header,
+        &(struct sp_elements_shape){ .kind = v->are_colored ? SP_KIND_GAUSSIANS : SP_KIND_POINTS,
+                                     .count = (uint32_t)count,
+                                     .has_vectors = v->vectors.entry });
     v->derived = derived;
+    if (v->are_colored) {
+        const struct import_number number = v->samples.entry->array.type->number;
+        header->are_colored_points = true;
+        header->color_most = import_number_is_whole(number) && number.size <= 2
+                                 ? 1 / import_number_color_scale(number)
+                                 : 0;
+    }
     if (v->set == VTK_STRUCTURED) {
         header->blocks = (const uint32_t(*)[3]) & v->dims;
         header->block_count = 1;
@@ -100,6 +110,26 @@ bool vtk_points_open(struct vtk_volume *v, struct import_header *header, struct 
                     "The pieces of the file do not fill the grid; points between them are not "
                     "drawn.");
     return count == 0 || check_streams(v, err);
+}
+
+static bool read_colors(struct vtk_volume *v, const struct sp_elements *e,
+                        struct import_progress rest, struct sp_error *err) {
+    const uint32_t count = e->shape.count;
+    float *values = malloc(count * sizeof *values);
+    bool ok = values || sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory for colours");
+    for (unsigned k = 0; ok && k < 3; k++) {
+        v->samples.component = k;
+        const struct vtk_stream color = { .choice = v->samples,
+                                          .conversion = float_conversion(v),
+                                          .out = (char *)values,
+                                          .progress = &rest };
+        ok = vtk_stream_read(v, &color, err);
+        for (uint32_t i = 0; ok && i < count; i++)
+            e->harmonics[3 * (size_t)i + k] = values[i];
+        rest.before += sizeof *values * (uint64_t)count;
+    }
+    free(values);
+    return ok;
 }
 
 bool vtk_read_elements(void *volume, const struct sp_elements *e,
@@ -130,6 +160,8 @@ bool vtk_read_elements(void *volume, const struct sp_elements *e,
             return false;
         rest.before += 3 * sizeof(float) * (uint64_t)count;
     }
+    if (v->are_colored)
+        return read_colors(v, e, rest, err);
     if (v->samples.entry) {
         const struct vtk_stream samples = { .choice = v->samples,
                                             .conversion = float_conversion(v),

@@ -11,9 +11,9 @@
  * numbers, and of CT scanners outside their circle. Fill values such as 1e20 lie so far away that
  * they need no list. Zero is a measurement. */
 static bool is_usual(double value) {
-    static const double known[] = { -9999,  -99999, -999,  -9999.9, -999.9,   -999.99,
-                                    -32768, -32767, 32767, 65535,   -2000,    -2048,
-                                    -3024,  -8192,  -1e4,  -1e5,    INT32_MIN };
+    static const double known[] = { -9999,   -99999, 9999,   99999, -999,     -9999.9, -999.9,
+                                    -999.99, -32768, -32767, 32767, 65535,    -2000,   -2048,
+                                    -3024,   -8192,  -1e4,   -1e5,  INT32_MIN };
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (fabs(value - known[i]) < 1e-6 * fabs(known[i])) /* as float */
             return true;

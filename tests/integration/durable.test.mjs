@@ -59,7 +59,9 @@ class Facts {
 const reads = (target, member = () => true) => async (daemon) => {
   for (;;) {
     const { status, json } = await daemon.json(`/api/v1/${target}`);
-    if (status !== 409) return status === 200 ? member(json) : null; // 409: the volume of the session is loading
+    if (status === 409) continue; // the volume of the session is loading
+    assert.ok([200, 404].includes(status), `${target}: ${status} ${JSON.stringify(json)}`);
+    return status === 200 ? member(json) : null;
   }
 };
 

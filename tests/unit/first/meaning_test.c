@@ -169,6 +169,14 @@ static double inside_out(double x, double y, double z) {
     return -ball_distance(x, y, z);
 }
 
+static double in_hundredths(double x, double y, double z) {
+    return round(100 * ball_distance(x, y, z));
+}
+
+static double in_thirties(double x, double y, double z) {
+    return ball_distance(x, y, z) / 30;
+}
+
 static double half_space(double x, double y, double z) {
     (void)y, (void)z;
     return x - 20;
@@ -176,16 +184,23 @@ static double half_space(double x, double y, double z) {
 
 static void distances_show_their_surface(void **state) {
     (void)state;
-    value_at *const values[] = { ball_distance, narrow_band, inside_out };
-    for (size_t i = 0; i < 3; i++) {
-        struct sp_volume *volume = make(SP_FLOAT32, SP_MEANING_UNKNOWN, values[i]);
+    static const struct {
+        enum sp_type type;
+        value_at *value;
+        double inside;
+    } cases[] = { { SP_FLOAT32, ball_distance, -2 },
+                  { SP_FLOAT32, narrow_band, -2 },
+                  { SP_FLOAT32, inside_out, 2 },
+                  { SP_INT16, in_hundredths, -200 },
+                  { SP_FLOAT32, in_thirties, -2 / 30.0 } };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct sp_volume *volume = make(cases[i].type, SP_MEANING_UNKNOWN, cases[i].value);
         const struct sp_view view = choose(volume);
         assert_int_equal(view.layer_count, 1);
         assert_int_equal(view.layers[0].type, SP_LAYER_SURFACE);
         assert_float_equal(view.layers[0].value, 0, 0);
-        const double inside = i == 2 ? 2 : -2;
-        assert_compare(opacity_of(&view, inside), >, 0.5);
-        assert_float_equal(opacity_of(&view, -inside), 0, 1e-6);
+        assert_compare(opacity_of(&view, cases[i].inside), >, 0.5);
+        assert_float_equal(opacity_of(&view, -cases[i].inside), 0, 1e-6);
         for (int a = 0; a < 3; a++)
             assert_float_equal(view.camera.target[a], (SIDE - 1) / 2.0, 1);
         sp_volume_unref(&volume);
@@ -285,6 +300,10 @@ static double with_mark(double x, double y, double z) {
     return x < 12 ? 1e20 : y < 12 ? -9999 : waves(x, y, z);
 }
 
+static double with_upper_mark(double x, double y, double z) {
+    return x < 12 ? 9999 : waves(x, y, z);
+}
+
 static void missing_values_are_transparent(void **state) {
     (void)state;
     struct sp_volume *volume = make(SP_FLOAT32, SP_MEANING_UNKNOWN, with_mark);
@@ -292,6 +311,11 @@ static void missing_values_are_transparent(void **state) {
     assert_float_equal(opacity_of(&view, 1e20), 0, 0);
     assert_float_equal(opacity_of(&view, -9999), 0, 0);
     assert_compare(opacity_of(&view, 45), >, 0.0005);
+    sp_volume_unref(&volume);
+    volume = make(SP_FLOAT32, SP_MEANING_UNKNOWN, with_upper_mark);
+    const struct sp_view other = choose(volume);
+    assert_float_equal(opacity_of(&other, 9999), 0, 0);
+    assert_compare(opacity_of(&other, 45), >, 0.0005);
     sp_volume_unref(&volume);
 }
 

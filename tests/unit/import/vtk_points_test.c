@@ -11,12 +11,17 @@
 #include "import/samples.h"
 #include "unit/import/support.h"
 
-static const struct sp_elements *points_of(const struct sp_volume *volume, uint32_t count) {
+static const struct sp_elements *elements_of(const struct sp_volume *volume, enum sp_kind kind,
+                                             uint32_t count) {
     const struct sp_elements *e = sp_volume_elements(volume);
     assert_non_null(e);
-    assert_int_equal(e->shape.kind, SP_KIND_POINTS);
+    assert_int_equal(e->shape.kind, kind);
     assert_int_equal(e->shape.count, count);
     return e;
+}
+
+static const struct sp_elements *points_of(const struct sp_volume *volume, uint32_t count) {
+    return elements_of(volume, SP_KIND_POINTS, count);
 }
 
 /* The point with value v lies at (v, v/2, -v). */
@@ -142,6 +147,48 @@ static void points_need_no_scalars(void **state) {
     sp_volume_unref(&volume);
 }
 
+static void points_without_scalars_keep_their_colors(void **state) {
+    static const char *const arrays[] = {
+        "COLOR_SCALARS rgb 3\n1 0 0 0 1 0.2\n",
+        "SCALARS rgb unsigned_char 3\nLOOKUP_TABLE default\n255 0 0 0 255 51\n",
+        "SCALARS rgb unsigned_char 4\nLOOKUP_TABLE default\n255 0 0 255 0 255 51 255\n",
+    };
+    const double constant = 0.28209479177387814; /* the harmonic of degree 0 */
+    (void)state;
+    for (size_t n = 0; n < sizeof arrays / sizeof *arrays; n++) {
+        write_text("c.vtk",
+                   "# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 2 float\n"
+                   "0 0 0 1 1 1\nPOINT_DATA 2\n%s",
+                   arrays[n]);
+        struct sp_volume *volume = load("c.vtk");
+        const struct sp_elements *e = elements_of(volume, SP_KIND_GAUSSIANS, 2);
+        for (uint32_t i = 0; i < 2; i++) {
+            const bool is_first = e->positions[i][0] < 0.5F;
+            const double wanted[3] = { is_first, !is_first, is_first ? 0 : 0.2 };
+            for (int k = 0; k < 3; k++)
+                assert_float_equal(0.5 + constant * (double)e->harmonics[3 * i + (uint32_t)k],
+                                   wanted[k], 1e-6);
+        }
+        assert_string_equal(sp_volume_info(volume)->value_name, "colors");
+        assert_string_equal(sp_volume_info(volume)->others[0], "rgb red");
+        sp_volume_unref(&volume);
+        volume = load("c.vtk?field=rgb green");
+        assert_float_equal(points_of(volume, 2)->values[0], 0, 0);
+        sp_volume_unref(&volume);
+    }
+    write_text("c.vtk",
+               "# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 2 float\n"
+               "0 0 0 1 1 1\nPOINT_DATA 2\nSCALARS heat float\nLOOKUP_TABLE default\n3 4\n%s",
+               arrays[0]);
+    struct sp_volume *volume = load("c.vtk"); /* scalars come first */
+    assert_float_equal(points_of(volume, 2)->values[0], 3, 0);
+    sp_volume_unref(&volume);
+    volume = load("c.vtk?field=colors");
+    elements_of(volume, SP_KIND_GAUSSIANS, 2);
+    assert_string_equal(sp_volume_info(volume)->others[0], "heat");
+    sp_volume_unref(&volume);
+}
+
 /* A sheared grid of 3×2×2 nodes whose last layer is folded back. */
 static void structured_grids_have_kernels_from_their_cells(void **state) {
     char positions[1024] = "", values[256] = "";
@@ -258,6 +305,7 @@ int main(void) {
         cmocka_unit_test(binary_legacy_points_are_read),
         cmocka_unit_test(xml_points_are_read),
         cmocka_unit_test(points_need_no_scalars),
+        cmocka_unit_test(points_without_scalars_keep_their_colors),
         cmocka_unit_test(structured_grids_have_kernels_from_their_cells),
         cmocka_unit_test(the_sample_grid_agrees_with_another_program),
         cmocka_unit_test(bad_files_are_refused),
