@@ -286,7 +286,7 @@ bool options_parse(struct options *options, int argc, char **argv) {
             return false;
         }
         if (id == '?') {
-            usage_error(given, "is not an option");
+            usage_error(given, "is not an option; a file of this name is given as ./NAME");
             return false;
         }
         if (!apply_option(options, id, optarg))

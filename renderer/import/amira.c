@@ -6,6 +6,8 @@
  *   define Lattice 4 3 2
  *   Parameters { BoundingBox 0 3 0 2 0 1, CoordType "uniform" }
  *   Lattice { byte Data } @1
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include <ctype.h>
 #include <errno.h>

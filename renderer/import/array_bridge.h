@@ -26,6 +26,8 @@ static inline bool array_names_complex(const char *real, const char *imaginary) 
 /* In place of the number of an array: the attributes of the file. */
 #define ARRAY_OF_FILE UINT_MAX
 
+enum { ARRAY_CHUNK_MAX = 256 << 20 }; /* bytes */
+
 struct array_info {              /* one array of a file */
     char name[ARRAY_NAME_BYTES]; /* the path: "/a/b" in HDF5, "a/b" or "b" in NetCDF and Zarr; "" =
                                     the file is this array */
@@ -36,11 +38,13 @@ struct array_info {              /* one array of a file */
     /* The arrays of the coordinates of dimensions; "" = the array with the name of the dimension.
      */
     char scales[IMPORT_RANK_MAX][ARRAY_NAME_BYTES];
-    bool is_scale;               /* it has the coordinates of a dimension */
-    bool is_alias;               /* another name of an array, or a link: read on demand only */
-    bool is_preferred;           /* the file names it as the one to show */
-    bool has_default_fill;       /* numbers that no program wrote have the fill value of NetCDF */
-    bool is_number;              /* its numbers can be read */
+    bool is_scale;         /* it has the coordinates of a dimension */
+    bool is_alias;         /* another name of an array, or a link: read on demand only */
+    bool is_preferred;     /* the file names it as the one to show */
+    bool has_default_fill; /* numbers that no program wrote have the fill value of NetCDF */
+    bool is_number;        /* its numbers can be read */
+    /* A chunk is packed, so that one read needs all of it: at most ARRAY_CHUNK_MAX bytes. */
+    bool is_packed;
     char problem[256];           /* if they cannot: why. With a rank, they are numbers, though */
     struct import_number number; /* as read() returns it */
 };

@@ -164,8 +164,9 @@ static bool fail_choice(const struct arrays *a, const char *text, struct sp_erro
             import_list_add(&list, found++ ? "; " : " ", one);
         }
     if (found == 0)
-        import_list_add(&list, " ", "no arrays of numbers");
-    import_list_end(&list);
+        return sp_fail(err, *a->file->field ? SP_ERR_NOT_FOUND : SP_ERR_UNSUPPORTED, a->shown,
+                       "the file has no arrays of numbers");
+    import_list_end(&list, false);
     return sp_fail(err, *a->file->field ? SP_ERR_NOT_FOUND : SP_ERR_UNSUPPORTED, a->shown, "%s",
                    text_and_list);
 }
@@ -197,6 +198,21 @@ static void warn_of_links(const struct arrays *a) {
         }
 }
 
+/* A packed chunk is unpacked as a whole, beside the samples. */
+static bool check_chunk(const struct arrays *a, struct sp_error *err) {
+    uint64_t bytes = a->info.number.size;
+    for (unsigned d = 0; d < a->info.rank && a->info.is_packed; d++) {
+        const uint64_t chunk = a->info.chunk[d] ? a->info.chunk[d] : 1;
+        if (chunk > ARRAY_CHUNK_MAX / bytes)
+            return arrays_fail(a, err, SP_ERR_UNSUPPORTED,
+                               "a chunk has more than %d MiB; write the array with smaller chunks, "
+                               "as h5repack -l CHUNK=16x64x64 and nccopy -c do",
+                               ARRAY_CHUNK_MAX >> 20);
+        bytes *= chunk;
+    }
+    return true;
+}
+
 bool arrays_choose(struct arrays *a, struct sp_error *err) {
     const char *field = wanted_of(a);
     const char *refusal = refusal_of(a);
@@ -226,13 +242,15 @@ bool arrays_choose(struct arrays *a, struct sp_error *err) {
     if (found == 0)
         return fail_choice(a,
                            *field ? "there is no such array; the file has"
-                                  : "the file has no array of numbers with samples; it has",
+                                  : "no array of the file has samples; it has",
                            err);
     if (found > 1 && !a->takes_first && !*field)
         return fail_choice(a, "choose one of the arrays, such as FILE.h5:/NAME:", err);
     if (!a->info.is_number)
         return arrays_fail(a, err, SP_ERR_UNSUPPORTED, "the array cannot be read: %s%s",
                            a->info.problem, *field ? "" : "; ?field=NAME reads another array");
+    if (!check_chunk(a, err))
+        return false;
     if (!*field)
         warn_of_links(a);
     for (unsigned d = 0; d < a->info.rank; d++)

@@ -58,6 +58,13 @@ bool sp_fail_missing(struct sp_error *err, const char *shown) {
             : "there is no such file");
 }
 
+void sp_tell_namer(struct sp_error *err, const char *namer) {
+    const size_t used = err ? strlen(err->text) : 0;
+    if (err && err->code == SP_ERR_NOT_FOUND)
+        snprintf(err->text + used, sizeof err->text - used,
+                 "; %.80s names it: put it there, or correct the name", namer);
+}
+
 static bool fail_errno(struct sp_error *err, int error, const char *shown, const char *what) {
     if (error == ENOENT || error == ENOTDIR)
         return sp_fail_missing(err, shown);

@@ -30,6 +30,9 @@ int sp_open_confined_folder(const char *root, const char *path, const char *show
  * Returns false. */
 bool sp_fail_missing(struct sp_error *err, const char *shown);
 
+/* After an error SP_ERR_NOT_FOUND of a file that another one names: adds the remedy. */
+void sp_tell_namer(struct sp_error *err, const char *namer);
+
 /* True if `real` lies below `root`; both are resolved. */
 bool sp_is_below(const char *root, const char *real);
 

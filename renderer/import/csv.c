@@ -3,6 +3,8 @@
  * Points in a text table: a line with the names of columns, then a line of numbers per point.
  * Fields are separated by what separates the names: a tab, a semicolon or a comma. They may be
  * quoted. Lines without characters are skipped, and an empty field is NaN.
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include <ctype.h>
 #include <inttypes.h>
@@ -204,7 +206,7 @@ static bool refuse_names(const struct csv *c, struct sp_error *err) {
     import_list_begin(&list, names, sizeof names);
     for (unsigned i = 0; i < c->count; i++)
         import_list_add(&list, i ? ", " : "", c->names[i][0] ? c->names[i] : "\"\"");
-    import_list_end(&list);
+    import_list_end(&list, false);
     return refuse(c, NULL, err,
                   "the first line must name columns x, y and z, separated by commas, semicolons or "
                   "tabs; it names %s. Write x, y and z for the coordinates",

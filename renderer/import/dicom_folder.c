@@ -98,7 +98,7 @@ static bool fail_unknown(const struct dicom_source *source, const struct dicom_s
     for (uint32_t n = 0; n < scan->stack_count; n++)
         if (scan->stacks[n].is_main)
             append_series(scan, n, &list);
-    import_list_end(&list);
+    import_list_end(&list, false);
     return sp_fail(err, SP_ERR_NOT_FOUND, source->file->shown,
                    "there is no series \"%.64s\"; there are: %s", source->file->selection.series,
                    text);
@@ -138,25 +138,27 @@ static bool choose(const struct dicom_source *source, const struct dicom_scan *s
 
 /* Warnings. */
 
+/* Of the folder, or of those that ?series= fits equally well. */
 static void warn_of_series(const struct dicom_source *source, const struct dicom_scan *scan,
                            uint32_t chosen) {
     enum { REST = 110 }; /* bytes of the sentences without the names */
     char shown[LIST] = "", others[SP_WARNING_BYTES] = "";
     struct import_list list;
     unsigned count = 0;
-    if (*source->file->selection.series)
-        return;
+    const char *wanted = source->file->selection.series;
+    const int matched = match(dicom_scan_image(scan, chosen), wanted);
     import_list_begin(&list, shown, sizeof shown);
     append_series(scan, chosen, &list);
     const size_t left = SP_WARNING_BYTES - REST, used = strlen(shown);
     import_list_begin(&list, others, used + 60 < left ? left - used : 60);
     for (uint32_t n = 0; n < scan->stack_count; n++)
         if (scan->stacks[n].is_main &&
-            !dicom_is_same_series(dicom_scan_image(scan, n), dicom_scan_image(scan, chosen))) {
+            !dicom_is_same_series(dicom_scan_image(scan, n), dicom_scan_image(scan, chosen)) &&
+            (!*wanted || match(dicom_scan_image(scan, n), wanted) == matched)) {
             append_series(scan, n, &list);
             count++;
         }
-    import_list_end(&list);
+    import_list_end(&list, false);
     if (count > 0)
         import_warn(source->file->warnings,
                     "This is series %s, the largest of %u. The others are %s. ?series= chooses by "
@@ -179,7 +181,7 @@ static void warn_of_stacks(const struct dicom_source *source, const struct dicom
         append(&list, "%.60s", name_of(source, found->name));
         count += found->image.frames;
     }
-    import_list_end(&list);
+    import_list_end(&list, false);
     if (count > 0)
         import_warn(source->file->warnings,
                     "Left out %u other %s of the series, whose size, kind, spacing, direction or "
@@ -195,11 +197,11 @@ static void warn_of_files(const struct dicom_source *source, const struct dicom_
         if (scan->images[i].is_copy)
             append(&list, "%.50s (of %.50s)", name_of(source, scan->images[i].name),
                    name_of(source, scan->images[scan->images[i].copy_of].name));
-    import_list_end(&list);
+    import_list_end(&list, false);
     import_list_begin(&list, damaged, sizeof damaged);
     for (uint32_t i = 0; i < scan->damaged.count; i++)
         append(&list, "%.130s", scan->damaged.names[i]);
-    import_list_end(&list);
+    import_list_end(&list, false);
     if (scan->copies > 0)
         import_warn(source->file->warnings,
                     "Left out %u %s with the same SOPInstanceUID or pixels: %s.", scan->copies,
@@ -230,7 +232,7 @@ static void warn_of_spaces(const struct dicom_source *source, const struct dicom
         append(&list, "%.60s", name_of(source, found->name));
         count++;
     }
-    import_list_end(&list);
+    import_list_end(&list, false);
     if (count > 0 && first->first.is_placed)
         import_warn(
             source->file->warnings,

@@ -72,7 +72,7 @@ static void keep_stack(struct dicom_slices *slices, const struct dicom_source *s
         if (n != best)
             import_list_add(&list, list.used ? ", " : "", one);
     }
-    import_list_end(&list);
+    import_list_end(&list, false);
     const struct dicom_frame kept = *stacks[best].first;
     dicom_slices_keep(slices, is_in_stack, &kept);
     if (slices->count < all)

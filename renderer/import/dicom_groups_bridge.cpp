@@ -269,8 +269,7 @@ void fill_values(const groups &in, dicom_frame &frame) {
         return;
     if (!type.empty() && type != "US" && type != "HU")
         dicom_copy(frame.unit, sizeof frame.unit, type);
-    else if ((type == "HU" || (type.empty() && (is_scaled || world.IsEmpty()))) &&
-             is_hounsfield(in, modality, type))
+    else if ((type == "HU" || (type.empty() && is_scaled)) && is_hounsfield(in, modality, type))
         dicom_copy(frame.unit, sizeof frame.unit, "HU");
     else if (modality == "PT")
         dicom_copy(frame.unit, sizeof frame.unit, unit_of_file(in.file));

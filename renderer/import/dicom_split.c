@@ -258,7 +258,7 @@ static void warn_of_fields(const struct dicom_slices *slices, const struct dicom
     for (unsigned n = 0; n < count; n++)
         if (n != chosen)
             import_list_add(&list, list.used ? ", " : "", names[n]);
-    import_list_end(&list);
+    import_list_end(&list, false);
     import_warn(source->file->warnings,
                 "The images of one place differ: \"%s\" is shown, %s left out (%s). ?field= "
                 "chooses.",

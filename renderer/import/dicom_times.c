@@ -192,7 +192,7 @@ static bool leave_out(struct times *t, struct dicom_slices *slices,
             dicom_slice_name(&slices->items[i], name);
             import_list_add(&list, list.used ? ", " : "", name);
         }
-    import_list_end(&list);
+    import_list_end(&list, false);
     dicom_slices_keep(slices, is_complete, t);
     import_warn(source->file->warnings, "Left out %u %s of %s: %s.", before - slices->count,
                 before - slices->count > 1 ? "images" : "image", what[t->rule], text);

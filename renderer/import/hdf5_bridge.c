@@ -225,6 +225,7 @@ static void look_at_storage(const struct hdf5 *h, struct array_info *info) {
     if (layout == H5D_VIRTUAL || H5Pget_external_count(list) > 0)
         hdf5_check_sources(h->place, h->file, list, info->problem, sizeof info->problem);
     const int filters = H5Pget_nfilters(list);
+    info->is_packed = filters > 0;
     for (int i = 0; i < filters && i < FILTERS_MAX; i++) {
         unsigned flags = 0;
         size_t count = 0;

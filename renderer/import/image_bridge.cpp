@@ -21,7 +21,9 @@ static void explain(char *why, size_t capacity, const std::string &text) {
     for (char &c : line)
         if (static_cast<unsigned char>(c) < 0x20)
             c = ' ';
-    snprintf(why, capacity, "%s", line.c_str());
+    static const char intro[] =
+        "OpenImageIO cannot read it, most likely because it is cut off or damaged: ";
+    snprintf(why, capacity, "%s%s", line.empty() ? "" : intro, line.c_str());
 }
 
 static image_bridge *open_file(const char *path, const char *format, char *why,

@@ -32,7 +32,7 @@ static const char *read_value(const char *at, const char *key, char *value, size
 }
 
 /* Reads what chooses the file's part or meaning, before its vectors and field. Returns the text
- * after it, or NULL if a value is wrong or there twice. */
+ * after it, or NULL if a value is wrong, too long, or there twice. */
 static const char *read_choices(const char *at, struct sp_source_parts *parts) {
     for (;;) {
         char level[8] = "";
@@ -50,8 +50,12 @@ static const char *read_choices(const char *at, struct sp_source_parts *parts) {
             i++;
         if (i == sizeof choices / sizeof *choices)
             return at;
+        const bool is_too_long = choices[i].value == parts->unit &&
+                                 strcspn(at + strlen(choices[i].key), "&") >= choices[i].size;
         const bool is_repeated = choices[i].value[0] || (i == 0 && parts->level >= 0);
-        at = is_repeated ? NULL : read_value(at, choices[i].key, choices[i].value, choices[i].size);
+        at = is_repeated || is_too_long
+                 ? NULL
+                 : read_value(at, choices[i].key, choices[i].value, choices[i].size);
         const size_t digits = strspn(level, "0123456789");
         if (!at || (i == 0 && (digits > 3 || level[digits])))
             return NULL;

@@ -250,13 +250,14 @@ static bool read_all(struct job *job, void *reader, char *memory, struct sp_erro
 }
 
 /* Writes ", NAME" for each name of a list. */
-static void list_names(const char (*names)[SP_FIELD_BYTES], int count, char *list, size_t size) {
+static void list_names(const char (*names)[SP_FIELD_BYTES], int count, bool has_more, char *list,
+                       size_t size) {
     struct import_list out;
     list[0] = 0;
     import_list_begin(&out, list, size);
     for (int i = 0; i < count && names[i][0]; i++)
         import_list_add(&out, ", ", names[i]);
-    import_list_end(&out);
+    import_list_end(&out, has_more);
 }
 
 /* Not every reader chooses among fields. */
@@ -266,13 +267,14 @@ static bool check_field(const struct job *job, struct sp_error *err) {
     char list[200], wanted[SP_FIELD_BYTES];
     import_name(wanted, job->file.field);
     if (*vectors && strcmp(vectors, h->vector_name) != 0) {
-        list_names((const char(*)[SP_FIELD_BYTES])h->other_vectors, SP_OTHER_VECTORS_MAX, list,
-                   sizeof list);
+        list_names((const char(*)[SP_FIELD_BYTES])h->other_vectors, SP_OTHER_VECTORS_MAX,
+                   h->has_more, list, sizeof list);
         return sp_fail(err, SP_ERR_NOT_FOUND, job->file.shown,
                        "there are no vectors \"%.60s\"; the file has %.60s%s", vectors,
                        h->vector_name[0] ? h->vector_name : "none of a name", list);
     }
-    list_names((const char(*)[SP_FIELD_BYTES])h->others, SP_OTHER_FIELDS_MAX, list, sizeof list);
+    list_names((const char(*)[SP_FIELD_BYTES])h->others, SP_OTHER_FIELDS_MAX, h->has_more, list,
+               sizeof list);
     return !*wanted || strcmp(wanted, h->value_name) == 0 ||
            sp_fail(err, SP_ERR_NOT_FOUND, job->file.shown,
                    "there is no field \"%.60s\" of scalars; the file has %.60s%s", wanted,
@@ -399,8 +401,8 @@ static int run(struct job *job) {
     }
     if (header->has_more)
         import_warn(job->file.warnings,
-                    "The file has more fields than are listed, %d and %d vectors; "
-                    "?field=NAME and ?vectors=NAME read any of them.",
+                    "The file has more fields than are listed, at most %d of scalars and %d of "
+                    "vectors; ?field=NAME and ?vectors=NAME read any of them.",
                     SP_OTHER_FIELDS_MAX, SP_OTHER_VECTORS_MAX);
     if (job->serves) {
         const int status = serve(job, reader);

@@ -1,4 +1,7 @@
-/* SPDX-License-Identifier: Apache-2.0 */
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Why this parser is our own: parsers.md.
+ */
 #include "import/mesh_builder.h"
 
 #include <math.h>

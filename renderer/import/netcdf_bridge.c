@@ -191,6 +191,9 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
         storage == NC_CHUNKED) {
         for (int d = 0; d < rank; d++)
             info->chunk[d] = chunk[d];
+        unsigned filter = 0;
+        info->is_packed =
+            nc_inq_var_filter(v->group, v->id, &filter, NULL, NULL) == NC_NOERR && filter > 0;
     }
     return true;
 }

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Tags and types: NetCDF Classic Format Specification (Unidata).
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include "import/netcdf_size.h"
 

@@ -82,7 +82,7 @@ static void name_layer(const struct nrrd_segments *s, unsigned layer, char name[
             else
                 import_list_add(&list, ", ", own);
         }
-    import_list_end(&list);
+    import_list_end(&list, false);
 }
 
 void nrrd_keys_name_layers(struct nrrd_segments *s, unsigned count) {

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Points with a scalar each in PLY files.
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include "import/number.h"
 #include "import/ply.h"

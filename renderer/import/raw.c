@@ -2,6 +2,8 @@
  *
  * Raw samples, described by a JSON file beside them (the sidecar; README.md lists its members).
  * Unknown members are refused.
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include <ctype.h>
 #include <errno.h>

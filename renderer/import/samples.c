@@ -88,6 +88,8 @@ static bool open_piece(const struct import_samples *s, size_t i, struct import_s
     fd = sp_open_confined(s->file->root, path, name, real, &size, err);
     if (fd >= 0)
         import_stream_open(stream, fd, true, name, size);
+    else
+        sp_tell_namer(err, s->file->shown);
     return fd >= 0;
 }
 

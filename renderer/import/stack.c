@@ -105,14 +105,14 @@ static bool is_same(const struct import_header *a, const struct import_header *b
            a->type == b->type && a->bits == b->bits && strcmp(a->value_name, b->value_name) == 0;
 }
 
-/* Writes "30 x 20 px of 4 bits, spacing 1 x 1 mm". */
+/* Writes "30 × 20 px of 4 bits, spacing 1 × 1 mm". */
 static void describe(const struct import_header *header, char *out, size_t size) {
     char bits[24];
     snprintf(bits, sizeof bits, "%u bits", header->bits);
-    snprintf(out, size, "%" PRIu32 " x %" PRIu32 " px of %s, spacing %.4g x %.4g %s",
+    snprintf(out, size, "%" PRIu32 " × %" PRIu32 " px of %s, spacing %.4g × %.4g%s%s",
              header->grid.dims[0], header->grid.dims[1],
              header->bits ? bits : sp_type_name(header->type), header->grid.spacing[0],
-             header->grid.spacing[1], header->unit);
+             header->grid.spacing[1], header->unit[0] ? " " : "", header->unit);
 }
 
 /* A file beside the one that was asked for is damaged. */

@@ -1,4 +1,7 @@
-/* SPDX-License-Identifier: Apache-2.0 */
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Why this parser is our own: parsers.md.
+ */
 #include "import/text.h"
 
 #include <errno.h>
@@ -81,7 +84,8 @@ bool import_text_skip(struct import_text *t, uint64_t words, const char *field,
             t->at++;
         if (c == -1)
             return import_fail(err, SP_ERR_FORMAT, t->file->shown, t->at, field,
-                               "the file ends %" PRIu64 " values before its end", words - i);
+                               "the file is cut off: %" PRIu64 " more values are expected",
+                               words - i);
         for (; c >= 0 && !is_space(c); c = import_text_peek(t, err))
             t->at++;
         if (c == -2)

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Field numbers and types: TIFF 6.0 (Adobe, 1992); BigTIFF: entries of 20 bytes, words of 8.
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include "import/tiff_file.h"
 

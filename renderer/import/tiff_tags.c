@@ -1,4 +1,7 @@
-/* SPDX-License-Identifier: Apache-2.0 */
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Why this parser is our own: parsers.md.
+ */
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

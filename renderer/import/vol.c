@@ -5,6 +5,8 @@
  *   grids of Mitsuba     "VOL", 3, int32 type, int32 dims[3], int32 channels, float box[6], numbers
  *   volumes of DGtal     "X: 64" … lines, a line ".", then bytes (Version 2) or zlib (Version 3)
  *   scans of VGStudio    ".vgi": a text that names the raw file and says what is in it
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include <inttypes.h>
 #include <math.h>

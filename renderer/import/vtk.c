@@ -1,4 +1,7 @@
-/* SPDX-License-Identifier: Apache-2.0 */
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Why this parser is our own: parsers.md.
+ */
 #include "import/vtk.h"
 
 #include <inttypes.h>
@@ -114,8 +117,10 @@ const struct import_file *vtk_open_file(struct vtk_volume *v, uint32_t number,
         return NULL;
     }
     v->other.fd = sp_open_confined(v->file->root, path, name, v->other_real, &v->other.size, err);
-    if (v->other.fd < 0)
+    if (v->other.fd < 0) {
+        sp_tell_namer(err, v->file->shown);
         return NULL;
+    }
     snprintf(v->other_folder, sizeof v->other_folder, "%s", v->other_real);
     *strrchr(v->other_folder, '/') = 0;
     v->other.folder = v->other_folder[0] ? v->other_folder : "/";
@@ -181,7 +186,7 @@ bool vtk_complete(struct vtk_volume *v, struct import_header *header, struct sp_
             "only; %s",
             *v->file->field ? v->file->field : v->file->vectors, remedy);
     if (v->cells.text)
-        import_list_end(&v->cells);
+        import_list_end(&v->cells, false);
     if (v->cell_names[0])
         import_warn(v->file->warnings, "The data of cells (%s) are not read; %s.",
                     v->cell_names + 2, remedy);

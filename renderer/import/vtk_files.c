@@ -41,7 +41,7 @@ static void warn_of_blocks(const struct vtk_volume *v, const struct vtk_xml_name
     import_list_begin(&list, text, sizeof text);
     for (uint32_t i = 1; i < names->count; i++)
         import_list_add(&list, i > 1 ? ", " : "", names->files[i]);
-    import_list_end(&list);
+    import_list_end(&list, false);
     import_warn(v->file->warnings,
                 "Only the first of %u blocks, %.60s, is read. Open the others by their files: %s.",
                 names->count, names->files[0], text);

@@ -3,6 +3,8 @@
  * Legacy VTK files: five lines of text, then keywords. Each keyword is followed by its numbers,
  * as words or as big-endian bytes. open() skips arrays by their size; read() goes back to the
  * arrays of the volume.
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include <ctype.h>
 #include <inttypes.h>

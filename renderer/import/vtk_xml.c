@@ -9,6 +9,8 @@
  *           └► AppendedData: here parsing stops
  *
  * Of a parallel or composite data set, the elements name other files.
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include <errno.h>
 #include <expat.h>

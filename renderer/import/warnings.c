@@ -32,8 +32,11 @@ void import_list_add(struct import_list *list, const char *before, const char *n
                                    before, name);
 }
 
-void import_list_end(struct import_list *list) {
-    if (list->left_out)
+void import_list_end(struct import_list *list, bool has_more) {
+    if (has_more)
+        snprintf(list->text + list->used, list->capacity - list->used,
+                 list->used ? " and others" : "others");
+    else if (list->left_out)
         snprintf(list->text + list->used, list->capacity - list->used,
                  list->used ? " and %u more" : "%u", list->left_out);
 }

@@ -42,7 +42,7 @@ void import_list_begin(struct import_list *list, char *text, size_t capacity);
 /* Adds a name after `before`, such as ", ". */
 void import_list_add(struct import_list *list, const char *before, const char *name);
 
-/* Says how many did not fit. */
-void import_list_end(struct import_list *list);
+/* Says how many did not fit; if `has_more`, there are others that were not added. */
+void import_list_end(struct import_list *list, bool has_more);
 
 #endif

@@ -2,6 +2,8 @@
  *
  * Zarr v2 and v3, plain or OME-Zarr 0.4 and 0.5: a folder, of which the file that is open is one
  * with metadata. Chunks are read one by one.
+ *
+ * Why this parser is our own: parsers.md.
  */
 #include "import/zarr.h"
 
@@ -96,7 +98,7 @@ static bool choose_channel(struct zarr *z, struct import_header *header, struct 
         for (unsigned i = 0; i < count; i++)
             import_list_add(&list, i ? ", " : " ",
                             image->names[i][0] ? image->names[i] : "one channel without a name");
-        import_list_end(&list);
+        import_list_end(&list, false);
         return sp_fail(err, SP_ERR_NOT_FOUND, z->store->shown, "%s", text);
     }
     import_name(header->value_name, image->names[chosen]);

@@ -1,4 +1,7 @@
-/* SPDX-License-Identifier: Apache-2.0 */
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Why this parser is our own: parsers.md.
+ */
 #include "import/zarr_node.h"
 
 #include <stdarg.h>

@@ -152,7 +152,7 @@ static void forget_failed(struct srv_catalog *catalog, struct srv_volume *v) {
  * reference is taken over; NULL = the load failed. */
 static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct sp_volume *volume,
                      const struct sp_error *err) {
-    char id[SP_NAME_BYTES];
+    char id[SP_NAME_BYTES], reason[SP_ERROR_PLACE + SP_ERROR_TEXT + 4] = "";
     pthread_mutex_lock(&catalog->notify_mutex);
     pthread_mutex_lock(&catalog->mutex);
     v->is_loading = false; /* from here on srv_catalog_remove() frees the entry */
@@ -170,6 +170,8 @@ static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct s
             forget_failed(catalog, v);
     }
     memcpy(id, v->id, sizeof id);
+    if (!volume)
+        snprintf(reason, sizeof reason, "%s%s%s", err->place, err->place[0] ? ": " : "", err->text);
     double fraction = v->progress;
     /* The entry may be removed by another thread as soon as the mutex is free. */
     char *upload = was_stopped ? NULL : srv_catalog_upload_to_close(catalog, v);
@@ -183,7 +185,7 @@ static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct s
     if (was_removed)
         srv_catalog_entry_free(v);
     else
-        notify(catalog, id, volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED, fraction, err->text);
+        notify(catalog, id, volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED, fraction, reason);
     pthread_mutex_unlock(&catalog->notify_mutex);
 }
 

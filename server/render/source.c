@@ -101,6 +101,14 @@ static char *resolve_file(const char *source, const char *pointer, const char *d
     char *path = *selection ? strndup(source, length) : copy(source, err), *key = NULL;
     char *real = path ? resolve_name(path, pointer, data, err) : NULL;
     free(path);
+    const char *query = strrchr(source, '?');
+    if (!real && pointer && err && err->code == SP_ERR_NOT_FOUND && !*selection && query &&
+        strchr(query, '=')) {
+        const size_t used = strlen(err->text);
+        snprintf(err->text + used, sizeof err->text - used,
+                 "; behind '?' may stand level=, series=, as=, unit=, vectors= and field=, once "
+                 "each, with a value, the last two at the end");
+    }
     if (!real || !*selection)
         return real;
     if (asprintf(&key, "%s%s", real, selection) < 0)

@@ -58,6 +58,14 @@ def check_hdf5(tool):
         file.create_group('VTKHDF').attrs['Type'] = numpy.bytes_('ImageData')
         file['VTKHDF/PointData/s'] = ramp(SHAPE, 'f4')
     tool.refused(tool.path('image.vtkhdf'), 'VTKHDF', '.vti')
+    with h5py.File(tool.path('chunk.h5'), 'w') as file:  # never written, so the file is small
+        file.create_dataset('d', (80, 1024, 1024), 'f4', chunks=(80, 1024, 1024), compression='gzip')
+    tool.refused(tool.path('chunk.h5'), 'a chunk has more than 256 MiB', 'h5repack')
+    with netCDF4.Dataset(tool.path('chunk.nc'), 'w') as file:
+        for axis, size in zip('zyx', (80, 1024, 1024)):
+            file.createDimension(axis, size)
+        file.createVariable('v', 'f4', tuple('zyx'), zlib=True, chunksizes=(80, 1024, 1024))
+    tool.refused(tool.path('chunk.nc'), 'a chunk has more than 256 MiB')
     tool.refused(f"{tool.path('image.vtkhdf')}:/VTKHDF/PointData/s", 'VTKHDF')
     os.truncate(path, os.path.getsize(path) // 2)
     tool.refused(path, 'HDF5 cannot open')

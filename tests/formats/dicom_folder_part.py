@@ -180,6 +180,11 @@ def check_unnamed_series(tool):
             one.add(f'{i}{z}.dcm', z, i)
     warned(tool, folder, f'MR …{both[1].uid[-12:]} (3 images)', f'MR …{both[0].uid[-12:]} (2 images)', 'UID.')
     whole(tool, f'{folder}?series={both[0].uid[-12:]}', count=2)
+    twins = tool.path('twins')  # of the same number
+    for i in range(2):
+        Series(tool, f'twins-{i}', twins, SeriesNumber=1, SeriesDescription='AB'[i]).add(f'{i}.dcm', 0)
+    warned(tool, f'{twins}?series=1', 'the largest of 2', '"B"')
+    silent(tool, f'{twins}?series=A')
     many = tool.path('many')
     for i in range(9):
         Series(tool, f'many-{i}', many, SeriesNumber=i, SeriesDescription=f'Long name & number {i} of Ü & T1*').add(f'{i}.dcm', 0)

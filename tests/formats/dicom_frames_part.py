@@ -63,7 +63,7 @@ def check_places(tool):
     stack = files.stack(6)
     for name, order in (('shuffled', (3, 0, 5, 1, 4, 2)), ('falling', (5, 4, 3, 2, 1, 0)), ('rising', range(6))):
         path = files.enhanced(tool.path(f'{name}.dcm'), [stack[i] for i in order])
-        check_world(tool, path, stack, value_unit='HU', spacing=[0.7, 0.5, 2.0], unit='mm', anatomy='LPS')
+        check_world(tool, path, stack, value_unit='', spacing=[0.7, 0.5, 2.0], unit='mm', anatomy='LPS')
     check_world(tool, tool.path('falling.dcm'), stack, origin=[5, 6, 10], direction=[1, 0, 0, 0, 1, 0, 0, 0, -1])
     check_world(tool, tool.path('shuffled.dcm'), stack, origin=[5, 6, 0], direction=[1, 0, 0, 0, 1, 0, 0, 0, 1])
     sagittal = files.stack(5, along=((0, 1, 0), (0, 0, -1)), step=(3, 0, 0), slopes=(1, 2, 0.5, 3, 7))

@@ -165,6 +165,8 @@ def main():
             if missing:
                 tool.skipped.append(f'{part}: not installed: {", ".join(missing)} (deploy/test.sh installs them)')
                 continue
+            tool.folder = os.path.join(folder, part)
+            os.mkdir(tool.folder)
             importlib.import_module(part).check(tool)
         if not any('not installed' in reason for reason in tool.skipped):
             tool.check_page('--write-page' in sys.argv)

@@ -373,6 +373,9 @@ def check_hounsfield(tool):
         shared.PixelValueTransformationSequence = [values]
         data.save_as(path)
         says(tool, path, value_unit=unit)
+        del shared.PixelValueTransformationSequence  # numbers of the scanner
+        data.save_as(path)
+        says(tool, path, value_unit='')
 
 
 def check_missing(tool):

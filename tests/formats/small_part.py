@@ -196,7 +196,7 @@ def check_png(tool):
         values = samples(kind, (4, 16))
         SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), path)
         tool.typed('PNG', kind, path, values[None], 'as SimpleITK writes it')
-    for kind, dtype in (('RGB', 'uint16'), ('RGBA', 'uint8')):
+    for kind, dtype in (('RGB', 'uint8'), ('RGB', 'uint16'), ('RGBA', 'uint8')):
         colours = samples(dtype, (1, 4, 16, len(kind)))
         SimpleITK.WriteImage(SimpleITK.GetImageFromArray(colours[0], isVector=True), path)
         tool.typed('PNG', kind, f'{path}?field={COLOURS[len(kind) - 1]}', colours[..., -1])

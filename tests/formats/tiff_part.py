@@ -262,7 +262,7 @@ def check_values(tool):
         tifffile.imwrite(path, ramp((count, 4, 5), 'u1'), metadata={'axes': 'CYX'}, photometric='minisblack')
         for field in ('', '?field=channel 17'):
             tool.equal(path + field, ramp((count, 4, 5), 'u1')[16:17] if field else ramp((count, 4, 5), 'u1')[:1],
-                       warned='more fields than are listed, 16' if count == 18 else '')
+                       warned='more fields than are listed, at most 16' if count == 18 else '')
     many = ramp((7, 32, 48), 'u2')
     tifffile.imwrite(path, many, photometric='minisblack', planarconfig='separate', **plain)
     tool.layout('TIFF', 'more than 4 samples per pixel', f'{path}?field=channel 6', many[5:6], result='fields channel 1, channel 2, …')
@@ -418,7 +418,7 @@ def check_beside(tool):
     data = ramp((3, 8, 9), 'u1') % 4
     first, _ = write('beside1.tif', data[0]), write('beside2.tif', data[1])
     write('beside3.tif', data[2, :4])
-    tool.layout('TIFF', 'numbered files beside it', first, data[:2], result='those like it are slices, with a warning', warned='beside3.tif (9 x 4 px')
+    tool.layout('TIFF', 'numbered files beside it', first, data[:2], result='those like it are slices, with a warning', warned='beside3.tif (9 × 4 px')
     tool.layout('TIFF', 'numbered files beside it, ?as=slice', f'{first}?as=slice', data[:1], result='the file alone', warned='')
     tool.equal(tool.path('beside3.tif'), data[2:, :4], warned='beside1.tif')
     for bits in (2, 4):
@@ -426,7 +426,7 @@ def check_beside(tool):
         tool.equal(first, data[:2], warned=f'of {bits} bits')
         tool.equal(tool.path('beside3.tif'), data[2:], warned='of 8 bits')
     write('beside3.tif', data[2], resolution=(10, 10), resolutionunit='inch')
-    tool.equal(first, data[:2], warned='spacing 2.54 x 2.54 mm')
+    tool.equal(first, data[:2], warned='spacing 2.54 × 2.54 mm')
     multi = write('multi1.tif', data)
     tool.refused(f'{multi}?as=slice', 'not a single slice')
 

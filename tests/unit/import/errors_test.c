@@ -267,8 +267,15 @@ static void lists_and_descriptors_are_written_for_readers(void **state) {
     import_list_begin(&list, text, sizeof text);
     for (int i = 0; i < 10; i++)
         import_list_add(&list, i ? ", " : " ", "a name");
-    import_list_end(&list);
+    import_list_end(&list, false);
     assert_string_equal(text, "has a name, a name, a name, a name and 6 more");
+    import_list_begin(&list, text, sizeof text);
+    import_list_end(&list, true);
+    assert_non_null(strstr(text, " and others"));
+    write_text("alone.mhd", "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\n"
+                            "ElementType = MET_UCHAR\nElementDataFile = gone.raw\n");
+    load_error("alone.mhd", SP_ERR_NOT_FOUND, "gone.raw",
+               "alone.mhd names it: put it there, or correct the name");
     import_hide_descriptors(path);
     assert_string_equal(path, "cannot open the file: the file is short");
 }

@@ -131,9 +131,9 @@ static void files_that_differ_are_left_out(void **state) {
     uint8_t rows[2 * NX * NY] = { 0 };
     write_slice("w1.png", 1);
     write_png("w2.png", NX + 1, 1, 8, rows);
-    check_warning("w1.png", 1, "w2.png (7 x 5 px of uint8");
+    check_warning("w1.png", 1, "w2.png (7 × 5 px of uint8");
     write_png("w2.png", NX, 1, 16, rows);
-    check_warning("w1.png", 1, "w2.png (6 x 5 px of uint16");
+    check_warning("w1.png", 1, "w2.png (6 × 5 px of uint16");
     write_slice("w3.png", 3);
     check_warning("w1.png", 2, "1 of 3 numbered files were left out");
     check("w1.png", 2, (const int[]){ 1, 3 });
