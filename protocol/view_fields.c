@@ -240,6 +240,8 @@ static const struct proto_field slices_fields[] = {
     { "position", PROTO_FIELD_DOUBLE, .columns = 3, AT(slices.position) },
     { "normal", PROTO_FIELD_DOUBLE, .columns = 3, AT(slices.normal) },
     { "window", PROTO_FIELD_OBJECT, .group = &window },
+    { "colors", PROTO_FIELD_ENUM, AT(slices.colors),
+      NAMES("grey", "transfer_function", "viridis", "inferno", "cividis", "turbo", "blue-red") },
 };
 static const struct proto_group slices = GROUP(slices_fields);
 

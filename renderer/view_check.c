@@ -490,6 +490,7 @@ static bool check_edits(const struct sp_view *view, struct sp_error *err) {
 static bool check_slices(const struct sp_view *view, struct sp_error *err) {
     const struct sp_slices *s = &view->slices;
     if (!check_choice(s->mode, SP_SLICES_OBLIQUE, "/slices/mode", err) ||
+        !check_choice(s->colors, SP_SLICE_BLUE_RED, "/slices/colors", err) ||
         !check_position(s->position, "/slices/position", err) ||
         !check_finite3(s->normal, "/slices/normal", err) ||
         !check_range(s->center, -DBL_MAX, DBL_MAX, err, "/slices/window/center") ||

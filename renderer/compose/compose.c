@@ -7,6 +7,7 @@
 
 #include "compose/quad.h"
 #include "frame/resolve.h"
+#include "volume/slice_colors.h"
 
 /* The image so far: transmittance and premultiplied colour. */
 struct image {
@@ -86,8 +87,6 @@ static uint32_t trim(const float *row, uint32_t *begin, uint32_t end) {
 static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     const struct image *p = user;
-    const struct sp_slices *slices = &p->job->view->slices;
-    const double window[2] = { slices->center, slices->width };
     double values[SP_INTERPOLATE_RUN], coverage[SP_INTERPOLATE_RUN];
     for (uint32_t y = p->low[1] + (uint32_t)begin; y < p->low[1] + end; y++) {
         float *to = row_of(p->sum, y);
@@ -100,10 +99,11 @@ static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
                 float *px = &to[4 * (at + i)];
                 if (isnan(values[i]))
                     continue;
-                float grey = (float)sp_window_grey(values[i], window);
+                double rgb[3];
+                sp_slice_color(p->job->view, values[i], rgb);
                 float covered = (float)coverage[i];
                 for (int c = 0; c < 3; c++)
-                    px[c] += px[3] * covered * grey;
+                    px[c] += px[3] * covered * (float)rgb[c];
                 px[3] *= 1 - covered;
             }
         }

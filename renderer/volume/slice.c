@@ -12,6 +12,7 @@
 #include "volume/grid.h"
 #include "volume/interpolate.h"
 #include "volume/missing.h"
+#include "volume/slice_colors.h"
 
 static enum sp_type interpolated_type(enum sp_type type) {
     return type == SP_INT32 || type == SP_FLOAT64 ? SP_FLOAT64 : SP_FLOAT32;
@@ -205,29 +206,11 @@ void sp_slice_sample(const struct sp_volume *volume, const struct sp_slice *slic
         }
 }
 
-/* The colour of a value that is not NaN, between the points of a transfer function. */
-static void find_color(const struct sp_transfer_function *tf, double value, double rgb[3]) {
-    uint32_t low = 0, high = tf->point_count - 1;
-    while (high - low > 1) {
-        uint32_t middle = low + (high - low) / 2;
-        if (tf->points[middle].value <= value)
-            low = middle;
-        else
-            high = middle;
-    }
-    const struct sp_tf_point *a = &tf->points[low], *b = &tf->points[high];
-    double half_span = b->value * 0.5 - a->value * 0.5; /* half: the span may overflow */
-    double t = half_span > 0 ? (value * 0.5 - a->value * 0.5) / half_span : 0;
-    t = t < 0 ? 0 : t > 1 ? 1 : t;
-    for (int c = 0; c < 3; c++)
-        rgb[c] = (1 - t) * (double)a->color[c] + t * (double)b->color[c];
-}
-
 static void draw_pixel(double value, const double window[2],
                        const struct sp_transfer_function *colors, uint8_t px[4]) {
     double rgb[3] = { 0 };
     if (!isnan(value) && colors)
-        find_color(colors, value, rgb);
+        sp_points_color(colors, value, rgb);
     else if (!isnan(value))
         rgb[0] = rgb[1] = rgb[2] = sp_window_grey(value, window);
     for (int c = 0; c < 3; c++)

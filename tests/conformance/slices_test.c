@@ -3,7 +3,7 @@
  * Slices in the image against a closed form: in a medium of constant extinction σ and colour c, the
  * ray that meets its first slice after the length L in the volume shows
  *
- *   c·(1 − e^−σL) + e^−σL·grey        grey = the window of a linear field
+ *   c·(1 − e^−σL) + e^−σL·s        s = the colour of a linear field: its window in grey or in a map
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,6 +22,7 @@
 #include "support/image.h"
 #include "support/medium.h"
 #include "support/render.h"
+#include "volume/slice_colors.h"
 
 enum { SIDE = TEST_MEDIUM_SIDE };
 
@@ -59,17 +60,20 @@ static int expect(const struct test_medium *s, double x, double y, double rgb[3]
         slice = find_slice(s, from, along, t, &axis);
     if (test_medium_cut(s, from, along, true, inside))
         depth = fmax(fmin(inside[1], slice) - inside[0], 0);
-    double through = exp(-s->sigma * depth), grey = 0;
+    double through = exp(-s->sigma * depth), shown[3] = { 0 };
     if (isfinite(slice)) {
         double p[3];
         for (int r = 0; r < 3; r++)
             p[r] = from[r] + slice * along[r];
         const struct sp_slices *w = &s->view.slices;
-        grey = fmin(fmax((test_medium_value(p) - w->center) / w->width + 0.5, 0), 1);
+        shown[0] = fmin(fmax((test_medium_value(p) - w->center) / w->width + 0.5, 0), 1);
+        shown[1] = shown[2] = shown[0];
+        if (w->colors != SP_SLICE_GREY)
+            sp_slice_color(&s->view, test_medium_value(p), shown);
     }
     for (int c = 0; c < 3; c++)
         rgb[c] = (1 - through) * (double)test_medium_color[c] +
-                 through * (isfinite(slice) ? grey : (double)s->view.background[c]);
+                 through * (isfinite(slice) ? shown[c] : (double)s->view.background[c]);
     return axis;
 }
 
@@ -168,6 +172,15 @@ static void an_oblique_slice_splits_the_volume(void **state) {
         memcpy(s.view.slices.normal, (double[3]){ -2, 3, 1.5 }, sizeof s.view.slices.normal);
         check(&s, projection ? "oblique, orthographic" : "oblique, perspective");
     }
+}
+
+static void slices_show_a_colour_map(void **state) {
+    (void)state;
+    struct test_medium s;
+    test_medium_init(&s, SP_PERSPECTIVE);
+    s.view.slices.mode = SP_SLICES_ORTHOGONAL;
+    s.view.slices.colors = SP_SLICE_BLUE_RED;
+    check(&s, "blue to red");
 }
 
 /* From behind, and from inside of the volume. */
@@ -270,6 +283,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(orthogonal_slices_split_the_volume),
         cmocka_unit_test(an_oblique_slice_splits_the_volume),
+        cmocka_unit_test(slices_show_a_colour_map),
         cmocka_unit_test(slices_are_seen_from_everywhere),
         cmocka_unit_test(the_clip_cuts_the_volume_but_not_the_slices),
         cmocka_unit_test(a_slice_beside_the_volume_draws_nothing),

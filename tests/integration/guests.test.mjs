@@ -125,7 +125,7 @@ test('a hibernated session tells guests the same after it resumes', async (conte
   const other = await Daemon.start(['--volume', 'demo:engine?size=16', '--volume', 'demo:phantom?size=16', '--sessions', '1', '--state', path.join(folder, 'small')], { backend: 'null' });
   context.after(() => other.stop());
   for (const id of ['engine', 'phantom']) await other.loaded(id);
-  const slices = { mode: 'oblique', in_3d: true, planes: { i: true, j: false, k: true }, position: [3, 4, 5], normal: [0, 0.6, 0.8], window: { center: 50, width: 20 } };
+  const slices = { mode: 'oblique', in_3d: true, planes: { i: true, j: false, k: true }, position: [3, 4, 5], normal: [0, 0.6, 0.8], window: { center: 50, width: 20 }, colors: 'viridis' };
   const { id, tokens: { view: token }, view } = await other.session({ volume: 'phantom', layers: [{ type: 'volume' }, { type: 'surface', value: 0.2 }], slices });
   assert.equal((await other.post(`/api/v1/sessions/${id}/measures`, { kind: 'marker', points: [[1, 2, 3]] })).status, 201);
   const all = async () => Promise.all(['', '/volumes', '/volumes/phantom', '/volumes/phantom/view', '/measures'].map(async (rest) => {

@@ -258,6 +258,7 @@ static struct sp_view random_view(uint64_t *seed) {
     if (v.shading.light_count == 0)
         memset(v.shading.lights, 0, sizeof v.shading.lights);
     v.slices.mode = (enum sp_slice_mode)uniform(seed, 0, 2.9);
+    v.slices.colors = (enum sp_slice_colors)uniform(seed, 0, 6.9);
     v.slices.in_3d = uniform(seed, 0, 1) < 0.5;
     v.slices.planes[1] = uniform(seed, 0, 1) < 0.5;
     v.slices.position[1] = uniform(seed, -1e3, 1e3);

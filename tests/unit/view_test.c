@@ -213,6 +213,7 @@ static void ranges_are_checked(void **state) {
     REFUSED(clip.planes[0].normal[2], 0, "/clip/planes/0/normal");
     REFUSED(clip.plane_count, 9, "/clip/planes");
     REFUSED(slices.mode, (enum sp_slice_mode)3, "/slices/mode");
+    REFUSED(slices.colors, (enum sp_slice_colors)7, "/slices/colors");
     REFUSED(slices.position[2], NAN, "/slices/position/2");
     REFUSED(slices.normal[2], 0, "/slices/normal");
     REFUSED(slices.center, INFINITY, "/slices/window/center");

@@ -255,10 +255,9 @@ export class Pane {
     context.fillRect(0, 0, width, height);
     if (!this.slice) return;
     const { meta, values } = this.slice;
-    const window = this.#slices.window;
     const known = this.#painted;
     const channels = this.#slices.channels.map(({ id, points }) => ({ points, slice: this.#sliceOf(id) }));
-    const key = channels.length ? JSON.stringify(channels.map(({ points, slice }) => [points, slice?.meta])) : `${window.center} ${window.width} ${this.#slices.shades.key}`;
+    const key = channels.length ? JSON.stringify(channels.map(({ points, slice }) => [points, slice?.meta])) : this.#slices.look.key;
     const isMixed = channels.some(({ slice }, i) => slice && known?.channels?.[i] !== slice);
     if (known?.slice !== this.slice || known.key !== key || isMixed) {
       const canvas = known?.canvas ?? new OffscreenCanvas(1, 1);
@@ -266,7 +265,7 @@ export class Pane {
       const image = new ImageData(...meta.shape);
       const pixels = new Uint32Array(image.data.buffer);
       if (channels.length) paintChannels(channels.filter(({ slice }) => String(slice?.meta.shape) === String(meta.shape)).map(lightOf), pixels);
-      else paintSlice(values, window, pixels, this.#slices.shades.values);
+      else paintSlice(values, this.#slices.look.window, pixels, this.#slices.look.shades);
       canvas.getContext('2d').putImageData(image, 0, 0);
       this.#painted = { canvas, slice: this.slice, key, channels: channels.map(({ slice }) => slice) };
     }

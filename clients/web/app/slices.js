@@ -3,11 +3,10 @@
 // all participants share; layout and zoom belong to this window.
 //
 // app.slices for other features: `panes` (by id), layer(draw) for all of them, `position`, setPosition(world), `grid`; event change.
-import { MAP_NAMES, colorOfStops, tableOf } from '../core/color_maps.js';
 import { Emitter } from '../core/emitter.js';
 import { dataText, numberText, roundValue, unitName } from '../core/lengths.js';
 import { anatomyOf, frameOf } from '../core/orientation.js';
-import { GREYS, defaultWindow, shadesOf } from '../core/slice_image.js';
+import { defaultWindow, lookOf } from '../core/slice_image.js';
 import { SliceCache, askUntil } from '../core/slice_loader.js';
 import { finestGrid, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from '../core/slices.js';
 import { t } from '../core/text.js';
@@ -35,8 +34,7 @@ class Slices extends Emitter {
   #begun = true; // the layout follows what the volume wants, once
   #home = null; // the volume's default camera, which tells what is up where the file does not
   #line = null; // {normal, from, to}: where moves along a normal began, and the position that the last one set
-  #colors = 'grey';
-  #shades = { key: '', values: GREYS };
+  #look = null;
   grid = null;
   panes = new Map();
   lines = new SliceLines(this);
@@ -58,8 +56,6 @@ class Slices extends Emitter {
     const names = kinds.map(({ name }) => name);
     shortcuts.add('l', () => layout.set(names[(names.indexOf(layout.current) + 1) % names.length]), t('slices.layout.next'), 'grid');
     if (names.includes(storage.recall('layout'))) layout.set(storage.recall('layout'));
-    const colors = storage.recall('slice-colors');
-    if (colors === 'transfer' || MAP_NAMES.includes(colors)) this.#colors = colors;
     this.#app.transfer.onShow(() => this.update());
     layout.on('change', (name) => {
       storage.remember('layout', name);
@@ -80,29 +76,21 @@ class Slices extends Emitter {
   get normal() { return this.shared.normal; }
   get window() { return this.shared.window; }
   get unit() { return unitName(this.#app.viewer.volume?.unit); }
-  /** How this window colours slices: 'grey', 'transfer' (the colours of the transfer function) or the name of a colour map. */
-  get colors() { return this.#colors; }
-  set colors(name) {
-    this.#colors = name;
-    this.#app.storage.remember('slice-colors', name);
-    this.update();
-  }
+  /** How slices show values: 'grey', 'transfer_function' or the name of a colour map. */
+  get colors() { return this.shared.colors ?? 'grey'; }
   /** The visible channels [{id ('' = the volume), points}, …]; empty without channels. */
   get channels() {
     const list = this.#app.channels?.list ?? [];
     return list.length < 2 ? [] : list.filter(({ isVisible, points }) => isVisible && points).map(({ key, index, points }) => ({ id: index < 0 ? '' : key, points }));
   }
-  /** The colours of the window's values, see shadesOf(), and a key that changes with them. */
-  get shades() {
-    const { center, width } = this.window;
-    const points = this.#colors === 'transfer' ? this.#app.viewer.view?.transfer_function?.points ?? [] : [];
-    const key = JSON.stringify([this.#colors, points, points.length ? [center, width] : 0]);
-    if (key !== this.#shades.key) {
-      const stops = points.map(({ value, color }) => [value, color]);
-      const map = !stops.length && this.#colors !== 'grey' && this.#colors !== 'transfer' ? tableOf(this.#colors) : null;
-      this.#shades = { key, values: stops.length ? shadesOf((at) => colorOfStops(stops, center + (at - 0.5) * width)) : map ? shadesOf((at) => colorOfStops(map, at)) : GREYS };
-    }
-    return this.#shades;
+  /** {key, window, shades}, see lookOf(); the key changes with them. */
+  get look() {
+    const { colors, window } = this;
+    const points = this.#app.viewer.view.transfer_function?.points ?? [];
+    const known = points.length || colors !== 'transfer_function' ? colors : 'grey';
+    const key = JSON.stringify([known, known === 'transfer_function' ? points : window]);
+    if (key !== this.#look?.key) this.#look = { key, ...lookOf(known, window, points) };
+    return this.#look;
   }
   /** Tells the value under the pointer to the status line; '' = none. */
   tellValue(text) { this.#app.status.setValue(text); }

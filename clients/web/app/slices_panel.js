@@ -41,9 +41,9 @@ export function installSection({ panel, slices, viewer, layout }) {
   const shownRow = make('div', { class: 'buttons', id: 'slices-planes', role: 'group', 'aria-label': t('slices.in3d.planes'), title: t('slices.in3d.planes'), 'data-pointer': '/slices/planes' }, ...shown);
   const places = [0, 1, 2].map(() => make('input', { type: 'number', step: 'any' }));
   const values = FIELDS.map(([name, label]) => make('input', { id: `slices-${name}`, type: 'number', step: 'any', 'aria-label': t(label) }));
-  const colors = make('select', { id: 'slices-colors', title: t('slices.colors.title') }, ...['grey', 'transfer', ...MAP_NAMES.filter((name) => name !== 'grey')].map((value) => (
-    make('option', { value, text: ['grey', 'transfer'].includes(value) ? t(`slices.colors.${value}`) : t(`map.${value}`) }))));
-  colors.addEventListener('change', () => { slices.colors = colors.value; });
+  const colors = make('select', { id: 'slices-colors', title: t('slices.colors.title') }, ...['grey', 'transfer_function', ...MAP_NAMES.filter((name) => name !== 'grey')].map((value) => (
+    make('option', { value, text: ['grey', 'transfer_function'].includes(value) ? t(`slices.colors.${value}`) : t(`map.${value}`) }))));
+  colors.addEventListener('change', ({ timeStamp }) => slices.change({ colors: colors.value }, timeStamp));
   const align = make('button', { id: 'slices-align', text: t('slices.align'), title: t('slices.align.title'), press: ({ timeStamp }) => slices.alignWithView(timeStamp) });
   const reset = make('button', { id: 'slices-reset', text: t('slices.reset'), title: t('slices.reset.title'), press: ({ timeStamp }) => slices.reset(timeStamp) });
   const row = (label, pointer, ...controls) => make('div', { class: 'row', 'data-pointer': pointer },

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The values of a slice, as the daemon answers them (format=raw), and how they become grey.
+// The values of a slice, as the daemon answers them (format=raw), and how they become colours.
+import { colorOfStops, tableOf } from './color_maps.js';
 
 const ARRAYS = {
   uint8: Uint8Array, int8: Int8Array, uint16: Uint16Array, int16: Int16Array, int32: Int32Array, float32: Float32Array, float64: Float64Array,
@@ -29,6 +30,20 @@ export const shadesOf = (colorAt) => Uint32Array.from({ length: SHADES }, (_, i)
 
 /** The shades of grey. */
 export const GREYS = shadesOf((at) => [at, at, at]);
+
+/**
+ * How a view shows the values of slices: {window: {center, width}, shades}. colors: `slices.colors` of the view; points: of its transfer function,
+ * whose opacity does not count.
+ */
+export function lookOf(colors, window, points) {
+  if (colors === 'transfer_function') {
+    const [low, high] = [points[0].value, points.at(-1).value];
+    const width = high > low ? high - low : 1;
+    const stops = points.map(({ value, color }) => [value, color]);
+    return { window: { center: low / 2 + high / 2, width }, shades: shadesOf((at) => colorOfStops(stops, low + at * width)) };
+  }
+  return { window, shades: colors === 'grey' ? GREYS : shadesOf((at) => colorOfStops(tableOf(colors), at)) };
+}
 
 /** Adds the light of several channels [{values, window: {center, width}, shades}, …], all of one size. NaN adds nothing. */
 export function paintChannels(channels, pixels) {

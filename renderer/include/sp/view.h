@@ -276,6 +276,17 @@ enum sp_slice_mode {
     SP_SLICES_ORTHOGONAL, /* three planes through the position, along the axes of the grid */
     SP_SLICES_OBLIQUE     /* one plane through the position */
 };
+/* How slices show values: in grey or in a colour map over the window, or in the colours of the
+ * transfer function, whatever its opacity. */
+enum sp_slice_colors {
+    SP_SLICE_GREY,
+    SP_SLICE_TRANSFER_FUNCTION,
+    SP_SLICE_VIRIDIS,
+    SP_SLICE_INFERNO,
+    SP_SLICE_CIVIDIS,
+    SP_SLICE_TURBO,
+    SP_SLICE_BLUE_RED
+};
 /* Slices of the volume (sp/slice.h) that clients show beside the image, and in it. A slice in the
  * image is opaque, reaches to the borders of the volume whatever the clip is, and hides what is
  * behind it; the volume in front of it is drawn as always. Pixels on a border are covered in part.
@@ -287,8 +298,9 @@ struct sp_slices {           /* "/slices" */
     bool planes[3];          /* orthogonal: draw the slice across this axis of the grid [true] */
     double position[3];      /* world [the volume's centre] */
     double normal[3];        /* of the oblique slice, world, any length but 0 [z] */
-    double center, width;    /* "window": values from black to white; width > 0
-                                [sp_slice_default_window()] */
+    double center, width;    /* "window": values from black to white, or from the first to the last
+                                colour of the map; width > 0 [sp_slice_default_window()] */
+    enum sp_slice_colors colors; /* [grey] */
 };
 
 struct sp_time {   /* "/time" */

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
+import { MAP_NAMES, tableOf } from '../../../clients/web/core/color_maps.js';
 import { anatomyOf, frameOf } from '../../../clients/web/core/orientation.js';
-import { paintChannels, paintSlice, readSlice, shadesOf, valueAt } from '../../../clients/web/core/slice_image.js';
+import { GREYS, lookOf, paintChannels, paintSlice, readSlice, shadesOf, valueAt } from '../../../clients/web/core/slice_image.js';
 import {
   Grid, cutLine, directionName, finestGrid, fitPane, imageTransform, moveAlong, obliquePlane, orthogonalPlanes, paneOf, pixelAt, reachAlong, sliceQuery, turnNormal,
 } from '../../../clients/web/core/slices.js';
@@ -162,6 +164,30 @@ test('values become grey in a window, and what is not a number stays transparent
   assert.deepEqual([...pixels].map((px) => [px & 255, px >>> 8 & 255, px >>> 16 & 255]), [[255, 0, 0], [255, 0, 0], [255, 127, 0], [255, 128, 0], [255, 255, 0], [0, 0, 0]]);
   for (const header of [null, '{}', '{"shape":[3,2],"type":"float64","endianness":"little"}', '{"shape":[3,2],"type":"float32","endianness":"big"}']) {
     assert.throws(() => readSlice(header, bytes), /not a slice/);
+  }
+});
+
+test('slices show values in grey or a map over the window, or as the transfer function whatever the window', () => {
+  const window = { center: 50, width: 100 };
+  const points = [{ value: 0, color: [1, 0, 0], opacity: 0 }, { value: 1000, color: [0, 0, 1], opacity: 0.1 }];
+  const paint = (colors, values, some = points) => {
+    const pixels = new Uint32Array(values.length);
+    const look = lookOf(colors, window, some);
+    paintSlice(new Float32Array(values), look.window, pixels, look.shades);
+    return [...pixels].map((pixel) => (pixel >>> 0).toString(16));
+  };
+  assert.equal(lookOf('grey', window, points).shades, GREYS);
+  assert.deepEqual(paint('viridis', [-9, 0, 100, 900, NaN]), ['ff540144', 'ff540144', 'ff25e7fd', 'ff25e7fd', '0']);
+  assert.deepEqual(paint('transfer_function', [-9, 0, 1000, 2000]), ['ff0000ff', 'ff0000ff', 'ffff0000', 'ffff0000']);
+  assert.deepEqual(paint('transfer_function', [-9, 5], points.slice(0, 1)), ['ff0000ff', 'ff0000ff']);
+});
+
+test('the daemon draws slices in the picture with the same maps', () => {
+  const source = readFileSync(new URL('../../../renderer/volume/slice_colors.c', import.meta.url), 'utf8');
+  for (const name of MAP_NAMES.filter((one) => one !== 'grey')) {
+    const found = new RegExp(`SP_SLICE_${name.toUpperCase().replace('-', '_')}\\] = \\{([^}]*)\\}`).exec(source)[1];
+    const colors = found.match(/[0-9a-f]{6}/g).map((text) => [0, 2, 4].map((at) => parseInt(text.slice(at, at + 2), 16) / 255));
+    assert.deepEqual(colors, tableOf(name).map(([, color]) => color), name);
   }
 });
 

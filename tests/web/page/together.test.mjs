@@ -95,7 +95,15 @@ test('guests see what the host sees, whatever changes and whenever they join', a
   await press(page, '#slices-planes button:nth-child(2)');
   await set(page, '[data-pointer="/slices/position"] input', '20');
   await set(page, '#slices-width', '80');
+  await set(page, '#slices-colors', 'viridis');
   await compareAll('slices');
+  for (const { page: each } of [host, watcher]) {
+    await until(each, 'a slice in colours', () => {
+      const canvas = document.querySelector('#pane-axial canvas');
+      const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+      return data.some((part, i) => i % 4 === 0 && Math.abs(part - data[i + 2]) > 60);
+    });
+  }
   await set(page, '#slices-mode', 'oblique');
   await press(page, '#slices-align');
   await compareAll('an oblique slice');
