@@ -2,7 +2,7 @@
 // The section "Channels": the volume and other volumes on its grid in one picture, each with a colour and a window of its own. Channels are
 // layers of the view (layers.js), so undo and redo are those of the layers.
 import {
-  channelSources, channelsLeft, colorOf, colorsFor, moveEnd, paint, rampOf, shownTogether, signalWindow, whyNoChannels, windowOf, windowsFor,
+  channelSources, channelsLeft, colorOf, colorsFor, isRgb, moveEnd, paint, rampOf, shownTogether, signalWindow, whyNoChannels, windowOf, windowsFor,
 } from '../core/channels.js';
 import { showsVolume, isChannel } from '../core/layers.js';
 import { isProjection } from '../core/projection.js';
@@ -26,6 +26,7 @@ export function install(app) {
 /** What the rows show and change: the volume, and the layers of type channel. */
 class Channels {
   #app; volumes;
+  #wanted = ''; // the id of a volume that shows its own colours, if it has some, once it is shown
 
   constructor(app) {
     this.#app = app;
@@ -83,6 +84,18 @@ class Channels {
     const { connection, layers, mayOpen, viewer } = this.#app;
     if (!viewer.volume) return [];
     return channelSources(viewer.volume, connection.volumes, layers.list).filter((source) => mayOpen || source.volume);
+  }
+
+  /** Mixes red, green and blue of a volume, if it has them, as soon as the picture shows it. */
+  showColors(id) { this.#wanted = id; }
+
+  /** True once if fields of the volume are wanted in their colours. */
+  takeWish(fields) {
+    const { layers, viewer } = this.#app;
+    const { volume } = viewer;
+    if (!this.#wanted || volume?.id !== this.#wanted || !viewer.isReady || !layers.isEditable) return false;
+    this.#wanted = '';
+    return this.list.length === 1 && isRgb([volume.fields?.[0]?.name ?? '', ...fields.map(({ field }) => field)]);
   }
 
   get left() { return channelsLeft(this.#app.layers.list); }
@@ -218,6 +231,7 @@ class ChannelsSection {
     this.#body.closest('details').hidden = !isOn;
     if (!isOn) return;
     this.#body.toggleAttribute('inert', !layers.isEditable);
+    if (this.#channels.takeWish(this.#fields)) this.#channels.add(this.#fields, true);
     const key = JSON.stringify(channels.map((channel) => [channel.key, channel.index, channel.name]));
     if (key !== this.#key) {
       this.#key = key;

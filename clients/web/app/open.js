@@ -430,8 +430,12 @@ class OpenDialog {
 }
 
 /** Returns app.openVolume(volume, use), which calls use(volume) as soon as the volume is ready; by default the picture shows it. */
-function useWhenReady({ connection, viewer, notice }) {
-  const show = ({ id }) => viewer.selectVolume(id);
+function useWhenReady(app) {
+  const { connection, viewer, notice } = app;
+  const show = ({ id }) => {
+    app.channels.showColors(id);
+    viewer.selectVolume(id);
+  };
   let wanted = null; // {id, use}
 
   function look(volumes) {

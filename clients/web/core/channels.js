@@ -41,7 +41,7 @@ export function colorsFor(names, used) {
 }
 
 /** True if the names are those of a picture in colours: red, green and blue. */
-const isRgb = (names) => PRIMARIES.every((color) => names.some((name) => lastWord(name) === color));
+export const isRgb = (names) => PRIMARIES.every((color) => names.some((name) => lastWord(name) === color));
 
 /** Fields that are shown together: all but the opacity of a picture in colours, which would veil it. own: the name of the volume's field. */
 export const shownTogether = (own, fields) => (isRgb([own, ...fields]) ? fields.filter((name) => lastWord(name) !== 'alpha') : fields);

@@ -27,8 +27,15 @@ function cells() {
     Buffer.from([...Array(N ** 3).keys()].map((i) => Math.round(valueAt(i % N, Math.floor(i / N) % N, Math.floor(i / N / N))))), Buffer.from('\n')])]);
 }
 
+/** An NRRD file of colours: red grows along x, green along y, blue along z. */
+function colors(side = 12) {
+  const bytes = Array.from({ length: side ** 3 }, (_, i) => [i % side, Math.floor(i / side) % side, Math.floor(i / side / side)]).flat().map((at) => at * 20);
+  return Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 4\nsizes: 3 ${side} ${side} ${side}\nkinds: RGB-color domain domain domain\nencoding: raw\n\n`), Buffer.from(bytes)]);
+}
+
 const folder = mkdtempSync(path.join(tmpdir(), 'splatd-channels-'));
 writeFileSync(path.join(folder, 'cells.vtk'), cells());
+writeFileSync(path.join(folder, 'colors.nrrd'), colors());
 const { browser, daemon } = await share(
   () => startDaemon(['--data', folder, '--volume', path.join(folder, 'cells.vtk'), '--volume', 'demo:noise?size=8', '--backend', 'cpu', '--control-time', '600']),
   () => rmSync(folder, { recursive: true }));
@@ -196,6 +203,28 @@ test('the controls of a channel: numbers, opacity and the curve; undo takes all 
   await rest(page);
   await page.reload();
   await until(page, 'the channels again', (s) => s.state === 'live' && s.view.layers.length === 3 && document.querySelectorAll('#channel-list li').length === 3);
+  assert.deepEqual(said, []);
+});
+
+test('a file of colours opens in them: each field in its own, with one window', async (context) => {
+  const { page, said } = await visit(context, browser, daemon.url, LARGE);
+  await page.click('#open-button');
+  await page.locator('#open-list [data-name="colors.nrrd"]').click();
+  await until(page, 'the channels', (s) => s.view.layers.length === 3);
+  await rest(page);
+  const { layers, transfer_function: own } = await viewOf(page);
+  assert.deepEqual([own, ...layers.slice(1)].map(({ points }) => points.at(-1).color), [[1, 0, 0], [0, 1, 0], [0, 0, 1]]);
+  assert.equal(new Set([own, ...layers.slice(1)].map(({ points }) => JSON.stringify(points.map(({ value }) => value)))).size, 1, 'one window');
+  assert.deepEqual(await page.locator('#channel-list .layer-name').allTextContents(), ['red', 'green', 'blue']);
+  await shot(page, 'channels-colors');
+  // Another view of the volume is left alone.
+  await page.locator('#channel-list li', { hasText: 'blue' }).getByRole('button', { name: 'Remove' }).click();
+  await until(page, 'one less', (s) => s.view.layers.length === 2);
+  await page.click('#open-button');
+  await page.locator('#open-list [data-name="cells.vtk"]').click();
+  await until(page, 'cells', (s) => s.volume === 'cells' && s.isIdle);
+  await rest(page);
+  assert.equal((await viewOf(page)).layers.length, 1, 'other fields are not colours');
   assert.deepEqual(said, []);
 });
 
