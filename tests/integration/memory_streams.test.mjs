@@ -46,9 +46,9 @@ async function counted() {
 }
 
 let made = 0;
-async function sessionOf(name) {
+async function sessionOf(name, side = SIDE) {
   made += 1; // each session has an image of its own
-  const { status, json } = await daemon.post('/api/v1/sessions', { view: { size: [SIDE, SIDE], shading: { mode: 'none' }, camera: { fov_y: 20 + made / 100 } } }, { token: TOKENS[name] });
+  const { status, json } = await daemon.post('/api/v1/sessions', { view: { size: [side, side], shading: { mode: 'none' }, camera: { fov_y: 20 + made / 100 } } }, { token: TOKENS[name] });
   assert.equal(status, 201, JSON.stringify(json));
   return json;
 }
@@ -62,15 +62,15 @@ async function finalWidth(name, token) {
   return width;
 }
 
-/** Opens at most so many streams of greedy, until() is true, that read no more than their first frame. Resolves to their connections. */
+/** Opens at most so many streams of greedy, until() is true, that read until their view is at rest in a small size, then ask for large frames and read no more. Resolves to their connections. */
 async function stopReading(most, until) {
   const idle = [];
   while (idle.length < most && !until()) {
-    const raw = await Raw.webSocket(daemon, await sessionOf('greedy'));
-    send(raw, 'stream.configure', LOSSLESS);
-    const { payload } = await raw.until(() => raw.frames().find(({ opcode }) => opcode === 2), 'the first frame, a small one');
-    send(raw, 'stream.ack', { frame: decodeFrame(payload).frame }); // otherwise no large one might follow
+    const raw = await Raw.webSocket(daemon, await sessionOf('greedy', 32));
+    const last = () => raw.frames().filter(({ opcode }) => opcode === 2).map(({ payload }) => decodeFrame(payload)).find(({ flags }) => flags & FINAL);
+    send(raw, 'stream.ack', { frame: (await raw.until(last, 'a small final frame')).frame });
     raw.socket.pause();
+    send(raw, 'stream.configure', { ...LOSSLESS, size: [SIDE, SIDE] });
     idle.push(raw);
   }
   return idle;
