@@ -262,10 +262,12 @@ static float clamp(float x, float low, float high) {
     return x < low ? low : x > high ? high : x;
 }
 
+/* Values rise, or fall if the samples are mirrored. */
 static void add_point(const struct sp_first_samples *s, struct sp_transfer_function *tf, double bin,
                       const float color[3], float opacity) {
-    double value = sp_first_value(s, bin);
-    if (tf->point_count && !(value > tf->points[tf->point_count - 1].value))
+    const double value = sp_first_value(s, bin);
+    const double last = tf->point_count ? tf->points[tf->point_count - 1].value : NAN;
+    if (s->low < s->high ? value <= last : value >= last)
         return;
     struct sp_tf_point *p = &tf->points[tf->point_count++];
     p->value = value;
@@ -415,7 +417,54 @@ static void hide_missing(const struct sp_volume_info *info, struct sp_transfer_f
     }
 }
 
-bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_function *tf) {
+/* True if nearly all faces show the highest values alone: the background of a microscope in bright
+ * field, or a mark for missing data that is not far from the others. */
+static bool are_surroundings_bright(const struct sp_first_samples *s) {
+    int faces = 0, bright = 0;
+    for (int f = 0; f < 6; f++)
+        if (total_of(s->faces[f])) {
+            faces++;
+            bright += quantile(s->faces[f], 0.2) > BINS - BINS / 8;
+        }
+    /* Values below are rare in the surroundings, and what there is of them is the object. */
+    return faces >= 4 && bright >= faces - 1 && quantile(s->histogram, 0.005) < BINS / 2;
+}
+
+static void reverse(uint64_t counts[BINS]) {
+    for (int b = 0; b < BINS / 2; b++) {
+        const uint64_t other = counts[b];
+        counts[b] = counts[BINS - 1 - b];
+        counts[BINS - 1 - b] = other;
+    }
+}
+
+/* Makes the highest values the lowest ones. False if there is no memory for the bins, which the
+ * caller frees. */
+static bool mirror(const struct sp_first_samples *s, struct sp_first_samples *mirrored) {
+    const size_t n = (size_t)s->count[0] * s->count[1] * s->count[2];
+    *mirrored = *s;
+    mirrored->low = s->high;
+    mirrored->high = s->low;
+    mirrored->bins = malloc(n * sizeof *mirrored->bins);
+    for (size_t i = 0; mirrored->bins && i < n; i++)
+        mirrored->bins[i] =
+            s->bins[i] == SP_FIRST_NONE ? SP_FIRST_NONE : (uint16_t)(BINS - 1 - s->bins[i]);
+    reverse(mirrored->histogram);
+    for (int f = 0; f < 6; f++)
+        reverse(mirrored->faces[f]);
+    return mirrored->bins != NULL;
+}
+
+static void reverse_points(struct sp_transfer_function *tf) {
+    for (uint32_t i = 0; i < tf->point_count / 2; i++) {
+        const struct sp_tf_point other = tf->points[i];
+        tf->points[i] = tf->points[tf->point_count - 1 - i];
+        tf->points[tf->point_count - 1 - i] = other;
+    }
+}
+
+/* Fills the points. True if values matter more than light. */
+static bool choose_points(const struct sp_first_samples *s, struct sp_transfer_function *tf) {
     const bool is_coarse = s->info->whole.dims[0] > 0;
     const double *spacing = is_coarse ? s->info->whole.spacing : s->info->grid.spacing;
     struct classes c;
@@ -434,8 +483,21 @@ bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_func
         add_field(s, &c, &look, tf);
     else
         add_points(s, &c, &look, tf);
-    hide_missing(s->info, tf);
     return look.colors != warm;
+}
+
+bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_function *tf) {
+    struct sp_first_samples mirrored;
+    bool values_matter;
+    if (!sp_first_is_signed(s) && are_surroundings_bright(s) && mirror(s, &mirrored)) {
+        values_matter = choose_points(&mirrored, tf);
+        reverse_points(tf);
+        free(mirrored.bins);
+    } else {
+        values_matter = choose_points(s, tf);
+    }
+    hide_missing(s->info, tf);
+    return values_matter;
 }
 
 void sp_first_extinction(const struct sp_first_samples *samples,

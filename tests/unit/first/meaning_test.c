@@ -43,7 +43,7 @@ static struct sp_volume *make(enum sp_type type, enum sp_meaning meaning, value_
         if (type == SP_FLOAT32)
             ((float *)voxels)[i] = (float)v;
         else
-            ((uint16_t *)voxels)[i] = (uint16_t)v;
+            ((uint16_t *)voxels)[i] = (uint16_t)(int32_t)v; /* or int16_t */
     }
     struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, capacity, release, NULL);
     assert_non_null(volume);
@@ -319,6 +319,24 @@ static void missing_values_are_transparent(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* A cell in bright field: dark in a white surrounding. */
+static double dark_ball(double x, double y, double z) {
+    const double waves_of_it = 10 * sin(x) * cos(y + z);
+    return radius(x, y, z) < 15 ? 120 + waves_of_it : 245 + waves_of_it;
+}
+
+static void bright_surroundings_are_transparent(void **state) {
+    (void)state;
+    struct sp_volume *volume = make(SP_UINT16, SP_MEANING_UNKNOWN, dark_ball);
+    const struct sp_view view = choose(volume);
+    const struct sp_transfer_function *tf = &view.transfer_function;
+    assert_float_equal(opacity_of(&view, 245), 0, 0);
+    assert_compare(opacity_of(&view, 115), >, 0.005);
+    for (uint32_t i = 1; i < tf->point_count; i++)
+        assert_compare(tf->points[i].value, >, tf->points[i - 1].value);
+    sp_volume_unref(&volume);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(labels_have_colours_of_their_own),
@@ -331,6 +349,7 @@ int main(void) {
         cmocka_unit_test(the_camera_stands_outside),
         cmocka_unit_test(a_cut_face_is_turned_away),
         cmocka_unit_test(missing_values_are_transparent),
+        cmocka_unit_test(bright_surroundings_are_transparent),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
