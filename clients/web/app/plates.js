@@ -4,13 +4,14 @@
 import { byId } from './dom.js';
 
 const PICTURES = '#screen, #screen-b, .slice';
-const PLATES = '#scale-bar, #color-bar, #status, #mode-bar, #notice, .prompt, .slice-foot, .slice-problem';
+const PLATES = '#toolbar, #scale-bar, #color-bar, #status, #mode-bar, #notice, .prompt, .slice-foot, .slice-problem';
 const CONTROLS = ':is(button,input)';
+const MENU = '#toolbar-menu'; // a list of its own, which may scroll
 const TYPES = ['pointerdown', 'pointermove', 'dblclick', 'contextmenu', 'wheel'];
 
 /** True if an event belongs to the picture below. The wheel has no meaning for handles and sliders, so it always does. */
 function isForPicture({ target, type }) {
-  if (target.closest(PICTURES)) return false;
+  if (target.closest(PICTURES) || target.closest(MENU)) return false;
   return type === 'wheel' ? !target.matches('[type="number"]') : target.closest(PLATES) && !target.closest(CONTROLS);
 }
 
@@ -22,7 +23,7 @@ function passOn(event) {
 }
 
 export function install() {
-  for (const root of [document.querySelector('main'), byId('mode-bar'), byId('messages'), byId('status')]) {
+  for (const root of [document.querySelector('main'), byId('tools'), byId('mode-bar'), byId('messages'), byId('status')]) {
     for (const type of TYPES) root.addEventListener(type, passOn, { passive: false });
   }
 }

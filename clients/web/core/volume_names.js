@@ -3,14 +3,20 @@
 
 export const nameOf = (volume) => volume.name || volume.id;
 
-const folderOf = (source = '') => (source.includes('/') ? source.slice(0, source.lastIndexOf('/')) : '');
+/** What follows the file in a source, and says how the file is read, as `words`: "unit=µm". A name may have a question mark, too. */
+const QUERY = /\?(?<words>(?:as|unit|field|vectors|series)=.*)$/;
+const folderOf = (source = '') => {
+  const file = source.replace(QUERY, '');
+  return file.includes('/') ? file.slice(0, file.lastIndexOf('/')) : '';
+};
+const readingOf = (source = '') => QUERY.exec(source)?.groups.words.replaceAll('&', ', ') ?? '';
 
-/** Tells volumes of one name apart: the folder of the volume, or else its id; '' if no other volume has its name. */
+/** Tells volumes of one name apart: the folder of the volume, or how its file is read, or else its id; '' if no other volume has its name. */
 export function placeOf(volume, volumes) {
   const same = volumes.filter((other) => other.id !== volume.id && nameOf(other) === nameOf(volume));
   if (!same.length) return '';
-  const folder = folderOf(volume.source);
-  return folder && same.every((other) => folderOf(other.source) !== folder) ? folder : volume.id;
+  const found = [folderOf, readingOf].find((tell) => tell(volume.source) && same.every((other) => tell(other.source) !== tell(volume.source)));
+  return found?.(volume.source) ?? volume.id;
 }
 
 /** The volumes whose names, ids or sources have all words of a filter: {open: ready ones first, then those that load; failed}. */

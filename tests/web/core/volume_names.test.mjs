@@ -19,6 +19,13 @@ test('equal names are told apart by the folder, or else by the id', () => {
   assert.deepEqual(twins.map((v) => fullNameOf(v, twins)), ['head (a)', 'head (b)', 'head (c)']);
 });
 
+test('one file that is read in several ways is told apart by these', () => {
+  const volumes = [volume('s', 'sphere', 'a/sphere.nrrd'), volume('s-2', 'sphere', 'a/sphere.nrrd?unit=mm'), volume('s-3', 'sphere', 'a/sphere.nrrd?as=time&unit=m/s')];
+  assert.deepEqual(volumes.map((v) => placeOf(v, volumes)), ['s', 'unit=mm', 'as=time, unit=m/s']);
+  const others = [volume('a', 'x', 'a/x.h5?field=/one/x'), volume('b', 'x', 'b/x.h5?field=/one/x')];
+  assert.deepEqual(others.map((v) => placeOf(v, others)), ['a', 'b'], 'the path in a file is no folder');
+});
+
 test('a filter finds words in names, ids and sources; failed loads are a group of their own, and open volumes come first', () => {
   const volumes = [
     { ...volume('a', 'head', '2024/head.nrrd'), state: 'failed' }, { ...volume('b', 'Foot', 'x/foot.nrrd'), state: 'loading' },

@@ -57,6 +57,10 @@ test('the page loads with an image that is not empty, is sharp at rest, and logs
   await drag(page, [x + width / 2, y + 5], [x - 150, y - 60]);
   compare(away(before_.position, (await camera(page)).position), '>', 0.1 * depth(before_), 'a drag that begins on the scale turns the picture');
   await page.keyboard.press('v'); // the bar of the mode
+  const group = await boxOf(page.locator('#toolbar .tools').nth(1));
+  const turned = await camera(page);
+  await drag(page, [group.x + 2, group.y + 10], [group.x + 60, group.y + 120]);
+  compare(away(turned.position, (await camera(page)).position), '>', 0.1 * depth(turned), 'a drag that begins between two tools turns the picture');
   const { count, kept } = await pressPlates(page);
   compare(count, '>', 5);
   assert.deepEqual(kept, []);
