@@ -7,9 +7,9 @@
 
 enum { COLORS = 33 };
 
-/* Equally spaced colours, 0xRRGGBB: the tables of the page (clients/web/core/color_maps.js), sampled
- * from d3-scale-chromatic 3.1.0 (ISC), ColorBrewer and turbo (Apache-2.0). clients/web/LICENSES.md
- * has the texts. */
+/* Equally spaced colours, 0xRRGGBB: the tables of clients/web/core/color_maps.js, sampled from
+ * d3-scale-chromatic 3.1.0 (ISC), ColorBrewer and turbo (Apache-2.0). clients/web/LICENSES.md has
+ * the texts. */
 static const uint32_t maps[][COLORS] = {
     [SP_SLICE_VIRIDIS] = { 0x440154, 0x470d60, 0x48186a, 0x482374, 0x472d7b, 0x453781, 0x424086,
                            0x3e4989, 0x3b528b, 0x375b8d, 0x33638d, 0x2f6b8e, 0x2c728e, 0x297a8e,
