@@ -87,7 +87,10 @@ class Channels {
   }
 
   /** Mixes red, green and blue of a volume, if it has them, as soon as the picture shows it. */
-  showColors(id) { this.#wanted = id; }
+  showColors(id) {
+    this.#wanted = id;
+    this.#app.transfer.plan();
+  }
 
   /** True once if fields of the volume are wanted in their colours. */
   takeWish(fields) {
@@ -123,6 +126,7 @@ class Channels {
     const ids = await this.#load(sources);
     const signals = (await Promise.all([shown, ...ids].map((id) => this.volumes.ask(id)))).map((known) => known && signalWindow(known.histogram, known.window));
     if (!ids.length || viewer.view?.volume !== shown || !layers.isEditable) return;
+    if (isAll && ids.length < sources.length && isRgb([layers.fieldName(shown), ...sources.map(({ field }) => field)])) return; // other colours
     const others = this.list.filter(({ index }) => index >= 0).map(({ color }) => color);
     const names = [shown, ...ids].map((id) => layers.fieldName(id));
     const [own, ...windows] = isAll ? windowsFor(names, signals) : signals;

@@ -27,10 +27,10 @@ function cells() {
     Buffer.from([...Array(N ** 3).keys()].map((i) => Math.round(valueAt(i % N, Math.floor(i / N) % N, Math.floor(i / N / N))))), Buffer.from('\n')])]);
 }
 
-/** An NRRD file of colours: red grows along x, green along y, blue along z. */
+/** An NRRD file of colours: red grows along x, green along y, blue along z; all is opaque. */
 function colors(side = 12) {
-  const bytes = Array.from({ length: side ** 3 }, (_, i) => [i % side, Math.floor(i / side) % side, Math.floor(i / side / side)]).flat().map((at) => at * 20);
-  return Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 4\nsizes: 3 ${side} ${side} ${side}\nkinds: RGB-color domain domain domain\nencoding: raw\n\n`), Buffer.from(bytes)]);
+  const bytes = Array.from({ length: side ** 3 }, (_, i) => [...[i % side, Math.floor(i / side) % side, Math.floor(i / side / side)].map((at) => at * 20), 255]).flat();
+  return Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 ${side} ${side} ${side}\nkinds: RGBA-color domain domain domain\nencoding: raw\n\n`), Buffer.from(bytes)]);
 }
 
 const folder = mkdtempSync(path.join(tmpdir(), 'splatd-channels-'));
@@ -208,14 +208,26 @@ test('the controls of a channel: numbers, opacity and the curve; undo takes all 
 
 test('a file of colours opens in them: each field in its own, with one window', async (context) => {
   const { page, said } = await visit(context, browser, daemon.url, LARGE);
-  await page.click('#open-button');
-  await page.locator('#open-list [data-name="colors.nrrd"]').click();
+  const openColors = async () => {
+    await page.click('#open-button');
+    await page.locator('#open-list [data-name="colors.nrrd"]').click();
+  };
+  // Two of the three colours would be other colours.
+  const fail = (route) => (/"blue"/.test(route.request().postData()) ? route.fulfill({ status: 503, body: '{}' }) : route.continue());
+  await page.route('**/api/v1/volumes', fail);
+  await openColors();
+  await page.locator('#notice[data-tone="error"]', { hasText: 'The field blue could not be loaded' }).waitFor();
+  await until(page, 'rest', (s) => s.volume === 'colors' && s.isIdle);
+  assert.equal((await viewOf(page)).layers.length, 1);
+  await page.unroute('**/api/v1/volumes', fail);
+  said.splice(0); // Chromium tells every failed request
+  await openColors();
   await until(page, 'the channels', (s) => s.view.layers.length === 3);
   await rest(page);
   const { layers, transfer_function: own } = await viewOf(page);
   assert.deepEqual([own, ...layers.slice(1)].map(({ points }) => points.at(-1).color), [[1, 0, 0], [0, 1, 0], [0, 0, 1]]);
   assert.equal(new Set([own, ...layers.slice(1)].map(({ points }) => JSON.stringify(points.map(({ value }) => value)))).size, 1, 'one window');
-  assert.deepEqual(await page.locator('#channel-list .layer-name').allTextContents(), ['red', 'green', 'blue']);
+  assert.deepEqual(await page.locator('#channel-list .layer-name').allTextContents(), ['red', 'green', 'blue'], 'the opacity stays out');
   await shot(page, 'channels-colors');
   // Another view of the volume is left alone.
   await page.locator('#channel-list li', { hasText: 'blue' }).getByRole('button', { name: 'Remove' }).click();
