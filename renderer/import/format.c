@@ -238,6 +238,11 @@ bool import_header_use_selection(struct import_header *header, const struct impo
         return sp_fail(
             err, SP_ERR_UNSUPPORTED, file->shown,
             "?level=%d: the file has no levels of detail; open it without ?level=", file->level);
+    if (selection->unit[0] && !unit)
+        import_warn(file->warnings,
+                    "?unit=%s: this is no unit of length that is known, such as nm, um, mm, m or "
+                    "km. It is shown as it is.",
+                    selection->unit);
     if (selection->unit[0])
         snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : selection->unit);
     return true;

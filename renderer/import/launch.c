@@ -379,6 +379,12 @@ struct sp_volume *sp_import(const char *source, const struct sp_load_options *op
     if (!im)
         return NULL;
     const bool is_found = find(im, err);
+    const char *query = source + sp_source_split(source).path_bytes;
+    if (!is_found && err && err->code == SP_ERR_NOT_FOUND && *query == '?') {
+        const size_t used = strlen(err->text);
+        snprintf(err->text + used, sizeof err->text - used,
+                 "; \"%.60s\" was read as a choice: rename a file that is called so", query);
+    }
     const int bricks = is_found ? open_bricks(im) : -1;
     if (bricks >= 0)
         volume = sp_brick_store_open(bricks, im->place.name, im->source, im->options, err);

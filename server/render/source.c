@@ -93,6 +93,19 @@ static char *resolve_name(const char *path, const char *pointer, const char *dat
     return real ? real : resolve_series(path, pointer, data, err);
 }
 
+/* No file has the name: says how what follows '?' was read. */
+static void explain_query(const char *source, const char *selection, struct sp_error *err) {
+    const char *query = strrchr(source, '?');
+    const size_t used = strlen(err->text);
+    if (*selection == '?')
+        snprintf(err->text + used, sizeof err->text - used,
+                 "; \"%.60s\" was read as a choice: rename a file that is called so", selection);
+    else if (query && strchr(query, '='))
+        snprintf(err->text + used, sizeof err->text - used,
+                 "; behind '?' may stand level=, series=, as=, unit=, vectors= and field=, once "
+                 "each, with a value, the last two at the end");
+}
+
 /* Resolves the path of a file, to which the field is added again. */
 static char *resolve_file(const char *source, const char *pointer, const char *data,
                           struct sp_error *err) {
@@ -101,14 +114,8 @@ static char *resolve_file(const char *source, const char *pointer, const char *d
     char *path = *selection ? strndup(source, length) : copy(source, err), *key = NULL;
     char *real = path ? resolve_name(path, pointer, data, err) : NULL;
     free(path);
-    const char *query = strrchr(source, '?');
-    if (!real && pointer && err && err->code == SP_ERR_NOT_FOUND && !*selection && query &&
-        strchr(query, '=')) {
-        const size_t used = strlen(err->text);
-        snprintf(err->text + used, sizeof err->text - used,
-                 "; behind '?' may stand level=, series=, as=, unit=, vectors= and field=, once "
-                 "each, with a value, the last two at the end");
-    }
+    if (!real && pointer && err && err->code == SP_ERR_NOT_FOUND)
+        explain_query(source, selection, err);
     if (!real || !*selection)
         return real;
     if (asprintf(&key, "%s%s", real, selection) < 0)

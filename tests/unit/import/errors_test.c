@@ -210,6 +210,11 @@ static void packed_and_foreign_files_are_named(void **state) {
     load_error("bitmaps", SP_ERR_UNSUPPORTED, "b1.bmp", "\"magick b1.bmp out.png\"");
 }
 
+#define VTI                                                                                        \
+    "<VTKFile type=\"ImageData\"><ImageData><Piece Extent=\"0 1 0 0 0 0\"><PointData>"             \
+    "<DataArray type=\"UInt8\" Name=\"s\">%d 2</DataArray></PointData></Piece></ImageData>"        \
+    "</VTKFile>"
+
 static void choices_that_cannot_be_read_are_named(void **state) {
     (void)state;
     load_error("a.vti?as=", SP_ERR_NOT_FOUND, "a.vti", "\"as=\" needs a value");
@@ -217,16 +222,14 @@ static void choices_that_cannot_be_read_are_named(void **state) {
     load_error("a.vti?field=", SP_ERR_NOT_FOUND, "a.vti", "\"field=\" needs a value");
     load_error("a.vti?step=1", SP_ERR_NOT_FOUND, "a.vti", "\"step=\" is not known behind '?'");
     load_error("a.vti?unit=mm&unit=um", SP_ERR_NOT_FOUND, "a.vti", "once each");
+    load_error("x?as=time.vti", SP_ERR_NOT_FOUND, "x", "\"?as=time.vti\" was read as a choice");
+    write_text("hu.vti", VTI, 71);
+    load_warns("hu.vti?unit=HU", "no unit of length that is known");
     struct sp_load_options options = importer_options();
     struct sp_error err = { .text = "" };
     assert_null(sp_volume_load("", &options, &err));
     assert_non_null(strstr(err.text, "the name is empty"));
 }
-
-#define VTI                                                                                        \
-    "<VTKFile type=\"ImageData\"><ImageData><Piece Extent=\"0 1 0 0 0 0\"><PointData>"             \
-    "<DataArray type=\"UInt8\" Name=\"s\">%d 2</DataArray></PointData></Piece></ImageData>"        \
-    "</VTKFile>"
 
 static void assert_first(const char *source, uint8_t first) {
     struct sp_volume *volume = load(source);
