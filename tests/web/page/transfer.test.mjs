@@ -299,7 +299,7 @@ test('presets by kind of data are placed by the histogram and say how', async (c
 
 test('another volume starts again: its histogram, its points, nothing to undo', async (context) => {
   const it = await setUp(context, LARGE, {
-    volumes: [volume('phantom'), volume('head', { range: [-1000, 3000] })],
+    volumes: [volume('phantom'), volume('head', { range: [-1000, 3000], fields: [{ name: '', components: 1, type: 'int16', range: [-1000, 3000], unit: 'HU' }] })],
     histogramOf: (id, isJoint) => histogram(id, { isJoint, range: id === 'head' ? [-1000, 3000] : [0, 255] }),
   });
   const { page } = it;
