@@ -44,8 +44,8 @@ class Table:
                 names = cells[1:]
             elif cells and cells[0] in TYPES:
                 for name, cell in zip(names, cells[1:]):
-                    if cell:
-                        old.add_type(name, cells[0], cell)
+                    for memory in filter(None, cell.split(', ')):
+                        old.add_type(name, cells[0], memory)
             elif len(cells) == 3 and cells[0] != 'format':
                 old.add_layout(*cells)
         old.types.update(self.types)
