@@ -42,6 +42,7 @@ static void mend_frame(struct dicom_frame *frame) {
     mend(&frame->is_turned_wrong);
     mend(&frame->is_spaced);
     mend(&frame->is_assumed);
+    mend(&frame->is_contradicted);
     mend(&frame->is_ratio);
 }
 
