@@ -34,7 +34,7 @@ function rows(volume) {
   const hasValues = kind === 'grid' || kind === 'points';
   const list = [
     ...(kind === 'grid' ? gridRows : elementRows)(volume),
-    [t('info.range'), hasValues && volume.range && `${t('info.range.value', { low: number(volume.range[0]), high: number(volume.range[1]) })} ${valueUnit(volume)}`.trim()],
+    [t('info.range'), hasValues && !isBlank(volume) && volume.range && `${t('info.range.value', { low: number(volume.range[0]), high: number(volume.range[1]) })} ${valueUnit(volume)}`.trim()],
     [t('info.fields'), volume.fields?.some(({ name, components }) => name || components > 1) && volume.fields.map(fieldText).join('; ')],
     [t('info.nonfinite'), volume.nonfinite ? String(volume.nonfinite) : ''],
     [t('info.warnings'), volume.warnings?.join(' ')],

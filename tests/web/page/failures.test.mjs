@@ -285,8 +285,13 @@ test('a volume without a finite number says why the picture is empty', async (co
   await firstFrame(it.page);
   await it.page.locator('#volumes [aria-current][data-id="good"]').waitFor();
   assert.ok(await it.page.locator('#notice').isHidden(), 'one sample has a value');
+  await it.page.click('#volume-info summary');
+  const facts = it.page.locator('#volume-info dl');
+  await facts.locator(':text("0 to 255")').waitFor();
   await it.page.click('#volumes [data-id="bad"]');
   await it.notice('No value of bad.nrrd is a finite number');
+  await facts.locator(':text("131072")').waitFor();
+  assert.doesNotMatch(await facts.innerText(), /0 to 255/);
   await it.page.click('#volumes [data-id="good"]');
   await it.page.locator('#notice').waitFor({ state: 'hidden', timeout: 7000 }); // sooner than by itself
 });
