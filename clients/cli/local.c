@@ -152,8 +152,8 @@ static struct sp_frame *render_frame(struct sp_renderer *renderer, struct volume
     return frame;
 }
 
-/* Replaces the volume by the time step of the view. The default view is that of the one that the
- * source names, or else of the first one. */
+/* Replaces the volume by the time step of the view. The default view shows the step of the file
+ * that the source names, or else the first step. */
 static bool choose_step(struct volumes *volumes, const char *source, const struct sp_view *view,
                         struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(volumes->own);

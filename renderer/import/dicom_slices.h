@@ -64,8 +64,8 @@ bool dicom_slices_sort(struct dicom_slices *slices);
 /* What messages call a slice: the name of its file, or the number of its frame. */
 void dicom_slice_name(const struct dicom_slice *slice, char out[80]);
 
-/* Splits slices that share their places into steps, and keeps those of the wanted one, or else of
- * the one that the opened file belongs to. Fails if
+/* Splits slices that share their places into steps, and keeps the slices of one step: of the wanted
+ * step, or else of the step that has the opened file. Fails if
  * the places have different numbers of slices. */
 bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_source *source,
                             struct import_header *header, struct sp_error *err);

@@ -454,8 +454,8 @@ static bool take_times(struct dicom_slices *slices, const struct dicom_source *s
     return slices->times != NULL;
 }
 
-/* The step that is wanted, or else that of the file that was opened by its name. Slice i belongs to
- * step i % `steps`. */
+/* Returns the wanted step, or else the step that has the file which was opened by its name. Slice i
+ * belongs to step i % `steps`. */
 static uint32_t find_step(const struct dicom_slices *slices, const struct dicom_source *source,
                           uint32_t steps) {
     const bool is_asked = source->file->has_step || !source->is_named || is_one_file(slices);

@@ -71,7 +71,7 @@ enum import_derived { IMPORT_NOT_DERIVED, IMPORT_LENGTH, IMPORT_X, IMPORT_Y, IMP
 /* The time series of a file. A reader that knows no time leaves all zero. */
 struct import_steps {
     uint32_t count; /* 0 = 1 */
-    uint32_t index; /* the one that is read, below `count`, or 0 */
+    uint32_t index; /* the step that is read, below `count`, or 0 */
     /* The time of each step: times[i], or first + i·interval; interval 0 = unknown. The reader owns
      * the times until close(). A file of one step may have one, which counts in a series. */
     const double *times;

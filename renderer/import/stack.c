@@ -184,7 +184,7 @@ static void keep_value(struct stack *s, enum import_number_kind meaning, const u
         }
 }
 
-/* The files of the step: of the one that is wanted, or else of the file that was asked for. */
+/* Keeps the files of the wanted step, or else of the step that has the opened file. */
 static bool use_times(struct stack *s, const uint64_t *values, uint32_t count,
                       struct import_header *header, struct sp_error *err) {
     header->used_as |= s->file->selection.as == IMPORT_AS_TIME;

@@ -18,8 +18,9 @@ void srv_request_refuse_token(struct srv_request *request, const char *how) {
     bool is_given = srv_request_token(request) != NULL;
     srv_reply_problem(
         &request->reply, 401, NULL, "%s; %s",
-        is_given ? "the daemon does not know this token; that of a session opens this session alone"
-                 : "a token is missing",
+        is_given
+            ? "the daemon does not know this token; the token of a session opens only this session"
+            : "a token is missing",
         how);
     srv_reply_header(&request->reply, "WWW-Authenticate", "Bearer realm=\"splatd\"%s",
                      is_given ? ", error=\"invalid_token\"" : "");

@@ -11,7 +11,7 @@
 
 struct srv_blob_account { /* of an owner that has blobs */
     struct srv_blob_account *next;
-    uint64_t bytes, guests; /* guests: those of `bytes` that only guests get */
+    uint64_t bytes, guests; /* guests: the part of `bytes` that only guests get */
     char owner[SRV_TOKEN_NAME_BYTES];
 };
 

@@ -2,9 +2,9 @@
  *
  * Encoded frames of sessions. Clients that see the same image share its bytes, and so does the
  * frame cache. A client that does not read keeps two of them: one waits in its outbox, one at its
- * socket. Therefore a pool bounds the bytes of all frames: those of all owners together have a part
- * of the memory of frames, each owner has its share of that part (common/fair_share.h), and the
- * guests of its sessions have a share of the owner's.
+ * socket. Therefore a pool bounds the bytes of all frames: the pool is a part of the memory
+ * of frames, each owner has a share of the pool (common/fair_share.h), and the guests of its
+ * sessions have a share of the owner's share.
  *
  *   create ──► takes the bytes ──► outboxes, sockets, frame cache ──► last unref gives them back
  *

@@ -410,7 +410,7 @@ class OpenDialog {
     this.open({ source: withReading(source, reading), name }, () => this.#readings.remember(reading));
   }
 
-  /** Loads a source, and shows it once it is ready. named: it gets this name instead of that of its file. opened(): it is ready. */
+  /** Loads a source, and shows it once it is ready. named: its name, instead of the name of the file. opened() is called when it is ready. */
   async open({ source, name, named = false }, opened = () => {}) {
     const { api, connection, notice, openVolume } = this.#app;
     try {

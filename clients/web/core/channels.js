@@ -40,7 +40,7 @@ export function colorsFor(names, used) {
   });
 }
 
-/** True if the names are those of a picture in colours: red, green and blue. */
+/** True if red, green and blue are among the names. */
 export const isRgb = (names) => PRIMARIES.every((color) => names.some((name) => lastWord(name) === color));
 
 /** Fields that are shown together: all but the opacity of a picture in colours, which would veil it. own: the name of the volume's field. */

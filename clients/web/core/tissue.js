@@ -31,7 +31,7 @@ const CT = {
 const TISSUE = { 'ct-bone': [250, 3000], 'ct-soft': [-150, 200], 'ct-lung': [-950, -500], 'ct-vessels': [130, 700] };
 const LEAST_SHARE = 0.001; // of the samples
 
-/** True if the values look like those of a CT: the fullest bin of low values is that of air. */
+/** True if the values look like a CT: among low values, the fullest bin holds air. */
 function hasAir(histogram) {
   const { range: [low, high], counts } = histogram;
   const air = low <= -200 && high >= 200 ? peak(histogram, -1500, -300) : null;
