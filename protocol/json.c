@@ -11,6 +11,7 @@
 #include "protocol/limits.h"
 #include "protocol/pointer.h"
 #include "protocol/position.h"
+#include "sp/utf8.h"
 
 /* Memory.
  *
@@ -275,23 +276,6 @@ proto_json *proto_json_array(void) {
     return json_array();
 }
 
-/* Returns the length of the UTF-8 character at s (RFC 3629), 0 if it is invalid. */
-static size_t utf8_length(const unsigned char *s) {
-    if (s[0] < 0x80)
-        return 1;
-    size_t n = s[0] >= 0xc2 && s[0] < 0xe0 ? 2 : s[0] >= 0xe0 && s[0] < 0xf0 ? 3 : 4;
-    if (s[0] < 0xc2 || s[0] > 0xf4)
-        return 0;
-    unsigned char low = s[0] == 0xe0 ? 0xa0 : s[0] == 0xf0 ? 0x90 : 0x80;
-    unsigned char high = s[0] == 0xed ? 0x9f : s[0] == 0xf4 ? 0x8f : 0xbf;
-    if (s[1] < low || s[1] > high)
-        return 0;
-    for (size_t i = 2; i < n; i++)
-        if ((s[i] & 0xc0) != 0x80)
-            return 0;
-    return n;
-}
-
 proto_json *proto_json_new_string(const char *text) {
     json_t *string = json_string(text);
     if (string)
@@ -299,12 +283,7 @@ proto_json *proto_json_new_string(const char *text) {
     char *copy = strdup(text);
     if (!copy)
         return NULL;
-    for (unsigned char *s = (unsigned char *)copy; *s;) {
-        size_t n = utf8_length(s);
-        if (n == 0)
-            *s = '?';
-        s += n ? n : 1;
-    }
+    sp_utf8_mend(copy);
     string = json_string(copy);
     free(copy);
     return string;

@@ -199,6 +199,18 @@ static bool set_texts(proto_json *volume, const char *key, const char *texts, in
     return ok;
 }
 
+/* Of an axis z that was scaled: the numbers of the file. */
+static bool set_vertical(proto_json *volume, const struct sp_volume_info *info) {
+    if (info->vertical.per_unit == 0)
+        return true;
+    proto_json *vertical = proto_json_object();
+    bool ok = proto_json_set_number(vertical, "per_unit", info->vertical.per_unit) &&
+              proto_json_set_string(vertical, "unit", info->vertical.unit);
+    if (!ok)
+        proto_json_free(&vertical);
+    return proto_json_set(volume, "vertical", vertical);
+}
+
 /* What the samples mean, and how a page begins to show them. */
 static bool set_meaning(proto_json *volume, const struct sp_volume_info *info) {
     return (info->meaning == SP_MEANING_UNKNOWN ||
@@ -288,8 +300,8 @@ proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *i
               (!rectilinear || proto_json_set(volume, "coordinates", coordinates(grid))) &&
               proto_json_set(volume, "origin", numbers(grid->origin, 3)) &&
               proto_json_set(volume, "direction", direction(grid)) &&
-              proto_json_set_string(volume, "unit", info->unit) && set_anatomy(volume, info) &&
-              set_meaning(volume, info) &&
+              proto_json_set_string(volume, "unit", info->unit) && set_vertical(volume, info) &&
+              set_anatomy(volume, info) && set_meaning(volume, info) &&
               proto_json_set_string(volume, "type", sp_type_name(info->type)) &&
               proto_json_set_integer(volume, "components", info->components) &&
               proto_json_set(volume, "range", numbers(info->range, 2)) &&

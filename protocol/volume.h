@@ -11,7 +11,8 @@
 
 /* Encodes {"id", "name", "source", "dims", "spacing", "origin", "direction" (3 rows), "unit",
  * "type", "components", "range", "nonfinite", "fields", "bytes"}, and "other_fields",
- * "other_vectors", "warnings", "steps", "meaning" and "first_layout" unless they are empty.
+ * "other_vectors", "warnings", "steps", "meaning", "vertical" and "first_layout" unless they are
+ * empty. "vertical" is {"per_unit", "unit"}, see struct sp_vertical.
  * "fields" are the samples and then the vectors, if there are any: {"name", "components", "type",
  * "range"}. A rectilinear grid also has "coordinates": per axis an array, or null if the axis is
  * evenly spaced. with_histogram adds "histogram": {"range", "counts"} with 256 bins. The daemon

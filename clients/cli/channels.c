@@ -2,9 +2,11 @@
  *
  * --channel: other volumes on the same grid, mixed with the volume in one image.
  */
+#include <ctype.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "cli/commands.h"
 
@@ -14,6 +16,14 @@ static const double OPACITY_DEFAULT = 0.5;
 static const double palette[][3] = { { 0, 1, 0 }, { 1, 0, 1 }, { 0, 1, 1 }, { 1, 1, 0 },
                                      { 1, 0, 0 }, { 0, 0, 1 }, { 1, 1, 1 } };
 enum { PALETTE_COLORS = sizeof palette / sizeof palette[0] };
+
+/* A field whose name ends in one of these, such as "rgb red", has its colour. */
+static const struct named {
+    const char *name;
+    double color[3];
+} named[] = { { "red", { 1, 0, 0 } },  { "green", { 0, 1, 0 } },   { "blue", { 0, 0, 1 } },
+              { "cyan", { 0, 1, 1 } }, { "magenta", { 1, 0, 1 } }, { "yellow", { 1, 1, 0 } },
+              { "white", { 1, 1, 1 } } };
 
 /* Reads COLOR[,LOW,HIGH[,OPACITY]] to the end of the text. */
 static bool parse_look(const char *at, struct channel_option *channel) {
@@ -91,11 +101,35 @@ static bool is_used(const struct layer_options *layers, const proto_json *view,
     return is;
 }
 
+/* The colour that the last word of the field's name, after "field=" in the source, tells; NULL =
+ * none. */
+static const double *color_of_field(const struct channel_option *channel) {
+    static const char key[] = "field=";
+    const char *field = strstr(channel->source, key);
+    const char *limit = channel->source + channel->source_bytes;
+    if (!field || field > limit)
+        return NULL;
+    field += strlen(key);
+    const char *end = memchr(field, '&', (size_t)(limit - field));
+    end = end ? end : limit;
+    const char *word = end;
+    while (word > field && isalpha((unsigned char)word[-1]))
+        word--;
+    for (size_t i = 0; i < sizeof named / sizeof *named; i++)
+        if ((size_t)(end - word) == strlen(named[i].name) &&
+            strncasecmp(word, named[i].name, (size_t)(end - word)) == 0)
+            return named[i].color;
+    return NULL;
+}
+
 static const double *choose_color(const struct layer_options *layers,
                                   const struct channel_option *channel, const proto_json *view,
                                   const proto_json *list) {
     if (!isnan(channel->color[0]))
         return channel->color;
+    const double *own = color_of_field(channel);
+    if (own)
+        return own;
     for (size_t i = 0; i < PALETTE_COLORS; i++)
         if (!is_used(layers, view, list, palette[i]))
             return palette[i];

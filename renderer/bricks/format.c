@@ -104,6 +104,8 @@ static void fields(struct cursor *c, struct sp_brick_header *h, uint32_t constan
         index_fields(c, &h->level[l].vectors);
     }
     field_u32(c, &meaning);
+    field_doubles(c, &info->vertical.per_unit, 1);
+    field_text(c, info->vertical.unit, sizeof info->vertical.unit);
     info->vector_bytes = has_vectors;
     info->meaning = (enum sp_meaning)meaning;
     info->type = (enum sp_type)type;
@@ -267,7 +269,8 @@ bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint6
     if (checksum != sp_brick_checksum(bytes, CHECKSUM_AT))
         return fail(shown, "the checksum of its header", err);
     if (constants[1] != BRICK_SIDE || constants[2] != BRICK_MARGIN ||
-        h->info.type >= SP_TYPE_COUNT || h->info.meaning >= SP_MEANING_COUNT)
+        h->info.type >= SP_TYPE_COUNT || h->info.meaning >= SP_MEANING_COUNT ||
+        !isfinite(h->info.vertical.per_unit))
         return fail(shown, "its header", err);
     if (!sp_grid_check(&h->info.grid, h->info.type, shown, &h->info.voxel_bytes, err) ||
         !check_statistics(&h->info, shown, err))

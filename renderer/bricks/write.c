@@ -427,6 +427,7 @@ static void describe(const struct sp_volume_info *from, struct sp_volume_info *t
     to->voxel_bytes = voxels * sp_type_size(from->type);
     to->vector_bytes = from->vector_bytes ? voxels * BRICK_VECTOR_BYTES : 0;
     memcpy(to->unit, from->unit, sizeof to->unit);
+    to->vertical = from->vertical;
     memcpy(to->anatomy, from->anatomy, sizeof to->anatomy);
     memcpy(to->value_name, from->value_name, sizeof to->value_name);
     memcpy(to->vector_name, from->vector_name, sizeof to->vector_name);

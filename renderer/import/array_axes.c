@@ -256,8 +256,10 @@ static double extent_of(const struct arrays *a, const struct coordinates *c, int
     return d < 0 ? 0 : c[d].values ? fabs(c[d].values[last] - c[d].values[0]) : (double)last;
 }
 
-/* What the coordinates of an axis are multiplied by, so that all are in the unit of x. */
-static double factor_of(const struct arrays *a, const struct coordinates *c, int axis) {
+/* What the coordinates of an axis are multiplied by, so that all are in the unit of x. Fills
+ * header->vertical if z has no length in that unit. */
+static double factor_of(const struct arrays *a, const struct coordinates *c, int axis,
+                        struct import_header *header) {
     const int d = a->axes.space[axis], of_x = a->axes.space[0];
     if (axis == 0 || d < 0 || of_x < 0)
         return 1;
@@ -286,7 +288,10 @@ static double factor_of(const struct arrays *a, const struct coordinates *c, int
         "a quarter of their length.",
         *c[d].unit ? "the unit \"" : "no unit", c[d].unit, *c[d].unit ? "\"" : "",
         *c[of_x].unit ? "\"" : "none", c[of_x].unit, *c[of_x].unit ? "\"" : "");
-    return ARRAYS_HEIGHT_SHARE * horizontal / vertical;
+    const double factor = ARRAYS_HEIGHT_SHARE * horizontal / vertical;
+    header->vertical.per_unit = c[d].is_down ? -factor : factor;
+    snprintf(header->vertical.unit, sizeof header->vertical.unit, "%.31s", c[d].unit);
+    return factor;
 }
 
 /* Gives an axis its coordinates, as even spacing if they are. */
@@ -376,7 +381,7 @@ static bool take_conventions(struct arrays *a, struct coordinates *c, struct imp
         !take_dims(a, header, err) || !take_steps(a, c, header, err))
         return false;
     for (int axis = 0; axis < 3; axis++)
-        factor[axis] = factor_of(a, c, axis); /* before any axis changes its coordinates */
+        factor[axis] = factor_of(a, c, axis, header); /* before any axis changes its coordinates */
     take_unit(a, c, header);
     for (int axis = 0; axis < 3; axis++)
         place_axis(a, c, axis, factor[axis], &header->grid);

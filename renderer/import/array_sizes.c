@@ -156,6 +156,8 @@ static void take_wrf_steps(struct arrays *a, struct import_header *header) {
         return;
     const double levels = (double)grid->dims[2] - is_staggered(a, 2);
     grid->spacing[2] = extent * ARRAYS_HEIGHT_SHARE / fmax(levels - 1, 1);
+    header->vertical.per_unit = grid->spacing[2];
+    snprintf(header->vertical.unit, sizeof header->vertical.unit, "levels");
     import_warn(a->file->warnings,
                 "The levels of WRF have no height here: the vertical axis was scaled to a quarter "
                 "of the horizontal ones.");

@@ -89,6 +89,7 @@ struct import_header {   /* result of open() */
     unsigned bits; /* of a number in the file, where several become one type; 0 = others */
     enum sp_meaning meaning; /* as in struct sp_volume_info */
     char unit[SP_UNIT_BYTES];
+    struct sp_vertical vertical;
     char anatomy[4];             /* as in struct sp_volume_info */
     uint64_t bytes;              /* of all samples */
     uint32_t level, level_count; /* of detail: the one that is read, and how many there are */

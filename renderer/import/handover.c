@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "sp/utf8.h"
 #include "volume/anatomy.h"
 #include "volume/elements.h"
 #include "volume/volume.h"
@@ -93,6 +94,7 @@ void sp_handover_describe(const struct sp_handover_header *h, const struct sp_ha
     info->steps.index = h->step;
     memcpy(info->steps.unit, h->time_unit, sizeof info->steps.unit);
     memcpy(info->unit, h->unit, sizeof info->unit);
+    info->vertical = h->vertical;
     memcpy(info->anatomy, h->anatomy, sizeof info->anatomy);
     info->meaning = (enum sp_meaning)h->meaning;
     memcpy(info->value_name, h->value_name, sizeof info->value_name);
@@ -102,13 +104,15 @@ void sp_handover_describe(const struct sp_handover_header *h, const struct sp_ha
     memcpy(info->other_vectors, h->other_vectors, sizeof info->other_vectors);
 }
 
-/* True if the text ends with 0 within `capacity` bytes. Replaces control characters. */
+/* True if the text ends with 0 within `capacity` bytes. Replaces control characters, and bytes that
+ * are not UTF-8: a file may have texts in any encoding. */
 static bool clean_text(char *text, size_t capacity) {
     if (!memchr(text, 0, capacity))
         return false;
     for (char *c = text; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
             *c = '?';
+    sp_utf8_mend(text);
     return true;
 }
 
@@ -121,6 +125,32 @@ static bool check_elements(const struct sp_handover_header *header, const char *
         (header->bytes != sizeof(float) || header->rectilinear))
         problem = "elements on a grid";
     return !problem || sp_fail(err, SP_ERR_CRASHED, place, "the import process sent %s", problem);
+}
+
+static bool check_texts(struct sp_handover_header *header, const char *place,
+                        struct sp_error *err) {
+    if (!clean_text(header->unit, sizeof header->unit) ||
+        !clean_text(header->vertical.unit, sizeof header->vertical.unit) ||
+        !clean_text(header->value_unit, sizeof header->value_unit) ||
+        !clean_text(header->time_unit, sizeof header->time_unit))
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent a unit that is not terminated");
+    if (!clean_text(header->value_name, sizeof header->value_name) ||
+        !clean_text(header->vector_name, sizeof header->vector_name))
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent a name that is not terminated");
+    for (int i = 0; i < SP_OTHER_FIELDS_MAX; i++)
+        if (!clean_text(header->others[i], sizeof header->others[i]))
+            return sp_fail(err, SP_ERR_CRASHED, place,
+                           "the import process sent the name of a field that is not terminated");
+    for (int i = 0; i < SP_OTHER_VECTORS_MAX; i++)
+        if (!clean_text(header->other_vectors[i], sizeof header->other_vectors[i]))
+            return sp_fail(err, SP_ERR_CRASHED, place,
+                           "the import process sent the name of vectors that is not terminated");
+    if (header->vector_name[0] && !header->has_vectors)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process named vectors that it does not have");
+    return true;
 }
 
 static bool check_header(struct sp_handover_header *header, const char *place,
@@ -163,27 +193,10 @@ static bool check_header(struct sp_handover_header *header, const char *place,
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent step %" PRIu32 " of %" PRIu32, header->step,
                        header->steps);
-    if (!clean_text(header->unit, sizeof header->unit) ||
-        !clean_text(header->value_unit, sizeof header->value_unit) ||
-        !clean_text(header->time_unit, sizeof header->time_unit))
+    if (!isfinite(header->vertical.per_unit))
         return sp_fail(err, SP_ERR_CRASHED, place,
-                       "the import process sent a unit that is not terminated");
-    if (!clean_text(header->value_name, sizeof header->value_name) ||
-        !clean_text(header->vector_name, sizeof header->vector_name))
-        return sp_fail(err, SP_ERR_CRASHED, place,
-                       "the import process sent a name that is not terminated");
-    for (int i = 0; i < SP_OTHER_FIELDS_MAX; i++)
-        if (!clean_text(header->others[i], sizeof header->others[i]))
-            return sp_fail(err, SP_ERR_CRASHED, place,
-                           "the import process sent the name of a field that is not terminated");
-    for (int i = 0; i < SP_OTHER_VECTORS_MAX; i++)
-        if (!clean_text(header->other_vectors[i], sizeof header->other_vectors[i]))
-            return sp_fail(err, SP_ERR_CRASHED, place,
-                           "the import process sent the name of vectors that is not terminated");
-    if (header->vector_name[0] && !header->has_vectors)
-        return sp_fail(err, SP_ERR_CRASHED, place,
-                       "the import process named vectors that it does not have");
-    return check_elements(header, place, err);
+                       "the import process sent a vertical axis without a scale");
+    return check_texts(header, place, err) && check_elements(header, place, err);
 }
 
 static bool check_error(struct sp_handover_error *error, const char *place, struct sp_error *err) {

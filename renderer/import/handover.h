@@ -80,6 +80,7 @@ struct sp_handover_header {
                                                    one float32 sample */
     double spacing[3], origin[3], direction[3][3]; /* as in struct sp_grid */
     uint64_t bytes;                                /* product(dims) · size of the type */
+    struct sp_vertical vertical;                   /* its unit is printable and ends with 0 */
     char unit[SP_UNIT_BYTES];                      /* printable, ends with 0 */
     char value_name[SP_FIELD_BYTES], vector_name[SP_FIELD_BYTES]; /* the same */
     char value_unit[SP_UNIT_BYTES], time_unit[SP_UNIT_BYTES];     /* the same */

@@ -187,6 +187,7 @@ static bool say_header(struct job *job) {
     memcpy(message.header.time_unit, h->steps.unit, sizeof h->steps.unit);
     message.header.bytes = h->bytes;
     memcpy(message.header.unit, h->unit, sizeof h->unit);
+    message.header.vertical = h->vertical;
     memcpy(message.header.anatomy, h->anatomy, sizeof h->anatomy);
     message.header.meaning = h->meaning;
     memcpy(message.header.value_name, h->value_name, sizeof h->value_name);

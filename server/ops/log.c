@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "common/clock.h"
+#include "sp/utf8.h"
 
 enum { VALUE_BYTES = 256, FIELDS_BYTES = 1024 };
 
@@ -29,39 +30,30 @@ enum srv_log_format srv_log_format_from(const char *name) {
     return (enum srv_log_format)format;
 }
 
-/* Returns the bytes of the UTF-8 character at `c`; 0 = not valid UTF-8 (RFC 3629), or a control
- * character, which could drive a terminal. Written here because the C library checks UTF-8 only in
- * a UTF-8 locale. */
-static unsigned character(const unsigned char *c) {
-    if (c[0] < 0x80)
-        return c[0] >= 0x20 && c[0] != 0x7f;
-    unsigned size = c[0] >= 0xf0 ? 4 : c[0] >= 0xe0 ? 3 : 2;
-    if (c[0] < 0xc2 || c[0] > 0xf4)
-        return 0;
-    for (unsigned i = 1; i < size; i++)
-        if ((c[i] & 0xc0) != 0x80)
-            return 0;
-    bool overlong = (c[0] == 0xe0 && c[1] < 0xa0) || (c[0] == 0xf0 && c[1] < 0x90);
-    bool outside = (c[0] == 0xed && c[1] > 0x9f) || (c[0] == 0xf4 && c[1] > 0x8f);
-    bool controls = c[0] == 0xc2 && c[1] < 0xa0; /* U+0080 to 9F */
-    return overlong || outside || controls ? 0 : size;
+/* Returns the bytes of the character at `c`; 0 = not valid UTF-8, or a control character, which
+ * could drive a terminal. */
+static size_t character(const char *c) {
+    const unsigned char first = (unsigned char)c[0], second = (unsigned char)c[1];
+    const bool is_control =
+        first < 0x20 || first == 0x7f || (first == 0xc2 && second < 0xa0); /* U+0080 to 9F */
+    return is_control ? 0 : sp_utf8_length(c);
 }
 
 /* Copies the line, cut to `capacity`. Invalid UTF-8 and control characters become '?'. */
 static void copy(const char *line, bool in_quotes, char *out, unsigned capacity) {
     unsigned used = 0;
-    const unsigned char *c = (const unsigned char *)line;
+    const char *c = line;
     if (in_quotes)
         out[used++] = '"';
     while (*c && used + 6 < capacity) {
-        unsigned size = character(c);
+        const size_t size = character(c);
         if (in_quotes && (*c == '"' || *c == '\\'))
             out[used++] = '\\';
         if (size == 0)
             out[used++] = '?';
         else
             memcpy(out + used, c, size);
-        used += size;
+        used += (unsigned)size;
         c += size == 0 ? 1 : size;
     }
     if (in_quotes)

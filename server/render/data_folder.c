@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "render/formats.h"
+#include "sp/utf8.h"
 
 static bool is_in(const char *path, const char *folder) {
     size_t length = strlen(folder);
@@ -141,22 +142,10 @@ static int open_folder(const char *real) {
 
 /* JSON cannot carry other names. */
 static bool is_utf8(const char *name) {
-    for (const unsigned char *c = (const unsigned char *)name; *c; c++) {
-        unsigned more = *c < 0x80   ? 0
-                        : *c < 0xC2 ? 9
-                        : *c < 0xE0 ? 1
-                        : *c < 0xF0 ? 2
-                        : *c < 0xF5 ? 3
-                                    : 9;
-        bool is_long = (*c == 0xE0 && c[1] < 0xA0) || (*c == 0xF0 && c[1] < 0x90);
-        bool is_outside = (*c == 0xED && c[1] > 0x9F) || (*c == 0xF4 && c[1] > 0x8F);
-        if (more == 9 || is_long || is_outside)
-            return false;
-        for (; more > 0; more--)
-            if ((*++c & 0xC0) != 0x80)
-                return false;
-    }
-    return true;
+    size_t n = 1;
+    for (; *name && n > 0; name += n)
+        n = sp_utf8_length(name);
+    return n > 0;
 }
 
 /* True if a symbolic link of a folder leads to something in the data folder. */

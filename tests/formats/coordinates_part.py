@@ -188,10 +188,16 @@ def check_auxiliary(tool):
                      y=(('y',), range(5), {'units': 'm'}))
         tool.layout('NetCDF', 'a depth grows downwards, unless it says otherwise or is below 0', path, data[0],
                     direction=[1, 0, 0, 0, 1, 0, 0, 0, -1 if is_down or depths[1] < 0 else 1], warned='')
+    for levels in ([1000, 850, 500, 200], [200, 500, 850, 1000]):
+        path = write('pressure.nc', ('plev', 'lat', 'lon'), data[0], plev=(('plev',), levels, {'units': 'hPa'}), lat=(('lat',), range(5), {'units': 'degrees_north'}),
+                     lon=(('lon',), range(6), {'units': 'degrees_east'}))
+        tool.layout('NetCDF', 'pressure beside degrees', path, data[0], unit='degrees', z_per_unit=[-0.25 * 5 / 800], z_unit='hPa',
+                    origin=[0, 0, levels[0] * -0.25 * 5 / 800], warned='it was scaled to a quarter',
+                    result='read; z gets a quarter of the horizontal extent, with a warning; the volume tells the pressure')
     wrf = ('Time', 'bottom_top', 'south_north', 'west_east')
     path = write('wrf.nc', wrf, data, {'coordinates': 'XLONG XLAT XTIME'}, {'DX': 300.0, 'DY': 200.0},
                  XTIME=(('Time',), [0, 60, 120], {'units': 'minutes since 2000-01-01'}), XLONG=(wrf[2:], data[0, 0], {}), XLAT=(wrf[2:], data[0, 0], {}))
-    tool.layout('NetCDF', 'WRF: DX, DY and XTIME', path, data[1], step=1, steps=3, times=[0, 60, 120], time_unit='min', spacing=[300, 200, 125], unit='m',
+    tool.layout('NetCDF', 'WRF: DX, DY and XTIME', path, data[1], step=1, steps=3, times=[0, 60, 120], time_unit='min', spacing=[300, 200, 125], unit='m', z_per_unit=[125], z_unit='levels',
                 warned='The levels of WRF have no height', result='read; levels get a quarter of the horizontal extent, with a warning')
     for name, axis, sizes, attributes in (('west_east', 0, (4, 5, 7), {}), ('south_north', 1, (4, 6, 6), {}), ('bottom_top', 2, (5, 5, 6), {}),
                                           ('west_east', 0, (4, 5, 7), {'stagger': 'X'})):

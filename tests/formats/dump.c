@@ -44,6 +44,10 @@ static void print_info(const struct sp_volume_info *info) {
             print_numbers(name, grid->coordinates[a], (int)grid->dims[a]);
         }
     print_text("unit", info->unit);
+    if (info->vertical.per_unit != 0) {
+        print_numbers("z_per_unit", &info->vertical.per_unit, 1);
+        print_text("z_unit", info->vertical.unit);
+    }
     print_text("value_unit", info->value_unit);
     print_text("anatomy", info->anatomy);
     print_text("name", info->value_name);

@@ -92,7 +92,7 @@ export class BoxRows {
       row.setAttribute('aria-label', names.label);
       row.title = t('clip.axis.title', { name: names.label });
       setText(name, names.name);
-      setText(unit, this.#state.unit);
+      setText(unit, this.#state.unitAlong(axis));
       for (const end of [0, 1]) {
         const corner = this.#cornerAt(axis, end);
         const value = this.#state.coordinate(axis, box[corner][axis]);
@@ -101,7 +101,7 @@ export class BoxRows {
         for (const input of [numbers[end], sliders[end]]) input.setAttribute('aria-label', label);
         if (document.activeElement !== numbers[end]) numbers[end].value = String(value);
         sliders[end].value = place;
-        sliders[end].setAttribute('aria-valuetext', this.#state.withUnit(value));
+        sliders[end].setAttribute('aria-valuetext', this.#state.withUnit(value, axis));
         sliders[end].parentElement.style.setProperty(end === 0 ? '--low' : '--high', place);
       }
     }
@@ -172,7 +172,8 @@ class PlaneList {
   #describe(plane) {
     const normal = scale(plane.normal, 1 / length(plane.normal));
     const axis = normal.findIndex((part) => Math.abs(part) > 1 - 1e-6);
-    const place = this.#state.withUnit(this.#state.round(axis < 0 ? positionOf(plane) : positionOf(plane) * Math.sign(normal[axis])));
+    const sign = axis < 0 ? 1 : Math.sign(normal[axis]);
+    const place = this.#state.positionText(scale(normal, sign), sign * positionOf(plane));
     return axis < 0 ? t('clip.oblique', { place }) : t('clip.at', { name: AXES[axis], place });
   }
 }
@@ -191,7 +192,7 @@ class PlaneDetails {
     const set = (plane, time) => plane && state.setPlane(state.selected, plane, time);
     this.#depth.addEventListener('input', ({ timeStamp }) => set(planeAt(state.volumeBox, current().normal, this.#depth.valueAsNumber), timeStamp));
     this.#position.addEventListener('change', ({ timeStamp }) => {
-      set(planeFrom(current().normal, this.#position.valueAsNumber), timeStamp);
+      set(planeFrom(current().normal, state.distanceAlong(current().normal, this.#position.valueAsNumber)), timeStamp);
       this.show(current());
     });
     for (const input of this.#normal) {
@@ -215,8 +216,9 @@ class PlaneDetails {
     const set = (input, value) => {
       if (document.activeElement !== input) input.value = String(value);
     };
-    set(this.#position, this.#state.round(positionOf(plane)));
-    setText(this.#unit, this.#state.unit);
+    const { value, unit } = this.#state.positionAlong(plane.normal, positionOf(plane));
+    set(this.#position, value);
+    setText(this.#unit, unit);
     const depth = this.#state.volumeBox ? depthOf(this.#state.volumeBox, plane) : 0;
     this.#depth.value = depth;
     this.#depth.setAttribute('aria-valuetext', t('clip.removed', { percent: Math.round(depth * 100) }));

@@ -5,8 +5,9 @@ import {
   PLANES_MAX, WHOLE, anchorOf, axisOf, axisPlane, depthOf, faceCoordinate, fractionAt, planeAt, planesOn, reconcile, sight,
 } from '../core/clip.js';
 import { numberText, roundCoordinate, unitName } from '../core/lengths.js';
-import { length } from '../core/vector.js';
 import { t } from '../core/text.js';
+import { length } from '../core/vector.js';
+import { roundedAlong, unitAlong, worldFrom } from '../core/vertical.js';
 
 const DEPTH = 0.5; // of a new plane
 
@@ -162,13 +163,47 @@ export class ClipState extends Emitter {
     return t(`clip.across.${'LR'.includes(anatomy[world]) ? 'sagittal' : 'PA'.includes(anatomy[world]) ? 'coronal' : 'axial'}`);
   }
 
-  coordinate(axis, fraction) {
-    return this.volumeBox ? this.round(faceCoordinate(this.volumeBox, axis, fraction)) : fraction;
+  /** The world axis that one of the volume's axes lies along; -1 = none. */
+  #worldOf(axis) {
+    const { world, isExact } = this.volumeBox ? axisOf(this.volumeBox, axis) : { world: axis, isExact: true };
+    return isExact ? world : -1;
   }
 
-  fraction(axis, coordinate) { return fractionAt(this.volumeBox, axis, coordinate); }
+  /** The number of the file at a face of a box, rounded, and the reverse. axis: of the volume. */
+  coordinate(axis, fraction) {
+    return this.volumeBox ? roundedAlong(this.#viewer.volume, this.#worldOf(axis), faceCoordinate(this.volumeBox, axis, fraction), this.extent) : fraction;
+  }
+
+  fraction(axis, coordinate) { return fractionAt(this.volumeBox, axis, worldFrom(this.#viewer.volume, this.#worldOf(axis), coordinate)); }
+  unitAlong(axis) { return unitAlong(this.#viewer.volume, this.#worldOf(axis)); }
+  /** +1 or -1 if a normal lies along an axis z that has numbers of its own; else 0. */
+  #scaledZ(normal) {
+    const up = this.#viewer.volume?.vertical ? normal[2] / length(normal) : 0;
+    return Math.abs(up) > 1 - 1e-6 ? Math.sign(up) : 0;
+  }
+
+  /** The distance of a plane from the origin, as {value, unit}: across a scaled z the number of the file. */
+  positionAlong(normal, distance) {
+    const sign = this.#scaledZ(normal);
+    if (!sign) return { value: this.round(distance), unit: this.unit };
+    return { value: roundedAlong(this.#viewer.volume, 2, sign * distance, this.extent), unit: unitAlong(this.#viewer.volume, 2) };
+  }
+
+  /** The reverse. */
+  distanceAlong(normal, value) {
+    const sign = this.#scaledZ(normal);
+    return sign ? sign * worldFrom(this.#viewer.volume, 2, value) : value;
+  }
+
+  /** The same as text. */
+  positionText(normal, distance) {
+    const { value, unit } = this.positionAlong(normal, distance);
+    return `${numberText(value)} ${unit}`.trim();
+  }
+
   /** Where a plane is held: it turns about this point. */
   anchor(plane, index) { return anchorOf(this.volumeBox, plane, index); }
   round(value) { return roundCoordinate(value, this.extent); }
-  withUnit(value) { return `${numberText(value)} ${this.unit}`.trim(); }
+  /** A number with its unit. axis: of the volume, along which the number lies; null = a length. */
+  withUnit(value, axis = null) { return `${numberText(value)} ${axis === null ? this.unit : this.unitAlong(axis)}`.trim(); }
 }

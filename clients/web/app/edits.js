@@ -3,9 +3,9 @@
 // the transfer function edits, so both share undo and redo. Points come from the picture or from a slice (tools below).
 import { depthOf, flipPlane, planeAt, positionOf, sight } from '../core/clip.js';
 import { boxEdit, canAddEdits, changeEdit, editsOfClip, partEdit, planeEdit, rangeOfPart, removeEdit, sphereEdit } from '../core/edits.js';
-import { numberText } from '../core/lengths.js';
 import { quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
+import { placeOf } from '../core/vertical.js';
 import { BoxRows } from './clip.js';
 import { icon, make, setAttribute, setText } from './dom.js';
 import { installEditHandles } from './edit_handles.js';
@@ -281,20 +281,21 @@ class PlaneDetails extends Details {
   constructor(app, edits) {
     super(app, edits, 'plane');
     this.#depth = make('input', { id: 'edit-depth', type: 'range', min: 0, max: 1, step: 0.005, 'aria-label': t('clip.depth') });
-    this.#position = this.numbers([t('clip.position')], ([position], time) => this.set({ offset: position * Math.hypot(...this.edit.normal) }, time));
+    this.#position = this.numbers([t('clip.position')], ([position], time) => this.set({ offset: app.clip.distanceAlong(this.edit.normal, position) * Math.hypot(...this.edit.normal) }, time));
     this.#depth.addEventListener('input', ({ timeStamp }) => this.set({ offset: planeAt(app.viewer.box, this.edit.normal, this.#depth.valueAsNumber).offset }, timeStamp));
     const flip = make('button', { id: 'edit-flip', text: t('edits.flip'), title: t('edits.flip.title'), press: ({ timeStamp }) => this.set(flipPlane(this.edit), timeStamp) });
     this.root.append(make('div', { class: 'row' }, make('span', { text: t('clip.depth') }), this.#depth, ...this.#position), make('div', { class: 'buttons' }, flip));
   }
 
-  describe(plane) { return this.app.clip.withUnit(this.app.clip.round(positionOf(plane))); }
+  describe(plane) { return this.app.clip.positionText(plane.normal, positionOf(plane)); }
 
   show(index) {
     super.show(index);
     const depth = this.app.viewer.box ? depthOf(this.app.viewer.box, this.edit) : 0;
     this.#depth.value = String(depth);
     this.#depth.setAttribute('aria-valuetext', t('clip.removed', { percent: Math.round(depth * 100) }));
-    this.put(this.#position[0], positionOf(this.edit));
+    const { value } = this.app.clip.positionAlong(this.edit.normal, positionOf(this.edit));
+    this.put(this.#position[0], value, value);
   }
 }
 
@@ -308,9 +309,8 @@ class BoxDetails extends Details {
     const set = (box, time) => this.set({ box }, time);
     this.#rows = new BoxRows({
       get box() { return own(); },
-      get unit() { return clip.unit; },
       setBox: set, fraction: (...of) => clip.fraction(...of), coordinate: (...of) => clip.coordinate(...of), axisNames: (axis) => clip.axisNames(axis),
-      withUnit: (value) => clip.withUnit(value),
+      withUnit: (...of) => clip.withUnit(...of), unitAlong: (axis) => clip.unitAlong(axis),
     }, { id: 'edit-box-rows', class: 'box-rows' });
     this.root.append(this.keepRow(), this.#rows.root);
   }
@@ -366,6 +366,6 @@ class PartDetails extends Details {
     super.show(index);
     const { range, point } = this.edit;
     this.#range.forEach((input, i) => this.put(input, range[i], this.app.layers.round(range[i])));
-    setText(this.#place, t('edits.place', { place: point.map((part) => numberText(this.app.clip.round(part))).join(', '), unit: this.app.clip.unit }).trim());
+    setText(this.#place, t('edits.place', placeOf(this.app.viewer.volume, point, this.app.clip.extent)).trim());
   }
 }

@@ -87,7 +87,7 @@ export class BoxHandles {
       const names = clip.axisNames(axis);
       const number = clip.coordinate(axis, box[corner][axis]);
       this.#handles.name(element, t('clip.face', { end: corner === 0 ? names.low : names.high }),
-        { text: clip.withUnit(number), ends: [0, 1].map((end) => clip.coordinate(axis, end)), number });
+        { text: clip.withUnit(number, axis), ends: [0, 1].map((end) => clip.coordinate(axis, end)), number });
     }
     if (!this.#middle) return;
     this.#handles.put(this.#middle.element, project(boxMiddle(clip.volumeBox, box)));
@@ -167,9 +167,8 @@ export class PlaneHandles {
     const held = handles.heldAt(tilt);
     const aside = way[0] < 0 ? [-way[1], way[0]] : [way[1], -way[0]];
     if (isSelected) handles.put(tilt, at, held ? [held[0] - at.x, held[1] - at.y] : [aside[0] * TILT_PX, aside[1] * TILT_PX]);
-    const ends = this.#range(plane).map((value) => clip.round(value));
-    const number = clip.round(positionOf(plane));
-    handles.name(shift, t('clip.shift', { name }), { text: clip.withUnit(number), ends, number });
+    const along = (distance) => clip.positionAlong(plane.normal, distance).value;
+    handles.name(shift, t('clip.shift', { name }), { text: clip.positionText(plane.normal, positionOf(plane)), ends: this.#range(plane).map(along), number: along(positionOf(plane)) });
     setText(shift.querySelector('.grip'), String(index + 1));
     shift.toggleAttribute('data-selected', isSelected);
     handles.name(tilt, t('clip.tilt', { name }));

@@ -305,11 +305,11 @@ export class Pane {
 
   /** Slider, number and place of a slice across an axis; returns the place. */
   #labelOrthogonal(name) {
-    const { grid, unit, position } = this.#slices;
+    const { grid, position } = this.#slices;
     const { axis } = this.plane;
     const index = grid.index(axis, position);
     const world = mainAxis(grid.axes[axis]);
-    const text = t('slices.place', { axis: 'xyz'[world], place: numberText(grid.round(grid.nearest(position)[world])), unit }).trim();
+    const text = t('slices.place', { axis: 'xyz'[world], place: numberText(this.#slices.along(world, grid.nearest(position)[world])), unit: this.#slices.unitAlong(world) }).trim();
     const all = grid.count(axis);
     this.#setRange({ steps: all - 1, at: index, text: t('slices.slice', { index: index + 1, count: all, place: text }) });
     this.#setNumber({ value: index + 1, min: 1, max: all, step: 1, label: t('slices.number', { name }) });
@@ -352,10 +352,9 @@ export class Pane {
     const isInside = this.valueAt(world) !== null;
     const place = this.plane.axis !== null && isInside ? this.#slices.grid.nearest(world) : world;
     const value = this.valueAt(place);
-    const at = place.map((part) => numberText(this.#slices.grid.round(part))).join(', ');
     if (this.#hovered) this.#slices.tellValue(value === null ? '' : this.#slices.valueText(value));
     setText(this.#read, value === null ? t('slices.outside') : t('slices.value', {
-      value: this.#slices.valueText(value), place: at, unit: this.#slices.unit }).trim());
+      value: this.#slices.valueText(value), ...this.#slices.placeOf(place) }).trim());
   }
 
   #listen() {

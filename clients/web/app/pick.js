@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // V shows the value, where there is one, and the position under the cursor, and offers the surface of that value.
 import { canAdd } from '../core/layers.js';
-import { dataText, numberText } from '../core/lengths.js';
+import { dataText } from '../core/lengths.js';
 import { t } from '../core/text.js';
+import { placeOf } from '../core/vertical.js';
 import { place } from './pointer.js';
 
 const OFFER_MS = 12000;
@@ -20,7 +21,7 @@ export function install(app) {
       return;
     }
     const { clip, transfer } = app;
-    const where = { place: position.map((part) => numberText(clip.round(part))).join(', '), unit: clip.unit };
+    const where = placeOf(viewer.volume, position, clip.extent);
     const hasValue = Number.isFinite(value);
     const text = (hasValue ? t('pick.value', { value: dataText(value, transfer.range, transfer.unit), ...where }) : t('pick.place', where)).trim();
     const { layers } = app;

@@ -11,6 +11,7 @@ import { SliceCache, askUntil } from '../core/slice_loader.js';
 import { finestGrid, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { add, dot, length, normalize, rotate, scale, subtract } from '../core/vector.js';
+import { placeOf, roundedAlong, unitAlong, worldFrom } from '../core/vertical.js';
 import { layoutButton } from './layout.js';
 import { Pane } from './pane.js';
 import { SliceLines } from './slice_lines.js';
@@ -76,6 +77,11 @@ class Slices extends Emitter {
   get normal() { return this.shared.normal; }
   get window() { return this.shared.window; }
   get unit() { return unitName(this.#app.viewer.volume?.unit); }
+  /** The coordinate along a world axis as the file gives it, rounded, and back; its unit; a position as {place, unit}. */
+  along(axis, world) { return roundedAlong(this.#app.viewer.volume, axis, world, this.grid.precision); }
+  back(axis, own) { return worldFrom(this.#app.viewer.volume, axis, own); }
+  unitAlong(axis) { return unitAlong(this.#app.viewer.volume, axis); }
+  placeOf(position) { return placeOf(this.#app.viewer.volume, position, this.grid.precision); }
   /** How slices show values: 'grey', 'transfer_function' or the name of a colour map. */
   get colors() { return this.shared.colors ?? 'grey'; }
   /** The visible channels [{id ('' = the volume), points}, …]; empty without channels. */

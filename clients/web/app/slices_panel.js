@@ -64,7 +64,7 @@ export function installSection({ panel, slices, viewer, layout }) {
     slices.change({ in_3d: inPicture.checked, ...(needsMode ? { mode: 'orthogonal' } : {}) }, timeStamp);
   });
   places.forEach((input, axis) => input.addEventListener('change', ({ timeStamp }) => {
-    if (Number.isFinite(input.valueAsNumber) && slices.grid) slices.setPosition(slices.position.with(axis, input.valueAsNumber), timeStamp);
+    if (Number.isFinite(input.valueAsNumber) && slices.grid) slices.setPosition(slices.position.with(axis, slices.back(axis, input.valueAsNumber)), timeStamp);
   }));
   values.forEach((input, i) => input.addEventListener('change', ({ timeStamp }) => {
     if (Number.isFinite(input.valueAsNumber)) slices.change({ window: { [FIELDS[i][0]]: input.valueAsNumber } }, timeStamp);
@@ -86,7 +86,7 @@ export function installSection({ panel, slices, viewer, layout }) {
     const set = (input, value) => {
       if (document.activeElement !== input) input.value = String(value);
     };
-    places.forEach((input, axis) => set(input, slices.grid ? slices.grid.round(shared.position[axis]) : shared.position[axis]));
+    places.forEach((input, axis) => set(input, slices.grid ? slices.along(axis, shared.position[axis]) : shared.position[axis]));
     values.forEach((input, i) => set(input, slices.round(shared.window[FIELDS[i][0]])));
   }
   slices.on('change', show);

@@ -2,8 +2,9 @@
 // The status line: figures of the last second.
 import { detailPercent, shortageOf } from '../core/detail.js';
 import { contentsText, kindOf } from '../core/kinds.js';
-import { numberText, unitName } from '../core/lengths.js';
+import { numberText } from '../core/lengths.js';
 import { t } from '../core/text.js';
+import { sizesOf } from '../core/vertical.js';
 import { nameOf } from '../core/volume_names.js';
 import { byId, setText } from './dom.js';
 
@@ -16,6 +17,12 @@ export function shortNumber(n) {
   if (n >= 1e6) return `${(n / 1e6).toFixed(2)} M`;
   if (n >= 1e3) return `${(n / 1e3).toFixed(n >= 1e5 ? 0 : 1)} k`;
   return String(Math.round(n));
+}
+
+/** The distances of samples, with their unit. */
+function spacingText(volume, spacing) {
+  const { numbers, unit } = sizesOf(volume, spacing, (size) => numberText(Number(size.toPrecision(4))));
+  return `${numbers} ${unit || t('status.nounit')}`;
 }
 
 const kilobytes = (n) => `${(n / 1000).toFixed(n < 1e5 ? 1 : 0)} kB`;
@@ -86,7 +93,7 @@ class StatusLine {
     setText(this.#fields.get('file'), volume ? nameOf(volume) : '');
     this.#fields.get('file').parentElement.title = volume?.source ?? '';
     setText(this.#fields.get('dims'), volume ? (isGrid && dims ? dims.join(' × ') : contentsText(volume)) : '');
-    setText(this.#fields.get('spacing'), isGrid && spacing ? `${spacing.map((part) => numberText(Number(part.toPrecision(4)))).join(' × ')} ${unitName(volume.unit) || t('status.nounit')}` : '');
+    setText(this.#fields.get('spacing'), isGrid && spacing ? spacingText(volume, spacing) : '');
   }
 
   /** Shows the value under the pointer; '' = none. */

@@ -2,8 +2,9 @@
 // What is known of the shown volume: a fold below the list.
 import { sizeText } from '../core/files.js';
 import { elementRows, kindOf } from '../core/kinds.js';
-import { numberText, unitName, valueUnit } from '../core/lengths.js';
+import { numberText, valueUnit } from '../core/lengths.js';
 import { t } from '../core/text.js';
+import { sizesOf } from '../core/vertical.js';
 import { make } from './dom.js';
 
 const number = (value) => numberText(Number(Number(value).toPrecision(6)));
@@ -16,13 +17,13 @@ function fieldText({ name, components, range }) {
 
 /** [label, value] of the samples. */
 function gridRows(volume) {
-  const unit = volume.unit ? ` ${unitName(volume.unit)}` : '';
+  const sizes = (list) => Object.values(sizesOf(volume, list, number)).join(' ').trim();
   const { dims, spacing } = volume.whole ?? volume;
   return [
     [t('info.dims'), dims?.join(' × ')],
-    [t('info.spacing'), spacing && spacing.map(number).join(' × ') + unit],
+    [t('info.spacing'), spacing && sizes(spacing)],
     [t('info.size'), dims && spacing && t('info.size.value', {
-      size: dims.map((n, i) => number(Math.max(n - 1, 0) * spacing[i])).join(' × ') + unit,
+      size: sizes(dims.map((n, i) => Math.max(n - 1, 0) * spacing[i])),
     })],
     [t('info.type'), volume.type],
   ];

@@ -105,9 +105,12 @@ export class Grid {
     return Math.min(...this.volume.spacing);
   }
 
+  /** An extent whose thousandth is about a tenth of the smallest gap between samples. */
+  get precision() { return 100 * this.smallest; }
+
   /** A coordinate, rounded to about a tenth of the smallest gap between samples. */
   round(coordinate) {
-    return roundCoordinate(coordinate, 100 * this.smallest);
+    return roundCoordinate(coordinate, this.precision);
   }
 }
 

@@ -98,6 +98,14 @@ struct sp_steps {
     const double *times;
 };
 
+/* The file's own numbers of an axis z that was scaled, because its unit, such as hPa, has no length
+ * in the unit of x. */
+struct sp_vertical {
+    double per_unit; /* world z = per_unit · number of the file; < 0: the numbers fall as z
+                        rises; 0 = z was not scaled */
+    char unit[SP_UNIT_BYTES]; /* of the numbers; "" = unknown */
+};
+
 /* Where the samples of struct sp_volume lie in a level of a volume that is larger than memory. */
 struct sp_whole_part {
     double step[3];    /* samples of the finest level per sample; 0 = it has all samples */
@@ -146,6 +154,7 @@ struct sp_volume_info {
     char warnings[SP_WARNINGS_MAX][SP_WARNING_BYTES];
     double longest;           /* length of the longest finite vector, data unit; 0 = none has any */
     char unit[SP_UNIT_BYTES]; /* unit of world coordinates, "mm", …; "" = unknown */
+    struct sp_vertical vertical;
     /* Where world +x, +y and +z point to in a patient: three of R L A P S I, as in "LPS" (left,
      * posterior, superior); "" = the file does not say. */
     char anatomy[4];

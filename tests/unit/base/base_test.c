@@ -15,6 +15,7 @@
 #include "base/vec.h"
 #include "sp/log.h"
 #include "sp/status.h"
+#include "sp/utf8.h"
 #include "sp/version.h"
 #include "support/compare.h"
 
@@ -181,6 +182,34 @@ static void log_lines_cannot_be_forged(void **state) {
 }
 
 /* They are part of the protocol: clients branch on them. */
+static void only_utf8_is_valid(void **state) {
+    (void)state;
+    static const struct {
+        const char *text, *mended;
+    } cases[] = {
+        { "", "" },
+        { "mm", "mm" },
+        { "\u00b5m \u20ac \U0001f600", "\u00b5m \u20ac \U0001f600" },
+        { "11\xb5,\xe4", "11?,?" }, /* Latin-1 */
+        { "\xc3", "?" },            /* cut off */
+        { "\xe2\x82", "??" },
+        { "\xf0\x9f\x98", "???" },
+        { "\xc0\x80\xe0\x9f\x80", "?????" },      /* longer than needed */
+        { "\xed\xa0\x80", "???" },                /* half of a pair of UTF-16 */
+        { "\xf4\x90\x80\x80\xf5\x80", "??????" }, /* above U+10FFFF */
+        { "a\xe2\x82z", "a??z" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[32];
+        strcpy(text, cases[i].text);
+        sp_utf8_mend(text);
+        assert_string_equal(text, cases[i].mended);
+    }
+    assert_int_equal(sp_utf8_length("\u20ac"), 3);
+    assert_int_equal(sp_utf8_length("\xf4\x8f\xbf\xbf"), 4);
+    assert_int_equal(sp_utf8_length(""), 1);
+}
+
 static void each_error_code_has_a_name_of_its_own(void **state) {
     (void)state;
     int count = 0;
@@ -212,6 +241,7 @@ int main(void) {
         cmocka_unit_test(inverse_times_matrix_is_identity),
         cmocka_unit_test(long_error_texts_are_truncated),
         cmocka_unit_test(log_lines_cannot_be_forged),
+        cmocka_unit_test(only_utf8_is_valid),
         cmocka_unit_test(each_error_code_has_a_name_of_its_own),
         cmocka_unit_test(the_version_is_that_of_the_headers),
     };

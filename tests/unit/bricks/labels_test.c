@@ -28,6 +28,7 @@ static struct sp_brick_file *write_labels(const uint8_t *samples, enum sp_meanin
     const struct sp_volume_info info = { .grid = { .dims = { NX, NY, NZ },
                                                    .spacing = { 1, 1, 1 },
                                                    .direction = { { 1 }, { 0, 1 }, { 0, 0, 1 } } },
+                                         .vertical = { -0.25, "hPa" },
                                          .meaning = meaning };
     const int from = memory_file(samples, COUNT);
     const struct sp_bricks_write_job job = {
@@ -52,7 +53,10 @@ static void labels_are_not_averaged(void **state) {
     for (uint32_t i = 0; i < COUNT; i++)
         samples[i] = kinds[(i * 7 + i / 5) % 3];
     struct sp_brick_file *file = write_labels(samples, SP_MEANING_LABELS);
-    assert_int_equal(sp_brick_file_header(file)->info.meaning, SP_MEANING_LABELS);
+    const struct sp_volume_info *info = &sp_brick_file_header(file)->info;
+    assert_int_equal(info->meaning, SP_MEANING_LABELS);
+    assert_true(info->vertical.per_unit == -0.25);
+    assert_string_equal(info->vertical.unit, "hPa");
     struct sp_brick_scratch *scratch = sp_brick_scratch_create(&err);
     assert_non_null(scratch);
     assert_true(sp_brick_file_read(file, 1, 0, scratch, coarse, &err));

@@ -444,6 +444,12 @@ class Remote(RemoteCase):
                 sent = json.loads(Daemon.seen[-1][3])
                 self.assertEqual(sent['layers'], layers)
                 self.assertNotIn('compositing', sent)
+        # A field that is named after a colour has it. The daemon loads the source.
+        for name, color in (('rgb%20Red', red), ('green', green), ('rgb_blue', [0, 0, 1]), ('blues', green), ('predicted', green), ('red%20dye', green)):
+            Daemon.answers['POST', '/api/v1/volumes'] = Daemon.answers['GET', '/api/v1/volumes/head']
+            result = self.run_at('render', '--volume', 'head', '--out', self.out, '--channel', f'head.nrrd?field={name}')
+            self.assertEqual((result.returncode, result.stderr), (0, b''))
+            self.assertEqual(json.loads(Daemon.seen[-1][3])['layers'], [volume, channel(color)])
         # A projection is in colour, unless the view or the projection says something else.
         for options, compositing, colors in ((['maximum'], {}, 'transfer_function'), (['maximum'], {'colors': 'grey'}, 'grey'), (['sum'], {}, None)):
             result = self.run_at('render', '--volume', 'head', '--out', self.out, '--view', '-', '--channel', 'head', '--projection', *options,

@@ -20,6 +20,8 @@ static struct sp_handover valid_header(void) {
     }
     strcpy(m.header.unit, "mm");
     strcpy(m.header.anatomy, "LPS");
+    m.header.vertical.per_unit = -0.25;
+    strcpy(m.header.vertical.unit, "hPa");
     return m;
 }
 
@@ -153,10 +155,12 @@ static void names_of_fields_are_checked_and_cleaned(void **state) {
     strcpy(in.header.value_name, "p\n");
     memset(in.header.vector_name, 'v', SP_FIELD_BYTES - 1);
     strcpy(in.header.value_unit, "H\tU");
+    strcpy(in.header.vertical.unit, "\xb5m"); /* Latin-1 */
     size_t size = sp_handover_size(SP_HANDOVER_HEADER);
     assert_true(sp_handover_decode(&in, size, &out, "file", &err));
     assert_string_equal(out.header.value_name, "p?");
     assert_string_equal(out.header.value_unit, "H?U");
+    assert_string_equal(out.header.vertical.unit, "?m");
     memset(in.header.value_unit, 'u', SP_UNIT_BYTES);
     assert_false(sp_handover_decode(&in, size, &out, "file", &err));
     assert_non_null(strstr(err.text, "a unit that is not terminated"));

@@ -154,6 +154,10 @@ static bool damage_header(const char *what, struct sp_handover *m) {
         h->rectilinear = 8;
     else if (strcmp(what, "anatomy") == 0)
         memcpy(h->anatomy, "LRS", 4);
+    else if (strcmp(what, "vertical") == 0)
+        h->vertical.per_unit = NAN;
+    else if (strcmp(what, "vertical unit") == 0)
+        memset(h->vertical.unit, 'm', sizeof h->vertical.unit);
     else if (strcmp(what, "unit") == 0)
         memset(h->unit, 'm', sizeof h->unit);
     else if (strcmp(what, "name") == 0)

@@ -73,6 +73,8 @@ static void misbehaving_importers_are_errors(void **state) {
         { "direction", SP_ERR_CRASHED, "length 0" },
         { "axes", SP_ERR_CRASHED, "axes of an unknown kind" },
         { "anatomy", SP_ERR_CRASHED, "unknown anatomical directions" },
+        { "vertical", SP_ERR_CRASHED, "a vertical axis without a scale" },
+        { "vertical unit", SP_ERR_CRASHED, "a unit that is not terminated" },
         { "unit", SP_ERR_CRASHED, "unit that is not terminated" },
         { "name", SP_ERR_CRASHED, "name that is not terminated" },
         { "vectors", SP_ERR_CRASHED, "vectors of an unknown kind" },
