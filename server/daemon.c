@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "common/background.h"
 #include "common/clock.h"
 #include "common/timer_thread.h"
 #include "common/work_queue.h"
@@ -51,6 +52,7 @@ struct srv_daemon {
     struct srv_timer_task tick;
     struct srv_work_queue *disk;
     struct srv_work_queue *measuring; /* parts of volumes */
+    struct srv_work_queue *sampling;  /* slices, regions, profiles and markers */
     struct srv_work_queue *picking;   /* what an image shows at a point */
     struct srv_work_queue *listing;   /* series of folders */
     struct srv_work_queue *searching; /* the data folder */
@@ -310,6 +312,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .ended = on_ended,
         .recall = c->state ? on_recall : NULL,
         .measuring = d->measuring,
+        .sampling = d->sampling,
         .picking = d->picking,
     };
     const struct srv_schedule_options schedule = { .user = d,
@@ -373,6 +376,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->paths = atomic_load(&d->paths);
     o->disk = d->disk;
     o->measuring = d->measuring;
+    o->sampling = d->sampling;
     o->listing = d->listing;
     o->searching = d->searching;
     o->uploads = d->uploads;
@@ -465,11 +469,12 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .step = on_step,
         .unloaded = on_unloaded,
     };
-    if ((d->disk = srv_work_queue_create(NULL, err)) &&
-        (d->measuring = srv_work_queue_create("the measuring thread", err)) &&
-        (d->picking = srv_work_queue_create(NULL, err)) &&
-        (d->listing = srv_work_queue_create("the listing thread", err)) &&
-        (d->searching = srv_work_queue_create("the search thread", err)) &&
+    if ((d->disk = srv_work_queue_create("the disk thread", 0, err)) &&
+        (d->measuring = srv_work_queue_create("the measuring thread", SRV_NICE_BACKGROUND, err)) &&
+        (d->sampling = srv_work_queue_create("the sampling thread", SRV_NICE_ANSWERS, err)) &&
+        (d->picking = srv_work_queue_create("the picking thread", 0, err)) &&
+        (d->listing = srv_work_queue_create("the listing thread", SRV_NICE_BACKGROUND, err)) &&
+        (d->searching = srv_work_queue_create("the search thread", SRV_NICE_BACKGROUND, err)) &&
         srv_frame_memory_init(&d->frame_memory, (uint64_t)config->render_bytes, err) &&
         open_store(d, err) && start_tokens(d, err) && start_uploads(d, err) &&
         (d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, err) &&
@@ -531,6 +536,8 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_http_drain(http, (double)d->config->drain_time_ms);
     if (d->measuring)
         srv_work_queue_stop(d->measuring);
+    if (d->sampling)
+        srv_work_queue_stop(d->sampling);
     if (d->picking)
         srv_work_queue_stop(d->picking);
     if (d->listing)
@@ -565,6 +572,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_store_destroy(&d->store);
     srv_work_queue_destroy(&d->disk);
     srv_work_queue_destroy(&d->measuring);
+    srv_work_queue_destroy(&d->sampling);
     srv_work_queue_destroy(&d->picking);
     srv_work_queue_destroy(&d->listing);
     srv_work_queue_destroy(&d->searching);

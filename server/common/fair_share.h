@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * How much of a pool one owner may take. An owner with a limit may hold at most three times what it
- * leaves free. So one owner gets three quarters of the pool, two get three sevenths each, n get
- * 3 / (3n + 1), and a part is always free for another owner (dynamic thresholds: Choudhury and
- * Hahne 1998, with a factor of 3). Owners without a limit, such as admins, may take that part, too.
- * A pool of fewer than SRV_FAIR_LEAST has no such part. Pure.
+ * leaves free: the first one may take three quarters of the pool, the next one three quarters of
+ * the rest, and so on; n owners that come and go get 3 / (3n + 1) each (dynamic thresholds:
+ * Choudhury and Hahne 1998, with a factor of 3). An owner that holds nothing may take the last one.
+ * Owners without a limit, such as admins, may take all that is free. In a pool of fewer than
+ * SRV_FAIR_LEAST all owners may. Pure.
  */
 #ifndef SRV_COMMON_FAIR_SHARE_H
 #define SRV_COMMON_FAIR_SHARE_H

@@ -17,7 +17,8 @@ struct srv_work_queue {
     char running[SRV_FAIR_OWNER_BYTES]; /* the owner of the work that runs */
     unsigned count;                     /* waiting, and running */
     struct srv_fair_owners fair;
-    const char *background;
+    const char *name;
+    int niceness;
     bool stop;
     bool is_ended; /* the thread takes no more work */
     bool is_joined;
@@ -59,8 +60,8 @@ static struct srv_work *take(struct srv_work_queue *queue) {
 
 static void *run(void *user) {
     struct srv_work_queue *queue = user;
-    if (queue->background)
-        srv_background_thread_enter(queue->background);
+    if (queue->niceness > 0)
+        srv_background_thread_enter(queue->name, queue->niceness);
     for (struct srv_work *work; (work = take(queue));) {
         const double start_ms = srv_clock_ms();
         work->run(work);
@@ -73,14 +74,15 @@ static void *run(void *user) {
     return NULL;
 }
 
-struct srv_work_queue *srv_work_queue_create(const char *background, struct sp_error *err) {
+struct srv_work_queue *srv_work_queue_create(const char *name, int niceness, struct sp_error *err) {
     struct srv_work_queue *queue = calloc(1, sizeof *queue);
     if (!queue) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a thread");
         return NULL;
     }
     queue->last = &queue->first;
-    queue->background = background;
+    queue->name = name;
+    queue->niceness = niceness;
     pthread_mutex_init(&queue->mutex, NULL);
     pthread_cond_init(&queue->changed, NULL);
     int failed = pthread_create(&queue->thread, NULL, run, queue);

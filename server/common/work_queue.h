@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * A thread that does work which takes time, one piece after the other, so that the HTTP threads and
- * the stream thread never do. The daemon has five: one for work that waits for a disk
- * (writing uploads, removing files, listing folders), one that measures parts of volumes, one that
- * picks, one that waits for the importer to list series, one that searches the data folder.
+ * the stream thread never do. The daemon has six: one for work that waits for a disk (writing
+ * uploads, removing files, listing folders), one that measures parts of volumes, one that reads
+ * samples for other measurements, one that picks, one that waits for the importer to list series,
+ * one that searches the data folder.
  */
 #ifndef SRV_COMMON_WORK_QUEUE_H
 #define SRV_COMMON_WORK_QUEUE_H
@@ -22,9 +23,9 @@ struct srv_work { /* the first member of the caller's struct, valid until run() 
     struct srv_work *next;            /* the queue's */
 };
 
-/* `background`: the thread's name in the log, if it runs at a low priority; a constant; NULL = it
- * does not. NULL with *err set: SP_ERR_MEMORY, SP_ERR_IO. */
-struct srv_work_queue *srv_work_queue_create(const char *background, struct sp_error *err);
+/* `name`: of the thread in the log, a constant; niceness: of common/background.h, 0 = the daemon's
+ * own. NULL with *err set: SP_ERR_MEMORY, SP_ERR_IO. */
+struct srv_work_queue *srv_work_queue_create(const char *name, int niceness, struct sp_error *err);
 /* Returns how much more work of the owner may wait or run, if all may have `most`
  * (common/fair_share.h). */
 unsigned srv_work_queue_left(struct srv_work_queue *queue, const char *owner, bool is_limited,

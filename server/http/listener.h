@@ -41,7 +41,8 @@ struct srv_http_options {
     struct srv_store *store;
     struct srv_paths *paths;
     struct srv_work_queue *disk;      /* for work that waits for a disk */
-    struct srv_work_queue *measuring; /* for measurements that take time */
+    struct srv_work_queue *measuring; /* for measurements of parts and paths */
+    struct srv_work_queue *sampling;  /* for other measurements that read samples */
     struct srv_work_queue *listing;   /* for lists of the series of a folder */
     struct srv_work_queue *searching; /* for searches of the data folder */
     struct srv_uploads *uploads;      /* NULL = there are none */

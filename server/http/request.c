@@ -2,6 +2,7 @@
 #include "http/request.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
@@ -112,6 +113,35 @@ bool srv_request_queue(struct srv_request *request, struct srv_work_queue *queue
     srv_request_suspend(request);
     srv_work_queue_add(queue, work);
     return true;
+}
+
+struct later {
+    struct srv_work work; /* first: it is this struct */
+    struct srv_request *request;
+    srv_handler *handle;
+};
+
+static void run_later(struct srv_work *work) {
+    struct later *later = (struct later *)work;
+    struct srv_request *request = later->request;
+    if (srv_hub_is_draining(request->app->hub))
+        srv_reply_problem(&request->reply, 503, NULL, "the daemon stops");
+    else
+        later->handle(request, &request->reply);
+    free(later);
+    srv_request_complete(request);
+}
+
+void srv_request_handle_later(struct srv_request *request, struct srv_work_queue *queue,
+                              unsigned most, const char *what, srv_handler *handle) {
+    struct later *later = malloc(sizeof *later);
+    if (!later) {
+        srv_reply_problem(&request->reply, 503, NULL, "out of memory for a request");
+        return;
+    }
+    *later = (struct later){ { .run = run_later }, request, handle };
+    if (!srv_request_queue(request, queue, &later->work, most, what))
+        free(later);
 }
 
 void srv_request_complete(struct srv_request *request) {

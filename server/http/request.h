@@ -87,6 +87,12 @@ void srv_request_complete(struct srv_request *request);
  * the reply is a problem document, and the work is the caller's. */
 bool srv_request_queue(struct srv_request *request, struct srv_work_queue *queue,
                        struct srv_work *work, unsigned most, const char *what);
+/* Fills the reply, or suspends the request. */
+typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
+/* Has `handle` fill the reply on the thread of a queue, as above. */
+void srv_request_handle_later(struct srv_request *request, struct srv_work_queue *queue,
+                              unsigned most, const char *what, srv_handler *handle);
+
 /* Replaces both, or complete if the request is suspended, as the last call of whoever has filled
  * the reply: sends the answer once the changes of the store and of sessions are on disk. The header
  * X-Durable is "no" if they are only in memory (no --state, or a full disk). */

@@ -12,7 +12,6 @@ const struct srv_route *srv_routes_find(const char *method, const char *path,
                                         char param[SRV_PARAM_BYTES], unsigned *allowed);
 
 /* Handlers, by file. */
-typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
     srv_get_volume_view; /* routes_volumes.c */
 /* Encodes {"id", "name", "source", "state", "progress", …} and, once the volume is loaded, its

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Measurements: computed on request for a volume or for the volume that a session shows, and the
- * list of a session as JSON or CSV. The HTTP thread computes them: up to 0.2 s for the largest
- * region. Parts and paths take longer: the measuring thread computes those.
+ * list of a session as JSON or CSV. What reads samples takes up to 0.2 s, parts and paths seconds:
+ * the sampling thread and the measuring thread compute those.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,8 +16,12 @@
 #include "sp/bricks.h"
 #include "sp/edit.h"
 
-static bool wait_for_turn(struct srv_request *request, struct srv_work *work) {
-    return srv_request_queue(request, request->app->measuring, work, SRV_MEASURING_MAX,
+static bool wait_for_turn(struct srv_request *request, enum srv_measure_effort effort,
+                          struct srv_work *work) {
+    if (effort == SRV_MEASURE_LONG)
+        return srv_request_queue(request, request->app->measuring, work, SRV_MEASURING_MAX,
+                                 "measurements of parts");
+    return srv_request_queue(request, request->app->sampling, work, SRV_SAMPLING_MAX,
                              "measurements");
 }
 
@@ -95,34 +99,52 @@ static proto_json *measure_volume(const struct sp_volume *volume, unsigned level
     return json;
 }
 
-/* A part or a path that waits. */
-struct part_request {
+/* A measurement that waits. */
+struct measure_request {
     struct srv_work work; /* first: it is this struct */
     struct srv_request *request;
     struct srv_volume *volume; /* a use of it */
     struct sp_measure measure;
-    struct sp_view view; /* whose edits count */
+    uint32_t samples;    /* of a profile; 0 = the default */
+    struct sp_view view; /* whose edits count for a part or a path */
     char id[SP_NAME_BYTES];
 };
 
-static void run_part(struct srv_work *work) {
-    struct part_request *part = (struct part_request *)work;
-    struct srv_request *request = part->request;
+/* Returns the samples that the measurement reads, and their level; a reference. */
+static struct sp_volume *samples_of(const struct measure_request *waiting, unsigned *level,
+                                    struct sp_error *err) {
+    struct sp_volume *volume = srv_volume_voxels(waiting->volume);
+    if (!sp_measure_has_range(waiting->measure.kind))
+        return srv_measured_samples(volume, &waiting->measure, level, err);
+    *level = sp_bricks_base(volume);
+    return sp_edit_volume(volume, &waiting->view, err);
+}
+
+static void compute(struct measure_request *waiting, struct srv_reply *reply) {
     struct sp_error err;
-    if (may_begin(request)) {
-        struct sp_volume *volume = srv_volume_voxels(part->volume);
-        struct sp_volume *shown = sp_edit_volume(volume, &part->view, &err);
-        proto_json *json =
-            shown ? measure_volume(shown, sp_bricks_base(volume), part->id, &part->measure, 0, &err)
-                  : NULL;
-        sp_volume_unref(&shown);
-        if (json)
-            srv_reply_json(&request->reply, 200, json);
-        else
-            srv_reply_view_error(&request->reply, "", &err);
-    }
-    srv_catalog_release(request->app->catalog, part->volume);
-    free(part);
+    unsigned level;
+    struct sp_volume *volume = samples_of(waiting, &level, &err);
+    proto_json *json = volume ? measure_volume(volume, level, waiting->id, &waiting->measure,
+                                               waiting->samples, &err)
+                              : NULL;
+    sp_volume_unref(&volume);
+    if (json)
+        srv_reply_json(reply, 200, json);
+    else
+        srv_reply_view_error(reply, "", &err);
+}
+
+static void release(struct measure_request *waiting) {
+    srv_catalog_release(waiting->request->app->catalog, waiting->volume);
+    free(waiting);
+}
+
+static void run_measure(struct srv_work *work) {
+    struct measure_request *waiting = (struct measure_request *)work;
+    struct srv_request *request = waiting->request;
+    if (may_begin(request))
+        compute(waiting, &request->reply);
+    release(waiting);
     srv_request_complete(request);
 }
 
@@ -137,63 +159,48 @@ static struct srv_volume *acquire(struct srv_catalog *catalog, const char *id,
     return srv_catalog_ready_step(catalog, volume, (uint32_t)step, err);
 }
 
-/* Measures a part or a path of the volume that a session shows, or of a volume: session_view NULL.
- */
-static void reply_part(struct srv_request *request, const struct sp_measure *measure,
-                       const char *id, const proto_json *session_view, struct srv_reply *reply) {
-    struct srv_catalog *catalog = request->app->catalog;
-    struct sp_error err;
+/* Fills what the measurement needs of the volume `id`; session_view: of the session that shows it,
+ * or NULL. */
+static bool prepare(struct measure_request *waiting, const char *id, const proto_json *session_view,
+                    struct sp_error *err) {
+    struct srv_catalog *catalog = waiting->request->app->catalog;
     struct sp_view defaults;
-    struct part_request *part = malloc(sizeof *part);
-    struct srv_volume *volume = part ? acquire(catalog, id, session_view, &err) : NULL;
-    if (!part)
-        sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory for the measurement");
-    bool ok = volume != NULL;
-    if (ok) {
-        *part = (struct part_request){
-            .work = { .run = run_part }, .request = request, .volume = volume, .measure = *measure
-        };
-        snprintf(part->id, sizeof part->id, "%s", id);
-        srv_catalog_default_view(catalog, volume, &defaults);
-        part->view = defaults;
-        ok = !session_view || proto_view_apply(session_view, &defaults, &part->view, &err);
-    }
-    if (ok && wait_for_turn(request, &part->work))
-        return;
-    if (!ok)
-        srv_reply_view_error(reply, "", &err);
-    if (volume)
-        srv_catalog_release(catalog, volume);
-    free(part);
+    waiting->work.run = run_measure;
+    snprintf(waiting->id, sizeof waiting->id, "%s", id);
+    if (!(waiting->volume = acquire(catalog, id, session_view, err)))
+        return false;
+    srv_catalog_default_view(catalog, waiting->volume, &defaults);
+    waiting->view = defaults;
+    if (!session_view || proto_view_apply(session_view, &defaults, &waiting->view, err))
+        return true;
+    srv_catalog_release(catalog, waiting->volume);
+    return false;
 }
 
-/* Answers with a measurement in the volume `id`; `view` of the session that shows it, or NULL. */
+/* Answers with a measurement in the volume `id`, now or later. */
 static void reply_measure(struct srv_request *request, const proto_json *body, const char *id,
-                          const proto_json *view, struct srv_reply *reply) {
+                          const proto_json *session_view, struct srv_reply *reply) {
     struct sp_error err;
-    struct sp_measure measure;
-    uint32_t samples;
-    if (!proto_measure_decode(body, &measure, &err) ||
-        !read_samples(body, &measure, &samples, &err)) {
+    struct measure_request *waiting = calloc(1, sizeof *waiting);
+    if (!waiting) {
+        srv_reply_problem(reply, 503, NULL, "out of memory for the measurement");
+        return;
+    }
+    waiting->request = request;
+    if (!proto_measure_decode(body, &waiting->measure, &err) ||
+        !read_samples(body, &waiting->measure, &waiting->samples, &err)) {
         srv_reply_error(reply, &err);
-        return;
-    }
-    if (sp_measure_has_range(measure.kind)) {
-        reply_part(request, &measure, id, view, reply);
-        return;
-    }
-    struct srv_volume *volume = acquire(request->app->catalog, id, view, &err);
-    unsigned level;
-    struct sp_volume *part =
-        volume ? srv_measured_samples(srv_volume_voxels(volume), &measure, &level, &err) : NULL;
-    proto_json *json = part ? measure_volume(part, level, id, &measure, samples, &err) : NULL;
-    sp_volume_unref(&part);
-    if (volume)
-        srv_catalog_release(request->app->catalog, volume);
-    if (json)
-        srv_reply_json(reply, 200, json);
-    else
+        free(waiting);
+    } else if (!prepare(waiting, id, session_view, &err)) {
         srv_reply_view_error(reply, "", &err);
+        free(waiting);
+    } else if (srv_measure_effort_of(waiting->measure.kind) == SRV_MEASURE_AT_ONCE) {
+        compute(waiting, reply);
+        release(waiting);
+    } else if (!wait_for_turn(request, srv_measure_effort_of(waiting->measure.kind),
+                              &waiting->work)) {
+        release(waiting);
+    }
 }
 
 void srv_post_measure(struct srv_request *request, struct srv_reply *reply) {
@@ -309,7 +316,7 @@ static void put(struct srv_request *request, const char *session, const char *id
     proto_json_free(&body);
 }
 
-/* A change that waits: of a part or a path. */
+/* A change that waits. */
 struct put_request {
     struct srv_work work; /* first: it is this struct */
     struct srv_request *request;
@@ -329,26 +336,29 @@ static void run_put(struct srv_work *work) {
         srv_request_complete(request);
 }
 
-/* True if the body may give the place of a part or a path: only the session knows the kind of a
- * measurement that exists. */
-static bool may_be_slow(struct srv_request *request) {
+/* What the change may take: only the session knows the kind of a measurement that exists. */
+static enum srv_measure_effort effort_of(struct srv_request *request) {
+    enum srv_measure_effort effort = SRV_MEASURE_AT_ONCE;
     struct srv_reply unused = { 0 };
     struct sp_error err;
     struct sp_measure measure;
     proto_json *body = srv_request_json(request, &unused);
-    const bool has_kind = proto_json_get(body, "kind") != NULL;
-    const bool is_slow =
-        has_kind ? proto_measure_decode(body, &measure, &err) && sp_measure_has_range(measure.kind)
-                 : proto_json_get(body, "points") || proto_json_get(body, "range");
+    if (!proto_json_get(body, "kind"))
+        effort = proto_json_get(body, "points") || proto_json_get(body, "range")
+                     ? SRV_MEASURE_LONG
+                     : SRV_MEASURE_AT_ONCE;
+    else if (proto_measure_decode(body, &measure, &err))
+        effort = srv_measure_effort_of(measure.kind);
     proto_json_free(&body);
     srv_reply_finish(&unused);
-    return is_slow;
+    return effort;
 }
 
-/* As put(), on the measuring thread if it takes time. */
+/* As put(), on another thread if it takes time. */
 static void put_in_turn(struct srv_request *request, const char *session, const char *id,
                         enum srv_measure_change change, struct srv_reply *reply) {
-    if (!may_be_slow(request)) {
+    const enum srv_measure_effort effort = effort_of(request);
+    if (effort == SRV_MEASURE_AT_ONCE) {
         put(request, session, id, change, reply);
         if (reply->status < 300)
             srv_request_reply_when_durable(request);
@@ -360,7 +370,7 @@ static void put_in_turn(struct srv_request *request, const char *session, const 
         return;
     }
     *waiting = (struct put_request){ { .run = run_put }, request, session, id, change };
-    if (!wait_for_turn(request, &waiting->work))
+    if (!wait_for_turn(request, effort, &waiting->work))
         free(waiting);
 }
 

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Slices of a volume, and of the volume that a session shows, for clients that have nothing but a
- * join token. The HTTP thread samples them itself: some milliseconds, bounded by
- * SP_SLICE_SIDE_MAX.
+ * join token. The sampling thread makes them: up to a second for the largest, SP_SLICE_SIDE_MAX.
  */
 #include <math.h>
 #include <stdio.h>
@@ -16,7 +15,11 @@
 #include "protocol/view.h"
 #include "sp/bricks.h"
 
-enum { JPEG_QUALITY = 90, ETAG_TEXT = SRV_FINGERPRINT_TEXT + 2 };
+enum {
+    JPEG_QUALITY = 90,
+    ETAG_TEXT = SRV_FINGERPRINT_TEXT + 2,
+    SLICES_MAX = 256 /* that wait */
+};
 
 struct slice_request {
     struct srv_slice_query query;
@@ -266,10 +269,22 @@ static void reply_slice(struct srv_request *request, const char *id, const proto
     srv_catalog_release(request->app->catalog, volume);
 }
 
-void srv_get_volume_slice(struct srv_request *request, struct srv_reply *reply) {
+static void reply_volume_slice(struct srv_request *request, struct srv_reply *reply) {
     reply_slice(request, request->param, NULL, reply);
 }
 
-void srv_get_session_slice(struct srv_request *request, struct srv_reply *reply) {
+static void reply_session_slice(struct srv_request *request, struct srv_reply *reply) {
     srv_reply_for_session(request, reply_slice, reply);
+}
+
+void srv_get_volume_slice(struct srv_request *request, struct srv_reply *reply) {
+    (void)reply;
+    srv_request_handle_later(request, request->app->sampling, SLICES_MAX, "slices",
+                             reply_volume_slice);
+}
+
+void srv_get_session_slice(struct srv_request *request, struct srv_reply *reply) {
+    (void)reply;
+    srv_request_handle_later(request, request->app->sampling, SLICES_MAX, "slices",
+                             reply_session_slice);
 }

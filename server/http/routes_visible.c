@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The part of a volume that a session's view leaves visible. The HTTP thread finds it, in some
- * milliseconds.
+ * The part of a volume that a session's view leaves visible. The measuring thread finds it: in some
+ * milliseconds, or, where edits cut the volume first, in seconds.
  */
 #include <string.h>
 
@@ -47,6 +47,12 @@ static void reply_part(struct srv_request *request, const char *id, const proto_
     }
 }
 
-void srv_get_session_visible(struct srv_request *request, struct srv_reply *reply) {
+static void reply_visible(struct srv_request *request, struct srv_reply *reply) {
     srv_reply_for_session(request, reply_part, reply);
+}
+
+void srv_get_session_visible(struct srv_request *request, struct srv_reply *reply) {
+    (void)reply;
+    srv_request_handle_later(request, request->app->measuring, SRV_MEASURING_MAX,
+                             "measurements of parts", reply_visible);
 }

@@ -278,7 +278,7 @@ void *srv_tls_acceptor_main(void *user) {
     struct srv_tls *tls = user;
     struct epoll_event events[SRV_TLS_EVENTS];
     double last_tick_ms = 0;
-    srv_background_thread_enter("the thread for TLS handshakes");
+    srv_background_thread_enter("the thread for TLS handshakes", SRV_NICE_BACKGROUND);
     listen_again(tls, true);
     while (!atomic_load(&tls->acceptor.stop)) {
         int count = epoll_wait(tls->acceptor.epoll, events, SRV_TLS_EVENTS, (int)SRV_TLS_TICK_MS);

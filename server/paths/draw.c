@@ -573,7 +573,7 @@ static void step(struct drawing *d, struct srv_path *path) {
 void *srv_paths_main(void *user) {
     struct drawing d = { .paths = user };
     struct srv_paths *paths = user;
-    srv_background_thread_enter("the thread for camera paths");
+    srv_background_thread_enter("the thread for camera paths", SRV_NICE_BACKGROUND);
     d.encoder = paths->encoder;
     pthread_mutex_lock(&paths->mutex);
     while (!atomic_load(&paths->stop)) {

@@ -188,7 +188,7 @@ static void *encode_main(void *user) {
     struct srv_encode_pool *pool = thread->pool;
     struct srv_encode_task task;
     if (thread->is_background)
-        srv_background_thread_enter("an encode thread");
+        srv_background_thread_enter("an encode thread", SRV_NICE_BACKGROUND);
     pthread_mutex_lock(&pool->mutex);
     for (;;) {
         if (take_task(thread, &task))

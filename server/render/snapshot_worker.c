@@ -129,7 +129,7 @@ void *srv_snapshot_worker_main(void *user) {
     struct srv_render_pool *pool = user;
     struct srv_worker *worker = &pool->workers[SRV_WORKER_SNAPSHOT];
     /* The renderer's threads inherit the priority: it is created on this thread. */
-    srv_background_thread_enter("the snapshot worker");
+    srv_background_thread_enter("the snapshot worker", SRV_NICE_BACKGROUND);
     for (;;) {
         struct srv_worker_round round = srv_worker_begin_round(worker);
         if (round.stop)

@@ -95,6 +95,8 @@ struct srv_hub_options {
     /* Measures parts and paths of streams, which are answered later; the caller's. It is stopped
      * before the hub is destroyed. NULL = they are measured at once. */
     struct srv_work_queue *measuring;
+    /* The same for measurements that read samples: regions, profiles, markers. */
+    struct srv_work_queue *sampling;
     /* Answers picks of streams; the same. Without it there are no picks. */
     struct srv_work_queue *picking;
     /* Can the renderer draw this view? NULL = it can draw all. */

@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* The time that one sample costs of the quota, ms: 2 million samples of regions per second, and 40
- * million of volumes with parts, which take no time of the stream thread. */
+ * million of volumes with parts. */
 #define SAMPLE_MS (1 / 2000.0)
 #define PART_SAMPLE_MS (1 / 40000.0)
 enum { MADE_ID_DIGITS = 16 };
@@ -16,16 +16,25 @@ static bool refuse(struct srv_measure_edit *edit, enum proto_rpc_code code) {
     return false;
 }
 
+/* Returns the time up to which the quota is used: of the participant, or, over HTTP and if it has
+ * left, of the session. Valid until the mutex is released. */
+static double *quota_of(const struct srv_measure_edit *edit) {
+    for (struct srv_participant *p = edit->session->participants; p; p = p->next)
+        if (p->identity.id == edit->by)
+            return &p->measured_ms;
+    return &edit->session->measured_ms;
+}
+
 static bool has_quota(struct srv_measure_edit *edit, struct sp_error *err) {
-    const double next_ms =
-        fmax(*edit->quota_ms, edit->now_ms - 1000) + 1000.0 / SRV_MEASURES_PER_SECOND;
+    double *quota_ms = quota_of(edit);
+    const double next_ms = fmax(*quota_ms, edit->now_ms - 1000) + 1000.0 / SRV_MEASURES_PER_SECOND;
     if (next_ms > edit->now_ms) {
         sp_fail(err, SP_ERR_QUOTA, NULL,
                 "at most 20 changes of measurements per second, and fewer with large regions; try "
                 "again later");
         return refuse(edit, PROTO_RPC_LIMIT);
     }
-    *edit->quota_ms = next_ms;
+    *quota_ms = next_ms;
     return true;
 }
 
@@ -72,14 +81,16 @@ static bool has_place(const proto_json *body) {
     return proto_json_get(body, "points") || proto_json_get(body, "range");
 }
 
-bool srv_measure_edit_is_slow(const struct srv_session *session, const char *id,
-                              const proto_json *body) {
+enum srv_measure_effort srv_measure_edit_effort(const struct srv_session *session, const char *id,
+                                                const proto_json *body) {
     const struct srv_measure_item *item = id ? srv_measures_find(&session->measures, id) : NULL;
-    const char *kind = proto_json_string(proto_json_get(body, "kind"));
-    const bool is_named = kind && (strcmp(kind, sp_measure_kind_name(SP_MEASURE_PART)) == 0 ||
-                                   strcmp(kind, sp_measure_kind_name(SP_MEASURE_PATH)) == 0);
-    return has_place(body) &&
-           (is_named || (item && sp_measure_has_range(item->measure.geometry.kind)));
+    const char *name = proto_json_string(proto_json_get(body, "kind"));
+    enum sp_measure_kind kind =
+        item ? item->measure.geometry.kind : SP_MEASURE_DISTANCE; /* refused without a kind */
+    for (enum sp_measure_kind k = 0; name && k < SP_MEASURE_KINDS; k++)
+        if (strcmp(name, sp_measure_kind_name(k)) == 0)
+            kind = k;
+    return has_place(body) ? srv_measure_effort_of(kind) : SRV_MEASURE_AT_ONCE;
 }
 
 /* Computes the value without the mutex, so that others need not wait. The session may end
@@ -116,7 +127,7 @@ static bool compute(struct srv_measure_edit *edit, struct sp_error *err) {
         return refuse(edit, PROTO_RPC_NOT_FOUND);
     }
     const struct sp_statistics *statistics = &made->value.result.statistics;
-    *edit->quota_ms += (double)(statistics->count + statistics->nonfinite) * SAMPLE_MS +
+    *quota_of(edit) += (double)(statistics->count + statistics->nonfinite) * SAMPLE_MS +
                        made->value.volume_samples * PART_SAMPLE_MS;
     return true;
 }

@@ -13,19 +13,18 @@ struct srv_measure_edit {
     struct srv_hub *hub;
     struct srv_session *session;
     enum srv_measure_change change;
-    uint64_t by;        /* participant, which is not notified; 0 = HTTP */
+    uint64_t by;        /* participant, whose quota counts and which is not notified; 0 = HTTP */
     const char *author; /* of a new measurement, and its colour */
     const char *color;  /* "#rrggbb" */
-    double *quota_ms;   /* used up to this time; lives as long as the session, or longer */
     double now_ms;
     enum proto_rpc_code code;  /* of an error */
     struct proto_measure made; /* the result of srv_measure_edit_prepare() */
     bool is_new;               /* it was added */
 };
 
-/* True if the change computes a part or a path, which takes time. */
-bool srv_measure_edit_is_slow(const struct srv_session *session, const char *id,
-                              const proto_json *body);
+/* What the change with these members takes. */
+enum srv_measure_effort srv_measure_edit_effort(const struct srv_session *session, const char *id,
+                                                const proto_json *body);
 /* Computes the measurement `id` from the members of `body`; `id` NULL: a new one, whose id is made
  * here. Nobody sees it before srv_measure_edit_commit(), so that the caller can encode its answer
  * first. Releases the mutex while it computes. False with *err and edit->code. */

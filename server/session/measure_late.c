@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * measure.put of a part or a path, which takes up to seconds: the measuring thread computes it.
- * What is computed is kept if the session still exists.
+ * measure.put of what takes time: another thread computes it. What is computed is kept if the
+ * session still exists.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -25,7 +25,6 @@ static char *measure(struct srv_late_call *call, size_t *size) {
                                      .by = call->participant,
                                      .author = late->author,
                                      .color = late->color,
-                                     .quota_ms = session ? &session->measured_ms : NULL,
                                      .now_ms = call->now_ms,
                                      .code = PROTO_RPC_NOT_FOUND };
     const proto_json *params = call->message.params;
@@ -44,11 +43,10 @@ static char *measure(struct srv_late_call *call, size_t *size) {
     return proto_rpc_error(call->message.id, edit.code, &err, size);
 }
 
-bool srv_call_measure_late(struct srv_call *call) {
+bool srv_call_measure_late(struct srv_call *call, struct srv_work_queue *queue, unsigned most) {
     const struct srv_participant *p = call->participant;
-    struct late_measure *late =
-        srv_call_later(call, sizeof *late, call->hub->options.measuring, SRV_MEASURING_MAX,
-                       "the daemon is measuring many parts; try again later");
+    struct late_measure *late = srv_call_later(
+        call, sizeof *late, queue, most, "many measurements wait for the daemon; try again later");
     if (!late)
         return false;
     late->call.answer = measure;

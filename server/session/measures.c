@@ -4,6 +4,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum srv_measure_effort srv_measure_effort_of(enum sp_measure_kind kind) {
+    if (sp_measure_has_range(kind))
+        return SRV_MEASURE_LONG;
+    return kind == SP_MEASURE_DISTANCE || kind == SP_MEASURE_ANGLE ? SRV_MEASURE_AT_ONCE
+                                                                   : SRV_MEASURE_SOON;
+}
+
 struct srv_measure_item *srv_measures_find(const struct srv_measures *measures, const char *id) {
     for (size_t i = 0; i < measures->count; i++)
         if (strcmp(measures->items[i].measure.id, id) == 0)

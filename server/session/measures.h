@@ -19,10 +19,20 @@
 
 enum {
     SRV_MEASURES_MAX = 100,        /* per session */
-    SRV_MEASURE_SAMPLES = 1 << 20, /* of a region: the stream thread reads them */
+    SRV_MEASURE_SAMPLES = 1 << 20, /* of a region, most of a tenth of a second */
     SRV_MEASURES_PER_SECOND = 20,  /* changes by one participant; large regions count more */
-    SRV_MEASURING_MAX = 16         /* measurements that take time and wait */
+    SRV_MEASURING_MAX = 16,        /* measurements that take seconds and wait */
+    SRV_SAMPLING_MAX = 64          /* measurements that read samples and wait */
 };
+
+/* What a measurement takes, and who computes it. */
+enum srv_measure_effort {
+    SRV_MEASURE_AT_ONCE, /* microseconds: the thread that asks */
+    SRV_MEASURE_SOON,    /* up to a tenth of a second, or reads of a file: the sampling thread */
+    SRV_MEASURE_LONG     /* up to seconds: the measuring thread */
+};
+
+enum srv_measure_effort srv_measure_effort_of(enum sp_measure_kind kind);
 
 /* How a measurement comes into the list. */
 enum srv_measure_change {

@@ -26,7 +26,6 @@ static struct srv_measure_edit edit_by(const struct srv_call *call) {
                                       .by = p->identity.id,
                                       .author = p->identity.name,
                                       .color = srv_hub_color(p),
-                                      .quota_ms = &p->measured_ms,
                                       .now_ms = call->now_ms };
 }
 
@@ -42,9 +41,12 @@ bool srv_call_measure_put(struct srv_call *call) {
                                          "text", "color", "hidden", NULL };
     if (!srv_call_knows(call, known) || !may_edit(call))
         return false;
-    if (call->hub->options.measuring &&
-        srv_measure_edit_is_slow(call->participant->session, id_of(call), call->params))
-        return srv_call_measure_late(call);
+    const enum srv_measure_effort effort =
+        srv_measure_edit_effort(call->participant->session, id_of(call), call->params);
+    if (effort == SRV_MEASURE_LONG && call->hub->options.measuring)
+        return srv_call_measure_late(call, call->hub->options.measuring, SRV_MEASURING_MAX);
+    if (effort == SRV_MEASURE_SOON && call->hub->options.sampling)
+        return srv_call_measure_late(call, call->hub->options.sampling, SRV_SAMPLING_MAX);
     struct srv_measure_edit edit = edit_by(call);
     bool ok = srv_measure_edit_prepare(&edit, id_of(call), call->params, &call->err);
     if (ok) {
@@ -123,7 +125,6 @@ static bool begin_edit(struct srv_hub *hub, const char *id, const char *author, 
                                        .session = session,
                                        .author = author,
                                        .color = srv_hub_first_color(),
-                                       .quota_ms = session ? &session->measured_ms : NULL,
                                        .now_ms = now_ms };
     return session != NULL;
 }

@@ -64,7 +64,8 @@ void *srv_call_later(struct srv_call *call, size_t bytes, struct srv_work_queue 
 /* The participant of a late call; NULL = it left. With the mutex held. */
 struct srv_participant *srv_late_participant(const struct srv_late_call *late);
 
-/* Sets call->later to measure.put with these params (measure_late.c). */
-bool srv_call_measure_late(struct srv_call *call);
+/* Sets call->later to measure.put with these params, which `queue` computes; at most `most` of its
+ * calls wait (measure_late.c). */
+bool srv_call_measure_late(struct srv_call *call, struct srv_work_queue *queue, unsigned most);
 
 #endif

@@ -86,7 +86,7 @@ static void note(struct srv_work *work) {
 /* Work of an owner that took no time yet goes before that of one whose work takes long. */
 static void work_of_another_owner_is_next(void **state) {
     (void)state;
-    struct srv_work_queue *queue = srv_work_queue_create(NULL, NULL);
+    struct srv_work_queue *queue = srv_work_queue_create("test", 0, NULL);
     struct srv_work work[8];
     for (int i = 0; i < 8; i++) {
         work[i] = (struct srv_work){ .run = note };

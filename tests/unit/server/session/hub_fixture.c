@@ -140,7 +140,7 @@ static int set_up(void **state, uint32_t steps_of_volume) {
     f->metrics = srv_metrics_create();
     f->step_count = f->info.steps.count = steps_of_volume;
     f->steps[0].is_loaded = true;
-    f->picking = srv_work_queue_create(NULL, NULL);
+    f->picking = srv_work_queue_create("test", 0, NULL);
     assert_non_null(f->picking);
     srv_work_queue_stop(f->picking);
     struct srv_hub_options options = { .volumes = { .user = f,
@@ -156,7 +156,7 @@ static int set_up(void **state, uint32_t steps_of_volume) {
                                                     .pick = pick,
                                                     .measure = measure },
                                        .token = token,
-                                       .sessions_max = 2,
+                                       .sessions_max = 3,
                                        .participants_max = 3,
                                        .session_idle_ms = 1000,
                                        .control_ms = 500,

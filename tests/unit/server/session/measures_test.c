@@ -237,7 +237,7 @@ static void parts_are_answered_later(void **state) {
     struct sp_error err;
     struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
     struct srv_participant *b = hub_join(f, SRV_ROLE_CONTROL, 0);
-    struct srv_work_queue *queue = srv_work_queue_create("test", &err);
+    struct srv_work_queue *queue = srv_work_queue_create("test", 10, &err);
     char params[160], *answer = NULL;
     struct srv_measures measures;
     f->hub->options.measuring = queue;

@@ -86,7 +86,7 @@ static struct srv_uploads *create(double expiry_ms) {
 static int set_up(void **state) {
     (void)state;
     strcpy(folder, "/tmp/splatd-uploads-unit-XXXXXX");
-    queue = srv_work_queue_create(NULL, NULL);
+    queue = srv_work_queue_create("test", 0, NULL);
     return mkdtemp(folder) && queue ? 0 : -1;
 }
 
@@ -103,7 +103,7 @@ static unsigned count_folders(void) {
 /* Runs what the disk thread has to do. */
 static void drain(void) {
     srv_work_queue_destroy(&queue);
-    assert_non_null(queue = srv_work_queue_create(NULL, NULL));
+    assert_non_null(queue = srv_work_queue_create("test", 0, NULL));
 }
 
 static int tear_down(void **state) {
