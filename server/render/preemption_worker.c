@@ -36,6 +36,7 @@ static bool find_long_frame(struct srv_render_pool *pool, struct srv_running_job
                                       .start_ms = frame->job->start_ms,
                                       .part_start_ms = frame->job->part_start_ms,
                                       .expected_ms = frame->job->expected_ms,
+                                      .price = frame->job->price,
                                       .drawn_ms = srv_inflight_age_ms(frame, srv_clock_ms()) };
     pthread_mutex_unlock(&pool->mutex);
     if (found && running->drawn_ms < LONG_MS) {

@@ -181,28 +181,51 @@ void srv_schedule_let_rest(struct srv_schedule *schedule, double now_ms) {
     }
 }
 
-/* Counts the sessions that get moving frames now, this one included. A session that asks for them
- * and does not take them is none. */
-static unsigned count_moving(const struct srv_schedule *schedule, const struct srv_session *session,
-                             double now_ms) {
-    unsigned count = 0;
-    for (const struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy)
-        count += s == session ||
-                 (s->schedule->moved_ms > 0 && now_ms - s->schedule->moved_ms < SRV_MOVING_MS);
-    return count;
+/* A session that asks for moving frames and does not take them gets none. */
+static bool gets_frames(const struct srv_session *s, double now_ms) {
+    const struct srv_session_schedule *plan = s->schedule;
+    return plan->jobs > 0 || plan->wants_frame ||
+           (plan->moved_ms > 0 && now_ms - plan->moved_ms < SRV_MOVING_MS);
+}
+
+void srv_count_owners(struct srv_schedule *schedule, double now_ms) {
+    schedule->sharing = 0;
+    schedule->owners = 0;
+    for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
+        unsigned others = 0;
+        for (const struct srv_session *t = schedule->busy; t; t = t->schedule->next_busy)
+            others += t != s && t->schedule->owner == s->schedule->owner && gets_frames(t, now_ms);
+        s->schedule->siblings = 1 + others;
+        if (!gets_frames(s, now_ms))
+            continue;
+        schedule->sharing++;
+        schedule->owners += 1.0 / s->schedule->siblings;
+    }
+}
+
+/* The owners that get frames, with that of the session. */
+static double owners_with(const struct srv_schedule *schedule, const struct srv_session *s) {
+    const bool is_new = s->schedule->siblings <= 1 && !gets_frames(s, schedule->now_ms);
+    return fmax(1, round(schedule->owners + is_new));
+}
+
+double srv_session_price(const struct srv_schedule *schedule, const struct srv_session *s) {
+    const unsigned all = schedule->sharing + !gets_frames(s, schedule->now_ms);
+    return fmax(1, s->schedule->siblings) * owners_with(schedule, s) / fmax(1, all);
 }
 
 double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_session *s,
-                            int max_fps, double now_ms) {
-    return srv_quality_budget_ms(max_fps, count_moving(schedule, s, now_ms));
+                            int max_fps) {
+    const double parts = owners_with(schedule, s) * fmax(1, s->schedule->siblings);
+    return srv_quality_budget_ms(max_fps, (unsigned)parts);
 }
 
 double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *s,
-                           const struct srv_participant *p, double now_ms) {
+                           const struct srv_participant *p) {
     uint32_t full[2];
     srv_hub_size(s, p, full);
     return srv_quality_moving_ms(&s->schedule->quality, full,
-                                 srv_moving_budget_ms(schedule, s, p->settings.max_fps, now_ms));
+                                 srv_moving_budget_ms(schedule, s, p->settings.max_fps));
 }
 
 /* Expected time of what the participant gets; INFINITY = not known, or it begins with work that is
@@ -212,7 +235,7 @@ static double expected_ms(const struct srv_schedule *schedule, const struct srv_
     if (choice->request.rank == SRV_RANK_FIRST)
         return SRV_QUALITY_ROUND_MS;
     double ms = choice->request.step == SRV_STEP_MOVING
-                    ? srv_moving_frame_ms(schedule, s, choice->participant, schedule->now_ms)
+                    ? srv_moving_frame_ms(schedule, s, choice->participant)
                     : sharp_ms(s, choice->participant);
     return s->schedule->start.done >= s->schedule->start.cold && ms > 0 ? ms : INFINITY;
 }
@@ -285,8 +308,9 @@ static int collect(struct srv_schedule *schedule, double now_ms, double *wait_ms
         assert((unsigned)count < schedule->hub->options.sessions_max);
         is_idle = is_idle && s->schedule->jobs == 0;
         last_ms = fmax(last_ms, s->schedule->account.end_ms);
-        if (!choose_participant(schedule, s, now_ms, NULL, &schedule->choices[count], candidate,
-                                &in_ms))
+        s->schedule->wants_frame = choose_participant(schedule, s, now_ms, NULL,
+                                                      &schedule->choices[count], candidate, &in_ms);
+        if (!s->schedule->wants_frame)
             continue;
         candidate->start_ms = srv_fair_start(&s->schedule->account, schedule->clock_ms);
         count++;
@@ -302,6 +326,7 @@ struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, doubl
     schedule->now_ms = now_ms;
     srv_schedule_let_rest(schedule, now_ms);
     int count = collect(schedule, now_ms, wait_ms);
+    srv_count_owners(schedule, now_ms);
     const struct srv_decision decision =
         srv_decide_session(schedule->candidates, count, schedule->clock_ms);
     schedule->clock_ms = decision.clock_ms;
@@ -323,6 +348,7 @@ struct srv_choice srv_choose_short(struct srv_schedule *schedule,
                                    double *wait_ms) {
     int count = 0;
     schedule->now_ms = now_ms;
+    srv_count_owners(schedule, now_ms);
     for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
         struct srv_candidate *candidate = &schedule->candidates[count];
         if (!choose_participant(schedule, s, now_ms, running, &schedule->choices[count], candidate,
@@ -331,8 +357,9 @@ struct srv_choice srv_choose_short(struct srv_schedule *schedule,
         bool is_own = s->identity.number == running->session;
         double start_ms = is_own ? candidate->start_ms
                                  : srv_fair_start(&s->schedule->account, schedule->clock_ms);
-        candidate->lead_ms =
-            start_ms - ((is_own ? running->part_start_ms : running->start_ms) + running->drawn_ms);
+        const double reached_ms = is_own ? running->part_start_ms + running->drawn_ms
+                                         : running->start_ms + running->drawn_ms * running->price;
+        candidate->lead_ms = start_ms - reached_ms;
         if (candidate->rank == SRV_RANK_FIRST)
             candidate->lead_ms = 0;
         count++;

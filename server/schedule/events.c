@@ -32,6 +32,7 @@ void srv_schedule_rest(struct srv_schedule *schedule, struct srv_session *sessio
         link = &(*link)->schedule->next_busy;
     *link = session->schedule->next_busy;
     session->schedule->is_busy = false;
+    session->schedule->wants_frame = false;
     schedule->rested_ms = fmax(schedule->rested_ms, session->schedule->account.end_ms);
 }
 
@@ -85,12 +86,22 @@ static void change_image(const struct srv_schedule *schedule, struct srv_partici
     interrupt(schedule, p->identity.id, SRV_INTERRUPT_NEWER_REQUEST);
 }
 
+/* Names of owners are compared for each pair of busy sessions, so a number stands for each (FNV-1a;
+ * owners with equal numbers would share what one gets). */
+static uint64_t hash(const char *name) {
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    for (; *name; name++)
+        hash = (hash ^ (unsigned char)*name) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
 static void on_event(void *user, enum srv_session_event event, struct srv_session *session,
                      struct srv_participant *p, double now_ms) {
     struct srv_schedule *schedule = user;
     schedule->now_ms = now_ms;
     switch (event) {
     case SRV_SESSION_STARTED:
+        session->schedule->owner = hash(session->identity.owner.name);
         session->schedule->start.cold = session->shared.version;
         init_quality(schedule, session);
         return;

@@ -71,7 +71,8 @@ static void charge(struct srv_schedule *schedule, struct srv_session *s,
     job->expected_ms = is_known && job->charged_ms > 0 ? job->charged_ms : INFINITY;
     job->start_ms = srv_fair_start(&plan->account, schedule->clock_ms);
     job->part_start_ms = plan->clock_ms;
-    srv_fair_charge(&plan->account, schedule->clock_ms, job->charged_ms);
+    job->price = srv_session_price(schedule, s);
+    srv_fair_charge(&plan->account, schedule->clock_ms, job->charged_ms * job->price);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
         srv_fair_charge(&p->schedule->account, plan->clock_ms, job->charged_ms / weight_of(s, p));
@@ -79,7 +80,7 @@ static void charge(struct srv_schedule *schedule, struct srv_session *s,
 }
 
 static void correct_charge(struct srv_session *s, struct srv_render_job *job, double took_ms) {
-    srv_fair_correct(&s->schedule->account, took_ms - job->charged_ms);
+    srv_fair_correct(&s->schedule->account, (took_ms - job->charged_ms) * job->price);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
         if (p)
@@ -101,12 +102,12 @@ static bool shows_points(const struct sp_view *view) {
 /* Chooses the detail. The job's view has the full size and gets the size to render. */
 static void choose_detail(const struct srv_schedule *schedule, struct srv_session *s,
                           struct srv_render_job *job, const struct srv_participant *first,
-                          int max_fps, double now_ms) {
+                          int max_fps) {
     struct srv_quality *quality = &s->schedule->quality;
     const uint32_t *full = job->full;
     quality->prefers_levels = shows_points(&s->shared.view);
     struct srv_detail detail = { .mip_level = 0, .size = { full[0], full[1] } };
-    job->budget_ms = srv_moving_budget_ms(schedule, s, max_fps, now_ms);
+    job->budget_ms = srv_moving_budget_ms(schedule, s, max_fps);
     if (srv_play_moves(s)) /* small images lose the streaks */
         job->budget_ms *= PLAY_BUDGETS;
     if (job->step == SRV_STEP_MOVING) {
@@ -284,7 +285,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
             recipients[i]->settings.max_fps > max_fps ? recipients[i]->settings.max_fps : max_fps;
     fill_job(schedule, choice, now_ms, job);
     job->is_first = choice->request.rank == SRV_RANK_FIRST;
-    choose_detail(schedule, s, job, first, max_fps, now_ms);
+    choose_detail(schedule, s, job, first, max_fps);
     job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
     for (uint32_t i = 0; i < count; i++)

@@ -74,9 +74,9 @@ void srv_quality_init(struct srv_quality *quality);
  * frame of each level outweighs. */
 void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality *other);
 
-/* Returns the longest time that a frame should take while `moving` views move, this one included;
- * moving > 0. */
-double srv_quality_budget_ms(int max_fps, unsigned moving);
+/* Returns the longest time that a frame of a view should take that gets one of `parts` equal parts
+ * of the time; parts > 0. */
+double srv_quality_budget_ms(int max_fps, unsigned parts);
 
 /* Chooses the detail of the next frame of a moving view. */
 void srv_quality_moving(struct srv_quality *quality, const uint32_t full[2], double budget_ms,

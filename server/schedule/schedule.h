@@ -80,8 +80,8 @@ struct srv_render_job {
     double budget_ms;           /* time for which its detail was chosen */
     double expected_ms;         /* INFINITY = not known, or it begins with classification */
     /* Virtual times at which its session's and its first participant's accounts start, and what was
-     * charged until its true time is known. */
-    double start_ms, part_start_ms, charged_ms;
+     * charged until its true time is known; the session pays `price` times that. */
+    double start_ms, part_start_ms, charged_ms, price;
     unsigned mip_level;          /* as in sp/renderer.h; 0 if final */
     uint32_t full[2];            /* size at rest, px */
     struct sp_view view;         /* with the size to render */
@@ -107,8 +107,8 @@ bool srv_schedule_next(struct srv_schedule *schedule, double now_ms, struct srv_
                        double *wait_ms);
 
 struct srv_running_job {
-    uint64_t session, order; /* these five as in the job */
-    double start_ms, part_start_ms, expected_ms;
+    uint64_t session, order; /* these six as in the job */
+    double start_ms, part_start_ms, expected_ms, price;
     double drawn_ms; /* for how long it has been drawn */
 };
 /* Gets a short job that preempts the running one (decide.h). False as above. */

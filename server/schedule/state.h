@@ -50,6 +50,9 @@ struct srv_session_schedule {
     double newest_ms;                /* when that was made */
     double moved_ms;                 /* when its last moving frame began; 0 = never */
     struct srv_fair_account account; /* by the scheduler's clock */
+    uint64_t owner;                  /* equal for sessions of one owner */
+    bool wants_frame;                /* when the last frame was chosen */
+    unsigned siblings;               /* sessions of its owner that get frames now, with itself */
     double clock_ms;                 /* of its participants' accounts */
     struct srv_quality quality;
     struct srv_cold_start start;
@@ -72,6 +75,8 @@ struct srv_schedule {
     double first_ms;      /* first frames have used their part of the time up to then */
     double rested_ms;     /* last end of accounts of sessions that are no longer busy */
     double now_ms;        /* of the last call or event that had a time */
+    unsigned sharing;     /* sessions that get frames now, */
+    double owners;        /* and their owners */
     uint64_t next_order;  /* of jobs */
     unsigned slow_jobs;   /* in progress that are slow to encode */
     unsigned cancellable; /* jobs in progress that motion may cancel */
@@ -111,11 +116,16 @@ struct srv_choice srv_choose_short(struct srv_schedule *schedule,
 bool srv_has_motion(const struct srv_schedule *schedule);
 /* Expected time of the next frame of a moving view, with its detail; 0 = not known. */
 double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *session,
-                           const struct srv_participant *participant, double now_ms);
-/* Time that a moving frame may take. The sessions that move share it: each gets less detail instead
- * of fewer frames. */
+                           const struct srv_participant *participant);
+/* Counts the sessions that get frames now, and those of each owner (struct srv_schedule). */
+void srv_count_owners(struct srv_schedule *schedule, double now_ms);
+/* What a millisecond costs the session: owners have equal shares of the time, and the sessions of
+ * one owner equal parts of its share. 1 if each owner has as many. */
+double srv_session_price(const struct srv_schedule *schedule, const struct srv_session *session);
+/* Time that a moving frame may take. The owners with sessions that move share it, and the sessions
+ * of an owner its part: each gets less detail instead of fewer frames. */
 double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_session *session,
-                            int max_fps, double now_ms);
+                            int max_fps);
 
 /* There may be something to render, for this session (NULL = for others). (events.c) */
 void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);

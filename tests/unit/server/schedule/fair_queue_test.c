@@ -49,6 +49,35 @@ static void sessions_have_equal_shares_of_time_not_of_frames(void **state) {
     assert_compare(fabs(small->took_ms - large->took_ms), <, 0.1 * large->took_ms);
 }
 
+/* The sessions of one owner share what one owner gets: by frames of full size, and by moving ones
+ * whose detail falls. */
+static void owners_have_equal_shares_however_many_sessions_they_have(void **state) {
+    struct simulation *s = *state;
+    static const char *const settings[] = { "{\"progressive\":false,\"size\":[1024,1024]}",
+                                            "{\"size\":[4096,4096]}" };
+    for (int i = 0; i < 2; i++) {
+        char id[SRV_SESSION_ID_BYTES];
+        double greedy_ms = 0;
+        struct sim_client *modest = sim_join(s, 0, s->f->id, 20, settings[i]);
+        for (unsigned c = 1; c < SIM_CLIENTS; c++) {
+            sim_session_of(s, "greedy", id);
+            sim_join(s, c, id, 20, settings[i]);
+        }
+        sim_run(s, 10000);
+        sim_reset(s);
+        sim_run(s, 60000);
+        for (unsigned c = 1; c < SIM_CLIENTS; c++) {
+            greedy_ms += s->clients[c].took_ms;
+            assert_compare(s->clients[c].took_ms, >, 60000 / 2.0 / (SIM_CLIENTS - 1) * 0.7);
+        }
+        assert_compare(modest->took_ms, >, 0.42 * (modest->took_ms + greedy_ms));
+        assert_compare(modest->took_ms, <, 0.58 * (modest->took_ms + greedy_ms));
+        sim_tear_down(state);
+        sim_set_up(state);
+        s = *state;
+    }
+}
+
 static void time_received_while_all_others_are_idle_is_no_debt(void **state) {
     struct simulation *s = *state;
     char id[SRV_SESSION_ID_BYTES];
@@ -263,6 +292,7 @@ int main(void) {
         cmocka_unit_test(an_idle_account_saves_up_nothing_and_keeps_its_debt),
 #define TEST(name) cmocka_unit_test_setup_teardown(name, sim_set_up, sim_tear_down)
         TEST(sessions_have_equal_shares_of_time_not_of_frames),
+        TEST(owners_have_equal_shares_however_many_sessions_they_have),
         TEST(time_received_while_all_others_are_idle_is_no_debt),
         TEST(a_client_keeps_its_rate_beside_a_larger_one),
         TEST(the_earliest_deadline_of_the_eligible_sessions_goes_first),

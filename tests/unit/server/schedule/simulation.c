@@ -35,7 +35,14 @@ struct sim_client *sim_join(struct simulation *s, unsigned i, const char *id, do
 }
 
 void sim_session(struct simulation *s, char id[SRV_SESSION_ID_BYTES]) {
-    proto_json *json = srv_hub_session_create(s->f->hub, NULL, s->now_ms, id, NULL);
+    sim_session_of(s, "", id);
+}
+
+void sim_session_of(struct simulation *s, const char *name, char id[SRV_SESSION_ID_BYTES]) {
+    struct srv_owner owner = { .name = "" };
+    snprintf(owner.name, sizeof owner.name, "%s", name);
+    proto_json *json =
+        srv_hub_session_create_owned(s->f->hub, NULL, &owner, false, s->now_ms, id, NULL);
     assert_non_null(json);
     proto_json_free(&json);
 }
@@ -158,8 +165,9 @@ void sim_turn(struct simulation *s, struct sim_client *c) {
 }
 
 struct srv_running_job sim_running_job(const struct srv_render_job *job, double drawn_ms) {
-    return (struct srv_running_job){ job->session,       job->order,       job->start_ms,
-                                     job->part_start_ms, job->expected_ms, drawn_ms };
+    return (
+        struct srv_running_job){ job->session,     job->order, job->start_ms, job->part_start_ms,
+                                 job->expected_ms, job->price, drawn_ms };
 }
 
 /* Renders a short frame that preempts the running one, if there is one. */

@@ -46,6 +46,8 @@ int sim_tear_down(void **state);
 
 /* Creates another session and writes its id. */
 void sim_session(struct simulation *s, char id[SRV_SESSION_ID_BYTES]);
+/* The same for an owner. */
+void sim_session_of(struct simulation *s, const char *name, char id[SRV_SESSION_ID_BYTES]);
 /* Joins client `i` to the session. `settings` are the parameters of stream.configure. */
 struct sim_client *sim_join(struct simulation *s, unsigned i, const char *id, double period_ms,
                             const char *settings);
