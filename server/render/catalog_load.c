@@ -8,21 +8,11 @@
 #include <string.h>
 
 #include "common/clock.h"
-#include "common/fair_share.h"
 #include "render/brick_cache.h"
 #include "render/catalog_private.h"
 #include "sp/log.h"
 
 #define PROGRESS_MS 100.0 /* between two progress notifications of one load */
-
-/* Bytes of the volumes that the owner of `v` opened by limited requests. With the mutex held. */
-static uint64_t bytes_of_owner(const struct srv_catalog *catalog, const struct srv_volume *v) {
-    uint64_t bytes = 0;
-    for (const struct srv_volume *e = catalog->entries; e; e = e->next)
-        if (e->is_limited && strcmp(e->owner, v->owner) == 0)
-            bytes += e->reserved_bytes;
-    return bytes;
-}
 
 /* What the load callbacks get. */
 struct load {
@@ -39,9 +29,8 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     const uint64_t budget = catalog->options.memory_bytes;
     const struct srv_volume *v = srv_catalog_entry_of(load->volume);
     struct srv_volume *evicted = srv_catalog_evict_steps(catalog, load->volume, bytes);
-    uint64_t left = srv_catalog_free_bytes(catalog);
-    const struct srv_pool pool = { left + catalog->used_bytes, catalog->used_bytes,
-                                   bytes_of_owner(catalog, v) };
+    const uint64_t left = srv_catalog_free_bytes(catalog);
+    const struct srv_pool pool = srv_catalog_pool(catalog, v);
     if (v->is_removed) {
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
     } else if (bytes > left) {

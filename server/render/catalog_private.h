@@ -9,6 +9,7 @@
 #include <pthread.h>
 
 #include "common/fair_owners.h"
+#include "common/fair_share.h"
 #include "render/catalog.h"
 #include "sp/bricks.h"
 
@@ -130,6 +131,8 @@ struct srv_volume *srv_catalog_ahead_step(const struct srv_catalog *catalog);
 bool srv_catalog_is_step_unwanted(const struct srv_catalog *catalog, const struct srv_volume *step);
 /* A load has ended: steps that wait for memory are tried again. */
 void srv_catalog_retry_steps(struct srv_catalog *catalog);
+/* The memory of volumes, and what of it the owner of an entry has. */
+struct srv_pool srv_catalog_pool(struct srv_catalog *catalog, const struct srv_volume *entry);
 /* Takes steps without users out of the catalog, those first that were asked for longest ago,
  * until `bytes` are free for `loading`. Returns them, for srv_catalog_free_steps(). */
 struct srv_volume *srv_catalog_evict_steps(struct srv_catalog *catalog,

@@ -289,26 +289,58 @@ static bool is_loading_others(const struct srv_catalog *catalog) {
     return false;
 }
 
+/* Bytes of the volumes that the owner of `v` opened by limited requests, with their time steps. */
+static uint64_t bytes_of_owner(const struct srv_catalog *catalog, const struct srv_volume *v) {
+    uint64_t bytes = 0;
+    for (const struct srv_volume *e = catalog->entries; e; e = e->next) {
+        if (!e->is_limited || strcmp(e->owner, v->owner) != 0)
+            continue;
+        bytes += e->reserved_bytes;
+        for (const struct srv_volume *step = e->steps; step; step = step->next)
+            bytes += step->reserved_bytes;
+    }
+    return bytes;
+}
+
+struct srv_pool srv_catalog_pool(struct srv_catalog *catalog, const struct srv_volume *entry) {
+    return (struct srv_pool){ srv_catalog_free_bytes(catalog) + catalog->used_bytes,
+                              catalog->used_bytes, bytes_of_owner(catalog, entry) };
+}
+
 /* A step that is loaded ahead does not evict others that are, unless someone asks for it again and
- * again. */
+ * again. `owner`: only of its volumes; NULL = of all. */
 static struct srv_volume *oldest_unused(const struct srv_catalog *catalog,
-                                        const struct srv_volume *loading) {
+                                        const struct srv_volume *loading, const char *owner) {
     struct srv_volume *oldest = NULL;
     for (struct srv_volume *v = catalog->entries; v; v = v->next)
         for (struct srv_volume *s = v->steps; s; s = s->next)
             if (s->state == SRV_VOLUME_READY && s->uses == 0 &&
+                (!owner || strcmp(v->owner, owner) == 0) &&
                 !(loading->is_ahead && !loading->is_left && s->is_ahead) &&
                 (!oldest || s->wanted_at < oldest->wanted_at))
                 oldest = s;
     return oldest;
 }
 
+/* Whose step goes so that `bytes` fit: of any volume if memory is short, of the owner if its share
+ * is used up; NULL = they fit, or nothing helps. */
+static struct srv_volume *step_to_evict(struct srv_catalog *catalog,
+                                        const struct srv_volume *loading, uint64_t bytes) {
+    const struct srv_volume *entry = srv_catalog_entry_of(loading);
+    const struct srv_pool pool = srv_catalog_pool(catalog, entry);
+    if (bytes > catalog->options.memory_bytes)
+        return NULL;
+    if (bytes > srv_catalog_free_bytes(catalog))
+        return oldest_unused(catalog, loading, NULL);
+    return bytes > srv_fair_left(&pool, entry->is_limited)
+               ? oldest_unused(catalog, loading, entry->owner)
+               : NULL;
+}
+
 struct srv_volume *srv_catalog_evict_steps(struct srv_catalog *catalog,
                                            const struct srv_volume *loading, uint64_t bytes) {
-    const uint64_t budget = catalog->options.memory_bytes;
     struct srv_volume *evicted = NULL, *s;
-    while (bytes <= budget && bytes > srv_catalog_free_bytes(catalog) &&
-           (s = oldest_unused(catalog, loading))) {
+    while ((s = step_to_evict(catalog, loading, bytes))) {
         srv_catalog_give_back(catalog, s);
         unlink_step(s);
         s->next = evicted;

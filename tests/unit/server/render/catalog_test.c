@@ -315,6 +315,48 @@ static void open_as(struct srv_catalog *catalog, const char *owner, const char *
         fail_msg("%s: %s", err.place, err.text);
 }
 
+static enum srv_volume_state state_of(struct srv_catalog *catalog, const char *id) {
+    struct srv_volume_status status = { .state = SRV_VOLUME_LOADING };
+    for (unsigned i = 0; srv_catalog_at(catalog, i, &status); i++) {
+        sp_volume_unref(&status.volume);
+        if (strcmp(status.id, id) == 0)
+            return status.state;
+    }
+    return SRV_VOLUME_UNLOADED;
+}
+
+/* The time steps that an owner's clients use count as its memory: a volume of another one fits. */
+static void time_steps_count_for_their_owner(void **state) {
+    (void)state;
+    const struct srv_catalog_options options = { .memory_bytes = STEPS * 5376,
+                                                 .progress = ignore_progress,
+                                                 .unloaded = on_unloaded };
+    struct srv_catalog *catalog = srv_catalog_create(&options, NULL);
+    struct srv_volume *steps[STEPS];
+    struct sp_error err;
+    unsigned ready = 0;
+    open_as(catalog, "ann", FAST_SERIES, "series");
+    while (state_of(catalog, "series") == SRV_VOLUME_LOADING)
+        sched_yield();
+    struct srv_volume *volume = srv_catalog_acquire(catalog, "series", &err);
+    for (uint32_t i = 1; i < STEPS; i++)
+        steps[i] = srv_catalog_step(catalog, volume, i);
+    while (ready < 5) { /* with its first one three quarters */
+        ready = 0;
+        for (uint32_t i = 1; i < STEPS; i++)
+            ready += srv_catalog_step_is_ready(catalog, steps[i], &err);
+        sched_yield();
+    }
+    open_as(catalog, "bob", "demo:checkerboard?size=11", "bobs");
+    while (state_of(catalog, "bobs") == SRV_VOLUME_LOADING)
+        sched_yield();
+    assert_int_equal(state_of(catalog, "bobs"), SRV_VOLUME_READY);
+    for (uint32_t i = 1; i < STEPS; i++)
+        srv_catalog_release(catalog, steps[i]);
+    srv_catalog_release(catalog, volume);
+    srv_catalog_destroy(&catalog);
+}
+
 /* Eight loads of one owner that never end do not occupy all load threads: the volume of another one
  * is loaded meanwhile, and so is that of a third one beside an endless load of the second. */
 static void loads_of_one_owner_leave_threads_to_others(void **state) {
@@ -399,6 +441,7 @@ int main(void) {
                                         cmocka_unit_test(steps_of_a_removed_volume_fail),
                                         cmocka_unit_test(steps_ahead_leave_memory),
                                         cmocka_unit_test(volumes_of_an_earlier_run_are_not_limited),
+                                        cmocka_unit_test(time_steps_count_for_their_owner),
                                         cmocka_unit_test(
                                             loads_of_one_owner_leave_threads_to_others),
                                         cmocka_unit_test(a_joint_histogram_is_counted_once),
