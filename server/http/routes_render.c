@@ -232,6 +232,7 @@ static bool is_gone(void *user) {
 static void set_owner(const struct srv_request *request, struct srv_snapshot *snapshot) {
     struct srv_owner owner;
     srv_request_owner(request, &owner);
+    snapshot->is_limited = owner.quota.is_limited || !request->grant.rights || owner.name[0] == 0;
     if (owner.name[0])
         snprintf(snapshot->owner, sizeof snapshot->owner, "%s", owner.name);
     else

@@ -9,6 +9,7 @@
 
 #include "common/clock.h"
 #include "common/fair_queue.h"
+#include "common/fair_share.h"
 #include "render/frame_memory.h"
 #include "session/encode_params.h"
 
@@ -328,25 +329,27 @@ static void join_entry(struct srv_snapshot_entry *entry, struct srv_snapshot_wai
     entry->is_background = entry->is_background && background;
 }
 
-/* With the mutex held. */
+/* True if one more of its class may wait; in the foreground each owner has a share. With the mutex
+ * held. */
 static bool has_capacity(const struct srv_snapshot_queue *queue,
                          const struct srv_snapshot *snapshot, struct sp_error *err) {
-    const unsigned most = queue->options.waiting_max, most_own = most - most / 4;
-    unsigned waiting = 0, own = 0;
+    struct srv_pool pool = { .most = queue->options.waiting_max };
     for (const struct srv_snapshot_entry *e = queue->entries; e; e = e->next) {
         bool counts = e->is_waiting && e->is_background == snapshot->background;
-        waiting += counts;
-        own += counts && strcmp(e->snapshot.owner, snapshot->owner) == 0;
+        pool.used += counts;
+        pool.own += counts && strcmp(e->snapshot.owner, snapshot->owner) == 0;
     }
-    if (waiting >= most)
+    if (srv_fair_left(&pool, snapshot->is_limited && !snapshot->background) > 0)
+        return true;
+    if (pool.used >= pool.most)
         return sp_fail(err, SP_ERR_BUDGET, NULL,
                        "%u renders are waiting and --render-queue allows %u; try again later",
-                       waiting, most);
-    return snapshot->background || own < most_own ||
-           sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "%u of your renders are waiting and one client may have %u of the %u that "
-                   "--render-queue allows; try again later",
-                   own, most_own, most);
+                       (unsigned)pool.used, (unsigned)pool.most);
+    return sp_fail(
+        err, SP_ERR_BUDGET, NULL,
+        "%u of your renders and %u of all are waiting, and --render-queue allows %u; the "
+        "rest is kept for others; try again later",
+        (unsigned)pool.own, (unsigned)pool.used, (unsigned)pool.most);
 }
 
 /* With the mutex held. */

@@ -49,6 +49,7 @@ struct srv_snapshot { /* a request for one image */
     struct sp_view view;
     struct srv_volume *volume;        /* a use, taken over by submit */
     char owner[SRV_FAIR_OWNER_BYTES]; /* whose account is charged */
+    bool is_limited;                  /* the owner has a share of the queue */
     enum sp_image_format format;
     int quality;
     enum sp_chroma chroma; /* of a JPEG */
@@ -90,7 +91,7 @@ struct srv_snapshot_queue_options {
     struct srv_metrics *metrics; /* NULL = none */
     struct srv_worker *worker;   /* woken when there may be a snapshot to render */
     struct sp_budget *budget;    /* of the memory of snapshots; NULL = no limit */
-    unsigned waiting_max; /* per class; in the foreground an owner has at most three quarters */
+    unsigned waiting_max;        /* per class; in the foreground an owner has its share */
     unsigned
         unencoded_max; /* of one owner, rendered and not answered; over it, others come first */
 };

@@ -159,6 +159,7 @@ bool snap_request(struct snap_fixture *f, struct snap_client *client, unsigned w
     struct srv_snapshot snapshot = { .format = client->format,
                                      .quality = client->quality ? client->quality : SNAP_SHARP,
                                      .background = background,
+                                     .is_limited = !client->is_admin,
                                      .expected_ms = client->expected_ms,
                                      .wants_frame = client->wants_frame,
                                      .done = on_done,

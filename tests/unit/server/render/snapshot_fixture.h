@@ -51,7 +51,7 @@ struct snap_client { /* of one snapshot; zero = JPEG */
     int quality; /* 0 = that of final frames */
     const char *owner;
     double expected_ms;
-    bool wants_frame;
+    bool wants_frame, is_admin;
     unsigned answers, images, frames;
     size_t size;
     uint32_t sum; /* of the bytes */

@@ -144,6 +144,28 @@ static void owners_take_turns(void **state) {
         assert_int_equal(snap_seen.width[1 + i], 100 + i);
 }
 
+/* Two owners cannot fill the queue either: the last place is for an owner that has none, or for an
+ * admin. */
+static void owners_leave_a_place_in_the_queue(void **state) {
+    struct snap_fixture *f = *state;
+    struct snap_client first = { .owner = "ann" }, admin = { .owner = "root", .is_admin = true };
+    struct snap_client ann[2] = { { .owner = "ann" }, { .owner = "ann" } },
+                       bob[2] = { { .owner = "bob" }, { .owner = "bob" } };
+    assert_true(snap_request(f, &first, 100, false));
+    gate_await(&gate.entered, 1);
+    for (unsigned i = 0; i < 2; i++)
+        assert_true(snap_request(f, &ann[i], 200 + i, false));
+    assert_true(snap_request(f, &bob[0], 300, false));
+    assert_false(snap_request(f, &bob[1], 301, false));
+    assert_true(snap_request(f, &admin, 400, false));
+    gate_let_through(SNAP_QUEUE + 1);
+    for (unsigned i = 0; i < 2; i++)
+        gate_await(&ann[i].answers, 1);
+    gate_await(&first.answers, 1);
+    gate_await(&bob[0].answers, 1);
+    gate_await(&admin.answers, 1);
+}
+
 /* Encoding counts as well: while two snapshots of one owner are not answered yet, another owner
  * comes first, though it has received ten seconds more. */
 static void owners_are_charged_for_encoding(void **state) {
@@ -295,6 +317,7 @@ int main(void) {
         TEST(a_client_that_leaves_does_not_cancel_the_others),
         TEST(stopping_answers_all_and_counts_none_as_left),
         TEST(owners_take_turns),
+        TEST(owners_leave_a_place_in_the_queue),
         TEST(owners_are_charged_for_encoding),
         cmocka_unit_test(owners_are_charged_for_their_time),
         TEST(background_snapshots_come_last),
