@@ -48,6 +48,7 @@ bool srv_host_rate_take(struct srv_host_rate *rate, const struct sockaddr_storag
 enum srv_refusal_reason {
     SRV_REFUSED_FULL,      /* --connections, or no memory or descriptors for one more */
     SRV_REFUSED_ADDRESS,   /* --connections-per-address */
+    SRV_REFUSED_OWNER,     /* the share of a token in --connections */
     SRV_REFUSED_HANDSHAKE, /* --handshakes, --handshake-rate */
     SRV_REFUSED_TLS        /* the handshake failed */
 };

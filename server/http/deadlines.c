@@ -5,9 +5,12 @@
 #include <netinet/in.h>
 #include <poll.h>
 #include <pthread.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/fair_owners.h"
+#include "common/fair_share.h"
 #include "common/timer_heap.h"
 #include "sp/log.h"
 
@@ -19,6 +22,8 @@ struct srv_connection {
     double deadline_ms;     /* INFINITY = none */
     struct srv_timer timer; /* fires at the deadline, or earlier if the deadline was moved */
     unsigned requests;
+    bool is_owned;
+    char owner[SRV_FAIR_OWNER_BYTES]; /* "": guests and requests without a token */
 };
 
 struct srv_deadlines {
@@ -126,6 +131,29 @@ size_t srv_deadlines_connections(struct srv_deadlines *deadlines) {
     size_t all = deadlines->count;
     pthread_mutex_unlock(&deadlines->mutex);
     return all;
+}
+
+static bool is_of(const struct srv_connection *c, const char *owner) {
+    return c->is_owned && strcmp(c->owner, owner) == 0;
+}
+
+bool srv_deadlines_own(struct srv_deadlines *deadlines, struct srv_connection *connection,
+                       const char *owner, bool is_limited, size_t most, size_t *own) {
+    pthread_mutex_lock(&deadlines->mutex);
+    bool ok = is_of(connection, owner);
+    *own = 0;
+    for (const struct srv_connection *c = deadlines->list; c && !ok; c = c->next)
+        *own += is_of(c, owner);
+    if (!ok) { /* the connection itself counts as free */
+        const struct srv_pool pool = { most, deadlines->count - 1, *own };
+        ok = srv_fair_left(&pool, is_limited) > 0;
+    }
+    if (ok) {
+        connection->is_owned = true;
+        snprintf(connection->owner, sizeof connection->owner, "%s", owner);
+    }
+    pthread_mutex_unlock(&deadlines->mutex);
+    return ok;
 }
 
 bool srv_connection_is_gone(const struct srv_connection *connection) {

@@ -44,6 +44,11 @@ void srv_deadlines_count(struct srv_deadlines *deadlines, const struct sockaddr 
 
 size_t srv_deadlines_connections(struct srv_deadlines *deadlines);
 
+/* Makes `owner` the owner of a connection: who sent its newest request. False if the owner is
+ * limited and has its share of `most` connections (common/fair_share.h); *own is what it has. */
+bool srv_deadlines_own(struct srv_deadlines *deadlines, struct srv_connection *connection,
+                       const char *owner, bool is_limited, size_t most, size_t *own);
+
 /* Counts one more request and returns the number of requests of the connection so far. Only for the
  * thread that serves the connection. */
 unsigned srv_connection_count_request(struct srv_connection *connection);

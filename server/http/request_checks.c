@@ -6,6 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "common/fair_owners.h"
 #include "http/connection_limits.h"
 #include "http/headers.h"
 #include "http/listener_private.h"
@@ -89,6 +90,45 @@ static bool check_limits(struct srv_request *request) {
     }
     request->reply.detail[0] = 0; /* logged already */
     request->is_last = true;
+    return false;
+}
+
+/* Whose connection this is: the token, or for a stream of a guest the owner of its session. */
+static void owner_of(const struct srv_request *request, bool is_stream,
+                     char owner[SRV_FAIR_OWNER_BYTES]) {
+    const struct srv_grant *grant = &request->grant;
+    struct srv_owner session = { .name = "" };
+    if (!grant->rights && is_stream)
+        srv_hub_session_owner(request->app->hub, request->param, &session);
+    snprintf(owner, SRV_FAIR_OWNER_BYTES, "%s%s", grant->rights ? "" : "guest ",
+             grant->rights ? grant->name : session.name);
+}
+
+/* An owner has a share of the connections. Above it, requests are answered and their connections
+ * closed, but streams, which stay open, are refused. */
+static bool check_share(struct srv_request *request) {
+    const struct srv_grant *grant = &request->grant;
+    const long long most = request->http->connections;
+    srv_handler *handle = request->route ? request->route->handle : NULL;
+    const bool is_stream = handle == srv_get_stream || handle == srv_get_path_events;
+    char owner[SRV_FAIR_OWNER_BYTES];
+    size_t own;
+    owner_of(request, is_stream, owner);
+    if (srv_deadlines_own(request->http->deadlines, request->connection, owner,
+                          grant->quota.is_limited || !grant->rights, (size_t)most, &own))
+        return true;
+    request->is_last = true;
+    if (!is_stream)
+        return true;
+    const char *who = grant->rights ? grant->name : "the guests of the session's owner";
+    srv_connection_refused(request->app->metrics, SRV_REFUSED_OWNER,
+                           "%s refused: %s: %zu connections, the share of --connections %lld",
+                           srv_connection_peer(request->connection), who, own, most);
+    srv_reply_problem(&request->reply, 429, NULL,
+                      "%s: %zu connections are open, and --connections allows %lld for all; the "
+                      "rest is kept for others; close some",
+                      who, own, most);
+    request->reply.detail[0] = 0; /* logged already */
     return false;
 }
 
@@ -216,6 +256,8 @@ bool srv_request_check(struct srv_request *request) {
         return false;
     srv_tokens_find(request->app->tokens, srv_request_token(request), &request->grant);
     request->route = srv_routes_find(request->method, request->path, request->param, &allowed);
+    if (!check_share(request))
+        return false;
     if (srv_cors_is_preflight(request)) {
         srv_routes_find("", request->path, request->param, &allowed);
         if (allowed) {

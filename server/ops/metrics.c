@@ -104,8 +104,8 @@ static const struct family families[] = {
       "Refused connections",
       "reason",
       SRV_COUNT_REFUSED_FULL,
-      4,
-      { "connections", "address", "handshakes", "tls" } },
+      5,
+      { "connections", "address", "owner", "handshakes", "tls" } },
 };
 
 struct srv_metrics *srv_metrics_create(void) {

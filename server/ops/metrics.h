@@ -66,6 +66,7 @@ enum srv_counter {
     /* Refused connections (http/connection_limits.h): */
     SRV_COUNT_REFUSED_FULL,
     SRV_COUNT_REFUSED_ADDRESS,
+    SRV_COUNT_REFUSED_OWNER,
     SRV_COUNT_REFUSED_HANDSHAKE,
     SRV_COUNT_REFUSED_TLS,
     SRV_COUNTERS

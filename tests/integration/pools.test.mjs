@@ -155,3 +155,35 @@ test('volumes: memory', async () => {
   assert.match(over.reason, /the volumes of greedy have \d+ and may have \d+ \(its share of --memory\)/);
   assert.equal((await open(28)(modest)).state, 'ready');
 });
+
+test('connections: streams of an owner leave a part to others, and its requests are answered', async () => {
+  const most = 16;
+  const own = await Daemon.start(['--token-file', path.join(folder, 'tokens'), '--volume', 'demo:engine?size=8', '--connections', String(most)]);
+  const ask = (name, method, at) => own.json(`/api/v1/${at}`, { token: TOKENS[name], headers: { 'Content-Type': 'application/json' }, method, ...(method === 'POST' ? { body: '{}' } : {}) });
+  while ((await ask('root', 'GET', 'volumes/engine')).json.state === 'loading');
+  const { json: session } = await ask('greedy', 'POST', 'sessions');
+  const streams = [];
+  const join = async (token) => streams.push(await own.stream({ session, token }));
+  await assert.rejects(async () => { for (;;) await join(TOKENS.greedy); }, { status: 429 });
+  assert.ok(streams.length > most / 2 && streams.length <= most - most / 4, `${streams.length} streams`);
+  assert.equal((await ask('greedy', 'GET', 'sessions')).status, 200);
+  assert.equal((await own.json('/healthz')).status, 200);
+  await join(TOKENS.modest);
+  await join(TOKENS.root);
+  await join(session.tokens.view);
+  for (const stream of streams) await stream.end();
+  assert.equal(await own.stop(), 0);
+});
+
+test('slices, regions and what a view leaves visible are computed in turn, off the threads of HTTP and of streams', async () => {
+  const { json: session } = await greedy.ask('POST', 'sessions', {});
+  const stream = await daemon.stream({ session, token: session.tokens.control });
+  const region = { kind: 'rectangle', points: [[0, 0, 4], [7, 0, 4], [0, 7, 4]] };
+  const put = await stream.call('measure.put', { id: 'r', ...region });
+  assert.equal(put.kind, 'rectangle');
+  const answers = await Promise.all([greedy.ask('POST', 'measure', { volume: 'engine', ...region }), modest.ask('POST', 'measure', { volume: 'engine', ...region }),
+    daemon.json(`/api/v1/sessions/${session.id}/visible`, { token: session.tokens.view }), greedy.ask('GET', 'volumes/engine/slice?axis=0&index=3&format=png').catch(() => null)]);
+  assert.deepEqual(answers.slice(0, 3).map(({ status }) => status), [200, 200, 200]);
+  await stream.end();
+  await root.ask('DELETE', `sessions/${session.id}`);
+});
