@@ -2,6 +2,7 @@
  *
  * Capacity for one more active session: the shares of the owners.
  */
+#include <stdlib.h>
 #include <string.h>
 
 #include "common/fair_share.h"
@@ -31,35 +32,64 @@ static uint64_t left_for(const struct srv_hub *hub, const struct srv_session_ide
     const struct srv_pool all = { hub->options.sessions_max, hub->active.count, use->own };
     const uint64_t left = srv_fair_left(&all, identity->owner.quota.is_limited);
     const struct srv_pool owners = { use->own + left, use->own, use->guests };
-    return identity->is_guests ? srv_fair_left(&owners, true) : left;
+    if (!identity->is_guests)
+        return left;
+    return left > 1 ? srv_fair_left(&owners, true) : 0; /* the last one is the owner's */
 }
 
-/* Returns the saved session without participants that was unused for the longest time, of the owner
- * or of the others; NULL = there is none. */
-static struct srv_session *find_idle(const struct srv_hub *hub, const char *owner, bool is_owners) {
+/* True if the session may hibernate now, and was unused for longer than `than`; NULL = any. */
+static bool is_idle_longer(struct srv_session *s, struct srv_session *than) {
+    return !s->participants && srv_hub_is_view_saved(s) &&
+           (!than || srv_hub_used_ms(s) < srv_hub_used_ms(than));
+}
+
+/* Returns the owner's session that was unused for the longest time; NULL = none may hibernate. */
+static struct srv_session *find_own(const struct srv_hub *hub, const char *owner) {
     struct srv_session *found = NULL;
     for (struct srv_session *s = hub->active.first; s; s = s->next)
-        if (!s->participants && srv_hub_is_view_saved(s) && is_of(s, owner) == is_owners &&
-            (!found || srv_hub_used_ms(s) < srv_hub_used_ms(found)))
+        if (is_of(s, owner) && is_idle_longer(s, found))
             found = s;
     return found;
 }
 
-/* Returns the session that may hibernate instead: one of the owner, or, if all places are
- * taken, of another one, which must have more sessions than an owner whose share is limited. */
+static int compare_owners(const void *a, const void *b) {
+    const struct srv_session *const *x = a, *const *y = b;
+    return strcmp((*x)->identity.owner.name, (*y)->identity.owner.name);
+}
+
+/* The same of another owner: of the one with the most sessions, which are more than `least`. */
+static struct srv_session *find_others(const struct srv_hub *hub, const char *owner,
+                                       unsigned least) {
+    struct srv_session *found = NULL, **sorted = malloc(hub->active.count * sizeof *sorted);
+    unsigned count = 0, most = least;
+    for (struct srv_session *s = hub->active.first; s && sorted; s = s->next)
+        sorted[count++] = s;
+    if (sorted)
+        qsort(sorted, count, sizeof *sorted, compare_owners);
+    for (unsigned first = 0, end; first < count; first = end) { /* the sessions of one owner */
+        struct srv_session *idle = NULL;
+        for (end = first; end < count && !compare_owners(&sorted[first], &sorted[end]); end++)
+            if (is_idle_longer(sorted[end], idle))
+                idle = sorted[end];
+        if (idle && end - first > most && !is_of(idle, owner)) {
+            found = idle;
+            most = end - first;
+        }
+    }
+    free(sorted);
+    return found;
+}
+
+/* Returns the session that may hibernate instead: one of the owner, or of another one, which must
+ * have more sessions if the owner's share is limited. */
 static struct srv_session *find_surplus(const struct srv_hub *hub,
                                         const struct srv_session_identity *identity,
                                         const struct use *use) {
     const struct srv_owner *owner = &identity->owner;
     if (!hub->options.recall || identity->is_guests)
         return NULL;
-    struct srv_session *own = find_idle(hub, owner->name, true);
-    if (own || hub->active.count < hub->options.sessions_max)
-        return own;
-    struct srv_session *other = find_idle(hub, owner->name, false);
-    const bool is_free = other && (!owner->quota.is_limited ||
-                                   use_of(hub, other->identity.owner.name).own > use->own);
-    return is_free ? other : NULL;
+    struct srv_session *own = find_own(hub, owner->name);
+    return own ? own : find_others(hub, owner->name, owner->quota.is_limited ? use->own : 0);
 }
 
 bool srv_hub_ensure_capacity(struct srv_hub *hub, const struct srv_session_identity *identity,

@@ -29,7 +29,7 @@
 struct srv_hibernated_owner { /* a token that has hibernated sessions */
     struct srv_hibernated_owner *next;
     char name[SRV_TOKEN_NAME_BYTES]; /* "" = sessions without an owner */
-    unsigned count;
+    unsigned count, guests;          /* guests: those of `count` that join tokens made */
 };
 
 struct srv_hibernated_session {
@@ -216,6 +216,7 @@ static void link_hibernated(struct srv_hub *hub, struct srv_hibernated_session *
     entry->next = *bucket;
     *bucket = entry;
     hub->hibernated.count++;
+    entry->owner->guests += entry->is_guests;
     entry->end.of = entry;
     srv_timer_set(&hub->hibernated.ends, &entry->end, entry->used_ms + hub->options.hibernation_ms);
 }
@@ -224,6 +225,7 @@ static void unlink_hibernated(struct srv_hub *hub, struct srv_hibernated_session
     struct srv_hibernated_session *entry = *link;
     *link = entry->next;
     hub->hibernated.count--;
+    entry->owner->guests -= entry->is_guests;
     srv_timer_clear(&hub->hibernated.ends, &entry->end);
     if (--entry->owner->count == 0) {
         struct srv_hibernated_owner **by = find_owner(hub, entry->owner->name);
@@ -456,8 +458,9 @@ double srv_hibernated_tick(struct srv_hub *hub, double now_ms) {
     return srv_timer_next(&hub->hibernated.ends);
 }
 
-unsigned srv_hibernated_count(struct srv_hub *hub, const char *owner) {
+unsigned srv_hibernated_count(struct srv_hub *hub, const char *owner, unsigned *guests) {
     const struct srv_hibernated_owner *by = *find_owner(hub, owner);
+    *guests = by ? by->guests : 0;
     return by ? by->count : 0;
 }
 

@@ -399,7 +399,8 @@ bool srv_hibernated_remove(struct srv_hub *hub, const char *id);
 bool srv_hibernated_missing(const struct srv_hub *hub, const char *id, struct sp_error *err);
 /* Ends sessions that were hibernated for too long; returns when the next one ends. */
 double srv_hibernated_tick(struct srv_hub *hub, double now_ms);
-unsigned srv_hibernated_count(struct srv_hub *hub, const char *owner);
+/* Returns how many an owner has; *guests of them were made by join tokens. */
+unsigned srv_hibernated_count(struct srv_hub *hub, const char *owner, unsigned *guests);
 void srv_hibernated_list(struct srv_hub *hub, const char *owner, double now_ms,
                          struct srv_page *page);
 void srv_hibernated_free(struct srv_hub *hub);

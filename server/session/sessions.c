@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/fair_share.h"
 #include "common/pagination.h"
 #include "protocol/view.h"
 #include "session/session.h"
@@ -45,18 +46,32 @@ static proto_json *encode_session(const struct srv_hub *hub, const struct srv_se
     return json;
 }
 
-/* True if the owner may have one more session, active or hibernated. */
-static bool has_quota(struct srv_hub *hub, const struct srv_owner *owner, struct sp_error *err) {
-    unsigned most = owner->quota.sessions, active = 0;
-    if (!most)
+/* True if the owner may have one more session, active or hibernated. Its guests may have a share of
+ * them and leave the last one to the owner. */
+static bool has_quota(struct srv_hub *hub, const struct srv_session_identity *identity,
+                      struct sp_error *err) {
+    const struct srv_owner *owner = &identity->owner;
+    struct srv_pool pool = { .most = owner->quota.sessions };
+    if (!pool.most)
         return true;
-    for (const struct srv_session *s = hub->active.first; s; s = s->next)
-        active += strcmp(s->identity.owner.name, owner->name) == 0;
-    unsigned hibernated = srv_hibernated_count(hub, owner->name);
-    return active + hibernated < most ||
+    for (const struct srv_session *s = hub->active.first; s; s = s->next) {
+        const bool is_owners = strcmp(s->identity.owner.name, owner->name) == 0;
+        pool.used += is_owners;
+        pool.own += is_owners && s->identity.is_guests;
+    }
+    unsigned guests, hibernated = srv_hibernated_count(hub, owner->name, &guests);
+    pool.used += hibernated;
+    pool.own += guests;
+    if (!identity->is_guests)
+        return pool.used < pool.most ||
+               sp_fail(err, SP_ERR_QUOTA, NULL,
+                       "%s has %u sessions (%u hibernated) and its token allows %u; delete some",
+                       owner->name, (unsigned)pool.used, hibernated, (unsigned)pool.most);
+    return (pool.used + 1 < pool.most && srv_fair_left(&pool, true) > 0) ||
            sp_fail(err, SP_ERR_QUOTA, NULL,
-                   "%s has %u sessions (%u hibernated) and its token allows %u; delete some",
-                   owner->name, active + hibernated, hibernated, most);
+                   "the owner has %u sessions, %u of them by guests, and its token allows %u; the "
+                   "rest is kept for the owner",
+                   (unsigned)pool.used, (unsigned)pool.own, (unsigned)pool.most);
 }
 
 static bool session_add(struct srv_hub *hub, struct srv_session *session, double now_ms,
@@ -68,7 +83,7 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, double
         return sp_fail(err, SP_ERR_DENIED, NULL,
                        "the token that created the session was removed; fork it with a token of "
                        "the daemon");
-    if (!has_quota(hub, &identity->owner, err) || !srv_hub_ensure_capacity(hub, identity, err))
+    if (!has_quota(hub, identity, err) || !srv_hub_ensure_capacity(hub, identity, err))
         return false;
     identity->has_token = true;
     srv_hub_link_session(hub, session, now_ms);

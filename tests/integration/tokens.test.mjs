@@ -143,7 +143,7 @@ test('the quotas of sessions, frames per second and sizes are those of the creat
   const fork = await make({ from: one.json.id }, one.json.tokens.control);
   assert.equal(fork.status, 429);
   assert.equal(fork.headers.get('Retry-After'), '1');
-  assert.match(fork.json.detail, /ann has 2 sessions \(0 hibernated\) and its token allows 2/);
+  assert.match(fork.json.detail, /the owner has 2 sessions, 0 of them by guests, and its token allows 2/);
   assert.equal((await make({})).status, 429);
   assert.equal((await make({}, of('admin'))).status, 201, 'another token has its own quota');
   const listed = async (role) => (await daemon.json('/api/v1/sessions', { token: of(role) })).json.sessions?.length;

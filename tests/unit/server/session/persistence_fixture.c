@@ -66,9 +66,9 @@ bool persist_save_each(void *user, const char *id, const char *text, size_t size
     (void)user;
     (void)size;
     int i = 0;
-    while (i < 4 && persist.records[i].text && strcmp(persist.records[i].id, id) != 0)
+    while (i < PERSIST_RECORDS && persist.records[i].text && strcmp(persist.records[i].id, id) != 0)
         i++;
-    assert_compare(i, <, 4);
+    assert_compare(i, <, PERSIST_RECORDS);
     free(persist.records[i].text);
     strcpy(persist.records[i].id, id);
     persist.records[i].text = strdup(text);
@@ -77,7 +77,7 @@ bool persist_save_each(void *user, const char *id, const char *text, size_t size
 
 static char *recall(void *user, const char *id, size_t *size, struct sp_error *err) {
     (void)user;
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < PERSIST_RECORDS; i++)
         if (persist.records[i].text && strcmp(persist.records[i].id, id) == 0) {
             *size = strlen(persist.records[i].text);
             return strdup(persist.records[i].text);
@@ -141,7 +141,7 @@ int persist_tear_down(void **state) {
     (void)state;
     srv_hub_destroy(&persist.hub);
     json_set_alloc_funcs(malloc, free);
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < PERSIST_RECORDS; i++)
         free(persist.records[i].text);
     return persist.volumes.uses; /* each use must be released */
 }

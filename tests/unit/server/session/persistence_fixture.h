@@ -10,6 +10,8 @@
 #include "session/participant.h"
 #include "support/fake_volumes.h"
 
+enum { PERSIST_RECORDS = 8 };
+
 struct persistence_fixture {
     struct srv_hub *hub;
     struct fake_volumes volumes;
@@ -25,7 +27,7 @@ struct persistence_fixture {
     double ran_ms;           /* by the daemons before this one */
     struct {
         char id[SRV_SESSION_ID_BYTES], *text;
-    } records[4]; /* by persist_save_each() */
+    } records[PERSIST_RECORDS]; /* by persist_save_each() */
 };
 extern struct persistence_fixture persist;
 

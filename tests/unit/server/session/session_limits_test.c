@@ -74,7 +74,8 @@ static void hibernated_sessions_count_towards_the_quota_of_their_owner(void **st
     for (int run = 0; run < 2; run++) { /* before and after a restart */
         assert_false(persist_create(&ann, run, 5000, &err));
         assert_int_equal(err.code, SP_ERR_QUOTA);
-        assert_non_null(strstr(err.text, "1 sessions (1 hibernated)"));
+        assert_non_null(strstr(err.text, run ? "the owner has 1 sessions, 0 of them by guests"
+                                             : "1 sessions (1 hibernated)"));
         assert_int_equal(count_of("ann") + 10 * count_of("bob") + 100 * count_of(NULL), 101);
         if (run == 0)
             persist_restart();
@@ -86,6 +87,32 @@ static void hibernated_sessions_count_towards_the_quota_of_their_owner(void **st
     assert_int_equal(count_of("ann") + 10 * count_of("bob") + 100 * count_of(NULL), 211);
     assert_true(srv_hub_session_delete(persist.hub, hibernated, NULL));
     assert_true(persist_create(&ann, false, 5000, &err));
+    persist.quota = NULL;
+}
+
+/* Guests leave a part of the quota, and at least one session, to the owner. */
+static void guests_leave_a_part_of_the_quota(void **state) {
+    (void)state;
+    const struct srv_owner ann = { .name = "ann", .quota = { .sessions = 3 } };
+    struct srv_quota current = ann.quota;
+    struct sp_error err;
+    srv_hub_destroy(&persist.hub);
+    persist.sessions_max = 16;
+    persist_create_hub();
+    persist.quota = &current;
+    for (int i = 0; i < 2; i++)
+        assert_true(persist_create(&ann, true, 0, &err));
+    assert_true(srv_hub_save(persist.hub, 0, persist_save_each, NULL));
+    for (int i = 0; i < 2; i++) { /* active, and hibernated */
+        assert_false(persist_create(&ann, true, 5000, &err));
+        assert_int_equal(err.code, SP_ERR_QUOTA);
+        assert_non_null(strstr(err.text, "the owner has 2 sessions, 2 of them by guests"));
+        srv_hub_tick(persist.hub, 5000);
+        assert_int_equal(persist_numbers().hibernated, 2);
+    }
+    assert_true(persist_create(&ann, false, 5000, &err));
+    assert_false(persist_create(&ann, false, 5000, &err));
+    assert_non_null(strstr(err.text, "3 sessions (2 hibernated)"));
     persist.quota = NULL;
 }
 
@@ -209,11 +236,34 @@ static void an_owner_has_a_share_of_the_sessions(void **state) {
     assert_int_equal(err.code, SP_ERR_QUOTA);
     assert_non_null(strstr(err.text, "ann has 6 active sessions"));
     assert_true(persist_create(&bob, false, 0, &err));
-    assert_false(persist_create(&bob, false, 0, &err));
+    assert_false(persist_create(&bob, false, 0, &err)); /* ann's are not saved */
     assert_int_equal(err.code, SP_ERR_QUOTA);
     assert_true(persist_create(&admin, false, 0, &err));
     assert_false(persist_create(&admin, false, 0, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
+}
+
+/* An owner with fewer sessions takes the place of an idle one of the owner with the most. */
+static void the_owner_with_the_most_gives_its_idle_sessions(void **state) {
+    (void)state;
+    const struct srv_owner ann = { .name = "ann", .quota = { .is_limited = true } };
+    const struct srv_owner bob = { .name = "bob", .quota = { .is_limited = true } };
+    struct srv_owner other = { .quota = { .is_limited = true } };
+    struct sp_error err;
+    srv_hub_destroy(&persist.hub);
+    persist.sessions_max = 8;
+    persist_create_hub();
+    assert_true(persist_create(&bob, false, 0, &err)); /* unused for longest */
+    for (int i = 0; i < 5; i++)
+        assert_true(persist_create(&ann, false, 10, &err));
+    assert_true(srv_hub_save(persist.hub, 10, persist_save_each, NULL));
+    for (int i = 0; i < 4; i++) {
+        snprintf(other.name, sizeof other.name, "owner %d", i);
+        if (!persist_create(&other, false, 20, &err))
+            fail_msg("%s: %s", other.name, err.text);
+    }
+    assert_int_equal(count_of("bob"), 1);
+    assert_int_equal(persist_numbers().hibernated, 2); /* ann's */
 }
 
 static bool activate(const char *id, double now_ms, struct sp_error *err) {
@@ -290,7 +340,9 @@ int main(void) {
         TEST(quotas_follow_the_current_token),
         TEST(guests_leave_a_quarter_of_the_sessions_to_others),
         TEST(too_many_hibernated_sessions_cost_the_owner_with_the_most),
+        TEST(guests_leave_a_part_of_the_quota),
         TEST(an_owner_has_a_share_of_the_sessions),
+        TEST(the_owner_with_the_most_gives_its_idle_sessions),
         TEST(at_the_limit_the_longest_idle_session_hibernates),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
