@@ -16,7 +16,8 @@ struct srv_ingress {
     struct srv_ingress_node *all;
     uint64_t tick;
     int64_t burst; /* most bytes that one stream can save up */
-    int64_t open;  /* bytes left in the first-come half; negative = owed to the next tick */
+    /* Bytes left in the first-come halves; negative = owed to the next tick. */
+    int64_t open[SRV_INGRESS_KINDS];
 };
 
 static struct srv_ingress_node *node_create(struct srv_ingress_node *parent, const char *name) {
@@ -59,7 +60,8 @@ struct srv_ingress *srv_ingress_create(size_t message_bytes) {
     if (!ingress)
         return NULL;
     ingress->all = node_create(NULL, "");
-    ingress->open = HALF;
+    for (int kind = 0; kind < SRV_INGRESS_KINDS; kind++)
+        ingress->open[kind] = HALF;
     ingress->burst = message_bytes > SRV_INGRESS_STREAM_BYTES ? (int64_t)message_bytes
                                                               : SRV_INGRESS_STREAM_BYTES;
     if (!ingress->all)
@@ -76,7 +78,8 @@ void srv_ingress_destroy(struct srv_ingress **ingress) {
 
 void srv_ingress_tick(struct srv_ingress *ingress) {
     ingress->tick++;
-    ingress->open = ingress->open > 0 ? HALF : ingress->open + HALF;
+    for (int kind = 0; kind < SRV_INGRESS_KINDS; kind++)
+        ingress->open[kind] = ingress->open[kind] > 0 ? HALF : ingress->open[kind] + HALF;
 }
 
 bool srv_ingress_open(struct srv_ingress *ingress, const char *owner, const char *session,
@@ -89,9 +92,10 @@ bool srv_ingress_open(struct srv_ingress *ingress, const char *owner, const char
         return false;
     }
     node->children++;
-    *stream = (struct srv_ingress_stream){
-        .ingress = ingress, .session = node, .tick = ingress->tick, .left = ingress->burst
-    };
+    *stream =
+        (struct srv_ingress_stream){ .ingress = ingress, .session = node, .tick = ingress->tick };
+    for (int kind = 0; kind < SRV_INGRESS_KINDS; kind++)
+        stream->accounts[kind].left = ingress->burst;
     return true;
 }
 
@@ -103,40 +107,46 @@ void srv_ingress_close(struct srv_ingress_stream *stream) {
     stream->ingress = NULL;
 }
 
-/* Returns the stream with the quota of the current tick. */
+/* Fills the account after so many ticks. */
+static void renew(struct srv_ingress_account *account, int64_t burst, uint64_t ticks) {
+    const int64_t missing = burst - account->left;
+    account->left = ticks > (uint64_t)(missing / SRV_INGRESS_STREAM_BYTES)
+                        ? burst
+                        : account->left + (int64_t)ticks * SRV_INGRESS_STREAM_BYTES;
+    account->sure = 0;
+}
+
+/* Returns the stream with the quotas of the current tick. */
 static struct srv_ingress_stream renewed(const struct srv_ingress_stream *stream) {
     const struct srv_ingress *ingress = stream->ingress;
     const uint64_t ticks = ingress->tick - stream->tick;
     struct srv_ingress_stream now = *stream;
-    if (ticks == 0)
-        return now;
-    const int64_t missing = ingress->burst - stream->left;
-    now.left = ticks > (uint64_t)(missing / SRV_INGRESS_STREAM_BYTES)
-                   ? ingress->burst
-                   : stream->left + (int64_t)ticks * SRV_INGRESS_STREAM_BYTES;
-    now.sure = 0;
+    for (int kind = 0; ticks > 0 && kind < SRV_INGRESS_KINDS; kind++)
+        renew(&now.accounts[kind], ingress->burst, ticks);
     now.tick = ingress->tick;
     return now;
 }
 
 /* Returns the bytes left of its own part of the divided half. */
-static int64_t sure_left(const struct srv_ingress_stream *stream) {
+static int64_t sure_left(const struct srv_ingress_stream *stream, enum srv_ingress_kind kind) {
+    const int64_t sure = stream->accounts[kind].sure;
     int64_t part = HALF;
     for (const struct srv_ingress_node *node = stream->session; node; node = node->parent)
         part /= node->children;
-    return part > stream->sure ? part - stream->sure : 0;
+    return part > sure ? part - sure : 0;
 }
 
-bool srv_ingress_has(const struct srv_ingress_stream *stream) {
+bool srv_ingress_has(const struct srv_ingress_stream *stream, enum srv_ingress_kind kind) {
     const struct srv_ingress_stream now = renewed(stream);
-    return now.left > 0 && (now.ingress->open > 0 || sure_left(&now) > 0);
+    return now.accounts[kind].left > 0 &&
+           (now.ingress->open[kind] > 0 || sure_left(&now, kind) > 0);
 }
 
-void srv_ingress_take(struct srv_ingress_stream *stream, size_t bytes) {
+void srv_ingress_take(struct srv_ingress_stream *stream, enum srv_ingress_kind kind, size_t bytes) {
     *stream = renewed(stream);
-    const int64_t size = (int64_t)bytes, sure = sure_left(stream);
+    const int64_t size = (int64_t)bytes, sure = sure_left(stream, kind);
     const int64_t own = size < sure ? size : sure;
-    stream->left -= size;
-    stream->sure += own;
-    stream->ingress->open -= size - own;
+    stream->accounts[kind].left -= size;
+    stream->accounts[kind].sure += own;
+    stream->ingress->open[kind] -= size - own;
 }

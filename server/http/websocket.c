@@ -45,6 +45,7 @@ struct srv_ws {
     bool has_sent_frame;   /* since the last measurement of the round trip */
     bool end_of_file, broken, closing;
     bool is_behind; /* the last srv_ws_write() reached its limit with messages left */
+    bool is_mute;   /* notifications wait for the next tick: their quota is used up */
     bool is_ended;  /* its end is counted in the metrics */
 };
 
@@ -57,7 +58,7 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     (void)flags;
     struct srv_ws *ws = user;
     ssize_t got = -1;
-    if (ws->read_left == 0 || !srv_ingress_has(&ws->ingress) || has_replies(ws)) {
+    if (ws->read_left == 0 || !srv_ingress_has(&ws->ingress, SRV_INGRESS_READ) || has_replies(ws)) {
         wslay_event_set_error(context, WSLAY_ERR_WOULDBLOCK);
         return -1;
     }
@@ -70,7 +71,7 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     while (got < 0 && errno == EINTR);
     if (got > 0) {
         ws->read_left -= (size_t)got;
-        srv_ingress_take(&ws->ingress, (size_t)got);
+        srv_ingress_take(&ws->ingress, SRV_INGRESS_READ, (size_t)got);
         ws->now_ms = fmax(ws->now_ms, ws->options.transport.clock_ms(ws->options.transport.user));
         ws->heard_ms = ws->now_ms;
         srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_IN, (uint64_t)got);
@@ -139,7 +140,7 @@ static void on_frame_start(wslay_event_context_ptr context,
                            const struct wslay_event_on_frame_recv_start_arg *frame, void *user) {
     (void)context;
     struct srv_ws *ws = user;
-    srv_ingress_take(&ws->ingress, SRV_INGRESS_FRAME_BYTES);
+    srv_ingress_take(&ws->ingress, SRV_INGRESS_READ, SRV_INGRESS_FRAME_BYTES);
     if (frame->opcode == WSLAY_CONNECTION_CLOSE && frame->payload_length == 1)
         srv_ws_close(ws, WSLAY_CODE_PROTOCOL_ERROR, "a close frame with half a status code",
                      ws->now_ms);
@@ -197,7 +198,7 @@ static void on_message(wslay_event_context_ptr context,
         srv_ws_close(ws, WSLAY_CODE_INTERNAL_SERVER_ERROR, "out of memory", ws->now_ms);
         return;
     }
-    srv_ingress_take(&ws->ingress, SRV_INGRESS_ANSWER * size);
+    srv_ingress_take(&ws->ingress, SRV_INGRESS_READ, SRV_INGRESS_ANSWER * size);
     struct wslay_event_msg out = { .opcode = WSLAY_TEXT_FRAME,
                                    .msg = (const uint8_t *)answer,
                                    .msg_length = size };
@@ -356,10 +357,14 @@ static bool pull(struct srv_ws *ws) {
     struct srv_message message;
     struct wslay_event_msg out = { .opcode = WSLAY_TEXT_FRAME };
     bool ok = true;
-    switch (srv_hub_next_message(ws->options.hub, ws->participant, true, ws->now_ms, &message)) {
+    ws->is_mute = !srv_ingress_has(&ws->ingress, SRV_INGRESS_NOTIFY);
+    switch (srv_hub_next_message(ws->options.hub, ws->participant,
+                                 ws->is_mute ? SRV_TAKE_FRAMES : SRV_TAKE_ALL, ws->now_ms,
+                                 &message)) {
     case SRV_MESSAGE_NONE:
         return false;
     case SRV_MESSAGE_TEXT:
+        srv_ingress_take(&ws->ingress, SRV_INGRESS_NOTIFY, message.size);
         out.msg = (const uint8_t *)message.text;
         out.msg_length = message.size;
         ok = wslay_event_queue_msg(ws->context, &out) == 0;
@@ -437,7 +442,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
 double srv_ws_deadline_ms(const struct srv_ws *ws) {
     if (ws->closing)
         return ws->close_ms + CLOSE_MS;
-    if (ws->is_behind || !srv_ws_wants_read(ws))
+    if (ws->is_behind || ws->is_mute || !srv_ws_wants_read(ws))
         return ws->now_ms;
     double oldest_ms = srv_hub_oldest_unacked_ms(ws->options.hub, ws->participant);
     double due_ms = fmin(fmax(ws->heard_ms, ws->pinged_ms) + ws->options.ping_ms,
@@ -457,11 +462,11 @@ static bool can_listen(const struct srv_ws *ws) {
 }
 
 bool srv_ws_wants_read(const struct srv_ws *ws) {
-    return can_listen(ws) && srv_ingress_has(&ws->ingress);
+    return can_listen(ws) && srv_ingress_has(&ws->ingress, SRV_INGRESS_READ);
 }
 
 bool srv_ws_is_paused(const struct srv_ws *ws) {
-    return can_listen(ws) && !srv_ingress_has(&ws->ingress);
+    return can_listen(ws) && !srv_ingress_has(&ws->ingress, SRV_INGRESS_READ);
 }
 
 bool srv_ws_wants_write(const struct srv_ws *ws) {

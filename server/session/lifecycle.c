@@ -58,6 +58,7 @@ void srv_hub_free_session(struct srv_hub *hub, struct srv_session *session) {
     if (session->shared.volume)
         hub->options.volumes.release(hub->options.volumes.user, session->shared.volume);
     srv_measures_finish(&session->measures);
+    free(session->text.bytes);
     free(session->schedule);
     free(session);
 }

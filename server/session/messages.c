@@ -18,13 +18,26 @@ static char *text_of_participants(const struct srv_participant *to, size_t *size
     return proto_rpc_notification("session.participants", params, size);
 }
 
-static char *text_of_view(const struct srv_participant *to, size_t *size) {
+static char *encode_view(const struct srv_view_state *shared, size_t *size) {
     proto_json *params = proto_json_object();
-    bool ok = proto_json_set_integer(params, "by", (int64_t)to->session->shared.changed_by);
-    ok = proto_json_set(params, "view", proto_view_encode(&to->session->shared.view)) && ok;
+    bool ok = proto_json_set_integer(params, "by", (int64_t)shared->changed_by);
+    ok = proto_json_set(params, "view", proto_view_encode(&shared->view)) && ok;
     if (!ok)
         proto_json_free(&params);
     return proto_rpc_notification("view.changed", params, size);
+}
+
+/* Copies the text of the view's version, which is encoded once for all participants. */
+static char *text_of_view(struct srv_session *session, size_t *size) {
+    struct srv_view_text *text = &session->text;
+    if (!text->bytes || text->version != session->shared.version) {
+        free(text->bytes);
+        text->bytes = encode_view(&session->shared, &text->size);
+        text->version = session->shared.version;
+    }
+    char *copy = text->bytes ? malloc(text->size + 1) : NULL;
+    *size = text->size;
+    return copy ? memcpy(copy, text->bytes, text->size + 1) : NULL;
 }
 
 /* Voxels: [[first], [past the last]]. */
@@ -134,15 +147,20 @@ static char *text_of_error(const struct srv_participant *p, size_t *size) {
     return proto_rpc_notification("render.error", params, size);
 }
 
-/* Returns the text of one pending answer or notification and clears it. */
-char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *p, double now_ms,
-                                size_t *size) {
+/* Returns the text of one pending answer, or of the end of the daemon, and clears it. */
+static char *take_urgent(struct srv_participant *p, size_t *size) {
     if (p->pending.answers)
         return srv_late_answer_take(p, size);
     if (p->pending.notifications & SRV_NOTIFY_DRAINING) {
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_DRAINING;
         return proto_rpc_notification("server.draining", proto_json_object(), size);
     }
+    return NULL;
+}
+
+/* Returns the text of one pending notification of a state and clears it. */
+static char *take_state(struct srv_hub *hub, struct srv_participant *p, double now_ms,
+                        size_t *size) {
     if (p->pending.notifications & SRV_NOTIFY_PARTICIPANTS) {
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_PARTICIPANTS;
         return text_of_participants(p, size);
@@ -157,7 +175,7 @@ char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *p, 
     }
     if (p->pending.notifications & SRV_NOTIFY_VIEW) {
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_VIEW;
-        return text_of_view(p, size);
+        return text_of_view(p->session, size);
     }
     if (p->pending.notifications & SRV_NOTIFY_MEASURES) {
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_MEASURES;
@@ -206,7 +224,7 @@ static void take_frame(struct srv_hub *hub, struct srv_participant *p, double no
 }
 
 enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_participant *p,
-                                           bool frames, double now_ms,
+                                           enum srv_take take, double now_ms,
                                            struct srv_message *message) {
     enum srv_message_kind kind = SRV_MESSAGE_NONE;
     *message = (struct srv_message){ .text = NULL };
@@ -216,13 +234,17 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
         message->close_code = p->pending.close_code;
         message->reason = p->pending.close_reason;
     } else if (p->session) {
-        if (frames && p->delivery.outbox.blob && p->delivery.window.count < SRV_WINDOW_MAX) {
+        if (take != SRV_TAKE_NOTIFICATIONS && p->delivery.outbox.blob &&
+            p->delivery.window.count < SRV_WINDOW_MAX) {
             take_frame(hub, p, now_ms, message);
             if (srv_policy_video(p) != SP_VIDEO_CODEC_COUNT) /* the next frame waits for that */
                 srv_hub_emit(hub, SRV_WINDOW_CHANGED, p->session, p, now_ms);
             kind = SRV_MESSAGE_FRAME;
-        } else if ((message->text = srv_hub_take_notification(hub, p, now_ms, &message->size))) {
-            kind = SRV_MESSAGE_TEXT;
+        } else {
+            message->text = take_urgent(p, &message->size);
+            if (!message->text && take != SRV_TAKE_FRAMES)
+                message->text = take_state(hub, p, now_ms, &message->size);
+            kind = message->text ? SRV_MESSAGE_TEXT : SRV_MESSAGE_NONE;
         }
     }
     pthread_mutex_unlock(&hub->mutex);

@@ -47,9 +47,12 @@ struct srv_message {
     uint16_t close_code;
     const char *reason; /* a constant */
 };
-/* Takes the next message. `frames`: the socket took the last frame, so that it may be a frame. */
+/* What srv_hub_next_message() may take besides answers, the notification of the shutdown, and the
+ * end of the stream. Notifications can wait, because a later one reports a newer state. */
+enum srv_take { SRV_TAKE_NOTIFICATIONS, SRV_TAKE_ALL, SRV_TAKE_FRAMES };
 enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_participant *participant,
-                                           bool frames, double now_ms, struct srv_message *message);
+                                           enum srv_take take, double now_ms,
+                                           struct srv_message *message);
 /* Returns when the oldest unacknowledged frame was sent, ms; 0 = there is none. */
 double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *participant);
 /* The client answered a ping after rtt_ms. No frame was unacknowledged when it was sent. */

@@ -155,6 +155,12 @@ struct srv_view_state {
                                  */
 };
 
+struct srv_view_text { /* the notification view.changed, the same for all participants */
+    char *bytes;       /* owned, with a NUL behind them; NULL = not made */
+    size_t size;
+    uint64_t version; /* of the view */
+};
+
 struct srv_play {    /* play.c; not saved */
     double rate;     /* of the vectors' phase, periods per second; 0 = the phase stands */
     double phase;    /* at since_ms */
@@ -184,6 +190,7 @@ struct srv_session {
     struct srv_timer timer; /* when srv_hub_tick() looks at it */
     struct srv_session_identity identity;
     struct srv_view_state shared;
+    struct srv_view_text text;
     struct srv_play play;
     struct srv_measures measures;
     struct srv_saved saved;
@@ -420,9 +427,6 @@ char *srv_measures_text(struct srv_participant *to, size_t *size);
 /* Takes the oldest one, which exists; malloc'ed. */
 char *srv_late_answer_take(struct srv_participant *participant, size_t *size);
 void srv_late_answers_free(struct srv_participant *participant);
-/* Takes the text of the next pending notification; NULL = none, or out of memory. (messages.c) */
-char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *participant,
-                                double now_ms, size_t *size);
 
 /* Control (control.c). */
 

@@ -17,8 +17,8 @@ enum { HALF = SRV_INGRESS_TICK_BYTES / 2, MESSAGE = 4 * SRV_INGRESS_STREAM_BYTES
 /* Takes pieces until the quota is used up. Returns their sum in bytes. */
 static size_t drain(struct srv_ingress_stream *stream) {
     size_t all = 0;
-    for (; srv_ingress_has(stream); all += PIECE)
-        srv_ingress_take(stream, PIECE);
+    for (; srv_ingress_has(stream, SRV_INGRESS_READ); all += PIECE)
+        srv_ingress_take(stream, SRV_INGRESS_READ, PIECE);
     return all;
 }
 
@@ -41,11 +41,11 @@ static void a_stream_has_a_limit_of_its_own(void **state) {
         srv_ingress_tick(ingress);
     assert_int_equal(drain(&stream), MESSAGE);
     srv_ingress_tick(ingress);
-    srv_ingress_take(&stream,
+    srv_ingress_take(&stream, SRV_INGRESS_READ,
                      2 * SRV_INGRESS_STREAM_BYTES); /* the excess is deducted from later ticks */
-    assert_false(srv_ingress_has(&stream));
+    assert_false(srv_ingress_has(&stream, SRV_INGRESS_READ));
     srv_ingress_tick(ingress);
-    assert_false(srv_ingress_has(&stream));
+    assert_false(srv_ingress_has(&stream, SRV_INGRESS_READ));
     srv_ingress_tick(ingress);
     assert_int_equal(drain(&stream), SRV_INGRESS_STREAM_BYTES);
     srv_ingress_close(&stream);
@@ -135,9 +135,26 @@ static void parts_are_returned_when_streams_close(void **state) {
     srv_ingress_destroy(&ingress);
 }
 
+/* Bytes that are made for a stream leave it all that it may send. */
+static void notifications_have_a_quota_of_their_own(void **state) {
+    (void)state;
+    struct srv_ingress *ingress = srv_ingress_create(MESSAGE);
+    struct srv_ingress_stream stream;
+    assert_true(srv_ingress_open(ingress, "ann", "s", &stream));
+    for (int i = 0; i < 3; i++) {
+        srv_ingress_take(&stream, SRV_INGRESS_NOTIFY, 2 * SRV_INGRESS_TICK_BYTES);
+        assert_false(srv_ingress_has(&stream, SRV_INGRESS_NOTIFY));
+        assert_int_equal(drain(&stream), i == 0 ? MESSAGE : SRV_INGRESS_STREAM_BYTES);
+        srv_ingress_tick(ingress);
+    }
+    srv_ingress_close(&stream);
+    srv_ingress_destroy(&ingress);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_stream_has_a_limit_of_its_own),
+        cmocka_unit_test(notifications_have_a_quota_of_their_own),
         cmocka_unit_test(the_sum_is_limited_for_any_number_of_streams),
         cmocka_unit_test(no_stream_uses_up_the_part_of_another),
         cmocka_unit_test(parts_are_returned_when_streams_close),

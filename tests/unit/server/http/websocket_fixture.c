@@ -112,12 +112,12 @@ int stream_tear_down(void **state) {
 
 void send_text(struct wire *wire, const char *text, size_t size) {
     uint8_t *at = wire->in + wire->in_size;
-    size_t head = size < 126 ? 2 : 10;
+    size_t more = size < 126 ? 0 : size <= UINT16_MAX ? 2 : 8, head = 2 + more;
     assert_compare(wire->in_size + head + 4 + size, <=, CAPACITY);
     at[0] = 0x81;
-    at[1] = (uint8_t)(0x80 | (size < 126 ? size : 127));
-    for (size_t i = 0; head == 10 && i < 8; i++)
-        at[2 + i] = (uint8_t)((uint64_t)size >> (56 - 8 * i));
+    at[1] = (uint8_t)(0x80 | (more == 0 ? size : more == 2 ? 126 : 127));
+    for (size_t i = 0; i < more; i++)
+        at[2 + i] = (uint8_t)((uint64_t)size >> (8 * (more - 1 - i)));
     memset(at + head, 0, 4);
     memcpy(at + head + 4, text, size);
     wire->in_size += head + 4 + size;

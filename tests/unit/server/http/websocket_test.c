@@ -74,6 +74,111 @@ static void answers_count_towards_the_ingress_quota(void **state) {
     assert_compare(s->wire.in_at, <, s->wire.in_size);
 }
 
+static unsigned encoded_views;
+proto_json *__real_proto_view_encode(const struct sp_view *view);
+proto_json *__wrap_proto_view_encode(const struct sp_view *view);
+
+proto_json *__wrap_proto_view_encode(const struct sp_view *view) {
+    encoded_views++;
+    return __real_proto_view_encode(view);
+}
+
+/* Sends a change of the background to `red` / 512, and runs the client. */
+static void update(struct stream *s, unsigned red, double now_ms) {
+    char text[160];
+    int size = snprintf(text, sizeof text,
+                        "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":"
+                        "{\"seq\":1,\"patch\":{\"background\":[%.10g,0,0,1]}}}",
+                        red / 512.0);
+    send_text(&s->wire, text, (size_t)size);
+    srv_ws_read(s->ws, now_ms);
+    srv_ws_write(s->ws, now_ms);
+    assert_int_equal(s->wire.in_at, s->wire.in_size);
+}
+
+/* Returns the number of view.changed that report this red. */
+static unsigned views_sent(const struct wire *wire, unsigned red) {
+    char background[32];
+    unsigned count = 0;
+    int length = snprintf(background, sizeof background, "\"background\":[%.10g,", red / 512.0);
+    struct sent sent;
+    for (size_t at = 0; next_sent(wire, &at, &sent);)
+        count += memmem(sent.bytes, sent.size, "view.changed", 12) &&
+                 memmem(sent.bytes, sent.size, background, (size_t)length);
+    return count;
+}
+
+static void a_view_is_encoded_once_for_all_participants(void **state) {
+    enum { CROWD = 2 };
+    struct stream *s = *state;
+    struct wire wires[CROWD];
+    struct srv_ws *crowd[CROWD];
+    for (int i = 0; i < CROWD; i++) {
+        crowd[i] = stream_join(s, ((struct fixture *)s->fixture)->id, &wires[i]);
+        srv_ws_write(crowd[i], 1);
+    }
+    for (unsigned red = 1; red <= 2; red++) {
+        encoded_views = 0;
+        update(s, red, 2);
+        for (int i = 0; i < CROWD; i++) {
+            srv_ws_write(crowd[i], 2);
+            assert_int_equal(views_sent(&wires[i], red), 1);
+        }
+        assert_int_equal(encoded_views, 1);
+    }
+    for (int i = 0; i < CROWD; i++) {
+        srv_ws_destroy(&crowd[i], 3);
+        free(wires[i].in);
+        free(wires[i].out);
+    }
+}
+
+/* A drag goes on at its rate; the other participants learn of fewer views, and of the last one. */
+static void participants_skip_views_over_the_quota_of_notifications(void **state) {
+    enum { TICKS = 40, UPDATES = 30 };
+    struct stream *s = *state;
+    struct wire wire;
+    struct srv_ws *other = stream_join(s, ((struct fixture *)s->fixture)->id, &wire);
+    char text[16384];
+    size_t size = (size_t)snprintf(text, sizeof text,
+                                   "{\"jsonrpc\":\"2.0\",\"method\":\"view.update\",\"params\":"
+                                   "{\"seq\":1,\"patch\":{\"transfer_function\":{\"points\":[");
+    for (int i = 0; i < 128; i++)
+        size +=
+            (size_t)snprintf(text + size, sizeof text - size,
+                             "%s{\"value\":%d,\"color\":[0,0,1],\"opacity\":0.5}", i ? "," : "", i);
+    size += (size_t)snprintf(text + size, sizeof text - size, "]}}}}");
+    send_text(&s->wire, text, size);
+    stream_run(s, 0);
+    size_t sent = 0;
+    for (unsigned tick = 0; tick < TICKS; tick++) {
+        wire.out_size = s->wire.out_size = 0;
+        for (unsigned i = 0; i < UPDATES; i++) {
+            update(s, tick + 1, 100.0 * tick);
+            srv_ws_write(other, 100.0 * tick);
+        }
+        sent += wire.out_size;
+        stream_tick(s, 100.0 * tick + 99);
+    }
+    assert_compare(sent, >, TICKS * SRV_INGRESS_STREAM_BYTES);
+    assert_compare(sent, <, CAPACITY + (TICKS + 1) * SRV_INGRESS_STREAM_BYTES);
+    wire.out_size = 0;
+    for (unsigned i = 0; i <= UPDATES; i++) {
+        update(s, 400 + i, 100.0 * TICKS);
+        srv_ws_write(other, 100.0 * TICKS);
+    }
+    assert_int_equal(views_sent(&wire, 400 + UPDATES), 0);
+    for (unsigned tick = TICKS; views_sent(&wire, 400 + UPDATES) == 0; tick++) {
+        assert_compare(tick, <, TICKS + 3);
+        assert_compare(srv_ws_deadline_ms(other), <=, 100.0 * tick); /* needs no other event */
+        stream_tick(s, 100.0 * tick + 99);
+        srv_ws_write(other, 100.0 * tick + 99);
+    }
+    srv_ws_destroy(&other, 0);
+    free(wire.in);
+    free(wire.out);
+}
+
 /* A request of `size` bytes, most of them blanks. */
 static void send_long(struct wire *wire, size_t size) {
     char *text = malloc(size);
@@ -310,6 +415,8 @@ static void out_of_memory(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         WITH_STREAM(answers_count_towards_the_ingress_quota),
+        WITH_STREAM(a_view_is_encoded_once_for_all_participants),
+        WITH_STREAM(participants_skip_views_over_the_quota_of_notifications),
         WITH_STREAM(a_flood_is_read_in_pieces_and_nothing_is_lost),
         WITH_STREAM(one_read_takes_a_few_kib),
         WITH_STREAM(a_long_message_is_read_at_once),

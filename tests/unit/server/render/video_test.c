@@ -144,7 +144,7 @@ static void check_frame(struct viewer *viewer, const struct srv_message *message
 /* Takes the viewer's next message and checks it. False if there is none. */
 static bool take(struct world *w, struct viewer *viewer) {
     struct srv_message message;
-    switch (srv_hub_next_message(w->f->hub, viewer->p, true, w->now_ms, &message)) {
+    switch (srv_hub_next_message(w->f->hub, viewer->p, SRV_TAKE_ALL, w->now_ms, &message)) {
     case SRV_MESSAGE_NONE:
     case SRV_MESSAGE_CLOSE:
         return false;
@@ -451,7 +451,7 @@ static void a_delivery_checks_the_mark_again(void **state) {
     srv_schedule_deliver(schedule, b, at[1], &image, blob);
     srv_schedule_deliver_video(schedule, a, at[0], &header, blob, &key);
     assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &second), SRV_VIDEO_NONE);
-    while (srv_hub_next_message(hub, p, true, w.now_ms, &message) == SRV_MESSAGE_TEXT)
+    while (srv_hub_next_message(hub, p, SRV_TAKE_ALL, w.now_ms, &message) == SRV_MESSAGE_TEXT)
         free(message.text);
     assert_int_equal(message.header.codec, PROTO_CODEC_JPEG);
     srv_blob_unref(&message.blob);
@@ -459,7 +459,7 @@ static void a_delivery_checks_the_mark_again(void **state) {
     assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &second), SRV_VIDEO_KEY);
     /* A delta frame after a missing one is not delivered. */
     srv_schedule_deliver_video(schedule, a, at[0], &header, blob, &key);
-    while (srv_hub_next_message(hub, p, true, w.now_ms, &message) == SRV_MESSAGE_TEXT)
+    while (srv_hub_next_message(hub, p, SRV_TAKE_ALL, w.now_ms, &message) == SRV_MESSAGE_TEXT)
         free(message.text);
     srv_blob_unref(&message.blob);
     b->order = a->order + 1;

@@ -69,7 +69,7 @@ void sim_ack(struct simulation *s, struct sim_client *c, uint32_t frame) {
 
 void sim_take(struct simulation *s, struct sim_client *c, bool acks) {
     struct srv_message message;
-    while (srv_hub_next_message(s->f->hub, c->participant, true, s->now_ms, &message) !=
+    while (srv_hub_next_message(s->f->hub, c->participant, SRV_TAKE_ALL, s->now_ms, &message) !=
            SRV_MESSAGE_NONE) {
         if (message.blob) {
             c->frames++;

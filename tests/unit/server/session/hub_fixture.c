@@ -246,7 +246,8 @@ struct proto_frame_header hub_drain(struct fixture *f, struct srv_participant *p
     struct proto_frame_header last = { .frame = 0 };
     struct srv_message message;
     enum srv_message_kind kind;
-    while ((kind = srv_hub_next_message(f->hub, p, true, now_ms, &message)) != SRV_MESSAGE_NONE) {
+    while ((kind = srv_hub_next_message(f->hub, p, SRV_TAKE_ALL, now_ms, &message)) !=
+           SRV_MESSAGE_NONE) {
         assert_int_not_equal(kind, SRV_MESSAGE_CLOSE);
         if (kind == SRV_MESSAGE_FRAME)
             last = message.header;

@@ -22,7 +22,8 @@ static void take_policy(struct fixture *f, struct srv_participant *p, double now
     struct srv_message message;
     enum srv_message_kind kind;
     policy[0] = 0;
-    while ((kind = srv_hub_next_message(f->hub, p, true, now_ms, &message)) != SRV_MESSAGE_NONE) {
+    while ((kind = srv_hub_next_message(f->hub, p, SRV_TAKE_ALL, now_ms, &message)) !=
+           SRV_MESSAGE_NONE) {
         if (kind == SRV_MESSAGE_TEXT && strstr(message.text, "stream.policy"))
             snprintf(policy, 512, "%.*s", (int)message.size, message.text);
         if (kind == SRV_MESSAGE_FRAME)
