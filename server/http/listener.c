@@ -16,6 +16,7 @@
 #include "http/connection_limits.h"
 #include "http/listener_private.h"
 #include "http/tls.h"
+#include "render/frame_memory.h"
 #include "sp/log.h"
 
 enum {
@@ -214,7 +215,9 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
     pthread_cond_init(&http->idle, &monotonic);
     pthread_condattr_destroy(&monotonic);
     http->deadlines = srv_deadlines_create(err);
-    http->packed = http->deadlines ? srv_assets_pack(err) : NULL;
+    http->answers =
+        http->deadlines ? srv_answers_create(options->frame_memory->snapshots, err) : NULL;
+    http->packed = http->answers ? srv_assets_pack(err) : NULL;
     int fd = http->packed ? open_socket(&address, options->config, err) : -1;
     bool ok = fd >= 0;
     if (ok) {
@@ -273,6 +276,7 @@ void srv_http_destroy(struct srv_http **http_pointer) {
         MHD_stop_daemon(http->daemon);
     srv_tls_destroy(&http->tls);
     srv_deadlines_destroy(&http->deadlines);
+    srv_answers_destroy(&http->answers);
     srv_assets_release(&http->packed);
     pthread_cond_destroy(&http->idle);
     pthread_mutex_destroy(&http->mutex);

@@ -8,6 +8,7 @@
 #include <microhttpd.h>
 #include <pthread.h>
 
+#include "http/answers.h"
 #include "http/connection_limits.h"
 #include "http/deadlines.h"
 #include "http/listener.h"
@@ -21,6 +22,7 @@ struct srv_http {
     struct MHD_Daemon *daemon;
     struct srv_tls *tls; /* NULL = the daemon listens itself */
     struct srv_deadlines *deadlines;
+    struct srv_answers *answers;
     struct srv_packed_asset *packed; /* the page and the contract */
     char address[SRV_ADDRESS_TEXT];
     int64_t connections; /* --connections, or as many as there are file descriptors for */

@@ -58,23 +58,30 @@ bool srv_request_begin_snapshot(struct srv_request *request, struct sp_error *er
     return request->has_snapshot;
 }
 
-bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
-    struct sp_budget *budget = request->app->frame_memory->snapshots;
-    if (!sp_budget_take(budget, SP_BUDGET_ANSWERS, bytes))
-        return sp_budget_fail(budget, "numbers", bytes, err);
-    request->answer_bytes = bytes;
-    return true;
+static bool take_answer(struct srv_request *request, uint64_t bytes, bool is_made,
+                        struct sp_error *err) {
+    const struct srv_grant *grant = &request->grant;
+    /* Guests of all sessions share what one owner may have. */
+    struct srv_answer_owner owner = { .is_limited = grant->quota.is_limited || !grant->rights };
+    snprintf(owner.name, sizeof owner.name, "%s", grant->name);
+    return srv_answers_take(request->http->answers, &owner, bytes, is_made, &request->answer, err);
 }
 
-void srv_request_count_answer(struct srv_request *request, uint64_t bytes) {
-    sp_budget_add(request->app->frame_memory->snapshots, SP_BUDGET_ANSWERS, bytes);
-    request->answer_bytes = bytes;
+bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
+    return take_answer(request, bytes, false, err);
+}
+
+bool srv_request_count_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
+    return take_answer(request, bytes, true, err);
+}
+
+void srv_request_shrink_answer(struct srv_request *request, uint64_t bytes) {
+    srv_answers_shrink(request->http->answers, &request->answer, bytes);
 }
 
 static void end_snapshot(struct srv_request *request,
                          void (*end)(struct srv_tokens *tokens, const struct srv_grant *grant)) {
-    sp_budget_give(request->app->frame_memory->snapshots, SP_BUDGET_ANSWERS, request->answer_bytes);
-    request->answer_bytes = 0;
+    srv_request_shrink_answer(request, 0);
     if (!request->has_snapshot)
         return;
     request->has_snapshot = false;

@@ -11,6 +11,7 @@
 
 #include "config/config.h"
 #include "config/tokens.h"
+#include "http/answers.h"
 #include "http/deadlines.h"
 #include "http/listener.h"
 #include "http/reply.h"
@@ -41,9 +42,9 @@ struct srv_request {
     char param[SRV_PARAM_BYTES]; /* the part of the path that matched {} */
     char *body;                  /* NUL-terminated; NULL = empty */
     size_t body_size;
-    struct srv_grant grant; /* rights of the token; 0 without a valid token of the daemon */
-    bool has_snapshot;      /* a snapshot is being rendered for it */
-    uint64_t answer_bytes;  /* of an image or a slice that is being sent: of app->frame_memory */
+    struct srv_grant grant;   /* rights of the token; 0 without a valid token of the daemon */
+    bool has_snapshot;        /* a snapshot is being rendered for it */
+    struct srv_answer answer; /* an image or a slice that is being sent */
     struct srv_reply reply;
     struct srv_upload_body *upload_body; /* of PATCH /uploads/{id}; NULL = none */
     void *upgrade;                       /* state of a stream's handshake; freed with the request */
@@ -101,11 +102,13 @@ void srv_request_reply_when_durable(struct srv_request *request);
  * request. False: *err names the quota that is exceeded. */
 bool srv_request_begin_snapshot(struct srv_request *request, struct sp_error *err);
 void srv_request_end_snapshot(struct srv_request *request);
-/* Takes the memory of an answer (frame_memory.h) that is made at once, until the end of the
- * request; no quota. SP_ERR_FRAME_BUDGET. */
+/* Takes the memory of an answer (answers.h) that is made next, until the end of the request.
+ * `bytes`: while it is made. Errors: those of srv_answers_take(). */
 bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err);
-/* The same for an answer that is there already. */
-void srv_request_count_answer(struct srv_request *request, uint64_t bytes);
+/* The same for an answer that is there already. SP_ERR_QUOTA, SP_ERR_MEMORY. */
+bool srv_request_count_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err);
+/* Gives back what the answer does not need now that it is made. */
+void srv_request_shrink_answer(struct srv_request *request, uint64_t bytes);
 /* Returns both for a snapshot that was refused, which does not count towards the fps quota. */
 void srv_request_cancel_snapshot(struct srv_request *request);
 /* Call after an upgrade: the connection is a stream from now on, and no longer a request. */

@@ -56,6 +56,8 @@ static enum MHD_Result queue(struct srv_request *request) {
            request->method, request->path, reply->status, reply->size);
     if (is_over_limit(request))
         log_refusal(request);
+    if (!reply->chunked_body)
+        srv_request_shrink_answer(request, reply->size);
     enum MHD_Result result = MHD_queue_response(request->mhd, reply->status, response);
     count_answer(request, reply->status, reply->size);
     MHD_destroy_response(response);

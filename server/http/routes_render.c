@@ -187,6 +187,7 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
     struct render *render = user;
     struct srv_request *request = render->request;
     struct srv_reply *reply = &request->reply;
+    struct sp_error err;
     if (!result->ok) {
         if (result->err.code == SP_ERR_CANCELLED)
             sp_log(SP_LOG_INFO, "snapshot for %s not rendered: %s",
@@ -197,8 +198,10 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
             srv_reply_problem(reply, 422, result->err.place, "%s", result->err.text);
         else
             reply_view_error(reply, render->is_kept, &result->err);
-    } else {
+    } else if (srv_request_count_answer(request, result->size, &err)) {
         reply_image(request, result);
+    } else {
+        srv_reply_error(reply, &err);
     }
     if (reply->chunked_body) {
         reply->status = 200;
@@ -214,8 +217,6 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
                          result->stats.isa[0] ? " " : "", result->stats.isa);
         srv_reply_header(reply, "X-Splats", "%" PRIu64, result->stats.splats);
     }
-    if (reply->chunked_body)
-        srv_request_count_answer(request, result->size);
     free(render);
     srv_request_complete(request);
 }

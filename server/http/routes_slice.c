@@ -13,6 +13,7 @@
 #include "http/routes.h"
 #include "http/slice_query.h"
 #include "protocol/view.h"
+#include "render/frame_memory.h"
 #include "sp/bricks.h"
 
 enum {
@@ -89,6 +90,16 @@ static void set_headers(struct srv_reply *reply, const struct slice_request *wan
     srv_reply_header(reply, "X-Complete", "%s", is_complete ? "true" : "false");
     srv_reply_header(reply, "X-Level", "%u", wanted->got);
     describe(reply, wanted);
+}
+
+/* Returns the memory of the answer while it is made. */
+static uint64_t bytes_of(const struct slice_request *wanted) {
+    const struct sp_slice *s = &wanted->slice;
+    const enum srv_slice_format format = wanted->query.format;
+    return format == SRV_SLICE_RAW
+               ? (uint64_t)s->size[0] * s->size[1] * sp_type_size(s->type)
+               : srv_frame_memory_of(format == SRV_SLICE_PNG ? SP_IMAGE_PNG : SP_IMAGE_JPEG,
+                                     s->size);
 }
 
 /* Samples the values into the reply. */
@@ -201,9 +212,8 @@ static void reply_from(struct srv_request *request, struct slice_request *wanted
         set_headers(reply, wanted, etag);
         return;
     }
-    uint64_t pixels = (uint64_t)wanted->slice.size[0] * wanted->slice.size[1];
     bool ok = read_samples(wanted, &err) &&
-              srv_request_reserve_answer(request, pixels * sizeof(double), &err) &&
+              srv_request_reserve_answer(request, bytes_of(wanted), &err) &&
               (wanted->query.format == SRV_SLICE_RAW ? write_raw(wanted, reply, &err)
                                                      : write_image(wanted, reply, &err));
     sp_volume_unref(&wanted->samples);

@@ -24,12 +24,14 @@ const TOLERANCE = 12 * MIB;
 const folder = fs.mkdtempSync(path.join(tmpdir(), 'splatd-memory-test-'));
 let daemon;
 before(async () => {
-  const [noise, tokens] = ['noise.nrrd', 'tokens'].map((name) => path.join(folder, name));
+  const [noise, numbers, tokens] = ['noise.nrrd', 'numbers.nrrd', 'tokens'].map((name) => path.join(folder, name));
   fs.writeFileSync(noise, Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 48 48 4\nencoding: raw\n\n'), randomBytes(48 * 48 * 4)]));
+  fs.writeFileSync(numbers, Buffer.concat([Buffer.from('NRRD0004\ntype: float\ndimension: 3\nsizes: 4 4 4\nendian: little\nencoding: raw\n\n'), Buffer.alloc(4 * 64)]));
   fs.writeFileSync(tokens, `${TOKENS.root} name=root\n${TOKENS.greedy} name=greedy role=control\n${TOKENS.modest} name=modest role=control\n`, { mode: 0o600 });
-  daemon = await Daemon.start(['--volume', noise, '--token-file', tokens, '--render-bytes', '48M', '--threads', '2', '--stall-time', '600', '--ping-time', '600'], { backend: 'cpu' });
+  daemon = await Daemon.start(['--volume', noise, '--volume', numbers, '--token-file', tokens, '--render-bytes', '48M', '--threads', '2', '--stall-time', '600', '--ping-time', '600'], { backend: 'cpu' });
   daemon.token = TOKENS.root;
   await daemon.loaded('noise');
+  await daemon.loaded('numbers');
 });
 after(async () => {
   assert.equal(await daemon.stop(), 0);
@@ -82,6 +84,27 @@ async function stopReading(most, until) {
 }
 
 const skip = process.env.SPLATD_SANITIZE && 'sanitizers: it takes minutes';
+test('a slice that its client does not read leaves memory for other owners', { skip }, async () => {
+  const BYTES = 2048 * 2048 * 4; // more than the share of 9 MiB
+  const slice = (side) => `/api/v1/volumes/numbers/slice?format=raw&origin=2,2,2&normal=0,0,1&up=0,1,0&size=${side},${side}&spacing=0.001`;
+  const answers = async () => (await counted()).answers;
+  const unread = await Raw.connect(daemon.port);
+  unread.socket.pause();
+  unread.write(`GET ${slice(2048)} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${TOKENS.greedy}\r\n\r\n`);
+  await within((async () => { while (await answers() < BYTES); })(), 'the slice');
+  assert.equal(await answers(), BYTES, 'no more than its samples have');
+  const refused = await daemon.fetch(slice(8), { token: TOKENS.greedy });
+  assert.deepEqual([refused.status, refused.headers.get('retry-after')], [429, '1']);
+  assert.equal((await refused.json()).detail, `the answer needs 256 bytes; greedy has ${BYTES} bytes of images and slices that were not read, and may have ${BYTES}; read them first`);
+  for (const name of ['modest', 'root']) {
+    assert.equal((await daemon.fetch(slice(8), { token: TOKENS[name] })).status, 200, name);
+    const image = { method: 'POST', body: '{"volume":"noise","size":[64,64]}', headers: { 'Content-Type': 'application/json' }, token: TOKENS[name] };
+    assert.equal((await daemon.fetch('/api/v1/render', image)).status, 200, name);
+  }
+  unread.destroy();
+  await within((async () => { while ((await daemon.fetch(slice(8), { token: TOKENS.greedy })).status !== 200); })(), 'memory that is given back');
+});
+
 test('frames that clients do not read take no more than the share of their owner\'s guests', { skip }, async () => {
   const base = resident();
   const refusal = /the encoded frame needs (\d+) bytes; the guests of this session's owner have (\d+) bytes that were not read, and may have (\d+)/;
