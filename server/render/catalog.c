@@ -216,12 +216,13 @@ static bool resolve(struct srv_catalog *catalog, const struct srv_volume_request
     return resolved->source != NULL;
 }
 
-/* Checks the limits of one owner. With the mutex held. */
+/* Checks the limits of the owner who loads `again`; NULL = a new entry. With the mutex held. */
 static bool fits_the_owner(const struct srv_catalog *catalog,
-                           const struct srv_volume_request *request, struct sp_error *err) {
+                           const struct srv_volume_request *request, const struct srv_volume *again,
+                           struct sp_error *err) {
     unsigned count = 0, loading = 0;
     for (const struct srv_volume *v = catalog->entries; v && request->owner; v = v->next)
-        if (strcmp(v->owner, request->owner) == 0) {
+        if (v != again && strcmp(v->owner, request->owner) == 0) {
             count++;
             loading += v->state == SRV_VOLUME_LOADING;
         }
@@ -229,7 +230,7 @@ static bool fits_the_owner(const struct srv_catalog *catalog,
         return sp_fail(err, SP_ERR_QUOTA, NULL,
                        "%s has %u volumes open and its token allows %u; close some", request->owner,
                        count, request->volumes_max);
-    const struct srv_pool pool = { ENTRIES_MAX, catalog->count, count };
+    const struct srv_pool pool = { ENTRIES_MAX, catalog->count - (again != NULL), count };
     if (!request->is_restored &&
         srv_fair_left(&pool, request->is_limited && !request->volumes_max) == 0)
         return sp_fail(err, SP_ERR_QUOTA, NULL,
@@ -240,6 +241,21 @@ static bool fits_the_owner(const struct srv_catalog *catalog,
            sp_fail(err, SP_ERR_QUOTA, NULL,
                    "%u volumes of %s are being loaded, which is the limit; try again later",
                    loading, request->owner);
+}
+
+static void set_owner(struct srv_volume *v, const struct srv_volume_request *request) {
+    snprintf(v->owner, sizeof v->owner, "%s", request->owner ? request->owner : "");
+    v->is_limited = request->is_limited;
+}
+
+/* A failed entry is loaded for the owner who asks now. With the mutex held. */
+static bool take_over(struct srv_catalog *catalog, struct srv_volume *v,
+                      const struct srv_volume_request *request, struct sp_error *err) {
+    if (!fits_the_owner(catalog, request, v, err))
+        return false;
+    set_owner(v, request);
+    v->is_persisted = false; /* under the new owner */
+    return true;
 }
 
 /* Appends an entry. With the mutex held. Takes over the strings on success. */
@@ -257,16 +273,14 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
                 catalog->count);
         return NULL;
     }
-    if (!fits_the_owner(catalog, request, err))
+    if (!fits_the_owner(catalog, request, NULL, err))
         return NULL;
     struct srv_volume *v = calloc(1, sizeof *v);
     if (!v) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a volume");
         return NULL;
     }
-    if (request->owner)
-        snprintf(v->owner, sizeof v->owner, "%s", request->owner);
-    v->is_limited = request->is_limited;
+    set_owner(v, request);
     const char *named =
         resolved->shown ? resolved->shown + strlen(SRV_SOURCE_UPLOAD) : resolved->source;
     if (request->id) {
@@ -334,20 +348,23 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
         return false;
     }
     pthread_mutex_lock(&catalog->mutex);
-    struct srv_volume *v = catalog->entries;
-    while (v && strcmp(v->source, resolved.source) != 0)
-        v = v->next;
-    *existed = v && v->state != SRV_VOLUME_FAILED;
-    if (v) {
-        resolved_finish(&resolved);
-    } else if (!(v = add_entry(catalog, request, &resolved, conflict, err))) {
-        const bool is_shared = srv_catalog_is_upload_shared(catalog, NULL, resolved.source);
+    struct srv_volume *found = catalog->entries;
+    while (found && strcmp(found->source, resolved.source) != 0)
+        found = found->next;
+    *existed = found && found->state != SRV_VOLUME_FAILED;
+    struct srv_volume *v = !found ? add_entry(catalog, request, &resolved, conflict, err)
+                           : *existed || take_over(catalog, found, request, err) ? found
+                                                                                 : NULL;
+    if (!v) {
+        const bool is_shared = srv_catalog_is_upload_shared(catalog, found, resolved.source);
         pthread_mutex_unlock(&catalog->mutex);
         if (!is_shared)
             srv_catalog_close_upload(catalog, resolved.source, SRV_VOLUME_LOADING);
         resolved_finish(&resolved);
         return false;
     }
+    if (found)
+        resolved_finish(&resolved);
     if (!*existed)
         begin_load(catalog, v, request, is_lost ? &why : NULL);
     persist(catalog, v);

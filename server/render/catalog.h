@@ -92,11 +92,12 @@ void srv_catalog_stop(struct srv_catalog *catalog);
 void srv_catalog_destroy(struct srv_catalog **catalog);
 
 /* Queues a load. *id_out is the entry's id; *existed is true if the source was added before and has
- * not failed. Errors: SP_ERR_DENIED, SP_ERR_NOT_FOUND (path), SP_ERR_INVALID (the place is a JSON
- * pointer; *conflict: the id belongs to another source), SP_ERR_BUDGET (too many entries),
- * SP_ERR_QUOTA (the owner has volumes_max volumes, or, if the request is limited, too many loads
- * that wait), SP_ERR_MEMORY. Volumes that one owner opened by limited requests take at most three
- * quarters of the memory budget; a load that needs more fails. */
+ * not failed; one that has failed is loaded again and belongs to the owner who asks. Errors:
+ * SP_ERR_DENIED, SP_ERR_NOT_FOUND (path), SP_ERR_INVALID (the place is a JSON pointer; *conflict:
+ * the id belongs to another source), SP_ERR_BUDGET (too many entries), SP_ERR_QUOTA (the owner has
+ * volumes_max volumes, or, if the request is limited, too many loads that wait), SP_ERR_MEMORY.
+ * Volumes that one owner opened by limited requests take at most three quarters of the memory
+ * budget; a load that needs more fails. */
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
                      char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
                      struct sp_error *err);
