@@ -57,6 +57,7 @@ struct srv_request {
     struct srv_request *next_head;    /* head_errors.h */
     pthread_t head_thread;
     struct srv_rejection target; /* why the request target is refused */
+    size_t target_size;          /* its bytes, before it was decoded */
     bool is_last;                /* the connection closes after the answer */
     bool is_begun, is_refused, is_answered, is_dispatched, is_suspended, is_counted;
 };

@@ -107,6 +107,7 @@ void *srv_on_target(void *user, const char *target, struct MHD_Connection *conne
     request->mhd = connection;
     request->connection = info->socket_context;
     srv_head_begin(request);
+    request->target_size = target ? strlen(target) : 0;
     if (target)
         request->target = srv_smuggling_check_target((char *)(uintptr_t)target,
                                                      (size_t)http->options.config->header_size / 4);

@@ -193,7 +193,7 @@ bool srv_request_is_refused_at_once(struct srv_request *request, const char *ver
             MHD_get_connection_info(request->mhd, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
         const bool has_gaps = head && leaves_gaps();
         if (has_gaps)
-            srv_smuggling_begin(&scan.smuggling, version);
+            srv_smuggling_begin(&scan.smuggling, request->method, request->target_size, version);
         MHD_get_connection_values(request->mhd, MHD_HEADER_KIND, on_header, &scan);
         if (has_gaps)
             srv_smuggling_end(&scan.smuggling, request->method + head->header_size);

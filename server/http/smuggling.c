@@ -38,7 +38,9 @@ static bool is_text(const char *value) {
 
 enum { LINE_END = 2 }; /* CR LF */
 
-void srv_smuggling_begin(struct srv_smuggling *smuggling, const char *version) {
+void srv_smuggling_begin(struct srv_smuggling *smuggling, const char *method, size_t target_size,
+                         const char *version) {
+    smuggling->is_torn = method + strlen(method) + 1 + target_size + 1 != version;
     smuggling->next = version + strlen(version) + LINE_END;
 }
 
@@ -78,8 +80,8 @@ struct srv_rejection srv_smuggling_check_headers(const struct srv_smuggling *smu
     if (smuggling->all > SRV_HEADERS_MAX)
         return (struct srv_rejection){ 431, "the request has more than 128 headers" };
     if (smuggling->is_torn)
-        detail = "the head has a NUL, a line that continues another, or a line that does not end "
-                 "with CR LF";
+        detail = "the head has a NUL, a line that continues another, a line that does not end "
+                 "with CR LF, or more than one blank behind the method";
     else if (smuggling->is_not_name)
         detail = "the name of a header has an invalid character";
     else if (smuggling->is_not_text)
@@ -89,11 +91,11 @@ struct srv_rejection srv_smuggling_check_headers(const struct srv_smuggling *smu
     else if (smuggling->lengths > 1)
         detail = "the request has more than one Content-Length header";
     else if (smuggling->is_not_number)
-        detail = "Content-Length must be a number of at most 19 digits";
+        detail = "Content-Length must be a number of at most 19 digits, without a blank behind it";
     else if (smuggling->encodings > 0 && smuggling->lengths > 0)
         detail = "the request has both Transfer-Encoding and Content-Length";
     else if (smuggling->encodings > 1 || smuggling->is_not_chunked)
-        detail = "Transfer-Encoding must be chunked";
+        detail = "Transfer-Encoding must be chunked, without a blank behind it";
     else if (smuggling->encodings > 0 && is_old)
         detail = "HTTP/1.0 does not define Transfer-Encoding";
     return (struct srv_rejection){ detail ? 400 : 0, detail };

@@ -35,8 +35,10 @@ struct srv_smuggling {
 /* The library cuts a head into texts where it lies: it puts NUL over each CR and LF, and joins
  * lines that continue others elsewhere. So what it dropped shows in the gaps: a NUL, and what
  * follows it up to the end of the line; a continued line; a line that ends with CR or LF alone.
- * Begins with the end of the request line, which is the version. */
-void srv_smuggling_begin(struct srv_smuggling *smuggling, const char *version);
+ * Begins with the request line: its method, its target, which had `target_size` bytes up to the
+ * first NUL, and its version. */
+void srv_smuggling_begin(struct srv_smuggling *smuggling, const char *method, size_t target_size,
+                         const char *version);
 /* Ends with the end of the head, behind the empty line. */
 void srv_smuggling_end(struct srv_smuggling *smuggling, const char *end);
 /* Adds a header; `value` NULL = empty. */

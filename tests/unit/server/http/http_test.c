@@ -474,6 +474,8 @@ static void smuggling(void **state) {
         { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5", "Content-Length", "5" } },
         { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5, 5" } },
         { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "+5" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5 " } }, /* not so for the library */
+        { 400, "HTTP/1.1", { "Host", "x", "Transfer-Encoding", "chunked " } },
         { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "" } },
         { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "10000000000000000000" } },
         { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5", "Transfer-Encoding", "chunked" } },
@@ -510,6 +512,26 @@ static void number_of_headers(void **state) {
     assert_int_equal(srv_smuggling_check_headers(&seen, "HTTP/1.1").status, 431);
 }
 
+static void gaps_in_the_request_line(void **state) {
+    (void)state;
+    static const struct {
+        bool is_torn;
+        size_t target_size, version; /* up to the first NUL; the offset */
+        const char *line;
+    } cases[] = {
+        { false, 2, 7, "GET\0/a\0HTTP/1.1" },   { false, 4, 9, "GET\0/a b\0HTTP/1.1" },
+        { true, 2, 9, "GET\0/a\0b\0HTTP/1.1" }, { true, 2, 8, "GET\0/a\0\0HTTP/1.1" },
+        { true, 2, 8, "GE\0T\0/a\0HTTP/1.1" },  { true, 2, 8, "GET\0 /a\0HTTP/1.1" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct srv_smuggling seen = { .hosts = 1 };
+        srv_smuggling_begin(&seen, cases[i].line, cases[i].target_size,
+                            cases[i].line + cases[i].version);
+        if (seen.is_torn != cases[i].is_torn)
+            fail_msg("case %zu", i);
+    }
+}
+
 /* Heads as the HTTP library cuts them: NUL over CR, LF, blanks and colons. */
 static void gaps_between_headers(void **state) {
     (void)state;
@@ -529,11 +551,13 @@ static void gaps_between_headers(void **state) {
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct srv_smuggling seen = { .hosts = 1 };
-        srv_smuggling_begin(&seen, cases[i].head);
+        char text[64] = "GET\0/a?b"; /* and a blank that became a NUL */
+        char *head = text + sizeof "GET /a?b";
+        memcpy(head, cases[i].head, cases[i].size);
+        srv_smuggling_begin(&seen, text, strlen("/a?b"), head);
         for (int h = 0; h < 3 && cases[i].names[h]; h++)
-            srv_smuggling_add_header(&seen, cases[i].head + cases[i].names[h],
-                                     cases[i].head + cases[i].values[h]);
-        srv_smuggling_end(&seen, cases[i].head + cases[i].size);
+            srv_smuggling_add_header(&seen, head + cases[i].names[h], head + cases[i].values[h]);
+        srv_smuggling_end(&seen, head + cases[i].size);
         if (seen.is_torn != cases[i].is_torn)
             fail_msg("case %zu", i);
     }
@@ -561,6 +585,7 @@ int main(void) {
         cmocka_unit_test(problems),
         cmocka_unit_test(targets),
         cmocka_unit_test(smuggling),
+        cmocka_unit_test(gaps_in_the_request_line),
         cmocka_unit_test(connections_from_one_host),
         cmocka_unit_test(rate_per_host),
         cmocka_unit_test(number_of_headers),
