@@ -40,7 +40,7 @@ enum { SRV_TOKENS_MAX = 1000, SRV_TOKEN_NAME_BYTES = 33, SRV_TOKEN_FILE_BYTES = 
 struct srv_quota {
     unsigned sessions;     /* sessions that it created, active or hibernated */
     unsigned snapshots;    /* snapshots in progress */
-    unsigned views;        /* views that it saved first */
+    unsigned views;        /* views that it saved */
     unsigned paths;        /* camera paths, finished or not */
     unsigned uploads;      /* uploads, finished or not */
     unsigned volumes;      /* volumes that it opened and that are not closed */

@@ -16,7 +16,8 @@
 #include "protocol/text.h"
 #include "protocol/view.h"
 
-bool srv_saved_view_id(const char *text, size_t size, char id[SRV_SAVED_VIEW_ID_BYTES]) {
+/* Writes the first 128 bits of the SHA-256 of a text in hexadecimal. False when out of memory. */
+static bool hash(const char *text, size_t size, char id[SRV_SAVED_VIEW_ID_BYTES]) {
     enum { SHA256_BYTES = 32 };
     uint8_t digest[SHA256_BYTES];
     if (gnutls_hash_fast(GNUTLS_DIG_SHA256, text, size, digest) != 0)
@@ -69,6 +70,32 @@ static char *record_of(const char *beginning, const char *name, int64_t saved, c
     return length < 0 ? NULL : record;
 }
 
+/* True if the request's token saved a view under this id. */
+static bool is_own(const struct srv_request *request, const char *id) {
+    char beginning[SRV_OWNED_BYTES];
+    struct sp_error err;
+    char *record = srv_store_get_any(request->app->store, SRV_KIND_VIEW, id, NULL, &err);
+    srv_owned_beginning(request, beginning);
+    const bool is_own = record && strncmp(record, beginning, strlen(beginning)) == 0;
+    free(record);
+    return is_own;
+}
+
+/* Writes the id of a view's text for the request's token. False when out of memory. */
+static bool write_id(const struct srv_request *request, const char *text, size_t size,
+                     char id[SRV_SAVED_VIEW_ID_BYTES]) {
+    char beginning[SRV_OWNED_BYTES];
+    if (!hash(text, size, id))
+        return false;
+    if (is_own(request, id)) /* saved by an earlier version */
+        return true;
+    srv_owned_beginning(request, beginning);
+    char *owned = record_of(beginning, NULL, 0, text, &size);
+    const bool ok = owned && hash(owned, size, id);
+    free(owned);
+    return ok;
+}
+
 /* Saves a text under its id. False: *err; SP_ERR_QUOTA if the token has too many saved views. */
 static bool add_record(struct srv_request *request, const char *id, const char *text,
                        struct sp_error *err) {
@@ -102,7 +129,7 @@ static void save_view(struct srv_request *request, const struct sp_view *view,
     proto_json *json = proto_view_encode(view);
     char *text = proto_json_to_canonical(json, &size);
     proto_json_free(&json);
-    if (!text || !srv_saved_view_id(text, size, id)) {
+    if (!text || !write_id(request, text, size, id)) {
         srv_reply_problem(reply, 503, NULL, "out of memory for a view");
     } else if (reply_id(id, reply)) { /* first, so that nothing is saved if there is no memory for
                                          the reply */

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images of the view of a session for clients with a join token, whose quota is that of the owner; names of saved views.
 import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
 import { mkdtemp, rm, writeFile } from 'node:fs/promises';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
@@ -105,4 +106,26 @@ test('a saved view can be named by the token that saved it; name and time surviv
   assert.ok(name);
   assert.deepEqual(await listed(TOKENS.ann), nameless);
   assert.equal((await json(TOKENS.ann, 'DELETE', `views/${id}`)).status, 204, 'it still belongs to ann');
+});
+
+test('a view that an earlier version saved, whose id is the hash of the view alone, keeps its id', async () => {
+  const save = async (token) => (await json(token, 'POST', 'views', { size: [26, 16] })).json.id;
+  await save(TOKENS.ann);
+  assert.equal(await daemon.stop(), 0);
+  const old = execFileSync('python3', ['-c', `
+import hashlib, json, sqlite3, sys
+db = sqlite3.connect(sys.argv[1])
+body = db.execute("SELECT body FROM record WHERE kind = 'view' AND body LIKE '%[26,16]%'").fetchone()[0]
+old = hashlib.sha256(body[body.index('"view":') + 7:-1].encode()).hexdigest()[:32]
+db.execute("UPDATE record SET id = ? WHERE kind = 'view' AND body = ?", (old, body))
+db.commit()
+print(old, end='')`, path.join(folder, 'state', 'splatd.db')]).toString();
+  daemon = await start();
+  const [ann, bob] = [await save(TOKENS.ann), await save(TOKENS.bob)];
+  assert.equal(ann, old);
+  assert.notEqual(bob, old);
+  for (const [token, id] of [[TOKENS.ann, ann], [TOKENS.bob, bob]]) {
+    assert.deepEqual((await json(token, 'GET', 'views')).json.views.map((view) => view.id), [id]);
+    assert.equal((await json(token, 'DELETE', `views/${id}`)).status, 204);
+  }
 });

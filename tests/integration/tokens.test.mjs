@@ -163,7 +163,7 @@ test('the quotas of sessions, frames per second and sizes are those of the creat
   assert.equal((await make({})).status, 201, 'the quota has capacity again');
 });
 
-test('a saved view belongs to the token that saved it first, and saved views have a quota', async () => {
+test('a saved view belongs to the token that saved it, also beside an equal one of another token, and saved views have a quota', async () => {
   const views = async (role) => (await daemon.json('/api/v1/views', { token: of(role) })).json.views ?? [];
   const drop = async (id, role) => (await daemon.fetch(`/api/v1/views/${id}`, { method: 'DELETE', token: of(role) })).status;
   const save = (width, role) => post('/api/v1/views', { size: [width, 9] }, of(role));
@@ -173,13 +173,15 @@ test('a saved view belongs to the token that saved it first, and saved views hav
   const third = await save(42, 'render');
   assert.deepEqual([third.status, third.headers.get('Retry-After')], [429, '1']);
   assert.match(third.json.detail, /bob has 2 views and its token allows 2/);
-  const other = await save(42, 'admin');
-  assert.equal((await save(42, 'render')).json.id, other.json.id, 'the view of another token is found');
+  const other = await save(41, 'admin');
+  assert.notEqual(other.json.id, two.json.id);
   assert.deepEqual((await views('render')).map(({ id, owner }) => [id, owner]).sort(), [one, two].map(({ json }) => [json.id, 'bob']).sort());
   assert.ok((await views('admin')).some(({ id, owner }) => id === other.json.id && owner !== 'bob'));
   assert.deepEqual((await daemon.json(`/api/v1/views/${one.json.id}`)).json.size, [40, 9]);
   assert.deepEqual([await drop(other.json.id, 'render'), await drop('0'.repeat(32), 'render')], [403, 404]);
-  assert.deepEqual([await drop(one.json.id, 'render'), await drop(two.json.id, 'admin')], [204, 204]);
+  assert.deepEqual([await drop(one.json.id, 'render'), await drop(other.json.id, 'admin')], [204, 204]);
+  assert.deepEqual((await daemon.json(`/api/v1/views/${two.json.id}`)).json.size, [41, 9], 'an equal view of another token was deleted');
+  assert.equal(await drop(two.json.id, 'admin'), 204);
   assert.equal((await save(43, 'render')).status, 201, 'the quota has capacity again');
 });
 
