@@ -32,6 +32,7 @@ struct srv_database {
     const char *vfs;
     sqlite3 *sqlite; /* NULL = not open: srv_database_rewrite() failed */
     sqlite3_stmt *put, *remove;
+    int64_t version; /* PRAGMA data_version: another one = another program has written */
 };
 
 /* Translates SQLite's error code into an error with a remedy for the administrator. */
@@ -39,6 +40,7 @@ static bool fail(const struct srv_database *d, const char *what, struct sp_error
     int code = sqlite3_errcode(d->sqlite);
     const char *text = sqlite3_errmsg(d->sqlite);
     switch (code & 0xff) {
+    case SQLITE_ERROR: /* a table or a column is missing */
     case SQLITE_NOTADB:
     case SQLITE_CORRUPT:
         return sp_fail(err, SP_ERR_FORMAT, d->files.path,
@@ -105,6 +107,11 @@ static bool take_folder(struct srv_database *d, const char *folder, struct sp_er
         sp_log(SP_LOG_WARN, "state %s is open to other users (mode %03o), but it contains tokens",
                folder, (unsigned)(found.st_mode & 0777));
     return srv_database_files_open(&d->files, folder, err);
+}
+
+/* Only commits of other connections change it. */
+static bool read_version(struct srv_database *d, int64_t *version, struct sp_error *err) {
+    return ask(d, "PRAGMA data_version", version, err);
 }
 
 /* Reads the version of the schema. Refuses a file that is damaged, newer, or not ours. */
@@ -215,7 +222,7 @@ static bool open_file(struct srv_database *d, struct sp_error *err) {
     int64_t schema = 0;
     if (!connect(d, 0, err) || !check(d, &schema, err) || !use_wal(d, err) ||
         !upgrade(d, schema, err) || !prepare_statements(d, err) ||
-        !srv_database_files_sync(d->files.folder, err))
+        !srv_database_files_sync(d->files.folder, err) || !read_version(d, &d->version, err))
         return false;
     srv_database_files_note(&d->files);
     srv_database_files_set_used(&d->files);
@@ -332,10 +339,14 @@ static void roll_back(struct srv_database *d) {
         sqlite3_exec(d->sqlite, "ROLLBACK", NULL, NULL, NULL);
 }
 
-static bool write_all(struct srv_database *d, const struct srv_change *changes,
-                      struct sp_error *err) {
+static bool begin(struct srv_database *d, struct sp_error *err) {
     roll_back(d);
-    bool ok = run(d, "BEGIN IMMEDIATE", "cannot write", err);
+    return run(d, "BEGIN IMMEDIATE", "cannot write", err);
+}
+
+/* Ends the transaction. */
+static bool commit(struct srv_database *d, const struct srv_change *changes, struct sp_error *err) {
+    bool ok = true;
     for (const struct srv_change *c = changes; ok && c; c = c->next)
         ok = write_one(d, c, err);
     ok = ok && run(d, "COMMIT", "cannot write", err);
@@ -344,21 +355,44 @@ static bool write_all(struct srv_database *d, const struct srv_change *changes,
     return ok;
 }
 
+/* Returns how the database was changed, a constant; NULL = only by this daemon, as far as it can be
+ * read. */
+static const char *changed(struct srv_database *d) {
+    int64_t version = d->version;
+    const char *how = srv_database_files_changed(&d->files, false);
+    if (!how && read_version(d, &version, NULL) && version != d->version)
+        how = SRV_DATABASE_FOREIGN;
+    return how;
+}
+
 bool srv_database_is_intact(struct srv_database *d) {
-    return d->sqlite && !srv_database_files_changed(&d->files, false) &&
-           srv_database_files_hold(&d->files, NULL);
+    return d->sqlite && !changed(d) && srv_database_files_hold(&d->files, NULL);
+}
+
+static bool fail_changed(const struct srv_database *d, const char *how, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_IO, d->files.path,
+                   "the database %s during a write; writing all records to a new one", how);
 }
 
 bool srv_database_write(struct srv_database *d, const struct srv_change *changes,
                         struct sp_error *err) {
-    if (!write_all(d, changes, err))
+    int64_t version = d->version;
+    if (!begin(d, err))
         return false;
-    const char *changed = srv_database_files_changed(&d->files, true);
-    if (changed)
-        return sp_fail(err, SP_ERR_IO, d->files.path,
-                       "the database %s during a write; writing all records to a new one", changed);
-    srv_database_files_note(&d->files);
-    return true;
+    /* No other program can write by SQLite now. */
+    if (!read_version(d, &version, err) || version != d->version) {
+        roll_back(d);
+        return version == d->version ? false : fail_changed(d, SRV_DATABASE_FOREIGN, err);
+    }
+    const bool ok = commit(d, changes, err);
+    const char *how = srv_database_files_changed(&d->files, true);
+    if (ok && how)
+        return fail_changed(d, how, err);
+    if (ok)
+        srv_database_files_note(&d->files);
+    else if (!how)
+        srv_database_files_note_log(&d->files);
+    return ok;
 }
 
 /* Writes a complete database beside the old one. */
@@ -374,7 +408,7 @@ static bool write_fresh(const struct srv_database *d, const char *path,
     if (snprintf(journal, sizeof journal, "%s-journal", path) < (int)sizeof journal)
         unlink(journal);
     bool ok = connect(fresh, O_EXCL, err) && upgrade(fresh, 0, err) &&
-              prepare_statements(fresh, err) && write_all(fresh, changes, err);
+              prepare_statements(fresh, err) && begin(fresh, err) && commit(fresh, changes, err);
     disconnect(fresh);
     free(fresh);
     if (!ok)
@@ -382,23 +416,23 @@ static bool write_fresh(const struct srv_database *d, const char *path,
     return ok;
 }
 
-static void log_rewrite(const struct srv_database *d, const char *changed, const char *kept) {
+static void log_rewrite(const struct srv_database *d, const char *how, const char *kept) {
     if (*kept)
         sp_log(SP_LOG_ERROR,
                "%s %s while the daemon ran; writing all records to a new one. The file that was "
                "found there is now %s; to use it, stop the daemon and rename it back",
-               d->files.path, changed, kept);
+               d->files.path, how, kept);
     else
         sp_log(SP_LOG_ERROR,
                "%s %s while the daemon ran; writing all records to a new one. Stop the daemon "
                "before you touch its files",
-               d->files.path, changed);
+               d->files.path, how);
 }
 
 bool srv_database_rewrite(struct srv_database *d, const struct srv_change *records,
                           struct sp_error *err) {
     char fresh[PATH_MAX], kept[PATH_MAX];
-    const char *changed = srv_database_files_changed(&d->files, false);
+    const char *how = d->sqlite ? changed(d) : srv_database_files_changed(&d->files, false);
     if (!srv_database_files_hold(&d->files, err))
         return false;
     if (snprintf(fresh, sizeof fresh, "%s.new", d->files.path) >= (int)sizeof fresh)
@@ -407,8 +441,8 @@ bool srv_database_rewrite(struct srv_database *d, const struct srv_change *recor
         return false;
     abandon(d);
     bool ok = srv_database_files_replace(&d->files, fresh, kept, err);
-    if (ok && changed)
-        log_rewrite(d, changed, kept);
+    if (ok && how)
+        log_rewrite(d, how, kept);
     if (ok && open_file(d, err))
         return true;
     abandon(d);

@@ -118,15 +118,22 @@ void srv_database_files_close(struct srv_database_files *files) {
     files->lock = -1;
 }
 
-void srv_database_files_note(struct srv_database_files *files) {
+static struct srv_file_mark mark_log(const struct srv_database_files *files) {
     char log[PATH_MAX];
+    return suffix_path(files->path, "-wal", log) ? mark(log) : files->log;
+}
+
+void srv_database_files_note(struct srv_database_files *files) {
     files->main = mark(files->path);
-    files->log = suffix_path(files->path, "-wal", log) ? mark(log) : files->main;
+    srv_database_files_note_log(files);
+}
+
+void srv_database_files_note_log(struct srv_database_files *files) {
+    files->log = mark_log(files);
 }
 
 const char *srv_database_files_changed(const struct srv_database_files *files, bool written) {
-    char log[PATH_MAX];
-    const struct srv_file_mark main = mark(files->path);
+    const struct srv_file_mark main = mark(files->path), log = mark_log(files);
     if (main.ino == 0)
         return "was deleted";
     if (!is_same(&main, &files->main))
@@ -134,12 +141,11 @@ const char *srv_database_files_changed(const struct srv_database_files *files, b
     if (!written && main.size < files->main.size)
         return "was truncated";
     if (!written && !is_same_content(&main, &files->main))
-        return "was written by another program";
-    if (suffix_path(files->path, "-wal", log)) {
-        const struct srv_file_mark now = mark(log);
-        if (!is_same(&now, &files->log))
-            return "lost its file splatd.db-wal";
-    }
+        return SRV_DATABASE_FOREIGN;
+    if (!is_same(&log, &files->log))
+        return "lost its file splatd.db-wal";
+    if (!written && !is_same_content(&log, &files->log))
+        return SRV_DATABASE_FOREIGN;
     return NULL;
 }
 
@@ -182,6 +188,12 @@ static bool keep(const char *path, char kept[PATH_MAX], struct sp_error *err) {
                    KEPT_MAX);
 }
 
+/* True if there is no log that another program wrote. */
+static bool has_own_log(const struct srv_database_files *files) {
+    const struct srv_file_mark now = mark_log(files);
+    return !now.ino || (is_same(&now, &files->log) && is_same_content(&now, &files->log));
+}
+
 /* Takes the log away, which would be applied to the new database. One that is not ours belongs to
  * the file that was found. */
 static bool clear_log(const struct srv_database_files *files, const char *kept,
@@ -189,8 +201,7 @@ static bool clear_log(const struct srv_database_files *files, const char *kept,
     char log[PATH_MAX], index[PATH_MAX], to[PATH_MAX];
     if (!suffix_path(files->path, "-wal", log) || !suffix_path(files->path, "-shm", index))
         return true;
-    const struct srv_file_mark now = mark(log);
-    const bool is_kept = *kept && now.ino && !is_same(&now, &files->log);
+    const bool is_kept = *kept && !has_own_log(files);
     if (is_kept ? !suffix_path(kept, "-wal", to) || rename(log, to) != 0
                 : unlink(log) != 0 && errno != ENOENT)
         return fail(log, "remove this file", err);
@@ -201,7 +212,8 @@ static bool clear_log(const struct srv_database_files *files, const char *kept,
 bool srv_database_files_replace(struct srv_database_files *files, const char *fresh,
                                 char kept[PATH_MAX], struct sp_error *err) {
     const struct srv_file_mark now = mark(files->path);
-    const bool is_ours = is_same(&now, &files->main) && is_same_content(&now, &files->main);
+    const bool is_ours =
+        is_same(&now, &files->main) && is_same_content(&now, &files->main) && has_own_log(files);
     *kept = 0;
     if (now.ino && now.size > 0 && !is_ours && !keep(files->path, kept, err))
         return false;

@@ -16,6 +16,7 @@
 
 #define SRV_DATABASE_NAME "splatd.db"
 #define SRV_DATABASE_LOCK "splatd.lock"
+#define SRV_DATABASE_FOREIGN "was written by another program"
 
 struct srv_file_mark { /* ino 0 = there is no such file */
     dev_t dev;
@@ -42,8 +43,12 @@ void srv_database_files_close(struct srv_database_files *files);
 void srv_database_files_set_used(const struct srv_database_files *files);
 /* Notes the files as they are: call it after each own write. */
 void srv_database_files_note(struct srv_database_files *files);
+/* The same for the log alone, which an own write that failed may have changed. */
+void srv_database_files_note_log(struct srv_database_files *files);
 /* Compares the files with those that were noted. Returns what is wrong, a constant; NULL = they are
- * the same. `written` false: the noted size and time are older than an own write. */
+ * the same. `written` true: the noted sizes and times are older than an own write. Otherwise they
+ * show other writes, except one in place that keeps the size within a tick of the clock of the file
+ * system after an own write. */
 const char *srv_database_files_changed(const struct srv_database_files *files, bool written);
 /* True while the folder has its old place and the lock is held; takes the lock again if its file
  * was deleted. False: SP_ERR_IO with the remedy. */

@@ -79,6 +79,10 @@ static void an_unusable_folder_is_refused(void **state) {
     store_is_refused(*state, SP_ERR_UNSUPPORTED, "newer splatd");
     store_sql(*state, "PRAGMA user_version=1");
 
+    store_sql(*state, "ALTER TABLE record RENAME TO other");
+    store_is_refused(*state, SP_ERR_FORMAT, "restore a copy, or move the file away");
+    store_sql(*state, "ALTER TABLE other RENAME TO record");
+
     file = fopen(path, "r+"); /* damaged in the middle */
     fseek(file, 4096 * 5, SEEK_SET);
     fwrite(text, 1, sizeof text, file);

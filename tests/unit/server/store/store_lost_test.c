@@ -17,8 +17,10 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
+#include "store/database.h"
 #include "support/compare.h"
 #include "unit/server/store/store_fixture.h"
 
@@ -63,6 +65,15 @@ static const struct {
     { "moved away and copied back",
       "rm \"$D/splatd.db-wal\"; mv \"$D/splatd.db\" \"$D.other\"; cp \"$D.other\" \"$D/splatd.db\"",
       "cmp \"$D.other\" \"$D/splatd.db.found\"" },
+    { "log emptied", ": > \"$D/splatd.db-wal\"", "[ -e \"$D/splatd.db.found-wal\" ]" },
+    { "log truncated", "truncate -s 5000 \"$D/splatd.db-wal\"",
+      "[ -e \"$D/splatd.db.found-wal\" ]" },
+    /* Until the clock of the file system has a new tick. */
+    { "log overwritten",
+      "cp -p \"$D/splatd.db-wal\" \"$D.other\"; "
+      "until [ \"$D/splatd.db-wal\" -nt \"$D.other\" ]; do "
+      "dd if=/dev/zero of=\"$D/splatd.db-wal\" bs=64 count=1 conv=notrunc status=none; done",
+      "[ -e \"$D/splatd.db.found-wal\" ]" },
 };
 enum { LOSSES = sizeof losses / sizeof *losses };
 
@@ -91,6 +102,99 @@ static void a_lost_database_is_written_again(void **state) {
             srv_store_destroy(&store);
             shell(*state, "rm -rf \"$D\"/* \"$D.other\"");
         }
+}
+
+/* By SQLite, so that the files are sound. */
+static void what_another_program_wrote_is_kept_apart(void **state) {
+    static const char *const ids[] = { "a", "b", NULL }, *const statements[] = {
+        "UPDATE record SET body = '{\"x\":1}'",
+        "DELETE FROM record",
+        "DROP TABLE record",
+        "DELETE FROM record; PRAGMA wal_checkpoint(TRUNCATE)",
+    };
+    for (int i = 0; i < 4; i++)
+        for (int with_change = 0; with_change < 2; with_change++) {
+            print_message("%s, %d\n", statements[i], with_change);
+            struct srv_store_options o = store_options(*state);
+            o.pause_ms = o.check_ms = 1e9; /* only the flush looks */
+            struct srv_store *store = srv_store_create(&o, NULL);
+            assert_true(srv_store_start(store, NULL, NULL, NULL));
+            assert_true(store_put(store, SRV_KIND_VIEW, "a", "{}"));
+            if (!with_change)
+                assert_true(store_put(store, SRV_KIND_VIEW, "b", "{}"));
+            assert_true(store_flush(store));
+            store_sql(*state, statements[i]);
+            if (with_change)
+                assert_true(store_put(store, SRV_KIND_VIEW, "b", "{}"));
+            assert_true(store_flush(store));
+            copy_holds(*state, ids, "{}");
+            shell(*state, "[ -s \"$D/splatd.db.found\" ]");
+            srv_store_destroy(&store);
+            shell(*state, "rm -rf \"$D\"/*");
+        }
+}
+
+static struct srv_database *open_database(const char *folder) {
+    struct sp_error err;
+    struct srv_database *d = srv_database_open(folder, "bad-disk", &err);
+    if (!d)
+        fail_msg("%s: %s", err.place, err.text);
+    return d;
+}
+
+/* Waits for the next tick of the clock that the times of files come from. */
+static void wait_for_tick(void) {
+    struct timespec start, now;
+    clock_gettime(CLOCK_REALTIME_COARSE, &start);
+    do
+        clock_gettime(CLOCK_REALTIME_COARSE, &now);
+    while (now.tv_sec == start.tv_sec && now.tv_nsec == start.tv_nsec);
+}
+
+/* Own writes, also those that fail and those that SQLite moves from the log into the file, do not
+ * look like those of another program. */
+static void own_writes_are_not_those_of_another_program(void **state) {
+    static char text[30000]; /* more than a thousand pages in all: SQLite moves the log */
+    const struct srv_change change = {
+        .kind = SRV_KIND_VIEW, .id = "a", .text = text, .size = sizeof text
+    };
+    struct srv_database *d = open_database(*state);
+    struct sp_error err;
+    for (int i = 0; i < 300; i++) {
+        memset(text, 'a' + i % 2, sizeof text);
+        assert_true(srv_database_write(d, &change, &err));
+        assert_true(srv_database_is_intact(d));
+    }
+    bool ok = false;
+    for (long n = 0; !ok; n++) {
+        store_disk->end = n % 2 ? BAD_DISK_FULL : BAD_DISK_IO_ERROR;
+        wait_for_tick();
+        memset(text, 'x', sizeof text);
+        atomic_store(&store_disk->left, n);
+        ok = srv_database_write(d, &change, &err);
+        atomic_store(&store_disk->left, -1);
+        assert_true(srv_database_is_intact(d));
+        assert_compare(n, <, 100);
+    }
+    srv_database_close(&d);
+}
+
+/* Between the check and the write, too. */
+static void nothing_is_added_to_what_another_program_wrote(void **state) {
+    const struct srv_change change = { .kind = SRV_KIND_VIEW, .id = "b", .text = "{}", .size = 2 };
+    struct srv_database *d = open_database(*state);
+    struct sp_error err;
+    assert_true(srv_database_is_intact(d));
+    store_sql(*state, "INSERT INTO record VALUES('view', 'a', '{}')");
+    assert_false(srv_database_write(d, &change, &err));
+    assert_int_equal(err.code, SP_ERR_IO);
+    assert_non_null(strstr(err.text, "written by another program"));
+    assert_false(srv_database_is_intact(d));
+    assert_true(srv_database_rewrite(d, &change, &err));
+    assert_true(srv_database_is_intact(d));
+    srv_database_close(&d);
+    static const char *const ids[] = { "b", NULL };
+    copy_holds(*state, ids, "{}");
 }
 
 /* Without any request, too. */
@@ -249,6 +353,9 @@ int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, store_set_up, store_tear_down)
         TEST(a_lost_database_is_written_again),
+        TEST(what_another_program_wrote_is_kept_apart),
+        TEST(own_writes_are_not_those_of_another_program),
+        TEST(nothing_is_added_to_what_another_program_wrote),
         TEST(the_writer_notices_a_loss_by_itself),
         TEST(a_moved_folder_is_reported),
         TEST(a_folder_that_another_daemon_took_is_left_alone),
