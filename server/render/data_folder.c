@@ -30,15 +30,21 @@ static bool fail_missing(struct wanted wanted, struct sp_error *err) {
                    "there is no such %s below the data folder", wanted.kind);
 }
 
-/* Appends "/name" to a resolved path and resolves the result. */
+/* Appends "/name" to a resolved path. */
+static bool join(const char *real, const char *name, size_t length, char joined[PATH_MAX]) {
+    int n = snprintf(joined, PATH_MAX, "%s/%.*s", strcmp(real, "/") == 0 ? "" : real, (int)length,
+                     name);
+    if (n >= 0 && n < PATH_MAX)
+        return true;
+    errno = ENAMETOOLONG;
+    return false;
+}
+
+/* The same, and resolves the result. */
 static bool follow(char real[PATH_MAX], const char *name, size_t length) {
     char joined[PATH_MAX];
-    int n = snprintf(joined, sizeof joined, "%s/%.*s", strcmp(real, "/") == 0 ? "" : real,
-                     (int)length, name);
-    if (n < 0 || (size_t)n >= sizeof joined) {
-        errno = ENAMETOOLONG;
+    if (!join(real, name, length, joined))
         return false;
-    }
     char *resolved = realpath(joined, NULL);
     if (!resolved)
         return false;
@@ -52,22 +58,35 @@ static bool follow(char real[PATH_MAX], const char *name, size_t length) {
 
 enum { SHOWN_MAX = 100 }; /* bytes of a name in an error */
 
-/* Explains why the name of `length` bytes cannot be followed. */
-static bool fail_to_follow(struct wanted wanted, const char *name, size_t length,
+static bool is_link(const char *real, const char *name, size_t length) {
+    char joined[PATH_MAX];
+    struct stat st;
+    return join(real, name, length, joined) && lstat(joined, &st) == 0 && S_ISLNK(st.st_mode);
+}
+
+/* The same for every link that cannot be followed: no client learns what exists outside. */
+static bool fail_link(struct wanted wanted, const char *name, size_t length, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_NOT_FOUND, wanted.pointer,
+                   "'%.*s' is a symbolic link that leads out of the data folder or to nothing; "
+                   "only what lies below the data folder can be opened",
+                   length < SHOWN_MAX ? (int)length : SHOWN_MAX, name);
+}
+
+/* Explains, by errno, why the name of `length` bytes below `real` cannot be followed. */
+static bool fail_to_follow(struct wanted wanted, const char *real, const char *name, size_t length,
                            struct sp_error *err) {
-    const int shown = length < SHOWN_MAX ? (int)length : SHOWN_MAX;
-    if (errno == ENOMEM)
+    const int error = errno;
+    if (error == ENOMEM)
         return sp_fail(err, SP_ERR_MEMORY, wanted.pointer, "out of memory for a path");
-    if (errno == ELOOP)
-        return sp_fail(err, SP_ERR_INVALID, wanted.pointer,
-                       "'%.*s' is a symbolic link that leads in a circle", shown, name);
-    if (errno == ENAMETOOLONG)
+    if (is_link(real, name, length))
+        return fail_link(wanted, name, length, err);
+    if (error == ENAMETOOLONG)
         return sp_fail(err, SP_ERR_INVALID, wanted.pointer,
                        "the path has more than %d bytes, or a name of it more than %d",
                        PATH_MAX - 1, NAME_MAX);
-    if (errno == EACCES)
+    if (error == EACCES)
         return sp_fail(err, SP_ERR_DENIED, wanted.pointer, "the daemon's user may not read '%.*s'",
-                       shown, name);
+                       length < SHOWN_MAX ? (int)length : SHOWN_MAX, name);
     return fail_missing(wanted, err);
 }
 
@@ -78,7 +97,7 @@ static bool resolve(const char *data, const char *path, struct wanted wanted, ch
                        "this daemon loads no files by request; start it with --data DIR");
     if (strlen(data) + 1 + strlen(path) >= PATH_MAX) {
         errno = ENAMETOOLONG;
-        return fail_to_follow(wanted, path, strlen(path), err);
+        return fail_to_follow(wanted, data, path, strlen(path), err);
     }
     snprintf(real, PATH_MAX, "%s", data);
     if (path[0] == '/') {
@@ -92,14 +111,11 @@ static bool resolve(const char *data, const char *path, struct wanted wanted, ch
         if (length == 0)
             return true;
         if (!follow(real, path, length))
-            return fail_to_follow(wanted, path, length, err);
+            return fail_to_follow(wanted, real, path, length, err);
         if (!is_in(real, data)) {
             if (length == 2 && strncmp(path, "..", 2) == 0)
                 return fail_missing(wanted, err);
-            return sp_fail(err, SP_ERR_NOT_FOUND, wanted.pointer,
-                           "'%.*s' is a symbolic link that leads out of the data folder; only "
-                           "what lies below the data folder can be opened",
-                           length < SHOWN_MAX ? (int)length : SHOWN_MAX, path);
+            return fail_link(wanted, path, length, err);
         }
         path += length;
     }

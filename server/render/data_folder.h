@@ -4,7 +4,8 @@
  * client is resolved here, for loading and for listing.
  *
  * A path is followed name by name. The first name that leads out of the folder, by a symbolic link
- * or "..", ends the search, so that an answer never tells what exists outside. Files are opened
+ * or "..", ends the search. A link that leads nowhere gets the same error, so that an answer never
+ * tells what exists outside. Files are opened
  * again by the importer, which checks the path itself (renderer/import/confine.h).
  */
 #ifndef SRV_RENDER_DATA_FOLDER_H
@@ -21,8 +22,8 @@
 
 /* Resolves a path relative to `data`, a resolved folder; NULL = none. An absolute path, as the
  * daemon stores it, must lie below it, too. `pointer` is the place of errors. False: SP_ERR_DENIED
- * (no data folder, or not readable), SP_ERR_INVALID (too long, or a circle of links),
- * SP_ERR_NOT_FOUND (missing, or outside), SP_ERR_MEMORY. */
+ * (no data folder, or not readable), SP_ERR_INVALID (too long), SP_ERR_NOT_FOUND (missing, outside,
+ * or a link that leads nowhere), SP_ERR_MEMORY. */
 bool srv_data_resolve(const char *data, const char *path, const char *pointer, char real[PATH_MAX],
                       struct sp_error *err);
 

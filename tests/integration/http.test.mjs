@@ -229,9 +229,9 @@ test('pipes, devices, folders, loops and odd paths in the data folder neither ha
     assert.equal((await daemon.loaded(name)).state, 'failed', name);
     assert.equal((await daemon.fetch(`/api/v1/volumes/${name}`, { method: 'DELETE' })).status, 204);
   }
-  for (const file of ['zero.nrrd', 'environ.nrrd', './../secret.nrrd', 'folder.nrrd/../../secret.nrrd'])
+  for (const file of ['zero.nrrd', 'environ.nrrd', 'loop.nrrd', './../secret.nrrd', 'folder.nrrd/../../secret.nrrd'])
     isProblem(await daemon.post('/api/v1/volumes', { path: file }), 404, /below the data folder/);
-  for (const [file, status] of [['loop.nrrd', 422], ['x'.repeat(300), 422], ['x/'.repeat(3000), 422], ['', 422], ['/dev/zero', 422], ['/proc/self/environ', 422]])
+  for (const [file, status] of [['x'.repeat(300), 422], ['x/'.repeat(3000), 422], ['', 422], ['/dev/zero', 422], ['/proc/self/environ', 422]])
     isProblem(await daemon.post('/api/v1/volumes', { path: file }), status);
   isProblem(await daemon.post('/api/v1/volumes', '{"path": "cube.nrrd\\u0000/etc/passwd"}'), 400);
 });
