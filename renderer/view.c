@@ -6,10 +6,10 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "data/volume/anatomy.h"
+#include "data/volume/grid.h"
+#include "data/volume/missing.h"
 #include "sp/slice.h"
-#include "volume/anatomy.h"
-#include "volume/grid.h"
-#include "volume/missing.h"
 
 /* Half edges of the box of all voxels' cells, as world vectors, and its middle. */
 static struct sp_vec3 find_box(const struct sp_grid *grid, struct sp_vec3 half[3]) {

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "volume/procedural.h"
+#include "data/volume/procedural.h"
 
 enum { SIDE = 64 }; /* px */
 

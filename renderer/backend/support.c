@@ -3,8 +3,8 @@
 
 #include <stdio.h>
 
-#include "light/light.h"
-#include "resample/resample.h"
+#include "draw/light/light.h"
+#include "draw/resample/resample.h"
 
 /* Checks one choice of the view against a capability mask. `names` are the protocol's names, ended
  * by NULL. */

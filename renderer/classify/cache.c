@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "classify/cache.h"
 
-#include "volume/volume.h"
+#include "data/volume/volume.h"
 
 enum { REPEATS = 8 }; /* frames of one transfer function after which its edits have stopped */
 

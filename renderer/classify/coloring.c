@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "volume/sample.h"
+#include "data/volume/sample.h"
 
 /* Where the samples of a volume lie in the whole. */
 static struct sp_whole_part part_of(const struct sp_volume_info *info) {

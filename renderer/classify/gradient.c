@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/vec.h"
-#include "volume/sample.h"
+#include "data/volume/sample.h"
 
 static double sample(const struct sp_gradient_grid *grid, uint64_t at) {
     return sp_sample(grid->voxels, grid->type, at);

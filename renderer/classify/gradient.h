@@ -19,7 +19,7 @@
 #include <math.h>
 #include <stdint.h>
 
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 enum { SP_GRADIENT_STEPS = 1023, SP_GRADIENT_MAGNITUDES = 1023, SP_DIRECTION_STEPS = 127 };
 

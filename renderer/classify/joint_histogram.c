@@ -4,9 +4,9 @@
 #include <string.h>
 
 #include "classify/gradient.h"
+#include "data/volume/bins.h"
+#include "data/volume/sample.h"
 #include "sp/histogram.h"
-#include "volume/bins.h"
-#include "volume/sample.h"
 
 /* Mixes the bits of a counter (the finaliser of SplitMix64, Steele et al. 2014). */
 static uint64_t mix(uint64_t x) {

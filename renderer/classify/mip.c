@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "classify/gradient.h"
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 /* Returns the distance from sample 0 to the start of cell i along an axis; i = dims: to the end of
  * the last cell. */

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "classify/visible_ranges.h"
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 enum { CELLS = SP_BRICK / SP_CELL };
 

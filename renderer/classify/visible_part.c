@@ -9,9 +9,9 @@
 #include "base/vec.h"
 #include "classify/gradient.h"
 #include "classify/transfer.h"
-#include "volume/elements.h"
-#include "volume/grid.h"
-#include "volume/sample.h"
+#include "data/volume/elements.h"
+#include "data/volume/grid.h"
+#include "data/volume/sample.h"
 
 enum {
     SIDE = 128,       /* samples along an axis */

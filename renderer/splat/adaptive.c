@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "splat/adaptive.h"
 
+#include "data/volume/grid.h"
 #include "splat/cubic.h"
-#include "volume/grid.h"
 
 /* Smallest and largest singular value of `a`. Jacobi rotations of aᵀa, which converge
  * quadratically. */

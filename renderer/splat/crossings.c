@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "volume/sample.h"
+#include "data/volume/sample.h"
 
 enum { BISECTIONS = 60 };
 

@@ -29,9 +29,9 @@
 #include <stdint.h>
 
 #include "base/arena.h"
+#include "data/volume/grid.h"
 #include "sp/view.h"
 #include "splat/camera.h"
-#include "volume/grid.h"
 
 #define SP_DETAIL_PIXELS 0.9
 #define SP_DETAIL_THIN 1.25 /* optical depth */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "splat/ewa.h"
 
+#include "data/volume/grid.h"
 #include "splat/outline.h"
-#include "volume/grid.h"
 
 static inline float clamp_one(float x, float bound) {
     return x < -bound ? -bound : x > bound ? bound : x;

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <float.h>
 
+#include "data/volume/grid.h"
 #include "splat/adaptive.h"
 #include "splat/cubic.h"
 #include "splat/ewa_frame.h"
 #include "splat/exp2.h"
-#include "volume/grid.h"
 
 static float bounded(double x) {
     return (float)fmax(-FLT_MAX, fmin(FLT_MAX, x));

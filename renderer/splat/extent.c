@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "splat/extent.h"
 
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 static const float along_ray = 0.7f; /* |correlation| above which a plane bounds the depth */
 

@@ -7,10 +7,10 @@
 #include "base/vec.h"
 #include "classify/gradient.h"
 #include "classify/transfer.h"
+#include "data/volume/sample.h"
 #include "splat/crossings.h"
 #include "splat/pick_elements.h"
 #include "splat/ray.h"
-#include "volume/sample.h"
 
 /* An opaque voxel of a shell has at least this optical depth over the smallest spacing: it lets no
  * light through that counts. */

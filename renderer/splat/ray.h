@@ -11,8 +11,8 @@
 #define SP_SPLAT_RAY_H
 
 #include "base/vec.h"
+#include "data/volume/grid.h"
 #include "sp/view.h"
-#include "volume/grid.h"
 
 /* Points from + t·way, t in [begin, end]; world units. */
 struct sp_ray {

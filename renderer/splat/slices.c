@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 static struct sp_mat3 directions(const struct sp_grid *grid) {
     struct sp_mat3 m;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Curvilinear grids, as points with the kernels of the grid (volume/curvilinear.h): a field sampled
- * on a warped grid gives the image of the same field on a regular one, and a ring of constant
- * extinction the opacity that the length of the ray gives. Streaks along the vectors of such a grid
- * are those of its definition (support/streaks.h), and those of a regular grid but for their
- * places. Those of a rectilinear grid are those of a curvilinear one with the same nodes.
+ * Curvilinear grids, as points with the kernels of the grid (data/volume/curvilinear.h): a field
+ * sampled on a warped grid gives the image of the same field on a regular one, and a ring of
+ * constant extinction the opacity that the length of the ray gives. Streaks along the vectors of
+ * such a grid are those of its definition (support/streaks.h), and those of a regular grid but for
+ * their places. Those of a rectilinear grid are those of a curvilinear one with the same nodes.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -16,11 +16,11 @@
 
 #include <cmocka.h>
 
+#include "data/volume/curvilinear.h"
+#include "data/volume/grid.h"
 #include "support/compare.h"
 #include "support/render.h"
 #include "support/streaks.h"
-#include "volume/curvilinear.h"
-#include "volume/grid.h"
 
 enum { SIDE = 48 };
 

@@ -14,12 +14,12 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "data/volume/grid.h"
 #include "sp/log.h"
 #include "support/data.h"
 #include "support/formula.h"
 #include "support/render.h"
 #include "support/sanitized.h"
-#include "volume/grid.h"
 
 /* Floors of the PSNR [dB]. Lowest values of the scalar CPU backend over the test's scenes:
  *   89.5 in general;

@@ -4,7 +4,7 @@
  * cameras: a single slice, a single row of voxels, spacings from 1 to 6, cameras inside the volume
  * and far away, rolled cameras, with and without lighting, all filters over their whole range,
  * optical depths from almost none to opaque. The instruction sets draw post-convolved sheets
- * (postconv/postconv.h), or footprints where post-convolution does not apply.
+ * (draw/postconv/postconv.h), or footprints where post-convolution does not apply.
  *
  * Footprints end at the cutoff; post-convolved kernels reach farther. The higher PSNR of two
  * counts: against the reference with the cutoff of the view, and with CUTOFF_FAR. An image that

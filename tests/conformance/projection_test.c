@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Projections (resample/reduction.h): every backend and instruction set against brute force, and
- * against the scalar reference; what is left out where samples are not finite.
+ * Projections (draw/resample/reduction.h): every backend and instruction set against brute force,
+ * and against the scalar reference; what is left out where samples are not finite.
  */
 #include <math.h>
 #include <stdio.h>

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Pairs of sheets: the filter adaptive composites sheets in pairs where there are many sheets and
- * voxels are a few pixels wide (postconv/postconv.h). The test compares adaptive with ewa on whole
- * volumes without lighting. It limits the opacity to a value at which pairs are still used.
+ * voxels are a few pixels wide (draw/postconv/postconv.h). The test compares adaptive with ewa on
+ * whole volumes without lighting. It limits the opacity to a value at which pairs are still used.
  *
  * Claims: the lowest PSNR of three views is at least 48 dB (measured: 48.6); the median of the
  * scenes is at least 58 dB (measured: 61).

@@ -17,12 +17,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "data/volume/slice_colors.h"
 #include "sp/renderer.h"
 #include "support/compare.h"
 #include "support/image.h"
 #include "support/medium.h"
 #include "support/render.h"
-#include "volume/slice_colors.h"
 
 enum { SIDE = TEST_MEDIUM_SIDE };
 

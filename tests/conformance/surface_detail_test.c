@@ -12,13 +12,13 @@
 
 #include <cmocka.h>
 
+#include "draw/layers/surface/cache.h"
+#include "draw/layers/surface/merge.h"
+#include "draw/layers/surface/surface.h"
 #include "support/compare.h"
 #include "support/isosurface.h"
 #include "support/render.h"
 #include "support/sanitized.h"
-#include "surface/cache.h"
-#include "surface/merge.h"
-#include "surface/surface.h"
 
 enum { STEP = TEST_SANITIZED ? 4 : 1 }; /* every so many scenes */
 

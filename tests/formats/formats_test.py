@@ -6,7 +6,7 @@
 
 DUMP is volume_dump, PYTHON an interpreter that has the readers (zarr, h5py, …; requirements.txt), DATA the folder of the
 real volumes. The groups `dicom`, `arrays` and `rest` are tests of their own, which run at once. Where there is no sample,
-the independent library writes one. A missing reader or sample is a visible skip. The tables of renderer/import/types.md
+the independent library writes one. A missing reader or sample is a visible skip. The tables of renderer/data/import/types.md
 are what the parts found; --write-page writes their rows, else they are compared.
 """
 import difflib
@@ -122,7 +122,7 @@ class Tool:
         self.checks += 1
         if page != found:
             lines = difflib.unified_diff(page.splitlines(), found.splitlines(), 'page', 'found', lineterm='', n=0)
-            self.fail('renderer/import/types.md', 'differs from what was found; formats_test.py --write-page writes it:\n' + '\n'.join(lines))
+            self.fail('renderer/data/import/types.md', 'differs from what was found; formats_test.py --write-page writes it:\n' + '\n'.join(lines))
 
     def fail(self, source, text):
         self.failed += 1

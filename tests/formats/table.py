@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of renderer/import/types.md: which types and layouts were read, found by the tests themselves."""
+"""The tables of renderer/data/import/types.md: which types and layouts were read, found by the tests themselves."""
 
 TYPES = ['1 bit', 'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64', 'uint64', 'float16', 'float32', 'float64', 'complex64',
          'complex128', 'RGB', 'RGBA']

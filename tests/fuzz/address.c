@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "import/address.h"
+#include "data/import/address.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -10,9 +10,9 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "data/import/array_bridge.h"
+#include "data/import/module.h"
 #include "fuzz/import_fuzz.h"
-#include "import/array_bridge.h"
-#include "import/module.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -10,8 +10,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "bricks/file.h"
-#include "bricks/places.h"
+#include "data/bricks/file.h"
+#include "data/bricks/places.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

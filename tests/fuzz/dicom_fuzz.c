@@ -9,9 +9,9 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "data/import/dicom_bridge.h"
+#include "data/import/module.h"
 #include "fuzz/import_fuzz.h"
-#include "import/dicom_bridge.h"
-#include "import/module.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -2,9 +2,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "import/handover.h"
-#include "volume/elements.h"
-#include "volume/volume.h"
+#include "data/import/handover.h"
+#include "data/volume/elements.h"
+#include "data/volume/volume.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -7,11 +7,11 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "import/elements.h"
-#include "import/shift.h"
-#include "import/vectors.h"
-#include "volume/elements.h"
-#include "volume/volume.h"
+#include "data/import/elements.h"
+#include "data/import/shift.h"
+#include "data/import/vectors.h"
+#include "data/volume/elements.h"
+#include "data/volume/volume.h"
 
 enum { READ_MAX = 1 << 20 }; /* bytes of samples */
 

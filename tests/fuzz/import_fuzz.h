@@ -2,7 +2,7 @@
 #ifndef TESTS_FUZZ_IMPORT_FUZZ_H
 #define TESTS_FUZZ_IMPORT_FUZZ_H
 
-#include "import/format.h"
+#include "data/import/format.h"
 
 /* Reads the bytes as a file of that format, like splat-import: the header, then the samples or
  * elements if they have at most 1 MiB. Other files that the header names are searched in a folder

@@ -7,10 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "import/mesh_builder.h"
-#include "import/mesh_check.h"
-#include "import/mesh_text.h"
-#include "import/tubes.h"
+#include "data/import/mesh_builder.h"
+#include "data/import/mesh_check.h"
+#include "data/import/mesh_text.h"
+#include "data/import/tubes.h"
 
 enum { POINTS_MAX = 24 };
 

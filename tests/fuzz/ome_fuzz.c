@@ -4,7 +4,7 @@
  */
 #include <stdlib.h>
 
-#include "import/tiff_planes.h"
+#include "data/import/tiff_planes.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

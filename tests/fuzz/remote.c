@@ -11,8 +11,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "import/remote.h"
-#include "import/zarr_remote.h"
+#include "data/import/remote.h"
+#include "data/import/zarr_remote.h"
 
 enum { ANSWERS_MAX = 16, READ_MAX = 3 << 19, HEAD = offsetof(struct remote_reply, text) };
 

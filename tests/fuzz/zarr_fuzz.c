@@ -8,10 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "import/module.h"
-#include "import/zarr.h"
-#include "import/zarr_bridge.h"
-#include "volume/volume.h"
+#include "data/import/module.h"
+#include "data/import/zarr.h"
+#include "data/import/zarr_bridge.h"
+#include "data/volume/volume.h"
 
 enum { READ_MAX = 1 << 20 };
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Compares dense sheets that are drawn by shear and warp (postconv/shear.h), by every instruction
- * set, with the formulas in double precision (support/formula.h), with each other and with another
- * number of threads; and checks which views are left to tiles of the image.
+ * Compares dense sheets that are drawn by shear and warp (draw/postconv/shear.h), by every
+ * instruction set, with the formulas in double precision (support/formula.h), with each other and
+ * with another number of threads; and checks which views are left to tiles of the image.
  */
 #include <setjmp.h>
 #include <stdarg.h>

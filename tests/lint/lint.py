@@ -32,41 +32,10 @@ import sys
 TIME_OF_DAY = {'server/ops/log.c', 'server/http/tls_keys.c', 'server/http/routes_uploads.c',
                'server/http/routes_views.c'}  # the dates of log lines, certificates, Upload-Expires and saved views
 
-# For each part, its folders and the folders of the same part that each may include besides itself. "." is what lies
-# loose at the top of the part. Every part may include "sp/" except where its entry says otherwise (SEES).
-RENDERER = {
-    'base': set(),
-    'volume': {'base'},
-    'frame': {'base'},
-    'encode': {'base', 'volume', 'frame'},
-    'bricks': {'base', 'volume'},
-    'import': {'base', 'volume', 'frame', 'bricks'},
-    'export': {'base', 'volume', 'bricks', 'import'},
-    'classify': {'base', 'volume', 'frame'},
-    'splat': {'base', 'volume', 'frame', 'classify'},
-    'first': {'base', 'volume'},
-    'window': {'base', 'volume', 'bricks', 'classify', 'splat', 'resample'},
-    'light': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'compose': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'part': {'base', 'volume', 'surface'},
-    'edit': {'base', 'volume', 'classify', 'part'},
-    'measure': {'base', 'volume'},
-    'tile': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'postconv': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'resample': {'base', 'volume', 'frame', 'classify', 'splat', 'light'},
-    'surface': {'base', 'volume', 'frame', 'classify', 'splat', 'tile'},
-    'voxels': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'shell': {'base', 'volume', 'classify', 'voxels'},
-    'vectors': {'base', 'volume', 'classify', 'voxels'},
-    'cloud': {'base', 'volume', 'classify', 'splat', 'voxels'},
-    'mesh': {'base', 'frame', 'splat'},
-    'layers': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'surface', 'voxels', 'shell', 'vectors', 'cloud', 'mesh'},
-    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'voxels', 'shell', 'vectors', 'cloud', 'mesh', 'layers'},
-    '.': {'base', 'volume', 'bricks', 'window', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'voxels', 'shell', 'vectors', 'cloud', 'mesh', 'layers', 'compose', 'backend'},
-}
-# Left to right: a folder includes only folders on its left.
-SERVER_ORDER = ['common', 'ops', 'config', 'store', 'uploads', 'session', 'schedule', 'render', 'paths', 'http', '.']
-SERVER = {name: set(SERVER_ORDER[:rank]) for rank, name in enumerate(SERVER_ORDER)}
+# The page with the rules for folders, one per line: "PARENT: a ← {b, c ← d}". A folder may include those on its left; the name of a file means all files
+# that lie loose in the parent. Every part may include "sp/" except where its entry says otherwise (SEES).
+CONTRIBUTING = 'CONTRIBUTING.md'
+RULE = re.compile(r'((?:renderer|server)[a-z_/]*): +(\S.*←.*|\w+(?:, \w+)*)$')
 # The other parts that a part may include: "sp" is renderer/include/sp, and nothing includes server/. Tests include all.
 SEES = {'sp': set(), 'renderer': {'sp'}, 'protocol': {'sp'}, 'server': {'sp', 'protocol'}, 'clients': {'sp', 'protocol'}}
 # Where the compiler looks for #include "…" of a part, in this order.
@@ -85,29 +54,29 @@ THIRD_PARTY = [
     (r'microhttpd', {'server/http'}),
     (r'wslay', {'server/http'}),
     (r'gnutls/', {'server/http'}),
-    (r'jansson', {'protocol', 'renderer/import'}),
-    (r'assimp/', {'renderer/import'}),
-    (r'OpenImageIO/', {'renderer/import', 'renderer/encode'}),
-    (r'gdcm', {'renderer/import'}),
-    (r'lz4|lzma', {'renderer/import'}),
-    (r'expat', {'renderer/import'}),
-    (r'blosc', {'renderer/import'}),
-    (r'hdf5|netcdf', {'renderer/import'}),
-    (r'tiffio', {'renderer/import'}),
-    (r'seccomp', {'renderer/import'}),
+    (r'jansson', {'protocol', 'renderer/data/import'}),
+    (r'assimp/', {'renderer/data/import'}),
+    (r'OpenImageIO/', {'renderer/data/import', 'renderer/encode'}),
+    (r'gdcm', {'renderer/data/import'}),
+    (r'lz4|lzma', {'renderer/data/import'}),
+    (r'expat', {'renderer/data/import'}),
+    (r'blosc', {'renderer/data/import'}),
+    (r'hdf5|netcdf', {'renderer/data/import'}),
+    (r'tiffio', {'renderer/data/import'}),
+    (r'seccomp', {'renderer/data/import'}),
     (r'turbojpeg|jpeglib', {'renderer/encode'}),
     (r'webp/', {'renderer/encode'}),
     (r'vpx/|x264', {'renderer/encode'}),
     (r'png\.h', {'renderer/encode'}),
-    (r'zstd', {'renderer/bricks', 'renderer/import', 'renderer/export'}),
-    (r'zlib', {'renderer/import', 'renderer/export', 'server/http'}),
-    (r'bzlib', {'renderer/import'}),
+    (r'zstd', {'renderer/data/bricks', 'renderer/data/import', 'renderer/data/export'}),
+    (r'zlib', {'renderer/data/import', 'renderer/data/export', 'server/http'}),
+    (r'bzlib', {'renderer/data/import'}),
     (r'sqlite3', {'server/store'}),
     (r'archive(_entry)?\.h', {'server/paths'}),
     (r'(ebml|matroska)/', {'server/paths'}),
     (r'systemd/', {'server/ops'}),
     (r'xxhash', {'server/render'}),
-    (r'curl/', {'clients/cli', 'renderer/import'}),
+    (r'curl/', {'clients/cli', 'renderer/data/import'}),
 ]
 # What belongs to the C and C++ languages, to POSIX, to Linux or to glibc.
 SYSTEM = re.compile(
@@ -194,12 +163,6 @@ def part_of(path):
     return 'sp' if path.startswith('renderer/include/') else path.split('/')[0]
 
 
-def folder_in_part(path):
-    """The folder of a file below its part, or "." for a file that lies loose at the top of the part."""
-    rest = path.split('/')[1:]
-    return rest[0] if len(rest) > 1 else '.'
-
-
 def resolve(source, path, name):
     """The file that `path` means by #include "name", or None."""
     for top in ROOTS.get(part_of(path), ['']):
@@ -217,9 +180,44 @@ def own_includes(source):
                 yield path, number, name, resolve(source, path, name)
 
 
+def folder_rules(source):
+    """{parent: {folder: the folders beside it that it may include}}, from CONTRIBUTING.md."""
+    rules = {}
+    for line in lines(source, CONTRIBUTING):
+        hit = RULE.match(line)
+        if hit:
+            read_list(re.findall(r'[\w.]+|[{}←,]', hit.group(2)), rules.setdefault(hit.group(1), {}))
+    return rules
+
+
+def read_list(tokens, allowed):
+    """Takes "a ← b, c", up to a closing brace, from the tokens; returns its folders."""
+    names = set()
+    while tokens:
+        names |= read_chain(tokens, allowed)
+        if tokens and tokens.pop(0) == '}':
+            break
+    return names
+
+
+def read_chain(tokens, allowed):
+    """Takes "a ← {b, c} ← d" from the tokens; returns its folders. Each may include all on its left."""
+    left = set()
+    while tokens and tokens[0] not in ',}':
+        token = tokens.pop(0)
+        if token == '←':
+            continue
+        names = read_list(tokens, allowed) if token == '{' else {'.' if '.' in token else token}
+        for name in names:
+            allowed.setdefault(name, set()).update(left)
+        left |= names
+    return left
+
+
 def layers(o):
+    rules = folder_rules(o.source)
     for path, number, name, target in own_includes(o.source):
-        problem = unqualified(name, target) or (target and out_of_order(path, target))
+        problem = unqualified(name, target) or (target and out_of_order(path, target, rules))
         if problem:
             yield f'{path}:{number}: {problem}'
 
@@ -233,7 +231,7 @@ def unqualified(name, target):
     return None if target else f'"{name}" is found in no include folder of this part'
 
 
-def out_of_order(path, target):
+def out_of_order(path, target, rules):
     """What is wrong with `path` including `target`, or None."""
     here, there = part_of(path), part_of(target)
     if here == 'tests':
@@ -244,23 +242,25 @@ def out_of_order(path, target):
         return None if there in SEES[here] else f'{here} may not include {target}'
     if here in ('sp', 'protocol'):
         return None
-    mine, other = folder_in_part(path), folder_in_part(target)
     if here == 'clients':
+        mine, other = path.split('/')[1], target.split('/')[1]
         return None if mine == other else f'clients/{mine} may not include {target}'
-    allowed = {'renderer': RENDERER, 'server': SERVER}[here]
+    parent, mine, other = parting(path, target)
+    allowed = rules.get(parent, {})
     if mine not in allowed:
-        return f'{here}/{mine} is not a folder that lint.py knows'
+        return f'{parent}/{mine} stands in no rule of {CONTRIBUTING}'
     if mine != other and other not in allowed[mine]:
-        return f'{here}/{mine} may not include {target}'
-    if here == 'renderer' and mine == other == 'backend' and is_other_backend(path, target):
-        return f'a backend may not include another backend: {target}'
+        return f'{os.path.dirname(path)} may not include {target}'
     return None
 
 
-def is_other_backend(path, target):
-    """True if both files lie in folders of backends, and not in the same one."""
-    mine, other = os.path.dirname(path), os.path.dirname(target)
-    return 'renderer/backend' not in (mine, other) and mine != other
+def parting(path, target):
+    """The deepest folder that has both files, and which of its folders each lies in; "." = loose."""
+    a, b = os.path.dirname(path).split('/'), os.path.dirname(target).split('/')
+    same = len(os.path.commonprefix([a, b]))
+    if a == b and same > 1:
+        same -= 1
+    return '/'.join(a[:same]), *(folders[same] if len(folders) > same else '.' for folders in (a, b))
 
 
 def cycles(o):

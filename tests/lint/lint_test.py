@@ -11,7 +11,12 @@ import unittest
 
 import lint
 
-TYPESCRIPT = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', 'node_modules', 'typescript')
+TOP = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..')
+TYPESCRIPT = os.path.join(TOP, 'tests', 'node_modules', 'typescript')
+
+
+with open(os.path.join(TOP, lint.CONTRIBUTING), encoding='utf-8') as page:
+    RULES = page.read()
 
 
 class Tree(unittest.TestCase):
@@ -27,13 +32,13 @@ class Tree(unittest.TestCase):
 
     def include(self, path, name, *others):
         """Findings of `layers` for one include; `others` are empty files that exist."""
-        return self.findings('layers', {**dict.fromkeys(others, ''), path: f'#include "{name}"\n'})
+        return self.findings('layers', {**dict.fromkeys(others, ''), path: f'#include "{name}"\n', lint.CONTRIBUTING: RULES})
 
     def test_layers_right(self):
         for path, name, target in [
                 ('renderer/base/a.c', 'sp/status.h', 'renderer/include/sp/status.h'),
-                ('renderer/tile/a.c', 'splat/ewa.h', 'renderer/splat/ewa.h'),
-                ('renderer/postconv/a.c', 'splat/ewa.h', 'renderer/splat/ewa.h'),
+                ('renderer/draw/footprints/a.c', 'splat/ewa.h', 'renderer/splat/ewa.h'),
+                ('renderer/draw/postconv/a.c', 'splat/ewa.h', 'renderer/splat/ewa.h'),
                 ('renderer/backend/cpu/a.c', 'backend/cpu/kernels.h', 'renderer/backend/cpu/kernels.h'),
                 ('renderer/backend/cpu/a.c', 'backend/backend.h', 'renderer/backend/backend.h'),
                 ('renderer/backend/registry.c', 'backend/cpu/cpu.h', 'renderer/backend/cpu/cpu.h'),
@@ -47,21 +52,21 @@ class Tree(unittest.TestCase):
                 ('server/http/a.c', 'paths/paths.h', 'server/paths/paths.h'),
                 ('server/render/a.c', 'sp/renderer.h', 'renderer/include/sp/renderer.h'),
                 ('server/main.c', 'http/listener.h', 'server/http/listener.h'),
-                ('tests/unit/tile/a.c', 'tile/bin.h', 'renderer/tile/bin.h')]:
+                ('tests/unit/draw/footprints/a.c', 'draw/footprints/bin.h', 'renderer/draw/footprints/bin.h')]:
             with self.subTest(path=path, name=name):
                 self.assertEqual(self.include(path, name, target), [])
 
     def test_layers_wrong(self):
         for path, name, target in [
-                ('renderer/base/a.c', 'volume/volume.h', 'renderer/volume/volume.h'),
-                ('renderer/volume/a.c', 'frame/frame.h', 'renderer/frame/frame.h'),
+                ('renderer/base/a.c', 'data/volume/volume.h', 'renderer/data/volume/volume.h'),
+                ('renderer/data/volume/a.c', 'frame/frame.h', 'renderer/frame/frame.h'),
                 ('renderer/classify/a.c', 'splat/ewa.h', 'renderer/splat/ewa.h'),
-                ('renderer/splat/a.c', 'tile/bin.h', 'renderer/tile/bin.h'),
-                ('renderer/postconv/a.c', 'tile/bin.h', 'renderer/tile/bin.h'),
-                ('renderer/tile/a.c', 'postconv/postconv.h', 'renderer/postconv/postconv.h'),
-                ('renderer/tile/a.c', 'backend/backend.h', 'renderer/backend/backend.h'),
-                ('renderer/import/a.c', 'classify/transfer.h', 'renderer/classify/transfer.h'),
-                ('renderer/encode/a.c', 'tile/bin.h', 'renderer/tile/bin.h'),
+                ('renderer/splat/a.c', 'draw/footprints/bin.h', 'renderer/draw/footprints/bin.h'),
+                ('renderer/draw/postconv/a.c', 'draw/footprints/bin.h', 'renderer/draw/footprints/bin.h'),
+                ('renderer/draw/footprints/a.c', 'draw/postconv/postconv.h', 'renderer/draw/postconv/postconv.h'),
+                ('renderer/draw/footprints/a.c', 'backend/backend.h', 'renderer/backend/backend.h'),
+                ('renderer/data/import/a.c', 'classify/transfer.h', 'renderer/classify/transfer.h'),
+                ('renderer/encode/a.c', 'draw/footprints/bin.h', 'renderer/draw/footprints/bin.h'),
                 ('renderer/backend/cpu/a.c', 'backend/null/null.h', 'renderer/backend/null/null.h'),
                 ('renderer/news/a.c', 'base/arena.h', 'renderer/base/arena.h'),
                 ('server/ops/a.c', 'config/config.h', 'server/config/config.h'),
@@ -88,7 +93,7 @@ class Tree(unittest.TestCase):
 
     def test_layers_written_without_folder(self):
         self.assertEqual(len(self.include('server/http/a.c', 'router.h', 'server/http/router.h')), 1)
-        self.assertEqual(len(self.include('renderer/volume/a.c', '../base/arena.h', 'renderer/base/arena.h')), 1)
+        self.assertEqual(len(self.include('renderer/data/volume/a.c', '../base/arena.h', 'renderer/base/arena.h')), 1)
         self.assertEqual(len(self.include('tests/unit/a.c', 'fixture.h', 'tests/unit/fixture.h')), 1)
 
     def test_cycles(self):
@@ -182,13 +187,13 @@ class Tree(unittest.TestCase):
     def test_glossary(self):
         for path, text in [('server/session/a.c', 'struct srv_fl' 'ight *f;'), ('server/http/a.c', '/* A ro' 'om for it. */'),
                            ('renderer/README.md', 'thirty frames a ' 'second'), ('server/render/a.h', '/* the still ' 'lane */'),
-                           ('clients/web/a.js', 'no' 'body waits'), ('renderer/tile/a.c', '/* one pic' 'ture */'),
+                           ('clients/web/a.js', 'no' 'body waits'), ('renderer/draw/footprints/a.c', '/* one pic' 'ture */'),
                            ('server/schedule/a.c', 'int wi' 'sh_count;'), ('server/render/a.c', '/* bytes a ' 'pixel */'),
                            ('server/http/a.c', 'int la' 'ne = 1;'), ('server/config/a.c', '/* two sti' 'lls */')]:
             with self.subTest(text):
                 self.assertNotEqual(self.findings('glossary', {path: text}), [])
         for path, text in [('renderer/base/wide.h', '/* SIMD lanes */'), ('server/a.md', 'frames in fl' 'ight, in_fl' 'ight'),
-                           ('clients/web/a.js', 'save the picture'), ('renderer/tile/a.c', '/* frames per second, headroom */'),
+                           ('clients/web/a.js', 'save the picture'), ('renderer/draw/footprints/a.c', '/* frames per second, headroom */'),
                            ('server/http/a.c', 'set(json, "lanes", info->lanes)')]:
             with self.subTest(text):
                 self.assertEqual(self.findings('glossary', {path: text}), [])

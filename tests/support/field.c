@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "data/volume/grid.h"
 #include "support/cubic.h"
-#include "volume/grid.h"
 
 enum { REACH_MAX = 20, TAPS_MAX = 2 * REACH_MAX + 1 };
 

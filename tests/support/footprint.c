@@ -4,9 +4,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "data/volume/grid.h"
 #include "support/cubic.h"
 #include "support/sample.h"
-#include "volume/grid.h"
 
 static void keep(struct test_projection *p, const double normal[3], double offset) {
     struct test_half_space *half = &p->half[p->planes++];

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Runs only the stage postconv (postconv/postconv.h) on a scene, prepared as in the CPU backend.
- * Any function can replace the kernel that draws the tiles.
+ * Runs only the stage postconv (draw/postconv/postconv.h) on a scene, prepared as in the CPU
+ * backend. Any function can replace the kernel that draws the tiles.
  */
 #ifndef TESTS_SUPPORT_POSTCONV_H
 #define TESTS_SUPPORT_POSTCONV_H
 
-#include "postconv/postconv.h"
-#include "postconv/shear.h"
+#include "draw/postconv/postconv.h"
+#include "draw/postconv/shear.h"
 #include "support/scene.h"
 
 struct test_postconv {
@@ -44,8 +44,8 @@ void test_postconv_close(struct test_postconv *t);
 bool test_postconv_draw(struct test_postconv *t, sp_postconv_tile_fn *tile,
                         const atomic_bool *cancel, struct sp_error *err);
 
-/* Draws into t->target by shear and warp (postconv/shear.h). *is_possible: whether the scene can be
- * drawn so; nothing is drawn otherwise. */
+/* Draws into t->target by shear and warp (draw/postconv/shear.h). *is_possible: whether the scene
+ * can be drawn so; nothing is drawn otherwise. */
 bool test_postconv_draw_sheared(struct test_postconv *t, const struct sp_shear_kernels *kernels,
                                 const atomic_bool *cancel, bool *is_possible, struct sp_error *err);
 

@@ -42,8 +42,8 @@ bool test_render(const struct test_renderer *r, struct sp_volume *volume,
 bool test_render_scene(const struct test_renderer *r, const struct test_scene *scene,
                        struct test_image *image, struct sp_error *err);
 
-/* True if the target draws this scene as post-convolved sheets (postconv/postconv.h). The scalar
- * reference always draws footprints. The kernels of post-convolved sheets do not end at
+/* True if the target draws this scene as post-convolved sheets (draw/postconv/postconv.h). The
+ * scalar reference always draws footprints. The kernels of post-convolved sheets do not end at
  * view.filter.cutoff, so such images differ from images of footprints. */
 bool test_uses_postconv(const struct test_target *target, const struct test_scene *scene);
 

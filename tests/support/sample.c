@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/vec.h"
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 double test_sample(const void *voxels, enum sp_type type, size_t index) {
     switch (type) {

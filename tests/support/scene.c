@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "base/vec.h"
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 void test_view_init(struct sp_view *view) {
     *view = (struct sp_view){

@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
-#include "volume/grid.h"
-#include "volume/sample.h"
+#include "data/volume/grid.h"
+#include "data/volume/sample.h"
 
 void test_shell_open(struct test_shell *rig, struct test_scene *scene, unsigned threads) {
     *rig = (struct test_shell){ .scene = *scene,

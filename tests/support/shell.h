@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * A shell, or a layer of vectors, in tests: drawn with the kernels of any instruction set, and by
- * brute force from the definition (renderer/shell/list.h) and from rays that are marched through
- * the cells of voxels.
+ * brute force from the definition (renderer/draw/layers/shell/list.h) and from rays that are
+ * marched through the cells of voxels.
  */
 #ifndef TESTS_SUPPORT_SHELL_H
 #define TESTS_SUPPORT_SHELL_H
 
-#include "shell/cache.h"
+#include "draw/layers/shell/cache.h"
+#include "draw/layers/splat_list/draw.h"
+#include "draw/layers/vectors/cache.h"
 #include "support/image.h"
 #include "support/scene.h"
-#include "vectors/cache.h"
-#include "voxels/draw.h"
 
 struct test_shell {
     struct test_scene scene;

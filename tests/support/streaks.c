@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "data/volume/grid.h"
 #include "support/sample.h"
-#include "volume/grid.h"
 
 /* A sample in the image. */
 struct streak {

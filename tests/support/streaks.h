@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Layers of vectors by their definition (renderer/vectors/README.md, renderer/voxels/streak.h), in
- * double precision: the samples in order of depth, each with its footprint and its texture.
+ * Layers of vectors by their definition (renderer/draw/layers/vectors/README.md,
+ * renderer/draw/layers/splat_list/streak.h), in double precision: the samples in order of depth,
+ * each with its footprint and its texture.
  */
 #ifndef TESTS_SUPPORT_STREAKS_H
 #define TESTS_SUPPORT_STREAKS_H

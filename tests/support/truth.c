@@ -9,9 +9,9 @@
 
 #include "base/parallel_for.h"
 #include "base/vec.h"
+#include "data/volume/grid.h"
 #include "support/field.h"
 #include "support/sample.h"
-#include "volume/grid.h"
 
 struct march {
     struct test_field field;

@@ -4,7 +4,7 @@
 #include "backend/cpu/caches.h"
 #include "backend/cpu/general.h"
 #include "backend/cpu/layers.h"
-#include "resample/axes.h"
+#include "draw/resample/axes.h"
 #include "splat/slices.h"
 
 /* Draws the frame by the fast path if that is worthwhile; *is_drawn says whether it did. */

@@ -7,7 +7,7 @@
  *   general.c   general path: every footprint is set up, binned and added  all other frames
  *
  * The last two share frame.c: camera, mip levels, classified lists. The fast path draws dense
- * volumes by shear and warp (postconv/shear.h).
+ * volumes by shear and warp (draw/postconv/shear.h).
  */
 #ifndef SP_BACKEND_CPU_DRAW_H
 #define SP_BACKEND_CPU_DRAW_H

@@ -101,7 +101,7 @@ static bool init_parts(struct cpu_frame *f, struct sp_error *err) {
 }
 
 /* Drops the bricks of the cut that clipping removes. Other compositing than sheets draws whole
- * lists, and drops bricks when it sorts them (tile/depth.h). */
+ * lists, and drops bricks when it sorts them (draw/footprints/depth.h). */
 static void drop_clipped(struct cpu_frame *f) {
     uint32_t kept = 0;
     if (f->job->view->compositing.mode != SP_COMPOSITE_SHEET || !f->ewa->clip.count)

@@ -10,12 +10,12 @@
 #include "backend/cpu/kernels.h"
 #include "base/arena.h"
 #include "classify/cache.h"
-#include "cloud/cache.h"
-#include "postconv/postconv.h"
-#include "shell/cache.h"
+#include "draw/layers/cloud/cache.h"
+#include "draw/layers/shell/cache.h"
+#include "draw/layers/surface/cache.h"
+#include "draw/layers/vectors/cache.h"
+#include "draw/postconv/postconv.h"
 #include "splat/cubic.h"
-#include "surface/cache.h"
-#include "vectors/cache.h"
 
 struct cpu_state {
     struct sp_pool *pool;

@@ -4,13 +4,13 @@
 #include <math.h>
 #include <string.h>
 
-#include "tile/bin.h"
-#include "tile/depth.h"
-#include "tile/insert.h"
-#include "tile/order.h"
-#include "tile/post.h"
-#include "volume/missing.h"
-#include "volume/volume.h"
+#include "data/volume/missing.h"
+#include "data/volume/volume.h"
+#include "draw/footprints/bin.h"
+#include "draw/footprints/depth.h"
+#include "draw/footprints/insert.h"
+#include "draw/footprints/order.h"
+#include "draw/footprints/post.h"
 
 enum {
     BLOCK = SP_BRICK_VOXELS, /* voxels that are set up together: at least those of one run */

@@ -10,16 +10,16 @@
 #define SP_BACKEND_CPU_KERNELS_H
 
 #include "base/isa.h"
-#include "cloud/kernels.h"
-#include "light/kernels.h"
-#include "mesh/kernels.h"
-#include "postconv/postconv.h"
-#include "postconv/shear.h"
-#include "resample/resample.h"
+#include "draw/footprints/blend.h"
+#include "draw/layers/cloud/kernels.h"
+#include "draw/layers/mesh/kernels.h"
+#include "draw/layers/splat_list/kernels.h"
+#include "draw/layers/surface/surface.h"
+#include "draw/light/kernels.h"
+#include "draw/postconv/postconv.h"
+#include "draw/postconv/shear.h"
+#include "draw/resample/resample.h"
 #include "splat/ewa.h"
-#include "surface/surface.h"
-#include "tile/blend.h"
-#include "voxels/kernels.h"
 
 struct cpu_kernels {
     const char *isa; /* "scalar", "sse41", … */
@@ -37,11 +37,11 @@ struct cpu_kernels {
     struct sp_shear_kernels shear;      /* sp_shear_tile(), sp_shear_warp() */
     sp_resample_tile_fn *resample_tile; /* sp_resample_tile() */
     sp_ranges_find_fn *ranges_find;     /* sp_ranges_find() */
-    struct sp_light_kernels light;      /* light/kernels.h */
-    struct sp_voxel_kernels voxels;     /* voxels/kernels.h */
+    struct sp_light_kernels light;      /* draw/light/kernels.h */
+    struct sp_voxel_kernels voxels;     /* draw/layers/splat_list/kernels.h */
     sp_voxel_set_up_fn *cloud_set_up;   /* sp_cloud_set_up() */
     sp_surface_tile_fn *surface_tile;   /* sp_surface_tile() */
-    struct sp_mesh_kernels mesh;        /* mesh/kernels.h */
+    struct sp_mesh_kernels mesh;        /* draw/layers/mesh/kernels.h */
     /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;

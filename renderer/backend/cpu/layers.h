@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Surfaces and shells of a frame (layers/layers.h). With a volume in the frame its compositor gets
- * their fragments, band after band; else they are composited here.
+ * Surfaces and shells of a frame (draw/layers/layers.h). With a volume in the frame its compositor
+ * gets their fragments, band after band; else they are composited here.
  */
 #ifndef SP_BACKEND_CPU_LAYERS_H
 #define SP_BACKEND_CPU_LAYERS_H
 
 #include "backend/cpu/frame.h"
-#include "layers/layers.h"
+#include "draw/layers/layers.h"
 
 /* The layers of a frame beside the volume. It is not moved or copied. */
 struct cpu_layers {

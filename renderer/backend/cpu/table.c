@@ -4,10 +4,10 @@
  * kernels (base/isa.h).
  */
 #include "backend/cpu/kernels.h"
+#include "draw/footprints/sheet.h"
+#include "draw/footprints/slab.h"
+#include "draw/footprints/splat.h"
 #include "frame/resolve.h"
-#include "tile/sheet.h"
-#include "tile/slab.h"
-#include "tile/splat.h"
 
 static const char *const vectorised[] = {
     "adaptive", "ewa",  "reconstruction", "lowpass", "swan", "none", "gaussian", "cubic", "splat",

@@ -13,7 +13,7 @@
 #include "backend/gl/readback.h"
 #include "backend/gl/visible_ranges.h"
 #include "classify/gradient.h"
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 enum {
     BRICKS_MOST = 8192,        /* bricks per dispatch: about 10 ms */

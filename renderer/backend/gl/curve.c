@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "tile/post.h"
-#include "volume/missing.h"
-#include "volume/volume.h"
+#include "data/volume/missing.h"
+#include "data/volume/volume.h"
+#include "draw/footprints/post.h"
 
 enum {
     NODES = SP_POST_NODES + 1,

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The transfer function that classifies pixels (tile/post.h), as shaders/post.glsl reads it.
+ * The transfer function that classifies pixels (draw/footprints/post.h), as shaders/post.glsl reads
+ * it.
  */
 #ifndef GL_CURVE_H
 #define GL_CURVE_H

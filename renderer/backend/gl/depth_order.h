@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sorts the elements of a cloud by depth on the GPU, as cloud/order.c does: a radix sort in three
- * passes of 8 bits.
+ * Sorts the elements of a cloud by depth on the GPU, as draw/layers/cloud/order.c does: a radix
+ * sort in three passes of 8 bits.
  *
  *   50_depths   element ─► depth, infinite if the camera does not see it; range of depths
  *   51_digits   counts by digit and work group ┐

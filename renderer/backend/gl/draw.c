@@ -11,8 +11,8 @@
 #include "backend/gl/memory.h"
 #include "backend/gl/resample.h"
 #include "base/clock.h"
-#include "light/light.h"
-#include "resample/resample.h"
+#include "draw/light/light.h"
+#include "draw/resample/resample.h"
 
 enum {
     GROUPS_MOST = 65535, /* along an axis of a dispatch; every GPU supports this many */

@@ -7,7 +7,7 @@
 #define GL_FRAGMENTS_H
 
 #include "backend/gl/state.h"
-#include "tile/insert.h"
+#include "draw/footprints/insert.h"
 
 enum { GL_FRAGMENTS = 8 /* binding of the buffer */ };
 

@@ -5,14 +5,15 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "layers/layers.h"
+#include "draw/footprints/blend.h"
+#include "draw/footprints/depth.h"
+#include "draw/footprints/order.h"
+#include "draw/layers/layers.h"
 #include "splat/adaptive.h"
-#include "tile/blend.h"
-#include "tile/depth.h"
-#include "tile/order.h"
 
 #define SPLAT_RANGE (1.0 / 16) /* cells: single splats are sorted by distance to this */
-#define FARTHEST 1e7           /* cells; everything beyond counts as this far, as in tile/depth.c */
+#define FARTHEST                                                                                   \
+    1e7 /* cells; everything beyond counts as this far, as in draw/footprints/depth.c */
 
 _Static_assert((int)SP_CUTS_MAX == (int)GL_CLIP_PLANES, "the shaders hold every clipping plane");
 _Static_assert((int)SP_LIGHTS_MAX == (int)GL_LIGHTS, "the shaders hold every light");

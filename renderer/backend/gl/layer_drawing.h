@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The layers of a frame other than the volume, in the order in which they make fragments: what has
- * few fragments comes first, as in layers/layers.c.
+ * few fragments comes first, as in draw/layers/layers.c.
  *
  *   make ─► (the volume) ─► begin ─► per band: divide ─► reserve ─► draw
  */

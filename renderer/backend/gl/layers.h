@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The processor's part of layers other than the volume (layers/layers.h): points of surfaces and
- * voxels, front to back, and which points of a cloud are drawn. surfaces.h, meshes.h and
+ * The processor's part of layers other than the volume (draw/layers/layers.h): points of surfaces
+ * and voxels, front to back, and which points of a cloud are drawn. surfaces.h, meshes.h and
  * splat_layers.h draw them.
  */
 #ifndef GL_LAYERS_H
 #define GL_LAYERS_H
 
 #include "backend/backend.h"
-#include "layers/layers.h"
+#include "draw/layers/layers.h"
 
 /* What is kept of them from frame to frame. */
 struct gl_layers {

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "tile/order.h"
+#include "draw/footprints/order.h"
 
 /* A brick that is drawn. */
 struct gl_item {

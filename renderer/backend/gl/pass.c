@@ -5,7 +5,7 @@
 
 #include "backend/gl/readback.h"
 #include "classify/transfer.h"
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 enum {
     IN_FLIGHT = 2, /* dispatches that the GPU may lie behind */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "backend/gl/resample_constants.h"
-#include "resample/rays.h"
+#include "draw/resample/rays.h"
 
 enum {
     INTERVALS_SOFTWARE = 32, /* llvmpipe ends loops after 65535 rounds; a sheet takes up to 900 */

@@ -16,7 +16,8 @@
 #include "backend/gl/resample_data.h"
 
 /* A pass: the image of the slices of one axis, with one or two sheets per slice. Most frames have
- * one. The pixels of several are added with their shares (resample/axes.h, resample/rays.h). */
+ * one. The pixels of several are added with their shares (draw/resample/axes.h,
+ * draw/resample/rays.h). */
 struct gl_resample_pass {
     const struct gl_buffer *constants, *squares, *visible;
     float share;   /* of the axis */

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "resample/rays.h"
+#include "draw/resample/rays.h"
 
 static void write_axes(struct gl_resample_constants *c, const struct sp_resample *r) {
     uint32_t row = 0;

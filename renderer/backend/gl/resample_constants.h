@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The constants of a frame of resampled sheets, and its squares: the image's tiles of 64 × 64 px,
- * each with the rays of its own (resample/rays.h). A square whose rays differ too much has four
- * parts instead.
+ * each with the rays of its own (draw/resample/rays.h). A square whose rays differ too much has
+ * four parts instead.
  */
 #ifndef GL_RESAMPLE_CONSTANTS_H
 #define GL_RESAMPLE_CONSTANTS_H
 
 #include "backend/gl/buffer.h"
 #include "base/arena.h"
-#include "resample/prepare.h"
+#include "draw/resample/prepare.h"
 
 /* shaders/resample.glsl: std140, which has the same layout as std430 here. */
 struct gl_resample_constants {

@@ -5,7 +5,7 @@
 
 #include "backend/gl/pass.h"
 #include "backend/gl/visible_ranges.h"
-#include "volume/sample.h"
+#include "data/volume/sample.h"
 
 enum { UPLOAD_BYTES = 1 << 26 /* between two checks of the cancel flag */ };
 
@@ -70,7 +70,7 @@ struct filling {
     float *levels;
 };
 
-/* Levels as resample/refine.c reads them. */
+/* Levels as draw/resample/refine.c reads them. */
 static void fill_levels(void *user, size_t begin, size_t end, unsigned worker) {
     const double farthest = 1e6;
     const struct filling *f = user;

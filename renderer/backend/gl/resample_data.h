@@ -9,7 +9,7 @@
 
 #include "backend/gl/resample_programs.h"
 #include "backend/gl/residency.h"
-#include "resample/prepare.h"
+#include "draw/resample/prepare.h"
 
 struct gl_resample_data {
     enum gl_samples_kind kind;

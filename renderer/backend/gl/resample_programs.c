@@ -5,7 +5,7 @@
 #include <stdio.h>
 
 #include "backend/gl/program.h"
-#include "resample/resample.h"
+#include "draw/resample/resample.h"
 
 enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MOST = 1 << 24 };
 

@@ -6,9 +6,9 @@
 
 #include "backend/gl/program.h"
 #include "backend/gl/visible_ranges.h"
+#include "data/volume/grid.h"
+#include "data/volume/volume.h"
 #include "sp/log.h"
-#include "volume/grid.h"
-#include "volume/volume.h"
 
 enum { KEY_SHIFT = 12, GRAIN = 16 };
 

@@ -3,13 +3,13 @@
  * Layers that are drawn splat by splat on the GPU: shells, vectors, points and trained Gaussians.
  *
  *   depth_order.h  elements of clouds, front to back    once per frame
- *   24_splats      voxel or element ─► record, tiles    ┐ voxels/set_up.c, cloud/set_up.c
- *   bins.h         records by tile, in order            │ per batch
- *   28_blend       ─► image, or fragments               ┘ voxels/tile.c
+ *   24_splats      voxel or element ─► record, tiles    ┐ draw/layers/splat_list/set_up.c,
+ * draw/layers/cloud/set_up.c bins.h         records by tile, in order            │ per batch
+ *   28_blend       ─► image, or fragments               ┘ draw/layers/splat_list/tile.c
  *
- * The processor sorts voxels (voxels/order.h) and uploads them for each frame: 24 bytes each.
- * Elements of clouds stay on the GPU. For levels of detail the processor chooses some of them: 4
- * bytes each.
+ * The processor sorts voxels (draw/layers/splat_list/order.h) and uploads them for each frame: 24
+ * bytes each. Elements of clouds stay on the GPU. For levels of detail the processor chooses some
+ * of them: 4 bytes each.
  */
 #ifndef GL_SPLAT_LAYERS_H
 #define GL_SPLAT_LAYERS_H

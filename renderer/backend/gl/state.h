@@ -33,7 +33,7 @@
 #include "backend/gl/timer.h"
 #include "backend/gl/upload.h"
 #include "backend/gl/workload.h"
-#include "resample/levels.h"
+#include "draw/resample/levels.h"
 
 /* The measured stages of a frame, in order. */
 enum gl_stage {

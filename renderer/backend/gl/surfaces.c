@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "backend/gl/pass.h"
-#include "volume/grid.h"
+#include "data/volume/grid.h"
 
 enum {
     ROUNDS = 8,       /* loop rounds of a point, at most */

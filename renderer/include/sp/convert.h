@@ -18,10 +18,10 @@ extern "C" {
  * of its name states: a file, or a folder for OME-Zarr. It is written completely or not at all, in
  * place of an older file, or of a folder that this function wrote; it replaces no other folder
  * (SP_ERR_INVALID). What is
- * kept of a volume (renderer/export/README.md): samples in their type, spacing, origin, direction,
- * units and names as far as the format has them; vectors and rectilinear axes in brick files only.
- * Other fields and other time steps than options->step are left out; a warning in the log says so,
- * as it does of vectors.
+ * kept of a volume (renderer/data/export/README.md): samples in their type, spacing, origin,
+ * direction, units and names as far as the format has them; vectors and rectilinear axes in brick
+ * files only. Other fields and other time steps than options->step are left out; a warning in the
+ * log says so, as it does of vectors.
  *
  * The samples pass through a file without a name in the folder of `out`, so that memory does not
  * grow with the number of slices. Built-in volumes may have up to 4096 samples per axis here. Of

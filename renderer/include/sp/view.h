@@ -148,7 +148,7 @@ struct sp_shading {                    /* "/shading" */
     double exponent;                   /* of the highlight (Blinn 1977), [1, 1024] [24] */
     /* Strength of ambient occlusion and of the shadow of the first light, [0, 1]; 0 = none [0].
      * They need mode phong, and are drawn with compositing.mode sheet and transfer_function.order
-     * post; renderer/light/README.md. With mode none they have no effect. */
+     * post; renderer/draw/light/README.md. With mode none they have no effect. */
     double occlusion, shadow;
     uint32_t light_count; /* [0, SP_LIGHTS_MAX]; 0 = ambient light alone [1] */
     struct sp_light lights[SP_LIGHTS_MAX];
@@ -258,7 +258,7 @@ enum sp_edit_type {
 };
 enum sp_edit_keep { SP_KEEP_OUTSIDE, SP_KEEP_INSIDE };
 /* Removes samples from what all layers show. The volume is never changed. Fields of other types are
- * ignored. renderer/edit/README.md says what takes the place of removed samples. */
+ * ignored. renderer/inspect/edit/README.md says what takes the place of removed samples. */
 struct sp_edit { /* "/edits/0" */
     enum sp_edit_type type;
     enum sp_edit_keep keep; /* box, sphere, part: what stays [outside] */
@@ -336,9 +336,9 @@ SP_API void sp_view_init(struct sp_view *view, const struct sp_volume_info *info
 
 /* The same, with the camera and the transfer function from the samples: the first view that a
  * person sees of a volume. The surroundings are transparent, what is visible fills the image, and
- * up is up as far as the file or the shape tells; renderer/first/README.md. Reads at most 2 million
- * samples, on this thread. The result depends on the volume alone. Where nothing can be found
- * (a single value, no memory), it equals sp_view_init(). Thread-safe; never fails. */
+ * up is up as far as the file or the shape tells; renderer/data/default_view/README.md. Reads at
+ * most 2 million samples, on this thread. The result depends on the volume alone. Where nothing can
+ * be found (a single value, no memory), it equals sp_view_init(). Thread-safe; never fails. */
 SP_API void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const char *id);
 
 /* The defaults of a layer of that type; a surface has no value yet (NaN). Thread-safe. */

@@ -18,9 +18,9 @@
 #include "classify/gradient.h"
 #include "classify/reach.h"
 #include "classify/visible_ranges.h"
+#include "data/volume/grid.h"
 #include "support/compare.h"
 #include "support/sanitized.h"
-#include "volume/grid.h"
 
 enum { X = 37, Y = 21, Z = 50 };
 

@@ -13,9 +13,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "data/volume/volume.h"
 #include "sp/visible_part.h"
 #include "support/compare.h"
-#include "volume/volume.h"
 
 enum { OBJECT = 200 };
 

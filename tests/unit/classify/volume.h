@@ -5,7 +5,7 @@
 #ifndef UNIT_CLASSIFY_VOLUME_H
 #define UNIT_CLASSIFY_VOLUME_H
 
-#include "volume/volume.h"
+#include "data/volume/volume.h"
 
 /* Returns a regular grid of unit spacing with these values, x fastest. The caller unrefs it. */
 struct sp_volume *classify_make_volume(const uint32_t dims[3], enum sp_type type,

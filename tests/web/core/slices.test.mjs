@@ -183,7 +183,7 @@ test('slices show values in grey or a map over the window, or as the transfer fu
 });
 
 test('the daemon draws slices in the picture with the same maps', () => {
-  const source = readFileSync(new URL('../../../renderer/volume/slice_colors.c', import.meta.url), 'utf8');
+  const source = readFileSync(new URL('../../../renderer/data/volume/slice_colors.c', import.meta.url), 'utf8');
   for (const name of MAP_NAMES.filter((one) => one !== 'grey')) {
     const found = new RegExp(`SP_SLICE_${name.toUpperCase().replace('-', '_')}\\] = \\{([^}]*)\\}`).exec(source)[1];
     const colors = found.match(/[0-9a-f]{6}/g).map((text) => [0, 2, 4].map((at) => parseInt(text.slice(at, at + 2), 16) / 255));

@@ -21,7 +21,7 @@ layout(location = 3) uniform uint stride; // of the records
 
 // enum sp_filter_mode
 const uint ADAPTIVE = 0u, EWA = 1u, RECONSTRUCTION = 2u, LOWPASS = 3u, SWAN = 4u, NONE = 5u;
-const float FARTHEST = 1e7; // cells: everything beyond counts as this far (tile/depth.c)
+const float FARTHEST = 1e7; // cells: everything beyond counts as this far (draw/footprints/depth.c)
 const float VARIANCE_MIN = 1e-6, DEPTH_MAX = 1e6, LOG2E = 1.44269504;
 
 shared uint filter_mode;

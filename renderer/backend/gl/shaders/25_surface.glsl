@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds a surface to the fragments of a band (surface/tile.c): one work group per tile, one thread per pixel. Blocks come front
+// Adds a surface to the fragments of a band (draw/layers/surface/tile.c): one work group per tile, one thread per pixel. Blocks come front
 // to back; their footprints are staged in shared memory and summed in sheets. To keep dispatches short, a tile with many
 // points takes several passes, each of which continues with the sheets of the previous one. The last pass makes fragments.
 

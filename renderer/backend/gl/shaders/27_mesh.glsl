@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds a mesh to the fragments of a band (mesh/cover.c and resolve.c). One work group per tile, one thread per pixel. Triangles
+// Adds a mesh to the fragments of a band (draw/layers/mesh/cover.c and resolve.c). One work group per tile, one thread per pixel. Triangles
 // are set up in shared memory; each of a pixel's samples keeps the nearest one. A sheet is what is nearest; then triangles are drawn
 // again, and each sample takes the nearest one behind the sheet before. To keep dispatches short, each sheet has its own, and a tile
 // with many triangles several. The last one makes fragments.
@@ -21,7 +21,7 @@ const uint AT_BEFORE = 8u, AT_LIGHT = 16u, AT_SHOWN = 20u; // words of four
 const float BEHIND_ALL = -3.4e38, INCLUSIVE = -1.17549435e-38;
 const uint RECORD_BITS = 22u;
 
-// Where the samples of a pixel lie, from its middle, 16ths of px (mesh/samples.h). Samples are handled in fours, and each function
+// Where the samples of a pixel lie, from its middle, 16ths of px (draw/layers/mesh/samples.h). Samples are handled in fours, and each function
 // names all four fours: registers have no index.
 const vec4 RIGHT[4] = vec4[](vec4(1.5, -0.5, -2.5, 4.5), vec4(-4.5, 2.5, 5.5, 3.5), vec4(-1.5, 0.5, -3.5, -5.5),
                              vec4(-7.5, 7.5, 6.5, -6.5));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws the splats of a layer in a band (voxels/tile.c): one work group per tile, one thread per pixel. Pairs come front to back;
+// Draws the splats of a layer in a band (draw/layers/splat_list/tile.c): one work group per tile, one thread per pixel. Pairs come front to back;
 // their splats are staged in shared memory. ALONE: they are composited. Else splats of a pixel with nearly the same depth
 // become a fragment. To keep dispatches short, a tile with many pairs takes several passes; a layer may have several batches.
 
@@ -36,7 +36,7 @@ float attenuate(float depth) {
 }
 
 #if STREAKS
-// voxels/streak.h
+// draw/layers/splat_list/streak.h
 const float ROW = 1.0, WIDTH = 0.8, SHARE = 0.7, MEAN = (8.0 / 15.0) * (8.0 / 15.0) * WIDTH * SHARE;
 
 float bump(float x, float half_width) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Composites a tile's pairs front to back (tile/blend.h). One work group per tile, one thread per pixel. Splats are
+// Composites a tile's pairs front to back (draw/footprints/blend.h). One work group per tile, one thread per pixel. Splats are
 // staged in shared memory. A pixel sums T and E of a layer and composites it when the next layer begins, or composites
 // each splat on its own. A tile with a transmittance below 1/512 stops. To keep dispatches short, a tile with many
 // pairs is composited in several passes, each of which continues where the previous one stopped. LAYERS: fragments of other

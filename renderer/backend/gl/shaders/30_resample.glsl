@@ -103,7 +103,7 @@ void open_ray(Square square) {
                       2.0 * (mixed.x * ray.w * forward + mixed.y * ray.z * forward + mixed.z * ray.z * ray.w));
 }
 
-// The share of the pixel that a pass with part.x sheets per slice has (resample/rays.h).
+// The share of the pixel that a pass with part.x sheets per slice has (draw/resample/rays.h).
 float find_share(int sheets) {
     float slant = ray_length / sqrt(turn(metric[0].xyz).z), speed = max(sqrt(1.0 + dot(ray.zw, ray.zw)), slant);
     float halves = clamp((speed - steep.x) / (steep.y - steep.x), 0.0, 1.0);
@@ -369,7 +369,7 @@ vec3 find_gradient(vec3 value[4], float width) {
     return vec3(dot(to_world[0].xyz, own), dot(to_world[1].xyz, own), dot(to_world[2].xyz, own));
 }
 
-// The unit normal of an interval; zero if there is none. As find_normal() of resample/integrate.c says, a surface's gradient
+// The unit normal of an interval; zero if there is none. As find_normal() of draw/resample/integrate.c says, a surface's gradient
 // stays for a while behind it.
 vec3 find_normal(vec3 gradient, float width, float opacity) {
     const float SHARE = 0.8, FAINT = 64.0;
@@ -392,7 +392,7 @@ void add(float opacity, vec3 color) {
 float next_s; // of the next fragment; FAR_AWAY = there is none
 const float FAR_AWAY = 1e38;
 
-// s of a fragment (resample/insert.c). Depths count from one inside the volume, for the sake of rounding.
+// s of a fragment (draw/resample/insert.c). Depths count from one inside the volume, for the sake of rounding.
 float find_s(float depth) {
     vec4 by_depth = depths[slices];
     float beyond = depth - metric[1].w, aside = dot(at - lens.yz, by_depth.zw);
@@ -477,7 +477,7 @@ void integrate(int n, vec3 value[4]) {
     composite(s, width, 1.0 - light, color);
 }
 #else
-// Adds the interval between sheets n and n + 1 to the pixel's number (resample/reduce.c).
+// Adds the interval between sheets n and n + 1 to the pixel's number (draw/resample/reduce.c).
 void integrate(int n, vec3 value[4]) {
     float s = s_of(slice_of(n)), width = s_of(slice_of(n + 1)) - s, sign = numbers[0].x;
     float middle = (9.0 / 16.0) * (value[1].x + value[2].x) - (1.0 / 16.0) * (value[0].x + value[3].x);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The splats of points, or of trained Gaussians: TRAINED (cloud/set_up.c). Bindings 2 to 4 as in splat_layers.c.
+// The splats of points, or of trained Gaussians: TRAINED (draw/layers/cloud/set_up.c). Bindings 2 to 4 as in splat_layers.c.
 
 layout(std430, binding = 2) readonly buffer Order { uint order[]; }; // elements, front to back; UNSEEN: none is seen any more
 // Three numbers of the position of each element, then six of each factor, then the value of each, or its opacity; then the volume
@@ -90,7 +90,7 @@ vec4 classify(float value) {
     return own;
 }
 
-// The same for a merged point whose values have this mean (cloud/set_up.c).
+// The same for a merged point whose values have this mean (draw/layers/cloud/set_up.c).
 vec4 classify_merged(float value, uint word) {
     const float at[4] = float[](-1.299038, -0.433013, 0.433013, 1.299038); // sp_cloud_share_at
     float spread = float((word >> 24) * ((word >> 12 & 4095u) - (word & 4095u) + 1u)) * streak_axes[0].w;
@@ -104,7 +104,7 @@ vec4 classify_merged(float value, uint word) {
     return vec4(sum.rgb / max(sum.a, 1e-30), 0.25 * sum.a);
 }
 
-// The value, relative to the base, that has the colour of a point (cloud/set_up.c).
+// The value, relative to the base, that has the colour of a point (draw/layers/cloud/set_up.c).
 float find_color_value(uint e) {
     bool is_merged = e >= cloud.z; // the number of the points; merged ones have one number
     uint at = is_merged ? cloud.y * cloud.z + (e - cloud.z) : cloud.y * e;
@@ -114,7 +114,7 @@ float find_color_value(uint e) {
     return streak_axes[0].z + (abs(number) < 3e38 ? (number - streak_axes[0].x) * streak_axes[0].y : 0.0);
 }
 
-// Makes a kernel a part of it (cloud/set_up.c).
+// Makes a kernel a part of it (draw/layers/cloud/set_up.c).
 void take_part(uint part, inout vec3 u, inout vec3 k[3]) {
     vec3 n = k[2] * inversesqrt(dot(k[2], k[2]) + 1e-30);
     for (int r = 0; r < 3; r++) {
@@ -125,7 +125,7 @@ void take_part(uint part, inout vec3 u, inout vec3 k[3]) {
 }
 
 #if STREAKS
-// The phase of a point, in 65536ths: the lower 16 bits of sp_streak_hash() (voxels/phase.h).
+// The phase of a point, in 65536ths: the lower 16 bits of sp_streak_hash() (draw/layers/splat_list/phase.h).
 uint find_phase(uint e) {
     const uvec2 FIRST = uvec2(0xed558ccdu, 0xff51afd7u), SECOND = uvec2(0x1a85ec53u, 0xc4ceb9feu); // low words first
     uint low, high;
@@ -138,7 +138,7 @@ uint find_phase(uint e) {
     return (product_low ^ product_high >> 1) & 0xffffu;
 }
 
-// The standard deviation of a kernel along a unit vector of the world of the data (cloud/set_up.c).
+// The standard deviation of a kernel along a unit vector of the world of the data (draw/layers/cloud/set_up.c).
 float find_deviation(uint e, vec3 d) {
     const float TINY = 1e-20;
     uint l = 3u * cloud.x + 6u * e;

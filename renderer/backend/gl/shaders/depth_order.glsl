@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Elements of a cloud while they are sorted by depth (depth_order.h): in steps of 2⁻²² of the range of depths, then in their order, as
-// cloud/order.c does. Each work group has ITEMS items.
+// draw/layers/cloud/order.c does. Each work group has ITEMS items.
 
 struct Item {
     float depth; // infinite: the camera does not see the element

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pixels of a splat (tile/footprint.h): the weight, and the share of the kernel along the ray that a layer gets.
+// Pixels of a splat (draw/footprints/footprint.h): the weight, and the share of the kernel along the ray that a layer gets.
 
 layout(std430, binding = 1) readonly buffer Records { uvec4 records[]; };
 // Tables of struct sp_cubic_table, one after the other: F(ρ)/F(0) by (ρ/t)², and ∫₀^z / F(ρ) by z/√(t²−ρ²).

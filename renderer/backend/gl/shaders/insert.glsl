@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fragments inside of sheets, slabs and splats, which they divide (tile/insert.c).
+// Fragments inside of sheets, slabs and splats, which they divide (draw/footprints/insert.c).
 
 // Sheets: slice i of the grid lies between the planes normal·u = offset[i] and offset[i + 1] of camera space; offsets rise
 // and begin the buffer of fragments. The other layers are ranges of distance.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What triangles show in a pixel (mesh/resolve.c): parts, each some samples in one triangle, shaded once.
+// What triangles show in a pixel (draw/layers/mesh/resolve.c): parts, each some samples in one triangle, shaded once.
 
 const uint SHOWN_MAX = 16u;          // of a pixel; of more, neighbours become one
 const float LEAST = 1.0 / 4096.0;    // smaller opacities are not drawn

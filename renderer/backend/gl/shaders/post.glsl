@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Post-classification: classifies a pixel of a slab from (W, N, S); derivation in tile/post.h.
+// Post-classification: classifies a pixel of a slab from (W, N, S); derivation in draw/footprints/post.h.
 
 // Points of the transfer function: value, 1/(distance to the next), opacity | colour. Then the gradient axis: magnitude,
 // scale. Then nodes of the integral of depth and of colour times depth, each as a sum in two floats and the difference

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Constants of resampled sheets (struct gl_resample_constants in resample_constants.h), coordinates, and the samples of a
-// mip level as 16-bit levels (resample/curve.h). u, v and w are the axes of a tile: w is that of its slices.
+// mip level as 16-bit levels (draw/resample/curve.h). u, v and w are the axes of a tile: w is that of its slices.
 
 // Samples of an axis, and rows of Places if they are not evenly spaced. EVEN: all axes are.
 struct Axis {
@@ -8,7 +8,7 @@ struct Axis {
     uvec4 rows; // samples, rows of the index (0 = evenly spaced), first row of coordinates, of the index
 };
 
-// A square of pixels with its own ray through the centre (resample/rays.h).
+// A square of pixels with its own ray through the centre (draw/resample/rays.h).
 struct Square {
     ivec4 kind;  // the first of its four parts (0 = it is not divided), w axis, backwards, sheets per slice (bits)
     vec4 at;     // u, v, du, dv
@@ -25,7 +25,7 @@ layout(std140, binding = 1) uniform Resample {
     vec4 level_scale; // levels per unit, base as two floats, lowest level
     vec4 bin_scale;   // bins per level, first bin; levels between which something is visible
     vec4 above_bins;
-    vec4 numbers[2];  // of a projection (resample/reduction.h): sign, start, full, zero; absorption, gain, offset
+    vec4 numbers[2];  // of a projection (draw/resample/reduction.h): sign, start, full, zero; absorption, gain, offset
     ivec4 choices;    // maximum or minimum; mean; leaves samples out
     ivec4 base;       // integers: the base's integer; linear attenuation; half spaces; points of the gradient axis
     uvec4 regions;    // per axis; axis of the bits of Visible
@@ -40,7 +40,7 @@ layout(std430, binding = 2) readonly buffer Samples { uint samples[]; };
 layout(std430, binding = 3) readonly buffer Visible { uint visible[]; }; // four regions per word
 layout(std430, binding = 6) readonly buffer Places { float places[]; };
 
-const float LEVEL_MIN = 1024.0, LEVEL_MAX = 31744.0; // enum of resample/curve.h
+const float LEVEL_MIN = 1024.0, LEVEL_MAX = 31744.0; // enum of draw/resample/curve.h
 const float FAR_LEVEL = 1e6;
 const int REGION = 4;
 

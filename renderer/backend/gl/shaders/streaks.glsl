@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Splats of a layer of vectors: STREAKS (voxels/streak.h).
+// Splats of a layer of vectors: STREAKS (draw/layers/splat_list/streak.h).
 
 #if STREAKS
 // The outline of a kernel that is stretched along a direction, which may be 0, and its pattern. sigma: standard deviation along the

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a sheet of a surface to what it shows of a pixel (surface/resolve.c).
+// From a sheet of a surface to what it shows of a pixel (draw/layers/surface/resolve.c).
 
 const float FULL = 0.94, LEAST = 1.0 / 4096.0; // weight of a covered pixel; smaller coverage is not drawn
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The splats of the voxels of a shell, or of vectors: STREAKS (voxels/set_up.c and streak.h).
+// The splats of the voxels of a shell, or of vectors: STREAKS (draw/layers/splat_list/set_up.c and streak.h).
 
 layout(std430, binding = 2) readonly buffer Voxels { uint voxels[]; }; // struct sp_voxel, front to back
 

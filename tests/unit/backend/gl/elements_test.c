@@ -17,7 +17,7 @@
 #include <string.h>
 
 #include "backend/gl/memory.h"
-#include "cloud/order.h"
+#include "draw/layers/cloud/order.h"
 #include "sp/log.h"
 #include "support/compare.h"
 #include "support/data.h"
@@ -317,7 +317,7 @@ static void pieces_of_clouds_add_up(void **state) {
     resample_report(rig);
 }
 
-/* Far away, and in previews, cells are drawn as one point (cloud/tree.h). */
+/* Far away, and in previews, cells are drawn as one point (draw/layers/cloud/tree.h). */
 static void points_have_levels_of_detail(void **state) {
     struct resample_rig *rig = *state;
     struct sp_volume *cloud = make_cloud(POINTS, SP_CLOUD_TREE_MIN, 0.1f);

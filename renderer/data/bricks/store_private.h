@@ -1,0 +1,132 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The store of a brick file: store.c finds windows, reading.c reads them, open.c opens and closes,
+ * memory.c is the memory that stores share.
+ */
+#ifndef SP_BRICKS_STORE_PRIVATE_H
+#define SP_BRICKS_STORE_PRIVATE_H
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "data/bricks/store.h"
+#include "sp/bricks.h"
+
+enum {
+    BRICK_WINDOWS_MAX = 8,
+    BRICK_QUEUE_MAX = 4 /* needs that wait; the one that was asked for longest ago is dropped */
+};
+
+struct sp_brick_store_window {
+    struct sp_brick_need need; /* owned */
+    struct sp_volume *volume;  /* a reference; NULL = the slot is empty */
+    uint8_t *lost;             /* owned: by brick of the need, the arrays that could not be read */
+    uint64_t lost_count, used, bytes;
+    double read_ms;    /* when it was read (base/clock.h) */
+    unsigned coarsest; /* the coarsest level that it shows */
+    bool is_partial;   /* other bricks of the need are still being read: BRICK_COARSE until then */
+};
+
+/* A need that waits for the thread, or that it reads. */
+struct sp_brick_request {
+    struct sp_brick_need need; /* owned; wanted NULL = the slot is empty */
+    uint64_t asked;
+    bool has_failed; /* for `why`: until it is asked for again */
+    struct sp_error why;
+};
+
+struct sp_brick_store {
+    struct sp_brick_file *file;
+    struct sp_volume *base; /* owns the store, which has no reference to it */
+    unsigned base_level;
+    struct sp_brick_need base_need; /* all of its level */
+    uint8_t *base_lost;             /* the same of it */
+    uint64_t budget; /* memory for windows when it was opened: the base takes a quarter at most */
+    double retry_ms; /* chunks that could not be read are read again after this time */
+    double part_ms;  /* what was read is shown first after this time, then after twice of it ... */
+    struct sp_brick_memory *memory; /* a reference */
+    struct sp_brick_store *next;    /* of the memory */
+    struct sp_pool *pool;
+    pthread_t thread;
+    atomic_bool stop;
+    pthread_cond_t asked, done;
+    /* The mutex of the memory guards what follows. */
+    struct sp_brick_store_window windows[BRICK_WINDOWS_MAX];
+    struct sp_brick_request queue[BRICK_QUEUE_MAX];
+    uint64_t published; /* windows so far */
+    uint64_t cost;      /* of the window that a frame asked for last; 0 = none has */
+    double asked_ms;    /* when that was (base/clock.h) */
+    uint8_t *damaged; /* by brick of all levels, the finest first: arrays that could not be read */
+    struct sp_bricks_damage damage;
+};
+
+/* Notes the bricks of a need that could not be read, `lost` by brick of its box, a set of arrays;
+ * `why` is the error of one of them. With the mutex held. (damage.c) */
+void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_need *need,
+                         const uint8_t *lost, const struct sp_error *why);
+/* Forgets those that were read now. The same. */
+void sp_brick_store_heal(struct sp_brick_store *store, const struct sp_brick_need *need,
+                         const uint8_t *lost);
+/* Voxels of the whole volume that a brick covers: the first one, and the one past the last. */
+void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint64_t number,
+                        uint32_t box[2][3]);
+
+/* The memory of windows. All stores of it have one mutex, so that a window of one store can be
+ * dropped for a window of another. A store that a frame asked in the last 30 s may have at
+ * least an equal share, and what the others do not need of theirs. If windows exceed the limit, the
+ * least recently used ones are dropped, whichever store they belong to. */
+struct sp_brick_memory {
+    pthread_mutex_t mutex; /* guards what follows, and the windows and requests of the stores */
+    unsigned references;
+    uint64_t bytes;   /* limit */
+    uint64_t reading; /* of windows that are being filled */
+    uint64_t clock;   /* increases with each use of a window */
+    struct sp_brick_store *stores;
+};
+
+/* memory.c: */
+
+/* Puts a store into the list, and removes it; removing one that is not in it has no effect. */
+void sp_brick_memory_add(struct sp_brick_memory *memory, struct sp_brick_store *store);
+void sp_brick_memory_remove(struct sp_brick_memory *memory, struct sp_brick_store *store);
+
+/* Drops windows until `bytes` more fit, and until `store`, which may be NULL, has space for one
+ * more window. With the mutex held. */
+void sp_brick_memory_make_space(struct sp_brick_memory *memory, struct sp_brick_store *store,
+                                uint64_t bytes);
+
+/* Most bytes that one window of the store may cost now. */
+uint64_t sp_brick_memory_window_max(struct sp_brick_memory *memory,
+                                    const struct sp_brick_store *store);
+
+/* True if no other store may have a share now. */
+bool sp_brick_memory_is_alone(struct sp_brick_memory *memory, const struct sp_brick_store *store);
+
+void sp_brick_window_clear(struct sp_brick_store_window *window);
+void sp_brick_request_clear(struct sp_brick_request *request);
+
+/* The grid of the samples of a need. *numbers: malloc'ed, the coordinates of rectilinear axes.
+ * False without memory. */
+bool sp_brick_store_grid(const struct sp_brick_store *store, const struct sp_brick_need *need,
+                         struct sp_grid *grid, double **numbers);
+/* Where they lie in their level. */
+struct sp_whole_part sp_brick_store_part(const struct sp_brick_store *store,
+                                         const struct sp_brick_need *need);
+/* The vectors in the memory of a need; NULL = it has none. */
+const float (*sp_brick_store_vectors(const struct sp_brick_store *store,
+                                     const struct sp_brick_need *need, const void *samples))[3];
+
+/* With the mutex held: puts a window into a slot, in place of those of which it has all. */
+void sp_brick_store_publish(struct sp_brick_store *store, struct sp_brick_store_window *window);
+
+/* Reads the bricks of a need, which it takes over, into a window. Publishes parts of it meanwhile,
+ * if it is sparse; `coarser` shows the rest of them. What failed is cleared by the caller. Without
+ * the mutex. (reading.c) */
+bool sp_brick_store_fill(struct sp_brick_store *store, struct sp_brick_need *need,
+                         const struct sp_brick_window *coarser,
+                         struct sp_brick_store_window *window, struct sp_error *err);
+
+/* The thread that reads what is asked for, until `stop`. */
+void *sp_brick_store_read(void *store);
+
+#endif

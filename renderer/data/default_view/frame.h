@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * How close the camera stands, so that the visible matter fills the image.
+ */
+#ifndef SP_DEFAULT_VIEW_FRAME_H
+#define SP_DEFAULT_VIEW_FRAME_H
+
+#include "data/default_view/orient.h"
+#include "sp/view.h"
+
+/* Sets position, target, up and height for camera->fov_y. The camera stays as it is if nothing is
+ * visible or memory is short. */
+void sp_first_frame(const struct sp_first_samples *samples, const double extinction[SP_FIRST_BINS],
+                    const struct sp_first_orientation *orientation, struct sp_camera *camera);
+
+#endif

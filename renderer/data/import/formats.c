@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * All formats.
+ */
+#include "data/import/foreign.h"
+#include "data/import/format.h"
+
+/* In the order in which they are asked. DICOM comes first, because such a file may begin as a TIFF.
+ */
+static const struct import_format *const formats[] = {
+    &import_zarr,    &import_dicom,  &import_tiff_stack, &import_image_stack, &import_nrrd,
+    &import_mrc,     &import_gipl,   &import_mgh,        &import_nifti,       &import_metaimage,
+    &import_pvm,     &import_vdb,    &import_ply,        &import_collection,  &import_vtk,
+    &import_vtk_xml, &import_spz,    &import_csv,        &import_mesh,        &import_amira,
+    &import_vol,     &import_netcdf, &import_hdf5,       &import_plot3d,      &import_raw
+};
+
+bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown) {
+    bool needed = false;
+    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
+        needed |= formats[i]->needs_module &&
+                  (formats[i]->probe(start, size, "") || formats[i]->probe(start, size, shown));
+    return needed;
+}
+
+bool import_format_is_known(const uint8_t *start, size_t size, const char *shown) {
+    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
+        if (formats[i]->probe(start, size, shown))
+            return true;
+    return false;
+}
+
+static const struct import_format *find(const uint8_t *start, size_t size, const char *shown) {
+    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
+        if (formats[i]->probe(start, size, shown))
+            return formats[i];
+    return NULL;
+}
+
+const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *shown,
+                                               struct sp_error *err) {
+    if (size == 0) {
+        import_fail(err, SP_ERR_FORMAT, shown, 0, NULL, "the file is empty");
+        return NULL;
+    }
+    /* What a file has counts more than its name; but several formats may be packed with gzip. */
+    const bool is_gzip = size >= 2 && start[0] == 0x1f && start[1] == 0x8b;
+    const struct import_format *found = find(start, size, "");
+    if (!found && is_gzip)
+        found = find(start, size, shown);
+    if (!found && !import_foreign_check(start, size, shown, err))
+        return NULL;
+    if (!found)
+        found = find(start, size, shown);
+    if (found) /* NetCDF-4 files are HDF5 files; their names tell */
+        return found == &import_hdf5 && import_netcdf.probe(start, size, shown) ? &import_netcdf
+                                                                                : found;
+    if (!import_foreign_check_name(shown, err))
+        return NULL;
+    import_fail(
+        err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
+        "unknown file format; supported are NRRD, DICOM, NIfTI, MetaImage, MRC, MGH, GIPL, PVM, "
+        "OpenVDB, Zarr, HDF5, NetCDF, Amira, .vol, .vgi, VTK (.vtk, .vti, .vtu, .vtp and "
+        "others), .pvd, .series, raw samples with a JSON sidecar (.json), images (.tif, "
+        ".png, .jpg), points and Gaussians (.ply, .spz, .csv), PLOT3D (.xyz, .p3d) and "
+        "meshes (.ply, .stl, .obj, .gltf, .glb)");
+    return NULL;
+}

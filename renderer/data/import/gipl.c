@@ -1,0 +1,115 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * GIPL (Guys Image Processing Lab), plain or packed with gzip: a header of 256 bytes, big endian,
+ * then the samples. Its matrix, flags, limits, offset and scale of the values are not applied, as
+ * in ITK, which alone reads the format in Debian.
+ */
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "data/import/samples.h"
+#include "data/volume/volume.h"
+
+enum { HEADER = 256 };
+enum place { DIMS = 0, TYPE = 8, SPACING = 10, ORIGIN = 204, MAGIC = 252 }; /* bytes */
+
+static const uint8_t magics[2][4] = { { 0xef, 0xff, 0xe9, 0xb0 }, { 0x2a, 0xe3, 0x89, 0xb8 } };
+
+static bool has_magic(const uint8_t *start, size_t size) {
+    return size >= HEADER &&
+           (memcmp(start + MAGIC, magics[0], 4) == 0 || memcmp(start + MAGIC, magics[1], 4) == 0);
+}
+
+static bool probe(const uint8_t *start, size_t size, const char *shown) {
+    return has_magic(start, size) || import_ends_with(shown, ".gipl") ||
+           import_ends_with(shown, ".gipl.gz");
+}
+
+static bool take_number(const struct import_file *file, const uint8_t *bytes,
+                        struct import_number *number, struct sp_error *err) {
+    static const struct {
+        int code;
+        struct import_number number;
+    } known[] = {
+        { 7, { IMPORT_SIGNED, 1 } },           { 8, { IMPORT_UNSIGNED, 1 } },
+        { 15, { IMPORT_SIGNED, 2 } },          { 16, { IMPORT_UNSIGNED, 2 } },
+        { 31, { IMPORT_UNSIGNED, 4 } },        { 32, { IMPORT_SIGNED, 4 } },
+        { 64, { IMPORT_FLOAT, 4 } },           { 65, { IMPORT_FLOAT, 8 } },
+        { 144, { IMPORT_COMPLEX_SIGNED, 4 } }, { 160, { IMPORT_COMPLEX_SIGNED, 8 } },
+        { 192, { IMPORT_COMPLEX, 8 } },        { 193, { IMPORT_COMPLEX, 16 } },
+    };
+    const int code =
+        (int)import_widen_big(bytes + TYPE, (struct import_number){ IMPORT_UNSIGNED, 2 });
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (known[i].code == code) {
+            *number = known[i].number;
+            return true;
+        }
+    return import_fail(
+        err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "image type",
+        "samples of type %d are not supported%s; save the image with 8, 16 or 32 bits", code,
+        code == 1 ? "; these are bits" : "");
+}
+
+static bool take_grid(const struct import_file *file, const uint8_t *bytes,
+                      struct import_header *header, struct sp_error *err) {
+    const struct import_number count = { IMPORT_UNSIGNED, 2 }, real = { IMPORT_FLOAT, 4 },
+                               large = { IMPORT_FLOAT, 8 };
+    struct sp_grid *grid = &header->grid;
+    for (size_t axis = 0; axis < 3; axis++) {
+        const double spacing = import_widen_big(bytes + SPACING + 4 * axis, real);
+        const uint32_t dim = (uint32_t)import_widen_big(bytes + DIMS + 2 * axis, count);
+        const double origin = import_widen_big(bytes + ORIGIN + 8 * axis, large);
+        grid->dims[axis] = dim == 0 && axis == 2 ? 1 : dim;
+        grid->spacing[axis] = spacing > 0 && isfinite(spacing) ? spacing : 1;
+        grid->origin[axis] = isfinite(origin) ? origin : 0;
+        if (grid->dims[axis] == 0)
+            return import_fail(err, SP_ERR_FORMAT, file->shown, DIMS + 2 * axis, "dim",
+                               "axis %zu has no samples", axis + 1);
+        if (!(spacing > 0) || !isfinite(spacing))
+            import_warn(file->warnings, "The spacing of axis %zu is unknown; it is taken as 1.",
+                        axis + 1);
+    }
+    memcpy(header->unit, "mm", sizeof "mm");
+    const double steps = import_widen_big(bytes + DIMS + 6, count);
+    return import_header_use_steps(header, file, steps > 1 ? (uint64_t)steps : 1, err);
+}
+
+static bool take(const struct import_file *file, struct import_sampled *g,
+                 struct import_header *header, struct sp_error *err) {
+    uint8_t bytes[HEADER];
+    bool is_packed;
+    struct import_samples *s = &g->samples;
+    struct import_conversion *c = &g->conversion;
+    if (import_stream_head(file, bytes, HEADER, &is_packed) < HEADER || !has_magic(bytes, HEADER))
+        return import_fail(err, SP_ERR_FORMAT, file->shown, MAGIC, "magic number",
+                           "this is no GIPL file: it does not begin with a header of 256 bytes");
+    if (!take_number(file, bytes, &s->number, err) || !take_grid(file, bytes, header, err))
+        return false;
+    *c = import_conversion_of(s->number, file->warnings);
+    header->type = c->type;
+    if (!sp_grid_check(&header->grid, c->type, file->shown, &header->bytes, err))
+        return false;
+    s->field = "dim";
+    s->encoding = is_packed ? IMPORT_GZIP : IMPORT_RAW;
+    s->big_endian = true;
+    s->rest = IMPORT_REST_WARNED;
+    s->skip_bytes = HEADER;
+    s->conversion = import_conversion_is_copy(c) ? NULL : c;
+    s->bytes = header->bytes / sp_type_size(c->type) * s->number.size;
+    return import_samples_choose_block(s, header->steps.count, file->step) &&
+           import_samples_check(s, err);
+}
+
+static void *open_gipl(const struct import_file *file, struct import_header *header,
+                       struct sp_error *err) {
+    return import_sampled_open(file, header, take, err);
+}
+
+const struct import_format import_gipl = { .name = "GIPL",
+                                           .probe = probe,
+                                           .open = open_gipl,
+                                           .read = import_sampled_read,
+                                           .close = import_sampled_close };

@@ -1,0 +1,266 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * NetCDF files, of the classic formats (CDF-1, CDF-2, CDF-5) and of NetCDF-4.
+ */
+#include "data/import/array_bridge.h"
+
+#include <netcdf.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { CACHE_BYTES = 128 << 20, CACHE_SLOTS = 12421 };
+
+enum { GROUP_DEPTH_MAX = 32 };
+
+struct variable {
+    int group, id;
+    char name[ARRAY_NAME_BYTES]; /* the path, "group/name" or "name" */
+    bool has_cache;              /* of chunks; to set it again would empty it */
+};
+
+struct netcdf {
+    int id;
+    unsigned count;
+    struct variable *variables; /* owned: of the root group first, then of the groups below */
+};
+
+static void close_file(void *file) {
+    struct netcdf *c = file;
+    nc_close(c->id);
+    free(c->variables);
+    free(c);
+}
+
+static bool add_variable(struct netcdf *c, int group, int id, const char *path) {
+    char name[NC_MAX_NAME + 1] = "";
+    if (c->count == ARRAYS_MAX)
+        return true;
+    if (c->count % 64 == 0) {
+        void *larger = realloc(c->variables, (c->count + 64) * sizeof *c->variables);
+        if (!larger)
+            return false;
+        c->variables = larger;
+    }
+    struct variable *v = &c->variables[c->count++];
+    *v = (struct variable){ .group = group, .id = id };
+    nc_inq_varname(group, id, name);
+    return snprintf(v->name, sizeof v->name, "%s%.*s", path, NC_MAX_NAME, name) > 0;
+}
+
+/* Lists the variables of a group, then those of the groups in it. `path` ends with '/' or is "". */
+static bool list_group(struct netcdf *c, int group, const char *path, unsigned depth) {
+    int count = 0;
+    char below[ARRAY_NAME_BYTES], name[NC_MAX_NAME + 1];
+    if (nc_inq_nvars(group, &count) != NC_NOERR)
+        return true;
+    for (int i = 0; i < count; i++)
+        if (!add_variable(c, group, i, path))
+            return false;
+    if (depth == GROUP_DEPTH_MAX || nc_inq_grps(group, &count, NULL) != NC_NOERR || count <= 0)
+        return true;
+    int *groups = calloc((size_t)count, sizeof *groups);
+    bool ok = groups && nc_inq_grps(group, &count, groups) == NC_NOERR;
+    for (int i = 0; ok && i < count; i++)
+        if (nc_inq_grpname(groups[i], name) == NC_NOERR &&
+            snprintf(below, sizeof below, "%s%s/", path, name) < (int)sizeof below)
+            ok = list_group(c, groups[i], below, depth + 1);
+    free(groups);
+    return ok;
+}
+
+static void *open_file(const struct array_place *place, char *why, size_t capacity) {
+    struct netcdf *c = calloc(1, sizeof *c);
+    snprintf(why, capacity, "out of memory");
+    if (!c)
+        return NULL;
+    setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1); /* the sandbox allows no locks */
+    int status = nc_open(place->path, NC_NOWRITE, &c->id);
+    if (status == NC_NOERR) {
+        if (list_group(c, c->id, "", 0))
+            return c;
+        close_file(c);
+        return NULL;
+    }
+    snprintf(why, capacity, "NetCDF cannot open the file: %s", nc_strerror(status));
+    free(c);
+    return NULL;
+}
+
+/* True if the type has two floating-point members with the names of a real and an imaginary part.
+ */
+static bool is_complex(int group, nc_type type, struct import_number *number) {
+    char first[NC_MAX_NAME + 1] = "", second[NC_MAX_NAME + 1] = "";
+    nc_type parts[2] = { NC_NAT, NC_NAT };
+    size_t count = 0, size = 0;
+    if (nc_inq_compound(group, type, NULL, &size, &count) != NC_NOERR || count != 2 ||
+        nc_inq_compound_fieldname(group, type, 0, first) != NC_NOERR ||
+        nc_inq_compound_fieldname(group, type, 1, second) != NC_NOERR ||
+        nc_inq_compound_fieldtype(group, type, 0, &parts[0]) != NC_NOERR ||
+        nc_inq_compound_fieldtype(group, type, 1, &parts[1]) != NC_NOERR)
+        return false;
+    *number = (struct import_number){ IMPORT_COMPLEX, parts[0] == NC_FLOAT ? 8 : 16 };
+    return array_names_complex(first, second) && parts[0] == parts[1] &&
+           (parts[0] == NC_FLOAT || parts[0] == NC_DOUBLE) && size == number->size;
+}
+
+static bool number_of(int group, nc_type type, struct import_number *number) {
+    int kind = 0;
+    nc_type base = NC_NAT;
+    if (type > NC_MAX_ATOMIC_TYPE) {
+        if (nc_inq_user_type(group, type, NULL, NULL, &base, NULL, &kind) != NC_NOERR)
+            return false;
+        if (kind == NC_COMPOUND)
+            return is_complex(group, type, number);
+        if (kind != NC_ENUM)
+            return false;
+        type = base;
+    }
+    switch (type) {
+    case NC_BYTE:
+        *number = (struct import_number){ IMPORT_SIGNED, 1 };
+        break;
+    case NC_UBYTE:
+        *number = (struct import_number){ IMPORT_UNSIGNED, 1 };
+        break;
+    case NC_SHORT:
+        *number = (struct import_number){ IMPORT_SIGNED, 2 };
+        break;
+    case NC_USHORT:
+        *number = (struct import_number){ IMPORT_UNSIGNED, 2 };
+        break;
+    case NC_INT:
+        *number = (struct import_number){ IMPORT_SIGNED, 4 };
+        break;
+    case NC_UINT:
+        *number = (struct import_number){ IMPORT_UNSIGNED, 4 };
+        break;
+    case NC_INT64:
+        *number = (struct import_number){ IMPORT_SIGNED, 8 };
+        break;
+    case NC_UINT64:
+        *number = (struct import_number){ IMPORT_UNSIGNED, 8 };
+        break;
+    case NC_FLOAT:
+        *number = (struct import_number){ IMPORT_FLOAT, 4 };
+        break;
+    case NC_DOUBLE:
+        *number = (struct import_number){ IMPORT_FLOAT, 8 };
+        break;
+    default:
+        return false;
+    }
+    return true;
+}
+
+static bool describe(void *file, unsigned n, struct array_info *info) {
+    const struct netcdf *c = file;
+    char name[NC_MAX_NAME + 1] = "";
+    int dims[NC_MAX_VAR_DIMS], rank = 0, storage = NC_CONTIGUOUS;
+    nc_type type;
+    memset(info, 0, sizeof *info);
+    if (n >= c->count)
+        return false;
+    const struct variable *v = &c->variables[n];
+    memcpy(info->name, v->name, sizeof info->name);
+    if (nc_inq_var(v->group, v->id, name, &type, &rank, dims, NULL) != NC_NOERR) {
+        snprintf(info->problem, sizeof info->problem, "it cannot be opened");
+        return true;
+    }
+    if (!number_of(v->group, type, &info->number))
+        snprintf(info->problem, sizeof info->problem, "it has no numbers but %s",
+                 type == NC_CHAR || type == NC_STRING ? "text" : "structures");
+    else if (rank > IMPORT_RANK_MAX)
+        snprintf(info->problem, sizeof info->problem, "it has %d dimensions, more than %d", rank,
+                 IMPORT_RANK_MAX);
+    for (int d = 0; d < rank && !info->problem[0]; d++) {
+        size_t size = 0;
+        if (nc_inq_dim(v->group, dims[d], name, &size) != NC_NOERR)
+            snprintf(info->problem, sizeof info->problem, "a dimension is missing");
+        info->shape[d] = size;
+        snprintf(info->dims[d], sizeof info->dims[d], "%.*s", (int)sizeof info->dims[d] - 1, name);
+    }
+    info->is_number = !info->problem[0];
+    info->rank = info->is_number ? (unsigned)rank : 0;
+    int is_never_filled = 1;
+    info->has_default_fill =
+        nc_inq_var_fill(v->group, v->id, &is_never_filled, NULL) == NC_NOERR && !is_never_filled;
+    size_t chunk[NC_MAX_VAR_DIMS];
+    if (info->is_number && rank > 0 &&
+        nc_inq_var_chunking(v->group, v->id, &storage, chunk) == NC_NOERR &&
+        storage == NC_CHUNKED) {
+        for (int d = 0; d < rank; d++)
+            info->chunk[d] = chunk[d];
+        unsigned filter = 0;
+        info->is_packed =
+            nc_inq_var_filter(v->group, v->id, &filter, NULL, NULL) == NC_NOERR && filter > 0;
+    }
+    return true;
+}
+
+static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64_t *count,
+                     void *out, char *why, size_t capacity) {
+    const struct netcdf *c = file;
+    struct array_info info;
+    size_t first[IMPORT_RANK_MAX], size[IMPORT_RANK_MAX];
+    if (!describe(file, n, &info) || !info.is_number)
+        return false;
+    struct variable *v = &c->variables[n];
+    if (info.chunk[0] && !v->has_cache)
+        nc_set_var_chunk_cache(v->group, v->id, CACHE_BYTES, CACHE_SLOTS, 1);
+    v->has_cache = true;
+    for (unsigned d = 0; d < info.rank; d++) {
+        first[d] = (size_t)start[d];
+        size[d] = (size_t)count[d];
+    }
+    const int status = nc_get_vara(v->group, v->id, first, size, out);
+    snprintf(why, capacity, "NetCDF cannot read the numbers: %s%s", nc_strerror(status),
+             status == NC_EFILTER || status == NC_ENOFILTER
+                 ? "; write them with zlib, as nccopy -d 4 does"
+                 : "");
+    return status == NC_NOERR;
+}
+
+static struct variable place_of(const struct netcdf *c, unsigned n) {
+    return n < c->count ? c->variables[n] : (struct variable){ .group = c->id, .id = NC_GLOBAL };
+}
+
+static size_t numbers(void *file, unsigned n, const char *name, double *out, size_t most) {
+    const struct variable place = place_of(file, n), *v = &place;
+    double values[64];
+    nc_type type;
+    size_t count = 0;
+    if (nc_inq_att(v->group, v->id, name, &type, &count) != NC_NOERR || type == NC_CHAR ||
+        count > 64 || nc_get_att_double(v->group, v->id, name, values) != NC_NOERR)
+        return 0;
+    count = count < most ? count : most;
+    memcpy(out, values, count * sizeof *out);
+    return count;
+}
+
+static void text(void *file, unsigned n, const char *name, char *out, size_t capacity) {
+    const struct variable place = place_of(file, n), *v = &place;
+    char value[1024];
+    nc_type type;
+    size_t size = 0;
+    out[0] = 0;
+    if (nc_inq_att(v->group, v->id, name, &type, &size) != NC_NOERR)
+        return;
+    if (type == NC_CHAR && size < sizeof value &&
+        nc_get_att_text(v->group, v->id, name, value) == NC_NOERR) {
+        snprintf(out, capacity, "%.*s", (int)size, value);
+    } else if (type == NC_STRING && size == 1) {
+        char *one = NULL;
+        if (nc_get_att_string(v->group, v->id, name, &one) == NC_NOERR && one)
+            snprintf(out, capacity, "%s", one);
+        nc_free_string(1, &one);
+    }
+}
+
+__attribute__((visibility("default")))
+const struct array_functions splat_netcdf_bridge = { .open = open_file,
+                                                     .close = close_file,
+                                                     .describe = describe,
+                                                     .read = read_box,
+                                                     .numbers = numbers,
+                                                     .text = text };

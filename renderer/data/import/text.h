@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Reads text from a range of a file, word by word or line by line, through a window.
+ */
+#ifndef SP_IMPORT_TEXT_H
+#define SP_IMPORT_TEXT_H
+
+#include "data/import/format.h"
+
+enum { IMPORT_WORD_MAX = 255, IMPORT_WINDOW = 1 << 16 }; /* bytes */
+
+struct import_text {
+    const struct import_file *file;
+    uint64_t at, end;   /* the next byte of the file; the first byte beyond the range */
+    uint64_t window_at; /* the window holds the bytes [window_at, window_at + window_size) */
+    size_t window_size;
+    uint8_t window[IMPORT_WINDOW];
+};
+
+void import_text_init(struct import_text *text, const struct import_file *file, uint64_t begin,
+                      uint64_t end);
+
+/* import_text_peek() of a byte outside of the window. */
+int import_text_fill(struct import_text *text, struct sp_error *err);
+
+/* Returns the next byte without consuming it, in [0, 255]; -1 at the end of the range; -2 with *err
+ * set if the file cannot be read. */
+static inline int import_text_peek(struct import_text *text, struct sp_error *err) {
+    const uint64_t at = text->at - text->window_at; /* large before the window */
+    return text->at < text->end && at < text->window_size ? text->window[at]
+                                                          : import_text_fill(text, err);
+}
+
+/* Reads the next word between white space, "" at the end; *byte is its offset. False with *err set
+ * if it is longer than IMPORT_WORD_MAX or cannot be read. */
+bool import_text_word(struct import_text *text, char word[IMPORT_WORD_MAX + 1], uint64_t *byte,
+                      struct sp_error *err);
+
+/* Reads the rest of the line without its end, cut to `capacity` bytes with the terminating 0. False
+ * with *err set if it cannot be read. */
+bool import_text_line(struct import_text *text, char *line, size_t capacity, struct sp_error *err);
+
+/* Skips words. False with *err set if there are fewer. */
+bool import_text_skip(struct import_text *text, uint64_t words, const char *field,
+                      struct sp_error *err);
+
+#endif

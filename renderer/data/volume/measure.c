@@ -1,0 +1,252 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Range and histogram, in two passes, and the longest vector. Samples are widened to double in
+ * short runs, so that one loop serves all types. Double represents every type exactly.
+ */
+#include <assert.h>
+#include <math.h>
+#include <sched.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/parallel_for.h"
+#include "data/volume/bins.h"
+#include "data/volume/missing.h"
+#include "data/volume/sample.h"
+#include "data/volume/volume.h"
+
+enum { RUN = 512, GRAIN = 1 << 18 }; /* samples */
+enum { THREADS_MAX = 16 };           /* of sp_volume_threads() */
+
+struct partial { /* of one worker; merged by sums, minima and maxima, so order has no influence */
+    double low, high;
+    uint64_t finite;
+    struct sp_extreme extreme;
+    uint64_t bins[SP_HISTOGRAM_BINS];
+};
+
+struct measure {
+    const void *voxels;
+    enum sp_type type;
+    double low, high;
+    int side; /* of the extreme that is looked at: 0 = low, 1 = high */
+    struct partial *partials;
+    unsigned workers;
+    struct sp_pool *pool;
+    uint64_t count;
+};
+
+unsigned sp_volume_threads(void) {
+    cpu_set_t set;
+    int n = sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
+    return n < 1 ? 1 : n > THREADS_MAX ? THREADS_MAX : (unsigned)n;
+}
+
+#define WIDEN(T)                                                                                   \
+    for (size_t i = 0; i < n; i++)                                                                 \
+    out[i] = ((const T *)voxels)[begin + i]
+
+void sp_samples_widen(const void *voxels, enum sp_type type, size_t begin, size_t n, double *out) {
+    switch (type) {
+    case SP_UINT8:
+        WIDEN(uint8_t);
+        break;
+    case SP_INT8:
+        WIDEN(int8_t);
+        break;
+    case SP_UINT16:
+        WIDEN(uint16_t);
+        break;
+    case SP_INT16:
+        WIDEN(int16_t);
+        break;
+    case SP_INT32:
+        WIDEN(int32_t);
+        break;
+    case SP_FLOAT32:
+        WIDEN(float);
+        break;
+    case SP_FLOAT64:
+    case SP_TYPE_COUNT:
+        memcpy(out, (const double *)voxels + begin, n * sizeof *out);
+        break;
+    }
+}
+
+static void find_range(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct measure *m = user;
+    struct partial *p = &m->partials[worker];
+    double run[RUN], low = p->low, high = p->high;
+    uint64_t finite = 0;
+    for (size_t at = begin; at < end; at += RUN) {
+        size_t n = end - at < RUN ? end - at : RUN;
+        sp_samples_widen(m->voxels, m->type, at, n, run);
+        for (size_t i = 0; i < n; i++) {
+            if (!isfinite(run[i]))
+                continue;
+            finite++;
+            low = run[i] < low ? run[i] : low;
+            high = run[i] > high ? run[i] : high;
+        }
+    }
+    p->low = low;
+    p->high = high;
+    p->finite += finite;
+}
+
+static void fill_bins(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct measure *m = user;
+    uint64_t *bins = m->partials[worker].bins;
+    const struct sp_bins range = sp_bins_between(m->low, m->high, SP_HISTOGRAM_BINS);
+    double run[RUN];
+    for (size_t at = begin; at < end; at += RUN) {
+        size_t n = end - at < RUN ? end - at : RUN;
+        sp_samples_widen(m->voxels, m->type, at, n, run);
+        for (size_t i = 0; i < n; i++)
+            if (run[i] >= m->low && run[i] <= m->high)
+                bins[sp_bin_of(&range, run[i])]++;
+    }
+}
+
+/* Counts the samples of the value at one end, and finds its neighbour. */
+static void find_extreme(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct measure *m = user;
+    struct sp_extreme *e = &m->partials[worker].extreme;
+    const double sign = m->side ? -1 : 1, least = m->side ? -m->high : m->low;
+    double run[RUN], next = e->next;
+    uint64_t count = 0;
+    for (size_t at = begin; at < end; at += RUN) {
+        size_t n = end - at < RUN ? end - at : RUN;
+        sp_samples_widen(m->voxels, m->type, at, n, run);
+        for (size_t i = 0; i < n; i++) {
+            const double value = sign * run[i];
+            count += value == least;
+            next = value > least && value < next ? value : next;
+        }
+    }
+    e->next = next;
+    e->count += count;
+}
+
+static void count_bins(const struct measure *m, uint64_t histogram[SP_HISTOGRAM_BINS]) {
+    memset(histogram, 0, SP_HISTOGRAM_BINS * sizeof *histogram);
+    for (unsigned t = 0; t < m->workers; t++)
+        memset(m->partials[t].bins, 0, sizeof m->partials[t].bins);
+    sp_parallel_for(m->pool, m->count, GRAIN, fill_bins, (void *)m);
+    for (unsigned t = 0; t < m->workers; t++)
+        for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
+            histogram[b] += m->partials[t].bins[b];
+}
+
+/* Leaves out the value at one end if it stands for missing data. */
+static bool drop_extreme(struct measure *m, int side, struct sp_volume_info *info) {
+    if (!(m->high > m->low) || !sp_missing_is_likely(info->histogram, side))
+        return false;
+    m->side = side;
+    for (unsigned t = 0; t < m->workers; t++)
+        m->partials[t].extreme = (struct sp_extreme){ .next = INFINITY };
+    sp_parallel_for(m->pool, m->count, GRAIN, find_extreme, m);
+    struct sp_extreme e = { .value = side ? m->high : m->low,
+                            .far = side ? m->low : m->high,
+                            .next = INFINITY };
+    for (unsigned t = 0; t < m->workers; t++) {
+        e.count += m->partials[t].extreme.count;
+        e.next = fmin(e.next, m->partials[t].extreme.next);
+    }
+    e.next *= side ? -1 : 1;
+    if (!sp_missing_is(&e))
+        return false;
+    *(side ? &m->high : &m->low) = e.next;
+    count_bins(m, info->histogram);
+    sp_missing_note(info, e.value, e.count, m->count);
+    return true;
+}
+
+/* The range of all samples, and of those that stand for data; the histogram of the latter. */
+static void measure_values(struct measure *m, struct sp_volume_info *info) {
+    double low = INFINITY, high = -INFINITY;
+    uint64_t finite = 0;
+    for (unsigned t = 0; t < m->workers; t++)
+        m->partials[t] = (struct partial){ .low = INFINITY, .high = -INFINITY };
+    sp_parallel_for(m->pool, m->count, GRAIN, find_range, m);
+    for (unsigned t = 0; t < m->workers; t++) {
+        low = fmin(low, m->partials[t].low);
+        high = fmax(high, m->partials[t].high);
+        finite += m->partials[t].finite;
+    }
+    m->low = info->range[0] = finite ? low : 0;
+    m->high = info->range[1] = finite ? high : 0;
+    info->nonfinite = m->count - finite;
+    memset(info->histogram, 0, sizeof info->histogram);
+    if (m->high > m->low)
+        count_bins(m, info->histogram);
+    else
+        info->histogram[0] = finite; /* one value: all of it in the first bin */
+    const int values_max = 4;        /* that stand for missing data */
+    for (int i = 0; i < values_max && info->meaning != SP_MEANING_LABELS; i++)
+        if (!drop_extreme(m, 0, info) && !drop_extreme(m, 1, info))
+            break;
+    info->data[0] = m->low;
+    info->data[1] = m->high;
+}
+
+bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t count,
+                       struct sp_error *err) {
+    assert(info->type < SP_TYPE_COUNT);
+    uint64_t blocks = count / GRAIN + 1;
+    struct measure m = {
+        .voxels = voxels, .type = info->type, .workers = sp_volume_threads(), .count = count
+    };
+    if (m.workers > blocks)
+        m.workers = (unsigned)blocks;
+    m.partials = calloc(m.workers, sizeof *m.partials);
+    if (!m.partials)
+        return sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for the histogram");
+    m.pool = sp_pool_create(m.workers, err);
+    if (m.pool)
+        measure_values(&m, info);
+    const bool ok = m.pool != NULL;
+    sp_pool_destroy(&m.pool);
+    free(m.partials);
+    return ok;
+}
+
+struct lengths {
+    const float (*vectors)[3];
+    double *longest; /* by worker */
+};
+
+static double square_of(const float v[3]) {
+    return (double)v[0] * v[0] + (double)v[1] * v[1] + (double)v[2] * v[2];
+}
+
+void sp_volume_lengths(const float (*vectors)[3], uint64_t count, float *lengths) {
+    for (uint64_t i = 0; i < count; i++)
+        lengths[i] = (float)sqrt(square_of(vectors[i]));
+}
+
+static void find_longest(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct lengths *l = user;
+    double longest = l->longest[worker];
+    for (size_t i = begin; i < end; i++) {
+        double square = square_of(l->vectors[i]);
+        if (isfinite(square) && square > longest)
+            longest = square;
+    }
+    l->longest[worker] = longest;
+}
+
+bool sp_volume_measure_vectors(const float (*vectors)[3], uint64_t count, double *longest,
+                               struct sp_error *err) {
+    struct sp_pool *pool = sp_pool_create(sp_volume_threads(), err);
+    if (!pool)
+        return false;
+    double squares[THREADS_MAX] = { 0 };
+    struct lengths lengths = { vectors, squares };
+    sp_parallel_for(pool, count, GRAIN, find_longest, &lengths);
+    *longest = 0;
+    for (int t = 0; t < THREADS_MAX; t++)
+        *longest = fmax(*longest, sqrt(squares[t]));
+    sp_pool_destroy(&pool);
+    return true;
+}

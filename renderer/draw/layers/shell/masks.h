@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * One bit per voxel for each state, and the range of the values in each block of voxels, from which
+ * follows which blocks a change of the thresholds or of the transfer function can affect.
+ */
+#ifndef SP_SHELL_MASKS_H
+#define SP_SHELL_MASKS_H
+
+#include "base/interrupt.h"
+#include "base/parallel_for.h"
+#include "draw/layers/shell/states.h"
+
+/* A block is a word of voxels along axis 0, and as many along the other axes. */
+enum { SP_SHELL_WORD = 64, SP_SHELL_SIDE = 8 };
+
+struct sp_shell_masks {
+    uint32_t dims[3];
+    uint32_t words;                /* per row */
+    uint32_t sides[2];             /* blocks along axes 1 and 2 */
+    struct sp_shell_range *ranges; /* [sides[1]][sides[0]][words], owned; NULL = empty */
+    uint64_t *bits[2]; /* IN and OPAQUE: [dims[2]][dims[1]][words], owned; beyond a row 0 */
+};
+
+/* SP_ERR_MEMORY. The bits are all 0, the ranges not filled. */
+bool sp_shell_masks_init(struct sp_shell_masks *masks, const uint32_t dims[3],
+                         struct sp_error *err);
+void sp_shell_masks_finish(struct sp_shell_masks *masks);
+
+/* Bytes of the masks of a grid. */
+uint64_t sp_shell_masks_bytes(const uint32_t dims[3]);
+
+/* Computes the ranges of all blocks. Incomplete after a cancellation. */
+void sp_shell_masks_measure(struct sp_shell_masks *masks, const struct sp_volume *volume,
+                            struct sp_pool *pool, const struct sp_interrupt *interrupt);
+
+/* Sets the bits of all blocks that differ between two states; from NULL = all blocks. changed
+ * [sides[1] · sides[0]]: 1 if any block there differs, else 0. Incomplete after a cancellation. */
+void sp_shell_masks_update(struct sp_shell_masks *masks, const struct sp_volume *volume,
+                           const struct sp_shell_states *from, const struct sp_shell_states *to,
+                           uint8_t *changed, struct sp_pool *pool,
+                           const struct sp_interrupt *interrupt);
+
+/* Row (y, z) of the bits. */
+static inline const uint64_t *sp_shell_masks_row(const struct sp_shell_masks *masks, int which,
+                                                 uint32_t y, uint32_t z) {
+    return masks->bits[which] + ((uint64_t)z * masks->dims[1] + y) * masks->words;
+}
+
+#endif

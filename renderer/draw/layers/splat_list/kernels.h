@@ -1,0 +1,125 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The loops over voxels and pixels of a list, compiled once per instruction set (base/isa.h).
+ *
+ *   order ─► set_up ─► records ─► (tiles, draw.c) ─► add ─► resolve
+ *                                                 └► merge ─► fragments
+ */
+#ifndef SP_SPLAT_LIST_KERNELS_H
+#define SP_SPLAT_LIST_KERNELS_H
+
+#include "base/isa.h"
+#include "draw/layers/splat_list/list.h"
+#include "frame/fragments.h"
+#include "frame/resolve.h"
+#include "sp/frame.h"
+#include "splat/ewa.h"
+
+enum { SP_VOXEL_TILE = SP_FRAGMENT_TILE, SP_VOXEL_PIXELS = SP_FRAGMENT_PIXELS };
+
+#define SP_STREAK_PERIOD 2.0f /* of the pattern, standard deviations along the vector */
+
+/* What a layer of vectors adds to a frame (draw/layers/splat_list/streak.h). */
+struct sp_streaks {
+    float to_camera[3][3]; /* of a list: world → camera space, a rotation */
+    float to_grid[3][3]; /* of a rectilinear list: directions → along its axes [mean spacings] */
+    float widen;         /* stretch² − 1 */
+    float length;        /* of a period of the pattern [standard deviations of the kernel] */
+    float phase;         /* of the layer, [0, 1] */
+    bool blends;         /* style blend: streaks of one colour */
+    float color[3];
+};
+
+/* A fragment of another layer with this opacity or more divides the splats before it from those
+ * behind it. */
+#define SP_VOXEL_WALL 0.1f
+
+/* Opacity of trained Gaussians at a pixel: the least that is drawn, and the most that one has
+ * (Kerbl et al. 2023). */
+#define SP_TRAINED_OPACITY_MIN (1.0f / 255)
+#define SP_TRAINED_OPACITY_MAX 0.99f
+
+/* What is the same for all splats of a layer in one frame. */
+struct sp_voxel_frame {
+    struct sp_ewa_frame ewa;
+    enum sp_filter_mode mode;     /* EWA, or NONE for flat squares */
+    const struct sp_shade *shade; /* NULL = not lit */
+    bool is_rectilinear;
+    bool linear;      /* attenuation */
+    bool is_trained;  /* of a trained scene: `depth` of a record is the opacity at its centre */
+    bool has_streaks; /* of a layer of vectors */
+    struct sp_streaks streaks;
+    /* Rectilinear: by axis and index, distance from sample 0 and local spacing [mean spacings]. */
+    const float *place[3], *size[3];
+    float opaque; /* least optical depth of an opaque voxel over a cell; flat: per square */
+    /* A splat joins a pixel's open fragment if its u2 differs from that of the fragment's first
+     * splat by less than apart·(1 + n/2)/T [cells]: n fragments lie in front, and T is what they
+     * let through. So errors of depth are alike on all fragments, and few pixels need more than 16.
+     */
+    float apart;
+    /* Tiles of the rows being drawn that are opaque already, [rows][columns]; NULL = none is. */
+    const bool *closed;
+    int columns; /* of tiles */
+};
+
+/* One splat. Its weight on a pixel at (dx, dy) from the centre is 2^−p with
+ * p = a·dx² + b·dx·dy + c·dy², and 0 where p exceeds the frame's cut or outside the box. Of a layer
+ * of vectors, the place in the pattern is (a·dx + b·dy, c·dx + d·dy) standard deviations along and
+ * across the vector, and p = ½·log2 e·|place|². */
+struct sp_voxel_record {
+    float x, y, a, b, c;    /* px */
+    float depth;            /* optical depth at the centre */
+    float color[3];         /* shaded, not multiplied by anything */
+    float u2;               /* of the voxel [cells] */
+    int16_t x0, y0, x1, y1; /* box in px, half open, inside the image, not empty */
+    float area;             /* px */
+    /* Vectors: */
+    float d;
+    float periods;           /* of the pattern per standard deviation along the vector */
+    uint8_t contrast, shift; /* of the pattern [255ths]; of its rows [256ths of their distance] */
+    uint16_t phase;          /* [65536ths of a period] */
+};
+
+/* A tile while it is composited: transmittance, red, green, blue of SP_WIDE pixels each. Such a
+ * cell is four pixels wide; cells follow each other row by row. */
+struct sp_voxel_tile {
+    _Alignas(64) float cells[SP_VOXEL_PIXELS * 4];
+    uint64_t open[SP_VOXEL_PIXELS / 4 / 64]; /* bit n = cell n lets some light through */
+    uint32_t open_count;                     /* such cells */
+    int x, y;                                /* of its corner in the image */
+};
+
+/* Sets up the splats of voxels[count] of the list `from` (struct sp_voxel_list) that touch the rows
+ * being drawn, in order, without those that only touch closed tiles. Returns how many were written.
+ */
+typedef uint32_t sp_voxel_set_up_fn(const struct sp_voxel_frame *frame, const void *from,
+                                    const uint32_t *voxels, uint32_t count,
+                                    struct sp_voxel_record *out);
+
+struct sp_voxel_kernels {
+    sp_voxel_set_up_fn *set_up;
+    /* Empties the tile at (x, y); pixels outside the image count as opaque. */
+    void (*start)(struct sp_voxel_tile *tile, int x, int y, const int size[2]);
+    /* Composites records[entries[0 … count)], front to back. */
+    void (*add)(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
+                const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
+    /* Blends the tile over the background into the image. */
+    void (*resolve)(const struct sp_voxel_tile *tile, const float background[4],
+                    struct sp_frame *image);
+    /* Adds the same records to a tile of fragments. */
+    void (*merge)(struct sp_fragment_tile *tile, const struct sp_voxel_frame *frame,
+                  const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
+};
+
+/* The functions of the instruction set that the including source is compiled for. */
+uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const void *from,
+                         const uint32_t *voxels, uint32_t count, struct sp_voxel_record *out);
+void sp_voxel_start(struct sp_voxel_tile *tile, int x, int y, const int size[2]);
+void sp_voxel_add(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
+                  const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
+void sp_voxel_resolve(const struct sp_voxel_tile *tile, const float background[4],
+                      struct sp_frame *image);
+void sp_voxel_merge(struct sp_fragment_tile *tile, const struct sp_voxel_frame *frame,
+                    const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
+
+#endif

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Makes the points of a block, SURFACE_BATCH pieces of surface at a time.
+ */
+#ifndef SP_SURFACE_BATCH_H
+#define SP_SURFACE_BATCH_H
+
+#include "draw/layers/surface/patch.h"
+#include "draw/layers/surface/points.h"
+#include "draw/layers/surface/window.h"
+
+/* What all blocks share. */
+struct sp_surface_batch_frame {
+    const struct sp_surface_points *points;
+    float to_world[3][3]; /* gradient along the axes → world */
+    float unit;           /* edge of a cube with a cell's volume, world units */
+    float share[3];       /* of a cell that its parts have */
+    float face[3];        /* of a cell's face that those of its parts have */
+};
+
+struct sp_surface_batch {
+    const struct sp_surface_batch_frame *frame;
+    struct sp_surface_block *block;
+    uint64_t to; /* the next point */
+    struct sp_surface_slopes slopes;
+    float gap[3][SURFACE_WINDOW_ROW];
+    struct sp_surface_patches patches;
+    int32_t cell[3][SURFACE_BATCH]; /* in the block */
+    float start[3][SURFACE_BATCH];  /* of the part of the cell [parts] */
+};
+
+void sp_surface_batch_frame_init(struct sp_surface_batch_frame *frame,
+                                 const struct sp_surface_points *points,
+                                 const struct sp_grid *grid);
+
+/* Begins a block whose first point and number of points are known. The caller sets `slopes` and
+ * `gap` before it adds pieces. */
+void sp_surface_batch_begin(struct sp_surface_batch *batch, struct sp_surface_block *block);
+
+/* Adds the pieces of part i of a cell whose corners have the values f. */
+void sp_surface_batch_add(struct sp_surface_batch *batch, const float f[8],
+                          const struct sp_surface_parts *parts, const int cell[3], const int i[3]);
+void sp_surface_batch_end(struct sp_surface_batch *batch);
+
+#endif

@@ -1,0 +1,89 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Iso-surfaces by surface splatting (Zwicker et al. 2001, section 5).
+ *
+ *   points (points.h) ─► blocks in front-to-back order, by tile     sp_surface_prepare()
+ *                        └─► per tile: footprints ─► sheets ─► fragments     sp_surface_tile()
+ *
+ * A sheet is what one layer of the surface shows of a pixel: sums of the weights of footprints, of
+ * their depths and of their normals. Footprints of one facing whose depths are close form a sheet.
+ * Each sheet is shaded once per pixel. README.md of this folder derives the formulas.
+ */
+#ifndef SP_SURFACE_SURFACE_H
+#define SP_SURFACE_SURFACE_H
+
+#include "base/arena.h"
+#include "base/isa.h"
+#include "draw/footprints/bin.h"
+#include "draw/layers/surface/points.h"
+#include "frame/fragments.h"
+#include "splat/ewa.h"
+
+enum {
+    SURFACE_SHEETS = 4, /* per pixel and facing; the last one takes what is behind it */
+    SURFACE_STRIDE = SP_FRAGMENT_TILE + 16 /* floats per row: vectors may go beyond the tile */
+};
+
+/* What a frame and a layer are made from. */
+struct sp_surface_input {
+    const struct sp_view *view;
+    const struct sp_layer *layer;
+    const struct sp_grid *grid; /* of the volume */
+    const struct sp_surface_points *points;
+    const struct sp_camera_transform *camera;
+    const struct sp_shade *shade; /* NULL = not lit */
+    bool is_enlarged;             /* the level of the points is coarser than the image needs */
+    struct sp_interrupt interrupt;
+    struct sp_pool *pool;
+    struct sp_arena *arena; /* of the frame */
+};
+
+/* A surface in a frame. */
+struct sp_surface {
+    struct sp_ewa_frame frame;
+    const struct sp_surface_points *points;
+    const struct sp_shade *shade;
+    float color[3], opacity;
+    bool is_opaque;
+    float facing[3][3]; /* vector area in index space → camera space [cells²] */
+    float squeeze;      /* 1 − 1/flatness */
+    float bend;         /* factor of points->bend: cells per step times σ² */
+    float tolerance;    /* footprints of one sheet are closer than this [deviations] */
+    float reach;        /* of the largest kernel [cells] */
+    float stretch;      /* beside the image's centre kernels look at most this much larger */
+    float depth_first;  /* depths of sheets are relative to this [cells] */
+    float to_camera[3][3];
+    struct sp_clip_frame clip;
+    struct sp_clip_frame borders; /* faces of the volume near which some of it lies */
+    bool cuts_near;               /* some of it is nearer than the near plane */
+    uint64_t drawn;               /* points of the blocks that are in the image */
+    int columns, rows;            /* of tiles */
+    struct sp_splat *blocks;      /* in front-to-back order: box, `sheet` = number of the block in
+                                     points, `depth` = where it begins [cells] */
+    struct sp_bins bins;          /* entries: numbers of `blocks` */
+};
+
+struct sp_surface_sheet_row {
+    float weight[SURFACE_STRIDE], depth[SURFACE_STRIDE], normal[3][SURFACE_STRIDE];
+};
+
+/* What a worker needs for one tile. */
+struct sp_surface_scratch {
+    _Alignas(64) struct sp_surface_sheet_row sheets[2][SURFACE_SHEETS][SP_FRAGMENT_TILE];
+    _Alignas(64) float hidden[SP_FRAGMENT_TILE][SURFACE_STRIDE]; /* what is behind is not seen */
+    float ends[4][4]; /* by cells of the tile: the largest of `hidden` */
+    unsigned changed; /* cells whose `hidden` is not up to date, bit 4·row + column */
+    int used[2];      /* sheets that are not empty, by facing */
+};
+
+/* Prepares the surface for the tiles of the image. It is valid until the arena is reset.
+ * SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface *surface,
+                        struct sp_error *err);
+
+/* Adds what the surface shows in a tile, at (tile->x, tile->y). */
+typedef void sp_surface_tile_fn(const struct sp_surface *surface,
+                                struct sp_surface_scratch *scratch, struct sp_fragment_tile *tile);
+sp_surface_tile_fn sp_surface_tile;
+
+#endif

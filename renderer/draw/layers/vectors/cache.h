@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The lists of vectors that a backend caches; the least recently used is replaced first. The phase,
+ * the style and the stretch of a layer do not change its list, so that an animation costs nothing
+ * but drawing.
+ */
+#ifndef SP_VECTORS_CACHE_H
+#define SP_VECTORS_CACHE_H
+
+#include "draw/layers/vectors/extract.h"
+
+enum { SP_VECTORS_SLOTS = 2 };
+
+struct sp_vectors_cache {
+    struct sp_vectors_slot {
+        struct sp_volume *volume; /* one reference; NULL = empty */
+        struct sp_volume *colors; /* the same, of the colouring; NULL = none */
+        struct sp_coloring coloring;
+        struct sp_transfer_function tf;
+        struct sp_clip clip;
+        double density;
+        struct sp_voxel_list list;
+        uint64_t used; /* clock of the last use */
+    } slots[SP_VECTORS_SLOTS];
+    uint64_t clock;
+};
+
+/* Returns the list, valid until the next call. `bytes_max` of the job is that of the cache. NULL
+ * with *err set: SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+const struct sp_voxel_list *sp_vectors_cache_get(struct sp_vectors_cache *cache,
+                                                 struct sp_volume *volume,
+                                                 const struct sp_vectors_job *job,
+                                                 struct sp_error *err);
+
+/* Drops what is cached of the volume; NULL = of all volumes. */
+void sp_vectors_evict(struct sp_vectors_cache *cache, const struct sp_volume *volume);
+uint64_t sp_vectors_bytes(const struct sp_vectors_cache *cache, const struct sp_volume *volume);
+
+#endif

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Fragments of other layers (frame/fragments.h) inside of sheets and slabs. As in
+ * draw/footprints/insert.h, a fragment divides the one that it lies in: each part has its share of
+ * the optical depth, by length.
+ *
+ *   place of a fragment   l + s: in layer l, s of it lies in front, s in [0, 1); layers are those
+ *                         that are composited, and may be several slices
+ */
+#ifndef SP_POSTCONV_INSERT_H
+#define SP_POSTCONV_INSERT_H
+
+#include "draw/postconv/postconv.h"
+#include "frame/fragments.h"
+
+/* A frame's fragments among its layers. */
+struct sp_postconv_insert {
+    const struct sp_fragments *fragments;
+    /* Number of slices, counted from where the volume begins, in front of the point at depth u2 and
+     * (x, y) px from the camera's centre: offset + u2·depth + (right·x + down·y)·(perspective: u2,
+     * orthographic: 1). */
+    double offset, depth, right, down, centre[2];
+    bool is_perspective;
+    uint32_t slices;
+    /* Sheets, by number of a slice: place where it begins, and places per slice. NULL = slabs,
+     * which begin before the volume (a negative place) and end behind it. */
+    const float (*begin)[2];
+    double slabs; /* per slice */
+};
+
+/* The fragments of a tile that are not composited yet; pixels in the kernels' order. */
+struct sp_postconv_inserted {
+    _Alignas(64) float place[POSTCONV_TILE][POSTCONV_TILE]; /* of the first; infinite = none */
+    const struct sp_fragment *next[POSTCONV_TILE][POSTCONV_TILE];
+    uint8_t left[POSTCONV_TILE][POSTCONV_TILE]; /* from `next` on */
+};
+
+#endif

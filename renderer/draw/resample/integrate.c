@@ -1,0 +1,517 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Composites the interval of the rays between two sheets.
+ *
+ *   sheet   0      1      2      3         the value half way is that of the polynomial of
+ *           ·──────·──┬───·──────·         degree 3 through four sheets; in each half the value
+ *                  └half┘                  changes linearly, and the curve's integral classifies it
+ */
+#include "draw/light/read.h"
+#include "draw/resample/insert.h"
+#include "draw/resample/sample.h"
+#include "frame/resolve.h"
+#include "splat/exp2.h"
+
+enum { PARTS = RESAMPLE_PIXELS / SP_WIDE };
+
+/* SP_WIDE rays of a block in one interval. */
+struct interval {
+    int begin;           /* first pixel */
+    sp_wide sheet[4];    /* values on the sheet before it, at its start, at its end and behind it */
+    sp_wide value[3];    /* at its start, in its middle and at its end [levels] */
+    sp_wide length;      /* of the ray inside, reference lengths */
+    sp_wide gradient[3]; /* in its middle [gradient_unit] */
+    sp_wide square;      /* of its length */
+    sp_wide mean[4];     /* of the curve over it */
+    sp_wide depth;       /* optical depth */
+    sp_wide opacity;
+    sp_wide color[3];
+};
+
+/* The interval behind sheet `number` of all rays of a block that may see something in it. Each step
+ * is done for all rays before the next one, so that their latencies overlap. */
+struct work {
+    const struct sp_resample_open_tile *t;
+    struct sp_resample_block *block;
+    int number;
+    bool is_cut; /* it does not reach from sheet to sheet */
+    float start; /* s of the first sheet */
+    float width; /* s from sheet to sheet */
+    float decay; /* of a surface's normal, over it */
+    int count;
+    struct interval parts[PARTS];
+};
+
+/* 1 − opacity of an optical depth. */
+static inline sp_wide transmit(const struct sp_resample *r, sp_wide depth) {
+    if (r->is_linear)
+        return sp_wide_max(1 - depth, sp_wide_all(0));
+    return sp_wide_exp2(depth * -SP_LOG2E);
+}
+
+/* The depth of an opacity that is multiplied by `scale`. */
+static inline sp_wide scale_depth(sp_wide depth, sp_wide scale) {
+    sp_wide opacity = scale * (1 - sp_wide_exp2(depth * -SP_LOG2E));
+    return sp_wide_log2(sp_wide_max(1 - opacity, sp_wide_all(1e-30f))) * (-1 / SP_LOG2E);
+}
+
+/* The bin of a value, and how far the value lies below all bins or above them. */
+static inline sp_wide find_bin(const struct sp_curve *curve, sp_wide value, sp_wide *beyond) {
+    sp_wide x = value * curve->bins_per_level + curve->first_bin;
+    sp_wide inside = sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(CURVE_BINS));
+    *beyond = x - inside;
+    return sp_wide_floor(inside);
+}
+
+/* The curve's entries where the interval begins. Where the last one of these rays ended here, they
+ * are known. */
+static inline sp_wide begin_mean(const struct work *work, int begin, sp_wide bin,
+                                 struct sp_entries *entries) {
+    const struct sp_resample_block *block = work->block;
+    if (block->entry_sheet[begin] == work->number && !work->is_cut) {
+        for (int k = 0; k < 4; k++)
+            entries->part[k] = sp_wide_load(block->entry[k] + begin);
+        return sp_wide_load(block->entry_bin + begin);
+    }
+    *entries = sp_fetch_entries((const float(*)[4])work->t->r->curve.integral, sp_wide_to_int(bin));
+    return bin;
+}
+
+static inline void end_mean(const struct work *work, int begin, sp_wide bin,
+                            const struct sp_entries *entries) {
+    struct sp_resample_block *block = work->block;
+    sp_wide_store(block->entry_bin + begin, bin);
+    for (int k = 0; k < 4; k++)
+        sp_wide_store(block->entry[k] + begin, entries->part[k]);
+    block->entry_sheet[begin] = work->is_cut ? -1 : work->number + 1;
+}
+
+/* The mean of the curve over the interval: over its first half, where the value goes from
+ * value[0] to value[1], and over its second one. */
+static inline void find_mean(const struct work *work, struct interval *in) {
+    const struct sp_curve *curve = &work->t->r->curve;
+    const sp_wide zero = sp_wide_all(0);
+    struct sp_entries entries[3];
+    sp_wide bin[3], beyond[3], share[2], above = zero;
+    for (int k = 0; k < 3; k++)
+        bin[k] = find_bin(curve, in->value[k], &beyond[k]);
+    bin[0] = begin_mean(work, in->begin, bin[0], &entries[0]);
+    for (int k = 0; k < 2; k++) {
+        /* A half is at least one bin wide. It is as wide as the whole bins whose integral is taken,
+         * so that quantisation cancels, and what lies below all bins, which is transparent, or
+         * above them. */
+        sp_wide_mask is_equal = sp_wide_eq(bin[k], bin[k + 1]);
+        bin[k + 1] = sp_wide_select(is_equal, bin[k] + 1.0f, bin[k + 1]);
+        entries[k + 1] =
+            sp_fetch_entries((const float(*)[4])curve->integral, sp_wide_to_int(bin[k + 1]));
+        sp_wide width = bin[k + 1] - bin[k];
+        sp_wide all = sp_wide_abs(width) + sp_wide_abs(beyond[k + 1] - beyond[k]);
+        share[k] = 0.5f * sp_wide_inverse(all);
+        if (curve->has_above)
+            above += share[k] *
+                     sp_wide_abs(sp_wide_max(beyond[k + 1], zero) - sp_wide_max(beyond[k], zero));
+        share[k] = sp_wide_copysign(share[k], width);
+    }
+    sp_fetch_sum(entries, share, in->mean);
+    for (int c = 0; curve->has_above && c < 4; c++)
+        in->mean[c] += above * curve->above[c];
+    end_mean(work, in->begin, bin[2], &entries[2]);
+}
+
+static inline struct sp_rays load_rays(const struct sp_resample_block *block, int begin) {
+    return (struct sp_rays){ sp_wide_load(block->u + begin), sp_wide_load(block->v + begin),
+                             sp_wide_load(block->du + begin), sp_wide_load(block->dv + begin) };
+}
+
+/* Finds the values of the rays from pixel `begin` on, and the gradients along u and v. */
+static inline sp_wide read_slopes(const struct sp_resample_open_tile *t,
+                                  struct sp_resample_block *block, const struct sp_rays *rays,
+                                  int begin, int number) {
+    sp_wide slope[2], value = sp_sample_slopes(t, rays, number, slope);
+    for (int a = 0; a < 2; a++)
+        sp_wide_store(block->slope[number & 3][a] + begin, slope[a]);
+    block->has_slope[number & 3] |= UINT64_C(1) << begin;
+    return value;
+}
+
+/* The gradient along u and v on sheet `number` [levels per sample]. */
+static inline void find_slope(const struct work *work, const struct sp_rays *rays, int begin,
+                              int number, sp_wide slope[2]) {
+    if (!(work->block->has_slope[number & 3] >> begin & 1))
+        read_slopes(work->t, work->block, rays, begin, number);
+    for (int a = 0; a < 2; a++)
+        slope[a] = sp_wide_load(work->block->slope[number & 3][a] + begin);
+}
+
+static inline void find_gradient(const struct work *work, struct interval *in) {
+    static const float share[4] = { -1 / 16.0f, 9 / 16.0f, 9 / 16.0f, -1 / 16.0f };
+    const struct sp_resample_open_tile *t = work->t;
+    struct sp_rays rays = load_rays(work->block, in->begin);
+    sp_wide slope[3] = { sp_wide_all(0), sp_wide_all(0) };
+    for (int k = 0; k < 4; k++) {
+        sp_wide along[2];
+        find_slope(work, &rays, in->begin, work->number - 1 + k, along);
+        for (int a = 0; a < 2; a++)
+            slope[a] += share[k] * along[a];
+    }
+    /* Along the ray, per slice; what remains of it is along the slices' axis. All three are
+     * differences over one sample, so that none of them is blurred more than the others. */
+    slope[2] =
+        (in->sheet[2] - in->sheet[1]) * (1 / work->width) - rays.du * slope[0] - rays.dv * slope[1];
+    if (t->is_backwards)
+        slope[2] = -slope[2];
+    for (int w = 0; w < 3; w++) {
+        in->gradient[w] = sp_wide_all(0);
+        for (int a = 0; a < 3; a++)
+            in->gradient[w] += t->r->to_world[w][t->axis[a]] * slope[a];
+    }
+    const sp_wide *g = in->gradient;
+    in->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
+}
+
+/* The scale of the opacity at the gradient's magnitude. */
+static inline sp_wide gradient_scale(const struct sp_transfer_function *tf, sp_wide magnitude) {
+    sp_wide scale;
+    for (int i = 0; i < SP_WIDE; i++)
+        scale[i] = (float)sp_transfer_function_scale(tf, (double)magnitude[i]);
+    return scale;
+}
+
+/* The shares of ambient light and of the first light that arrive at the middle of an interval. They
+ * are read about a cell before it, on the eye's side of its surface. A gradient as small as noise
+ * is no surface. */
+static inline void find_share(const struct sp_resample_open_tile *t, const struct sp_rays *rays,
+                              float s, const sp_wide normal[3], sp_wide square,
+                              const sp_wide to_eye[3], sp_wide share[2]) {
+    const struct sp_resample *r = t->r;
+    const struct sp_light_field *light = r->light;
+    const float to_front = 0.75f, off_surface = 0.5f; /* cells */
+    const sp_wide zero = sp_wide_all(0);
+    sp_wide at[3], move[3], side = zero;
+    sp_wide firm = square * (r->light_firmness * r->light_firmness);
+    firm = sp_wide_min(firm, sp_wide_all(1)) * off_surface;
+    at[t->axis[0]] = rays->u + s * rays->du;
+    at[t->axis[1]] = rays->v + s * rays->dv;
+    at[t->axis[2]] = sp_wide_all(t->is_backwards ? t->reference - s : t->reference + s);
+    for (int c = 0; c < 3; c++)
+        side += to_eye[c] * normal[c];
+    side = sp_wide_select(sp_wide_lt(side, zero), -firm, firm);
+    for (int c = 0; c < 3; c++)
+        move[c] = side * normal[c] + to_eye[c] * to_front;
+    for (int a = 0; a < 3; a++) {
+        const float *o = light->offset[a];
+        at[a] = at[a] * r->light_scale + r->light_first + o[0] * move[0] + o[1] * move[1] +
+                o[2] * move[2];
+    }
+    sp_light_read(light, at, share);
+    share[0] = 1 - light->occlusion * (1 - share[0] * (1 / 255.0f));
+    share[1] = 1 - light->shadow * (1 - share[1] * (1 / 255.0f));
+}
+
+/* The unit normal of the interval [world space]; zero if there is none. Behind a surface gradients
+ * are small: noise, ringing of the interpolation and rounding would give the material there any
+ * normal. So the surface's gradient stays, a quarter as long after each slice. A gradient that is
+ * shorter than 0.8 of it, or than rounding, is mixed with it. */
+static inline void find_normal(const struct work *work, const struct interval *in,
+                               sp_wide normal[3]) {
+    const float share = 0.8f, faint = 64, rounding = work->t->r->rounding;
+    struct sp_resample_block *block = work->block;
+    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
+    sp_wide past[3], past_square = zero, square = zero;
+    for (int c = 0; c < 3; c++) {
+        past[c] = sp_wide_load(block->normal[c] + in->begin) * work->decay;
+        past_square += past[c] * past[c];
+    }
+    sp_wide least = past_square * (share * share) + rounding * rounding;
+    sp_wide firm = sp_wide_min(in->square * sp_wide_inverse(least), one);
+    sp_wide shown = sp_wide_min(in->opacity * faint, one); /* what is not seen is no surface */
+    for (int c = 0; c < 3; c++) {
+        float *last = block->normal[c] + in->begin;
+        sp_wide old = sp_wide_load(last);
+        normal[c] = past[c] + firm * (in->gradient[c] - past[c]);
+        square += normal[c] * normal[c];
+        sp_wide_store(last, old + shown * (normal[c] - old));
+    }
+    sp_wide inverse =
+        sp_wide_keep(sp_wide_lt(tiny, square), sp_wide_inverse_sqrt(sp_wide_max(square, tiny)));
+    for (int c = 0; c < 3; c++)
+        normal[c] *= inverse;
+}
+
+/* Lights the interval's colour by its gradient. */
+static inline void shade(const struct work *work, struct interval *in) {
+    const struct sp_resample *r = work->t->r;
+    sp_wide normal[3], to_eye[3];
+    find_normal(work, in, normal);
+    for (int c = 0; c < 3; c++)
+        to_eye[c] = sp_wide_load(work->block->to_eye[c] + in->begin);
+    if (r->light) {
+        struct sp_rays rays = load_rays(work->block, in->begin);
+        sp_wide share[2];
+        find_share(work->t, &rays, work->start + 0.5f * work->width, normal, in->square, to_eye,
+                   share);
+        sp_shade_occluded(r->shade, normal, to_eye, share, in->color);
+    } else {
+        sp_shade_direction(r->shade, normal, to_eye, in->color);
+    }
+}
+
+/* Cuts the interval to the part of the rays inside all half spaces. */
+static inline void cut(const struct work *work, struct interval *in) {
+    const struct sp_resample_block *block = work->block;
+    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
+    const float scale = 1 / work->width;
+    sp_wide from = (sp_wide_load(block->begin + in->begin) - work->start) * scale;
+    sp_wide to = (sp_wide_load(block->end + in->begin) - work->start) * scale;
+    from = sp_wide_min(sp_wide_max(from, zero), one);
+    to = sp_wide_max(sp_wide_min(to, one), from);
+    sp_wide first = in->value[0], change = in->value[2] - first;
+    sp_wide bend = in->value[1] - (first + 0.5f * change), middle = 0.5f * (from + to);
+    in->value[0] = first + from * change + 4 * from * (1 - from) * bend;
+    in->value[1] = first + middle * change + 4 * middle * (1 - middle) * bend;
+    in->value[2] = first + to * change + 4 * to * (1 - to) * bend;
+    in->length *= to - from;
+}
+
+/* Reads the values of the rays from pixel `begin` on; false if they show nothing. */
+static inline bool read_interval(const struct work *work, int begin, struct interval *in) {
+    const struct sp_resample_block *block = work->block;
+    const struct sp_resample *r = work->t->r;
+    in->begin = begin;
+    for (int k = 0; k < 4; k++)
+        in->sheet[k] = sp_wide_load(block->value[(work->number - 1 + k) & 3] + begin);
+    in->value[0] = in->sheet[1];
+    in->value[1] =
+        (in->sheet[1] + in->sheet[2]) * (9 / 16.0f) - (in->sheet[0] + in->sheet[3]) * (1 / 16.0f);
+    in->value[1] = sp_wide_max(in->value[1], sp_wide_all(r->lowest)); /* it overshoots */
+    in->value[2] = in->sheet[2];
+    in->length = sp_wide_load(block->length + begin) * work->width;
+    sp_wide low = sp_wide_min(sp_wide_min(in->value[0], in->value[2]), in->value[1]);
+    sp_wide high = sp_wide_max(sp_wide_max(in->value[0], in->value[2]), in->value[1]);
+    return sp_wide_any(sp_wide_lt(sp_wide_all(r->curve.visible[0]), high) &
+                       sp_wide_lt(low, sp_wide_all(r->curve.visible[1])));
+}
+
+/* Opens the interval behind sheet `number`; light: transmittance of the pixels so far. Returns
+ * false if all pixels are opaque. */
+static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                             const float *light, int number, struct work *work) {
+    const sp_wide dark = sp_wide_all(SP_TRANSMITTANCE_MIN);
+    float end = sp_resample_sheet_s(t, number + 1);
+    bool is_alive = false;
+    work->t = t;
+    work->block = block;
+    work->number = number;
+    work->start = sp_resample_sheet_s(t, number);
+    work->width = end - work->start;
+    work->decay = t->scratch->sheets[number % RESAMPLE_SHEETS].decay;
+    work->is_cut = !(block->inside[0] <= work->start && end <= block->inside[1]);
+    work->count = 0;
+    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
+        if (!sp_wide_any(sp_wide_lt(dark, sp_wide_load(light + i))))
+            continue;
+        is_alive = true;
+        work->count += read_interval(work, i, &work->parts[work->count]) ? 1 : 0;
+    }
+    return is_alive;
+}
+
+static inline void classify(const struct sp_resample *r, struct interval *in) {
+    const struct sp_transfer_function *tf = &r->view->transfer_function;
+    sp_wide depth = in->mean[3];
+    sp_wide inverse = sp_wide_inverse(sp_wide_max(depth, sp_wide_all(1e-20f)));
+    if (tf->gradient_count > 0)
+        depth = scale_depth(depth, gradient_scale(tf, sp_wide_sqrt(in->square) * r->gradient_unit));
+    in->depth = depth * in->length;
+    in->opacity = 1 - transmit(r, in->depth);
+    for (int c = 0; c < 3; c++)
+        in->color[c] = inverse * in->mean[c];
+}
+
+/* Adds the interval behind what the rays have met. */
+static inline void composite(struct sp_resample_block *block, const struct interval *in) {
+    sp_wide light = sp_wide_load(block->light + in->begin), share = light * in->opacity;
+    for (int c = 0; c < 3; c++) {
+        float *color = block->color[c] + in->begin;
+        sp_wide_store(color, sp_wide_load(color) + share * in->color[c]);
+    }
+    sp_wide_store(block->light + in->begin, light - share);
+}
+
+/* The same for rays with fragments of other layers in the interval. */
+static void composite_around(const struct work *work, const struct interval *in) {
+    const struct sp_resample_part part = { .pixel = in->begin,
+                                           .begin = work->start,
+                                           .end = work->start + work->width,
+                                           .opacity = in->opacity,
+                                           .color = { in->color[0], in->color[1], in->color[2] } };
+    sp_resample_insert(work->t, work->block, &part);
+}
+
+/* Finds what the interval behind sheet `number` shows; light and result as above. */
+static inline bool find_interval(const struct sp_resample_open_tile *t,
+                                 struct sp_resample_block *block, const float *light, int number,
+                                 struct work *work) {
+    const struct sp_resample *r = t->r;
+    bool is_alive = open_work(t, block, light, number, work);
+    for (int k = 0; work->is_cut && k < work->count; k++)
+        cut(work, &work->parts[k]);
+    for (int k = 0; r->needs_gradient && k < work->count; k++)
+        find_gradient(work, &work->parts[k]);
+    for (int k = 0; k < work->count; k++)
+        find_mean(work, &work->parts[k]);
+    for (int k = 0; k < work->count; k++)
+        classify(r, &work->parts[k]);
+    for (int k = 0; r->shade && k < work->count; k++)
+        shade(work, &work->parts[k]);
+    return is_alive;
+}
+
+/* Composites it, and the fragments before it and in it. */
+static inline void composite_interval(const struct work *work) {
+    struct sp_resample_block *block = work->block;
+    const sp_wide end = sp_wide_all(work->start + work->width);
+    if (block->has_fragments)
+        sp_resample_insert_before(work->t, block, work->start);
+    for (int k = 0; k < work->count; k++) {
+        const struct interval *in = &work->parts[k];
+        if (block->has_fragments &&
+            sp_wide_any(sp_wide_lt(sp_wide_load(block->next_s + in->begin), end)))
+            composite_around(work, in);
+        else
+            composite(block, in);
+    }
+}
+
+static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                       int number) {
+    const int slot = number & 3;
+    if (block->value_sheet[slot] == number)
+        return;
+    block->value_sheet[slot] = number;
+    block->has_slope[slot] = 0;
+    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
+        struct sp_rays rays = load_rays(block, i);
+        /* Rays that saw something in the last interval need gradients in the next one, too. */
+        bool needs_slope = t->r->needs_gradient && block->entry_sheet[i] == number - 2;
+        sp_wide_store(block->value[slot] + i, needs_slope ? read_slopes(t, block, &rays, i, number)
+                                                          : sp_sample_values(t, &rays, number));
+    }
+    t->scratch->sampled += RESAMPLE_PIXELS;
+}
+
+static void read_sheets(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                        int last) {
+    for (int k = last - 3; k <= last; k++)
+        read_sheet(t, block, k);
+}
+
+/* What all channels show in an interval. */
+struct mixture {
+    struct work work;          /* colours times optical depth, until they are mixed */
+    sp_wide brightness[PARTS]; /* largest components of the colours times optical depth */
+    unsigned shown;            /* a bit for each part that is not empty */
+};
+
+static inline sp_wide largest(const sp_wide color[3]) {
+    return sp_wide_max(sp_wide_max(color[0], color[1]), color[2]);
+}
+
+static inline void add_channel(const struct work *work, struct mixture *mixture) {
+    for (int k = 0; k < work->count; k++) {
+        const struct interval *in = &work->parts[k];
+        const int i = in->begin / SP_WIDE;
+        struct interval *to = &mixture->work.parts[i];
+        if (!(mixture->shown >> i & 1)) {
+            *to = (struct interval){ .begin = in->begin };
+            mixture->brightness[i] = sp_wide_all(0);
+        }
+        mixture->shown |= 1u << i;
+        to->depth += in->depth;
+        mixture->brightness[i] += in->depth * largest(in->color);
+        for (int c = 0; c < 3; c++)
+            to->color[c] += in->depth * in->color[c];
+    }
+}
+
+/* Mixes the channels. Extinctions add up. Colours add up as light does, so red and green give
+ * yellow: the mixture has the hue of their sum by extinction, and their mean brightness. A mean of
+ * the colours themselves would be grey. */
+static inline void mix_channels(const struct sp_resample *r, struct mixture *mixture) {
+    const sp_wide least = sp_wide_all(1e-20f);
+    for (int i = 0; i < PARTS; i++) {
+        struct interval *in = &mixture->work.parts[mixture->work.count];
+        if (!(mixture->shown >> i & 1))
+            continue;
+        *in = mixture->work.parts[i];
+        const sp_wide scale = mixture->brightness[i] *
+                              sp_wide_inverse(sp_wide_max(in->depth, least)) *
+                              sp_wide_inverse(sp_wide_max(largest(in->color), least));
+        in->opacity = 1 - transmit(r, in->depth);
+        for (int c = 0; c < 3; c++)
+            in->color[c] *= scale;
+        mixture->work.count++;
+    }
+}
+
+/* Composites the interval behind sheet n − 2 of all channels of block b that show something there.
+ * Returns false if all pixels are opaque. */
+static bool add_mixture(const struct sp_resample_open_tile *first,
+                        const struct sp_resample_batch *batch, int n, int b) {
+    struct sp_resample_block *block = &first->scratch->blocks[b];
+    struct work work;
+    struct mixture mixture = { .shown = 0 };
+    bool is_alive = true;
+    for (const struct sp_resample_open_tile *t = first; t; t = t->next, batch++) {
+        struct sp_resample_block *own = &t->scratch->blocks[b];
+        if (!(batch->now[n - batch->first] >> b & 1))
+            continue;
+        read_sheets(t, own, n + t->shift);
+        is_alive = find_interval(t, own, block->light, n + t->shift - 2, &work);
+        add_channel(&work, &mixture);
+    }
+    mixture.work.t = first;
+    mixture.work.block = block;
+    mixture.work.start = work.start;
+    mixture.work.width = work.width;
+    mix_channels(first->r, &mixture);
+    composite_interval(&mixture.work);
+    return is_alive;
+}
+
+/* True if a channel shows something in the interval behind sheet n − 2. */
+static bool is_any_now(const struct sp_resample_open_tile *t, const struct sp_resample_batch *batch,
+                       int n, int b) {
+    for (; t; t = t->next, batch++)
+        if (batch->now[n - batch->first] >> b & 1)
+            return true;
+    return false;
+}
+
+static bool integrate_channels(const struct sp_resample_open_tile *t,
+                               const struct sp_resample_batch *batches, int b) {
+    for (int n = batches->first; n <= batches->last; n++)
+        if (is_any_now(t, batches, n, b) && !add_mixture(t, batches, n, b))
+            return false;
+    return true;
+}
+
+bool sp_resample_integrate(const struct sp_resample_open_tile *t,
+                           const struct sp_resample_batch *batch, int b) {
+    struct sp_resample_block *block = &t->scratch->blocks[b];
+    if (block->has_fragments)
+        sp_resample_prefetch_fragments(block, sp_resample_sheet_s(t, batch->last - 1));
+    if (t->next)
+        return integrate_channels(t, batch, b);
+    for (int n = batch->first; n <= batch->last; n++) {
+        struct work work;
+        if (!(batch->now[n - batch->first] >> b & 1))
+            continue;
+        read_sheets(t, block, n);
+        bool is_alive = find_interval(t, block, block->light, n - 2, &work);
+        composite_interval(&work);
+        if (!is_alive)
+            return false;
+    }
+    return true;
+}

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Projections: a ray's values are reduced to one number, and the number becomes a colour.
+ *
+ *   maximum, minimum   the largest of sign·level                        ──►  ·gain + offset  ──►  0
+ *   mean               ∫ max(level − zero, 0) / length of the ray       ──►     by mode           …
+ * colour sum                ∫ max(level − zero, 0)                           ──► 1 sum, absorption
+ * 1 − 2^(−absorption · the same)                   ──►
+ *
+ * What cannot change the image is skipped by the machinery of transfer functions: reduction.tf is
+ * transparent where values count as nothing.
+ */
+#ifndef SP_RESAMPLE_REDUCTION_H
+#define SP_RESAMPLE_REDUCTION_H
+
+#include "draw/resample/curve.h"
+#include "sp/view.h"
+#include "sp/volume.h"
+
+enum { REDUCTION_COLORS = 1024 /* intervals of the table of colours */ };
+
+struct sp_reduction {
+    bool is_on;      /* false: the view is no projection */
+    bool is_extreme; /* maximum or minimum */
+    bool is_mean;
+    bool leaves_out;  /* some samples are not finite */
+    float sign;       /* 1; minimum: −1 */
+    float start;      /* what a ray begins with [sign·level] */
+    float full;       /* what no larger number changes the colour of [sign·level] */
+    float zero;       /* level */
+    float absorption; /* per level · reference length, base 2; 0 = none */
+    float gain;       /* the number → [0, 1], from the first to the last colour */
+    float offset;
+    double ends[2]; /* values that have the first and the last colour, in the number's unit */
+};
+
+/* The transfer function by which a projection of the volume skips samples. */
+void sp_reduction_transfer(const struct sp_view *view, const struct sp_volume_info *info,
+                           struct sp_transfer_function *tf);
+
+/* Fills *reduction; length_unit: world units per unit of the rays' lengths. */
+void sp_reduction_init(struct sp_reduction *reduction, const struct sp_view *view,
+                       const struct sp_volume_info *info, const struct sp_curve *curve,
+                       double length_unit);
+
+/* Writes REDUCTION_COLORS + 1 colours and alphas, evenly spaced from the first to the last one. */
+void sp_reduction_colors(const struct sp_view *view, const struct sp_volume_info *info,
+                         float (*colors)[4]);
+
+#endif

@@ -1,0 +1,226 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Resampled sheets: sharp, post-classified images of dense volumes (README.md).
+ *
+ *   samples ──► refine ──► sample ──► integrate        one tile: the slices front to back
+ *               2 × 2      a value    an interval of the ray between two slices
+ *               per slice  per pixel  by the integral of the transfer function
+ *
+ * The ray of a pixel crosses slice z of the volume's major axis at
+ *
+ *   (u + s·du, v + s·dv)   with   s = ±(z − z_ref)   rising along the ray [slices]
+ *
+ * exactly, in perspective too. All coordinates are in samples of the mip level that is drawn; those
+ * of a rectilinear axis are distances over the mean spacing.
+ */
+#ifndef SP_RESAMPLE_RESAMPLE_H
+#define SP_RESAMPLE_RESAMPLE_H
+
+#include "base/arena.h"
+#include "base/interrupt.h"
+#include "base/isa.h"
+#include "base/parallel_for.h"
+#include "draw/light/light.h"
+#include "draw/resample/curve.h"
+#include "draw/resample/levels.h"
+#include "draw/resample/ranges.h"
+#include "draw/resample/reduction.h"
+#include "frame/fragments.h"
+#include "sp/frame.h"
+#include "splat/shade.h"
+
+enum {
+    RESAMPLE_BLOCK = 8,      /* px: a tile is drawn in blocks of 8 × 8 pixels */
+    RESAMPLE_PIXELS = 64,    /* of a block */
+    RESAMPLE_ACROSS_MAX = 8, /* blocks of a tile per axis */
+    RESAMPLE_BLOCKS = 64,    /* of a tile: the bits of a mask */
+    RESAMPLE_TILE = 64,      /* px */
+    RESAMPLE_BATCH = 4,      /* sheets that are drawn together */
+    RESAMPLE_SHEETS = 7,     /* of a batch, and the three before, for gradients */
+    RESAMPLE_SLACK = 64,     /* samples around those that blocks see for which there is memory */
+    RESAMPLE_TAPS = 6,       /* samples that one between them is made from */
+    RESAMPLE_HALVES_MAX = 2 * 6 + 1 + SP_CLIP_PLANES_MAX
+};
+
+/* The half space normal·(sample coordinates) >= offset. */
+struct sp_resample_half {
+    double normal[3], offset;
+};
+
+/* Where the samples of an axis lie. Its coordinate is the distance along the axis over the mean
+ * spacing of the level, so that rays are straight: sample i of an even axis is at i. */
+struct sp_resample_axis {
+    const float *place;           /* [dims]: coordinate of each sample; NULL = evenly spaced */
+    const float *index;           /* [steps + 1]: sample index at evenly spaced coordinates */
+    float first, steps_per_place; /* of that table */
+    int steps;
+    float narrowest, widest; /* distances between samples */
+};
+
+/* One frame, of one volume. All pointers are borrowed and valid until the frame is finished. */
+struct sp_resample {
+    struct sp_resample *next;        /* of the next channel; NULL = the last one */
+    const struct sp_resample *first; /* of the first channel; NULL = this is the first one */
+    double offset[3];                /* coordinates of the first channel's sample 0 */
+    unsigned level;                  /* mip level of the samples */
+    const struct sp_view *view;
+    struct sp_frame *frame;
+    struct sp_interrupt interrupt;
+    const struct sp_camera_transform *camera;
+    const struct sp_shade *shade;       /* NULL = not lit */
+    const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
+    struct sp_fragments *fragments;     /* of other layers; NULL = none */
+    float light_scale, light_first; /* cell coordinate = coordinate · light_scale + light_first */
+    float light_firmness; /* gradients from 1/firmness on are those of surfaces [gradient_unit] */
+    const struct sp_samples *samples;
+    const struct sp_samples_class *class;
+    struct sp_curve curve;
+    struct sp_resample_axis axes[3];
+    struct sp_reduction reduction;
+    const float (
+        *colors)[4];     /* of it, in the order of its numbers; NULL = the view is no projection */
+    bool is_linear;      /* SP_ATTENUATION_LINEAR */
+    bool is_fine;        /* sheets half a slice apart for all rays */
+    float steep[2];      /* between them some rays get such sheets, beyond them all (rays.h) */
+    bool needs_gradient; /* lit, or the transfer function has a gradient axis */
+    int axis;            /* of the slices; tiles of wide views may take another one */
+    double share[3];     /* of the image that slices along each axis have (axes.h) */
+    int columns, rows;   /* of tiles */
+    size_t refined_max;  /* refined samples that a sheet has memory for */
+    double eye[3];       /* samples; perspective */
+    double ray[3];       /* direction of the ray through the image's centre [samples] */
+    double right[3], down[3]; /* its change per pixel; orthographic: of the ray's start */
+    double start[3];          /* orthographic: a point of the centre's ray [samples] */
+    double metric[6];     /* of sample coordinates: xx, yy, zz, yz, xz, xy [reference length²] */
+    float to_world[3][3]; /* gradient in levels per sample → gradient_unit, so that no product of
+                             two overflows */
+    float gradient_unit;  /* data unit per world unit */
+    float rounding;       /* gradients below are those of rounded samples [gradient_unit] */
+    float lowest;         /* level below which no value lies */
+    uint32_t half_count;
+    /* The volume, or what is kept of it by the clip box; of a channel, both. The near plane, clip
+     * planes. */
+    struct sp_resample_half halves[RESAMPLE_HALVES_MAX];
+};
+
+/* A block of pixels while its tile is drawn. */
+struct sp_resample_block {
+    _Alignas(64) float u[RESAMPLE_PIXELS], v[RESAMPLE_PIXELS]; /* at s = 0 [samples] */
+    float du[RESAMPLE_PIXELS], dv[RESAMPLE_PIXELS];            /* per slice */
+    float length[RESAMPLE_PIXELS]; /* of the ray per slice, reference lengths */
+    float begin[RESAMPLE_PIXELS], end[RESAMPLE_PIXELS]; /* of the ray inside the halves [s] */
+    float to_eye[3][RESAMPLE_PIXELS]; /* unit vector in world space; only if the volume is lit */
+    float light[RESAMPLE_PIXELS];     /* transmittance so far */
+    /* Premultiplied. Of a projection, until it is closed: the number so far, and the length of the
+     * ray that it comes from if some samples are left out. */
+    float color[3][RESAMPLE_PIXELS];
+    float value[4][RESAMPLE_PIXELS];    /* of the last sheets that were read, by number modulo 4 */
+    int value_sheet[4];                 /* their numbers */
+    float slope[4][2][RESAMPLE_PIXELS]; /* their gradients along u and v */
+    uint64_t has_slope[4];              /* bit per pixel */
+    float normal[3][RESAMPLE_PIXELS];   /* gradient of the surface that was met last */
+    /* The curve's integral where the last interval ended, in an order that the kernel knows. */
+    float entry[4][RESAMPLE_PIXELS];
+    float entry_bin[RESAMPLE_PIXELS];
+    int entry_sheet[RESAMPLE_PIXELS]; /* on which sheet; by first pixel of a vector */
+    float inside[2];                  /* s between which all rays are inside */
+    int at[2];                        /* its corner in the tile [px] */
+    /* Fragments of other layers (insert.h), set only if the block has any: those that are left, and
+     * the first of them: its s; infinity = none. */
+    bool has_fragments;
+    const struct sp_fragment *next[RESAMPLE_PIXELS];
+    uint8_t left[RESAMPLE_PIXELS];
+    _Alignas(64) float next_s[RESAMPLE_PIXELS], next_alpha[RESAMPLE_PIXELS];
+    float next_color[3][RESAMPLE_PIXELS];
+};
+
+/* Where the rays of a tile's blocks are. */
+struct sp_resample_bounds {
+    _Alignas(64) float corner[4][4][RESAMPLE_BLOCKS]; /* [u, v, du, dv][corner] */
+    float span[2][RESAMPLE_BLOCKS];                   /* s between which some ray is inside */
+};
+
+/* A slice with twice the samples per axis. */
+struct sp_resample_sheet {
+    int16_t *refined;
+    int width;     /* samples per row */
+    int origin[2]; /* slice sample at refined sample (0, 0) */
+    /* coordinate on the sheet = 2·sample + shift, inside [first, last] */
+    float shift[2], first[2], last[2];
+    float s;     /* where it lies on the rays */
+    float decay; /* of a surface's normal from this sheet to the next one */
+    _Alignas(64) float range[2][RESAMPLE_BLOCKS]; /* of levels that blocks see (near.c) */
+};
+
+/* Rows of a slice with twice the samples across, in levels that are raised for filtering. */
+struct sp_resample_rows {
+    uint16_t *doubled;
+    uint64_t *filled; /* by row: the units of columns that it has, as bits */
+    int slice;        /* INT_MIN = none */
+    int width;        /* samples per row */
+    int origin[2];    /* slice sample at the start */
+};
+
+/* What a worker needs for one tile of a channel. */
+struct sp_resample_scratch {
+    struct sp_resample_scratch *next; /* of the next channel */
+    struct sp_resample_block blocks[RESAMPLE_BLOCKS];
+    struct sp_resample_bounds bounds;
+    /* Transmittance and colour of blocks that are drawn a second time. */
+    _Alignas(64) float aside[RESAMPLE_BLOCKS][4][RESAMPLE_PIXELS];
+    struct sp_resample_sheet sheets[RESAMPLE_SHEETS]; /* by number modulo RESAMPLE_SHEETS */
+    struct sp_resample_rows rows[RESAMPLE_TAPS + 1];  /* by slice modulo RESAMPLE_TAPS; the last:
+                                                         halfway between two slices */
+    /* By row of the newest sheet, and of the rows that are filtered for it: units of columns that
+     * blocks see. */
+    uint64_t *seen, *around;
+    uint64_t *active; /* by interval between slices: the blocks that may see something in it */
+    /* Of a maximum or minimum, by slab of regions: the largest number that each block may see in
+     * it, and the blocks that it may change. By block: the smallest number of its pixels. */
+    float (*most)[RESAMPLE_BLOCKS];
+    uint64_t *open;
+    _Alignas(64) float least[RESAMPLE_BLOCKS];
+    bool is_too_wide;          /* a block sees more of a sheet than there is memory for */
+    uint64_t refined, sampled; /* slice samples; pixels of sheets */
+};
+
+/* Draws one tile into the frame. */
+typedef void sp_resample_tile_fn(const struct sp_resample *resample,
+                                 struct sp_resample_scratch *scratch, uint32_t tile);
+sp_resample_tile_fn sp_resample_tile;
+
+/* What a frame is made from. */
+struct sp_resample_input {
+    /* Of the next channel, of which view and volume differ; NULL = the last one. Its samples are as
+     * far apart as those of the first one, whose clip box, background and fragments hold for all;
+     * its volume may be another part of the space. */
+    const struct sp_resample_input *next;
+    const struct sp_view *view;
+    struct sp_volume *volume;
+    struct sp_frame *frame;
+    struct sp_interrupt interrupt;
+    const struct sp_camera_transform *camera;
+    const struct sp_shade *shade;       /* NULL = not lit */
+    const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
+    struct sp_fragments *fragments;     /* of other layers; NULL = none */
+    struct sp_samples_cache *cache;     /* mip levels and ranges */
+    uint64_t bytes_max;                 /* of the cache */
+    unsigned mip_level;                 /* no finer level is drawn */
+    sp_resample_tile_fn *draw_tile;     /* sp_resample_tile() of an instruction set */
+    sp_ranges_find_fn *find_ranges;     /* sp_ranges_find() of that set */
+    bool keeps_layout;                  /* no copy of the samples is turned for faster reading */
+    struct sp_pool *pool;
+    struct sp_arena *arena;
+};
+
+/* True if this stage draws the view: sheets that are classified after interpolation, and slabs if
+ * all fields of the filter have their defaults. */
+bool sp_resample_draws(const struct sp_view *view);
+
+/* The finest mip level whose samples are wide enough in the image; 0 = the volume's own samples. */
+unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_transform *camera);
+
+/* Draws every pixel and fills the stats. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *err);
+
+#endif

@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef SP_RESAMPLE_VISIBLE_H
+#define SP_RESAMPLE_VISIBLE_H
+
+#include "draw/resample/samples.h"
+
+/* Fills class->visible and visible_count from the ranges of the samples, for its transfer function
+ * and axis. False: cancelled, and not whole. */
+bool sp_visible_find(const struct sp_samples *samples, struct sp_samples_class *class,
+                     struct sp_pool *pool, const struct sp_interrupt *interrupt);
+
+#endif
