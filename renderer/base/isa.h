@@ -66,13 +66,6 @@
 #define sp_postconv_open_fragments SP_ISA_NAME(sp_postconv_open_fragments)
 #define sp_postconv_take_fragments SP_ISA_NAME(sp_postconv_take_fragments)
 #define sp_postconv_finish_fragments SP_ISA_NAME(sp_postconv_finish_fragments)
-#define sp_shear_tile SP_ISA_NAME(sp_shear_tile)
-#define sp_shear_warp SP_ISA_NAME(sp_shear_warp)
-#define sp_shear_start_tile SP_ISA_NAME(sp_shear_start_tile)
-#define sp_shear_make_weights SP_ISA_NAME(sp_shear_make_weights)
-#define sp_shear_close_layer SP_ISA_NAME(sp_shear_close_layer)
-#define sp_shear_is_visible SP_ISA_NAME(sp_shear_is_visible)
-#define sp_shear_finish_tile SP_ISA_NAME(sp_shear_finish_tile)
 /* resample/ */
 #define sp_resample_tile SP_ISA_NAME(sp_resample_tile)
 #define sp_ranges_find SP_ISA_NAME(sp_ranges_find)

@@ -123,16 +123,3 @@ bool test_postconv_draw(struct test_postconv *t, sp_postconv_tile_fn *tile,
     input.draw_tile = tile;
     return sp_postconv_prepare(&input, &postconv, err) && sp_postconv_draw(&input, &postconv, err);
 }
-
-bool test_postconv_draw_sheared(struct test_postconv *t, const struct sp_shear_kernels *kernels,
-                                const atomic_bool *cancel, bool *is_possible,
-                                struct sp_error *err) {
-    struct sp_postconv_input input;
-    struct sp_postconv postconv;
-    struct sp_shear shear;
-    *is_possible = false;
-    if (!start_frame(t, cancel, &input, err) || !sp_postconv_prepare(&input, &postconv, err))
-        return false;
-    *is_possible = sp_shear_can_draw(&input, &postconv, &shear);
-    return !*is_possible || sp_shear_draw(&input, kernels, &shear, err);
-}

@@ -7,7 +7,6 @@
 #define TESTS_SUPPORT_POSTCONV_H
 
 #include "draw/postconv/postconv.h"
-#include "draw/postconv/shear.h"
 #include "support/scene.h"
 
 struct test_postconv {
@@ -43,10 +42,5 @@ void test_postconv_close(struct test_postconv *t);
 /* Draws into t->target. `cancel`: NULL = never cancelled. */
 bool test_postconv_draw(struct test_postconv *t, sp_postconv_tile_fn *tile,
                         const atomic_bool *cancel, struct sp_error *err);
-
-/* Draws into t->target by shear and warp (draw/postconv/shear.h). *is_possible: whether the scene
- * can be drawn so; nothing is drawn otherwise. */
-bool test_postconv_draw_sheared(struct test_postconv *t, const struct sp_shear_kernels *kernels,
-                                const atomic_bool *cancel, bool *is_possible, struct sp_error *err);
 
 #endif

@@ -33,9 +33,6 @@ static bool draw_fast(struct cpu_frame *f, bool *is_drawn, struct sp_error *err)
     if (!*is_drawn)
         return true;
     cpu_frame_write_stats(f);
-    struct sp_shear shear;
-    if (sp_shear_can_draw(&input, &postconv, &shear))
-        return sp_shear_draw(&input, &state->kernels.shear, &shear, err);
     return sp_postconv_draw(&input, &postconv, err);
 }
 

@@ -6,8 +6,7 @@
  *   postconv/   fast path: sheets, tile by tile, without footprints        see cpu_draw()
  *   general.c   general path: every footprint is set up, binned and added  all other frames
  *
- * The last two share frame.c: camera, mip levels, classified lists. The fast path draws dense
- * volumes by shear and warp (draw/postconv/shear.h).
+ * The last two share frame.c: camera, mip levels, classified lists.
  */
 #ifndef SP_BACKEND_CPU_DRAW_H
 #define SP_BACKEND_CPU_DRAW_H

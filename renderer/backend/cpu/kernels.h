@@ -17,7 +17,6 @@
 #include "draw/layers/surface/surface.h"
 #include "draw/light/kernels.h"
 #include "draw/postconv/postconv.h"
-#include "draw/postconv/shear.h"
 #include "draw/resample/resample.h"
 #include "splat/ewa.h"
 
@@ -34,14 +33,13 @@ struct cpu_kernels {
                    const struct sp_splats *records, uint32_t n);
     void (*tile_close)(struct sp_tile *tile, const struct sp_blend *blend); /* sp_tile_close() */
     sp_postconv_tile_fn *postconv_tile;                                     /* sp_postconv_tile() */
-    struct sp_shear_kernels shear;      /* sp_shear_tile(), sp_shear_warp() */
-    sp_resample_tile_fn *resample_tile; /* sp_resample_tile() */
-    sp_ranges_find_fn *ranges_find;     /* sp_ranges_find() */
-    struct sp_light_kernels light;      /* draw/light/kernels.h */
-    struct sp_voxel_kernels voxels;     /* draw/layers/splat_list/kernels.h */
-    sp_voxel_set_up_fn *cloud_set_up;   /* sp_cloud_set_up() */
-    sp_surface_tile_fn *surface_tile;   /* sp_surface_tile() */
-    struct sp_mesh_kernels mesh;        /* draw/layers/mesh/kernels.h */
+    sp_resample_tile_fn *resample_tile;                                     /* sp_resample_tile() */
+    sp_ranges_find_fn *ranges_find;                                         /* sp_ranges_find() */
+    struct sp_light_kernels light;    /* draw/light/kernels.h */
+    struct sp_voxel_kernels voxels;   /* draw/layers/splat_list/kernels.h */
+    sp_voxel_set_up_fn *cloud_set_up; /* sp_cloud_set_up() */
+    sp_surface_tile_fn *surface_tile; /* sp_surface_tile() */
+    struct sp_mesh_kernels mesh;      /* draw/layers/mesh/kernels.h */
     /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;

@@ -24,7 +24,6 @@ const struct cpu_kernels cpu_table = {
              [SP_COMPOSITE_SLAB] = sp_slab_add },
     .tile_close = sp_tile_close,
     .postconv_tile = sp_postconv_tile,
-    .shear = { sp_shear_tile, sp_shear_warp },
     .resample_tile = sp_resample_tile,
     .surface_tile = sp_surface_tile,
     .mesh = { sp_mesh_place, sp_mesh_find_spans, sp_mesh_tile },
