@@ -8,7 +8,7 @@
 #include "classify/transfer.h"
 #include "splat/camera.h"
 
-/* As for drawing (cloud/README.md). */
+/* As for drawing (draw/layers/cloud/README.md). */
 static const double trained_lowpass2 = 0.3, trained_opacity_max = 0.99,
                     trained_opacity_min = 1 / 255.0, trained_ratio_max = 1.3;
 

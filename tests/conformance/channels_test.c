@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Channels: the volume and other volumes on its grid, mixed (resample/README.md). Every instruction
- * set against the integral through both fields by brute force; what a mixture must not depend on.
+ * Channels: the volume and other volumes on its grid, mixed (draw/resample/README.md). Every
+ * instruction set against the integral through both fields by brute force; what a mixture must not
+ * depend on.
  */
 #include <setjmp.h>
 #include <stdarg.h>

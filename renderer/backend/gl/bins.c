@@ -6,10 +6,10 @@
 #include "backend/gl/program.h"
 
 bool gl_bins_init(struct gl_bins *bins, struct sp_error *err) {
-    return (bins->scan = gl_program_open("bins 20_scan", "", err)) &&
-           (bins->totals_program = gl_program_open("bins 21_totals", "", err)) &&
-           (bins->scatter = gl_program_open("bins records 22_scatter", "", err)) &&
-           (bins->order = gl_program_open("bins 23_order", "", err));
+    return (bins->scan = gl_program_open("bins scan_bins", "", err)) &&
+           (bins->totals_program = gl_program_open("bins scan_totals", "", err)) &&
+           (bins->scatter = gl_program_open("bins records scatter", "", err)) &&
+           (bins->order = gl_program_open("bins sort_bins", "", err));
 }
 
 void gl_bins_finish(struct gl_bins *bins) {

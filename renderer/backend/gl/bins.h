@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sorts splats by tile and layer: a counting sort. 10_project makes the counts.
+ * Sorts splats by tile and layer: a counting sort. project makes the counts.
  *
  *   bin = tile · layers + layer
- *   count[bin] ─ 20_scan, 21_totals ─► where each bin begins ─ 22_scatter ─► pairs[] by bin
+ *   count[bin] ─ scan_bins, scan_totals ─► where each bin begins ─ scatter ─► pairs[] by bin
  *
- * Inside a bin the order is free, unless 23_order sorts it in the order of the records. If there
+ * Inside a bin the order is free, unless sort_bins sorts it in the order of the records. If there
  * are more pairs than the buffer can hold, none is written.
  */
 #ifndef GL_BINS_H

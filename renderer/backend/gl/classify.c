@@ -23,7 +23,7 @@ enum {
     WORD = sizeof(uint32_t)
 };
 
-/* 00_classify.glsl */
+/* classify.glsl */
 enum { BY_KEY, BY_VALUE, BY_CELL };
 enum { NO_CLASSES, COLORS, VALUES };
 
@@ -35,8 +35,8 @@ static unsigned open_pass(const char *names, int pass, struct sp_error *err) {
 }
 
 bool gl_classify_init(struct gl_classify *c, bool software, struct sp_error *err) {
-    static const char finest[] = "samples gradient post compact 00_classify";
-    static const char coarse[] = "gradient compact 01_mip";
+    static const char finest[] = "samples gradient post compact classify";
+    static const char coarse[] = "gradient compact make_level";
     c->bricks = software ? BRICKS_SOFTWARE : BRICKS_MOST;
     return (c->range = open_pass(finest, 0, err)) && (c->count = open_pass(finest, 1, err)) &&
            (c->fill = open_pass(finest, 2, err)) && (c->histogram = open_pass(finest, 3, err)) &&

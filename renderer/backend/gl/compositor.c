@@ -9,11 +9,11 @@
 
 static const char *sources_of(const struct gl_compositor_choices *c) {
     if (c->is_post && c->has_layers)
-        return "frame bins records normal footprint shade post fragments insert 30_composite";
+        return "frame bins records normal footprint shade post fragments insert composite";
     if (c->is_post)
-        return "frame bins records normal footprint shade post 30_composite";
-    return c->has_layers ? "frame bins records normal footprint fragments insert 30_composite"
-                         : "bins records normal footprint 30_composite";
+        return "frame bins records normal footprint shade post composite";
+    return c->has_layers ? "frame bins records normal footprint fragments insert composite"
+                         : "bins records normal footprint composite";
 }
 
 unsigned gl_compositor_open(struct gl_state *s, const struct gl_compositor_choices *c,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The programs of shaders/30_composite.glsl, which are compiled when a view first needs them.
+ * The programs of shaders/passes/composite.glsl, which are compiled when a view first needs them.
  */
 #ifndef GL_COMPOSITOR_H
 #define GL_COMPOSITOR_H

@@ -12,7 +12,7 @@ enum {
     PASSES = 3,
     ITEMS = 32 * GL_GROUP, /* of a work group: shaders/depth_order.glsl */
     ITEM_BYTES = 8,
-    PARTS = 40, /* locations in shaders/50_depths.glsl */
+    PARTS = 40, /* locations in shaders/passes/find_depths.glsl */
     PART_AT = 41
 };
 _Static_assert((int)DIGITS == (int)GL_GROUP, "a thread per digit");
@@ -72,12 +72,12 @@ static void sort_digit(struct gl_state *s, uint32_t count, int pass) {
 
 bool gl_depth_order_open(struct gl_state *s, struct sp_error *err) {
     static const char what[] = "the order of elements";
-    return gl_program_late(&s->depth_order.depths, "depth_order 50_depths", "", s->device, what,
+    return gl_program_late(&s->depth_order.depths, "depth_order find_depths", "", s->device, what,
                            err) &&
-           gl_program_late(&s->depth_order.digits, "depth_order 51_digits", "", s->device, what,
+           gl_program_late(&s->depth_order.digits, "depth_order count_digits", "", s->device, what,
                            err) &&
-           gl_program_late(&s->depth_order.starts, "52_starts", "", s->device, what, err) &&
-           gl_program_late(&s->depth_order.move, "depth_order 53_move", "", s->device, what, err);
+           gl_program_late(&s->depth_order.starts, "scan_digits", "", s->device, what, err) &&
+           gl_program_late(&s->depth_order.move, "depth_order move_items", "", s->device, what, err);
 }
 
 bool gl_depth_order_reserve(struct gl_state *s, uint32_t count, struct sp_error *err) {

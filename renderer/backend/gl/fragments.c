@@ -13,7 +13,7 @@ _Static_assert(SP_FRAGMENTS_MAX < 1 << COUNT_BITS, "the count of a pixel fits it
 _Static_assert(sizeof(struct sp_fragment) == 5 * sizeof(uint32_t), "five words in a shader");
 
 bool gl_fragments_open(struct gl_state *s, struct sp_error *err) {
-    return gl_program_late(&s->fragments, "fragments 31_fragments", "", s->device, "layers", err);
+    return gl_program_late(&s->fragments, "fragments draw_fragments", "", s->device, "layers", err);
 }
 
 void gl_fragments_close(struct gl_state *s) {

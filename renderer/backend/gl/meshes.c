@@ -11,7 +11,7 @@
 enum {
     SHEET_WORDS = 8,         /* of four per pixel: samples of the open sheet */
     ALL_WORDS = 21 + 2 * 16, /* the same with what sheets before it show */
-    /* Bits of shaders/27_mesh.glsl. */
+    /* Bits of shaders/passes/draw_mesh.glsl. */
     RESUMES = 1,
     ENDS_SHEET = 2,
     ENDS_MESH = 4
@@ -85,10 +85,10 @@ static bool load(struct gl_mesh *to, const struct sp_mesh *mesh, const struct gl
 }
 
 static bool open_programs(struct gl_state *s, struct sp_error *err) {
-    return gl_program_late(&s->meshes.triangles, "frame bins records counts mesh 26_triangles", "",
+    return gl_program_late(&s->meshes.triangles, "frame bins records counts mesh place_triangles", "",
                            s->device, "meshes", err) &&
            gl_program_late(&s->meshes.samples,
-                           "frame bins shade fragments fragment_lists mesh mesh_resolve 27_mesh",
+                           "frame bins shade fragments fragment_lists mesh mesh_resolve draw_mesh",
                            "#define FRAGMENTS_ACCESS\n", s->device, "meshes", err);
 }
 
@@ -116,7 +116,7 @@ bool gl_meshes_begin(struct gl_meshes *meshes, const struct gl_band *band, struc
     return true;
 }
 
-/* Batches of triangles, and dispatches of 27_mesh per band. */
+/* Batches of triangles, and dispatches of draw_mesh per band. */
 static uint32_t count_batches(const struct gl_mesh *mesh, const struct gl_pieces *pieces) {
     return gl_divide_up(mesh->triangle_count, pieces->records);
 }

@@ -2,9 +2,9 @@
  *
  * Triangle meshes on the GPU (mesh/). Their vertices and triangles are uploaded once.
  *
- *   26_triangles  triangle → tiles          ┐ per batch of triangles
- *   bins.h        triangles by tile         ┘
- *   27_mesh       tile → samples → fragments of the band; one dispatch per sheet, or more
+ *   place_triangles  triangle → tiles       ┐ per batch of triangles
+ *   bins.h           triangles by tile      ┘
+ *   draw_mesh        tile → samples → fragments of the band; one dispatch per sheet, or more
  */
 #ifndef GL_MESHES_H
 #define GL_MESHES_H

@@ -25,7 +25,7 @@
 #include "splat/camera.h"
 #include "splat/detail.h"
 
-/* shaders/10_project.glsl: entries of one brick. */
+/* shaders/passes/project.glsl: entries of one brick. */
 struct gl_chunk {
     uint32_t first;  /* entry of the list */
     uint32_t brick;  /* of its level */

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sheets of interpolated values (resample/README.md) on the GPU: shaders/30_resample.glsl draws a
- * block of 8 × 8 px from sheet to sheet. The processor chooses the mip level, finds which intervals
- * between slices may be visible, and computes the rays of squares of pixels in double precision.
+ * Sheets of interpolated values (draw/resample/README.md) on the GPU:
+ * shaders/passes/draw_sheets.glsl draws a block of 8 × 8 px from sheet to sheet. The processor
+ * chooses the mip level, finds which intervals between slices may be visible, and computes the rays
+ * of squares of pixels in double precision.
  *
  *   begin   samples, levels, visible intervals and the transfer function's integral are uploaded
  *           unless they are resident; constants and squares always

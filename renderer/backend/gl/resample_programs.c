@@ -36,8 +36,8 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
              RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX, GL_RESAMPLE_INTERVALS, has_layers,
              is_even);
     if (!own->program && !own->is_refused)
-        own->program = gl_program_open(has_layers ? "frame shade resample fragments 30_resample"
-                                                  : "frame shade resample 30_resample",
+        own->program = gl_program_open(has_layers ? "frame shade resample fragments draw_sheets"
+                                                  : "frame shade resample draw_sheets",
                                        defines, &why);
     own->is_refused = !own->program;
     if (own->is_refused)

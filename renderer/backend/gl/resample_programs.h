@@ -7,7 +7,7 @@
 
 #include "backend/gl/buffer.h"
 
-/* The programs of shaders/30_resample.glsl by what they read. GL_SAMPLES_LEVELS: levels that the
+/* The programs of shaders/passes/draw_sheets.glsl by what they read. GL_SAMPLES_LEVELS: levels that the
  * processor has made, of 64-bit reals and of numbers that a float does not hold. */
 enum gl_samples_kind {
     GL_SAMPLES_UINT8,

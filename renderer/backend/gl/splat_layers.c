@@ -17,7 +17,7 @@ enum {
     BLOCK_LEAST = 64,        /* records of a batch that are in one layer of the bins */
     PAIRS_PER_BIN = 4,       /* about, if a splat lies on a few tiles */
     LAYERS_MOST = 1 << 14,   /* a span has 14 bits for a layer */
-    /* Bits of shaders/28_blend.glsl. */
+    /* Bits of shaders/passes/draw_splats.glsl. */
     BEGINS = 1,
     ENDS = 2
 };
@@ -302,16 +302,16 @@ static bool open_programs(struct gl_state *s, enum gl_splat_kind kind, bool is_a
     if (!is_alone)
         snprintf(defines + used, sizeof defines - (size_t)used, "#define FRAGMENTS_ACCESS\n");
     if (!gl_program_late(&s->splats.blend[kind][is_alone],
-                         is_alone ? "bins records splats 28_blend"
-                                  : "bins records fragments fragment_lists splats 28_blend",
+                         is_alone ? "bins records splats draw_splats"
+                                  : "bins records fragments fragment_lists splats draw_splats",
                          defines, s->device, "layers of splats", err))
         return false;
     snprintf(defines + used, sizeof defines - (size_t)used, "#define RECORDS_ACCESS\n");
     return gl_program_late(
         &s->splats.set_up[kind],
-        is_cloud(kind) ? "frame bins records counts splats footprints streaks cloud 24_splats"
+        is_cloud(kind) ? "frame bins records counts splats footprints streaks cloud set_up_splats"
                        : "frame bins records counts gradient shade splats footprints streaks "
-                         "voxels 24_splats",
+                         "voxels set_up_splats",
         defines, s->device, "layers of splats", err);
 }
 

@@ -3,9 +3,9 @@
  * Layers that are drawn splat by splat on the GPU: shells, vectors, points and trained Gaussians.
  *
  *   depth_order.h  elements of clouds, front to back    once per frame
- *   24_splats      voxel or element ─► record, tiles    ┐ draw/layers/splat_list/set_up.c,
- * draw/layers/cloud/set_up.c bins.h         records by tile, in order            │ per batch
- *   28_blend       ─► image, or fragments               ┘ draw/layers/splat_list/tile.c
+ *   set_up_splats  voxel or element ─► record, tiles    ┐ splat_list/set_up.c, cloud/set_up.c
+ *   bins.h         records by tile, in order            │ per batch
+ *   draw_splats    ─► image, or fragments               ┘ splat_list/tile.c
  *
  * The processor sorts voxels (draw/layers/splat_list/order.h) and uploads them for each frame: 24
  * bytes each. Elements of clouds stay on the GPU. For levels of detail the processor chooses some

@@ -19,8 +19,8 @@ static bool open_programs(struct gl_state *s, struct sp_error *err) {
     bool is_software = gl_context_info(s->context)->software;
     double start_ms = sp_clock_ms();
     if (!(s->project =
-              gl_program_open("frame bins records gradient shade counts 10_project", "", err)) ||
-        !(s->resolve = gl_program_open("40_resolve", "", err)) || !gl_bins_init(&s->bins, err) ||
+              gl_program_open("frame bins records gradient shade counts project", "", err)) ||
+        !(s->resolve = gl_program_open("resolve", "", err)) || !gl_bins_init(&s->bins, err) ||
         !gl_residency_init(&s->residency, is_software, s->block_bytes, err) ||
         !gl_compositor_open(s, &plain, err) || !gl_compositor_open(s, &clipped, err))
         return false;

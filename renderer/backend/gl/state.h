@@ -2,16 +2,16 @@
  *
  * One frame on the GPU.
  *
- *   00_classify, 01_mip (mip_levels.h): lists, if the processor finds that they must change
+ *   classify, make_level (mip_levels.h): lists, if the processor finds that they must change
  *   ─► for each band of tiles, for each batch of layers in it:
  *
- *     10_project    entry → record; counts its pairs by tile and layer
+ *     project       entry → record; counts its pairs by tile and layer
  *     20, 21        counts → where each bin begins
- *     22_scatter    records → bins: by tile, in it by layer
- *     23_order      single splats only: sorts a bin in the order of its records
- *     30_composite  per tile: sums layers, classifies (order post), composites; in passes
+ *     scatter       records → bins: by tile, in it by layer
+ *     sort_bins     single splats only: sorts a bin in the order of its records
+ *     composite     per tile: sums layers, classifies (order post), composites; in passes
  *
- *   ─► 40_resolve ─► read back
+ *   ─► resolve ─► read back
  *
  * Bands bound the memory for pixels, batches the memory for records and bins. Pairs of a record and
  * a tile are counted before they are written. If there are more than the buffer can hold, nothing

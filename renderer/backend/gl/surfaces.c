@@ -232,7 +232,7 @@ static bool open_program(struct gl_state *s, struct sp_error *err) {
     return gl_program_late(
         &s->surfaces.program,
         "frame bins normal shade fragments fragment_lists entries surface surface_resolve "
-        "25_surface",
+        "draw_surface",
         "#define FRAGMENTS_ACCESS\n", s->device, "surfaces", err);
 }
 

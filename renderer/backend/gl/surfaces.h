@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Iso-surfaces on the GPU. The processor keeps the points of a value (draw/layers/surface/points.h)
- * and sorts blocks of them by tile (draw/layers/surface/prepare.c); shaders/25_surface.glsl does
+ * and sorts blocks of them by tile (draw/layers/surface/prepare.c); shaders/passes/draw_surface.glsl does
  * the work of draw/layers/surface/tile.c and adds to the fragments of a band.
  *
  *   points    uploaded once per volume and value

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The visible voxels of one mip level on the GPU, as shaders/10_project.glsl reads them.
+ * The visible voxels of one mip level on the GPU, as shaders/passes/project.glsl reads them.
  *
  *   entries   one word per entry, in the order of the bricks: i0 | i1 << 4 | i2 << 8 | key << 12
  *   tables    [scale of the opacity by packed magnitude, four per row][rows of rectilinear axes]

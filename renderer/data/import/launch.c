@@ -308,7 +308,8 @@ static bool find(struct import *im, struct sp_error *err) {
     return sp_import_place_find(&im->place, im->options->root, err) && find_importer(im, err);
 }
 
-/* Opens a brick file, which this process reads and checks (bricks/README.md). -1 = it is none. */
+/* Opens a brick file, which this process reads and checks (data/bricks/README.md). -1 = it is none.
+ */
 static int open_bricks(const struct import *im) {
     char real[PATH_MAX];
     uint64_t size;

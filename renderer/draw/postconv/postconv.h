@@ -12,7 +12,7 @@
  *   bricks that meet the tile ─► runs by layer ─► for each layer, front to back:
  *       deposit.c  emission and optical depth of a voxel → 4 × 4 samples   cost: voxels
  *       filter.c   across (and diagonally, where V̂01 ≠ 0), then down       cost: touched samples
- *       filter.c   composite, with the formulas of blend.h               cost: touched pixels
+ *       filter.c   composite, with the formulas of blend.h            cost: touched pixels
  *
  * Files: postconv.c prepares a frame and runs its tiles. group.c chooses the filters. tile.c draws
  * one tile layer by layer. deposit.c, filter.c and tile.c are kernels: they are compiled once per

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * What a frame draws of its channels: volumes on the grid of the view's volume, each with a
- * transfer function of its own (resample/README.md, "Channels").
+ * transfer function of its own (draw/resample/README.md, "Channels").
  */
 #ifndef SP_WORKING_SET_CHANNELS_H
 #define SP_WORKING_SET_CHANNELS_H

@@ -76,7 +76,7 @@ static void find_values(struct search *s) {
 }
 
 /* The values that interpolation in a brick may give: it may exceed the range of the samples by a
- * quarter (resample/README.md). */
+ * quarter (draw/resample/README.md). */
 static double low_end(const struct sp_brick_entry *entry) {
     return entry->range[0] - 0.25 * (entry->range[1] - entry->range[0]);
 }

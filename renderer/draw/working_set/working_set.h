@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a frame draws of a volume that is larger than memory (bricks/README.md): a window of it.
+ * What a frame draws of a volume that is larger than memory (data/bricks/README.md): a window of
+ * it.
  *
- *   view ─► the level that pixels ask for ─► bricks that may be seen ─► data/bricks/store.h ─► a
- * volume └── a coarser one if they do not fit ◄──┘
+ *   view ─► the level that pixels ask for ─► bricks that may be seen ─► bricks/store.h ─► a volume
+ *              └── a coarser one if they do not fit ◄──┘
  */
 #ifndef SP_WORKING_SET_WORKING_SET_H
 #define SP_WORKING_SET_WORKING_SET_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- *   depths, by block ─► seen ones as items, in order of number ─► draw/layers/splat_list/radix.h ─►
- * numbers └ of elements, or of splats that are set up first
+ *   depths, by block ─► seen ones as items, in order of number ─► splat_list/radix.h ─► numbers
+ *   └ of elements, or of splats that are set up first
  */
 #include "draw/layers/cloud/order.h"
 

@@ -3,8 +3,7 @@
  * The samples that a layer of vectors draws: those that the transfer function makes visible, each
  * with the direction of its vector and a phase of its own.
  *
- *   sample, vector ─► class, packed direction, phase = hash of the index ─► list
- * (draw/layers/splat_list/list.h)
+ *   sample, vector ─► class, packed direction, phase = hash of the index ─► splat_list/list.h
  *
  * No voxel of the list is opaque: the codes are 0.
  */

@@ -4,11 +4,11 @@
 // place; the number of voxels of each key; new classes of existing entries.
 
 layout(local_size_x = GROUP) in;
-// Smallest and largest ordinal by brick; order post: by cell, joined with its neighbourhood (00_cell_bounds.glsl).
+// Smallest and largest ordinal by brick; order post: by cell, joined with its neighbourhood (find_cell_bounds.glsl).
 layout(std430, binding = 1) buffer Ranges { ivec2 ranges[]; };
 // By brick: the number of entries, or the index of the first one while they are written. By key: number of voxels.
 layout(std430, binding = 3) buffer Counts { uint counts[]; };
-// 10_project.glsl
+// project.glsl
 layout(std430, binding = 4) buffer Entries { uint entries[]; };
 layout(std430, binding = 6) buffer Tables { vec4 tables[]; };
 layout(std430, binding = 7) buffer Normals { uint normals[]; };

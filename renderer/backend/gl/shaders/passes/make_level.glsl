@@ -5,7 +5,7 @@
 // cell are always added in the same order.
 
 layout(local_size_x = GROUP) in;
-// The finer level, as in 10_project.glsl, and the first entry of each of its bricks.
+// The finer level, as in project.glsl, and the first entry of each of its bricks.
 layout(std430, binding = 0) readonly buffer Entries { uint entries[]; };
 layout(std430, binding = 1) readonly buffer Tables { vec4 tables[]; };
 layout(std430, binding = 2) readonly buffer Normals { uint normals[]; };

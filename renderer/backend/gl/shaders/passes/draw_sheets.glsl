@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sheets of interpolated values (resample/README.md), front to back: a work group draws a block of 8 × 8 px in a range of
+// Sheets of interpolated values (draw/resample/README.md), front to back: a work group draws a block of 8 × 8 px in a range of
 // intervals between sheets. For each sheet that it needs, the group refines the samples that its pixels see in shared
 // memory: raw ─► between rows ─► refined. Blocks that see too many are drawn in parts. LAYERS: intervals are cut at the
 // fragments of other layers in them.

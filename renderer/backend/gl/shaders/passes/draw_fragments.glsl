@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Composites the fragments that 30_composite has left: those behind the volume, or all of them if there is none.
+// Composites the fragments that composite has left: those behind the volume, or all of them if there is none.
 
 layout(local_size_x = GROUP) in;
-layout(std430, binding = 4) buffer Image { vec4 image[]; }; // as in 30_composite
+layout(std430, binding = 4) buffer Image { vec4 image[]; }; // as in composite
 layout(location = 0) uniform uvec2 band;                    // pixels, planes of sheets
 
 void main() {

@@ -2,7 +2,7 @@
 // Moves items to their digits, in their order. In a round, each thread has one; bits tell which threads have a digit.
 
 layout(local_size_x = GROUP) in;
-layout(std430, binding = 0) readonly buffer Counts { uint counts[]; }; // 52_starts
+layout(std430, binding = 0) readonly buffer Counts { uint counts[]; }; // scan_digits
 layout(std430, binding = 1) readonly buffer Items { Item items[]; };
 layout(std430, binding = 2) writeonly buffer Moved { Item moved[]; };
 layout(std430, binding = 4) writeonly buffer Order { uint order[]; };
