@@ -5,8 +5,8 @@
  *
  * A path is followed name by name. The first name that leads out of the folder, by a symbolic link
  * or "..", ends the search. A link that leads nowhere gets the same error, so that an answer never
- * tells what exists outside. Files are opened
- * again by the importer, which checks the path itself (renderer/data/import/confine.h).
+ * tells what exists outside. Files are opened again by the importer, which checks the path itself
+ * (renderer/data/import/confine.h).
  */
 #ifndef SRV_RENDER_DATA_FOLDER_H
 #define SRV_RENDER_DATA_FOLDER_H
