@@ -77,7 +77,8 @@ bool gl_depth_order_open(struct gl_state *s, struct sp_error *err) {
            gl_program_late(&s->depth_order.digits, "depth_order count_digits", "", s->device, what,
                            err) &&
            gl_program_late(&s->depth_order.starts, "scan_digits", "", s->device, what, err) &&
-           gl_program_late(&s->depth_order.move, "depth_order move_items", "", s->device, what, err);
+           gl_program_late(&s->depth_order.move, "depth_order move_items", "", s->device, what,
+                           err);
 }
 
 bool gl_depth_order_reserve(struct gl_state *s, uint32_t count, struct sp_error *err) {

@@ -85,8 +85,8 @@ static bool load(struct gl_mesh *to, const struct sp_mesh *mesh, const struct gl
 }
 
 static bool open_programs(struct gl_state *s, struct sp_error *err) {
-    return gl_program_late(&s->meshes.triangles, "frame bins records counts mesh place_triangles", "",
-                           s->device, "meshes", err) &&
+    return gl_program_late(&s->meshes.triangles, "frame bins records counts mesh place_triangles",
+                           "", s->device, "meshes", err) &&
            gl_program_late(&s->meshes.samples,
                            "frame bins shade fragments fragment_lists mesh mesh_resolve draw_mesh",
                            "#define FRAGMENTS_ACCESS\n", s->device, "meshes", err);

@@ -7,8 +7,8 @@
 
 #include "backend/gl/buffer.h"
 
-/* The programs of shaders/passes/draw_sheets.glsl by what they read. GL_SAMPLES_LEVELS: levels that the
- * processor has made, of 64-bit reals and of numbers that a float does not hold. */
+/* The programs of shaders/passes/draw_sheets.glsl by what they read. GL_SAMPLES_LEVELS: levels that
+ * the processor has made, of 64-bit reals and of numbers that a float does not hold. */
 enum gl_samples_kind {
     GL_SAMPLES_UINT8,
     GL_SAMPLES_INT8,

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Iso-surfaces on the GPU. The processor keeps the points of a value (draw/layers/surface/points.h)
- * and sorts blocks of them by tile (draw/layers/surface/prepare.c); shaders/passes/draw_surface.glsl does
- * the work of draw/layers/surface/tile.c and adds to the fragments of a band.
+ * and sorts blocks of them by tile (draw/layers/surface/prepare.c);
+ * shaders/passes/draw_surface.glsl does the work of draw/layers/surface/tile.c and adds to the
+ * fragments of a band.
  *
  *   points    uploaded once per volume and value
  *   blocks    uploaded for each frame: 48 bytes per visible block, 8 bytes per tile and block
