@@ -25,7 +25,7 @@ os.environ['HDF5_PLUGIN_PRELOAD'] = '::'  # of the readers: no plug-ins, such as
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from table import Table  # noqa: E402
 
-PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'renderer', 'import', 'types.md')
+PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'renderer', 'data', 'import', 'types.md')
 PARTS = {'types_part': ['numpy', 'zarr', 'h5py', 'netCDF4', 'tifffile'], 'small_part': ['numpy', 'SimpleITK'],
          'zarr_part': ['numpy', 'zarr', 'numcodecs'],
          'arrays_part': ['numpy', 'h5py', 'netCDF4', 'numcodecs'], 'tiff_part': ['numpy', 'tifffile'],
