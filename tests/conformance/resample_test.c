@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sheets that are classified after interpolation (resample/): every instruction set against the
- * integral by brute force, and against the scalar reference; the image does not depend on threads.
+ * Sheets that are classified after interpolation (draw/resample/): every instruction set against
+ * the integral by brute force, and against the scalar reference; the image does not depend on
+ * threads.
  */
 #include <math.h>
 #include <stdio.h>

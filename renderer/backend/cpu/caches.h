@@ -9,12 +9,12 @@
 
 enum cpu_cache {
     CPU_CACHE_LISTS,    /* of visible voxels (classify/) */
-    CPU_CACHE_SAMPLES,  /* of interpolated sheets (resample/) */
-    CPU_CACHE_LIGHT,    /* light/ */
-    CPU_CACHE_SURFACES, /* surface/ */
-    CPU_CACHE_SHELLS,   /* shell/ */
-    CPU_CACHE_VECTORS,  /* vectors/ */
-    CPU_CACHE_CLOUDS,   /* cloud/ */
+    CPU_CACHE_SAMPLES,  /* of interpolated sheets (draw/resample/) */
+    CPU_CACHE_LIGHT,    /* draw/light/ */
+    CPU_CACHE_SURFACES, /* draw/layers/surface/ */
+    CPU_CACHE_SHELLS,   /* draw/layers/shell/ */
+    CPU_CACHE_VECTORS,  /* draw/layers/vectors/ */
+    CPU_CACHE_CLOUDS,   /* draw/layers/cloud/ */
     CPU_CACHES
 };
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The CPU backend: the stages of classify/, splat/ and tile/ as a graph of parallel loops.
+ * The CPU backend: the stages of classify/, splat/ and draw/ as a graph of parallel loops.
  *
  * This header is the table of kernels: the loops over voxels and pixels. Each kernel is written
  * once and compiled once per instruction set (base/isa.h). table.c fills the table of each set. The
@@ -40,7 +40,7 @@ struct cpu_kernels {
     sp_voxel_set_up_fn *cloud_set_up; /* sp_cloud_set_up() */
     sp_surface_tile_fn *surface_tile; /* sp_surface_tile() */
     struct sp_mesh_kernels mesh;      /* draw/layers/mesh/kernels.h */
-    /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
+    /* Draws sheets by the fast path where it can (draw/postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;
     void (*resolve_rgba8)(const float *const planes[4], uint32_t count, const float background[4],

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Triangle meshes on the GPU (mesh/). Their vertices and triangles are uploaded once.
+ * Triangle meshes on the GPU (draw/layers/mesh/). Their vertices and triangles are uploaded once.
  *
  *   place_triangles  triangle → tiles       ┐ per batch of triangles
  *   bins.h           triangles by tile      ┘

@@ -3,7 +3,7 @@
  * Layers other than the volume of a frame on the processor: per tile, the fragments of all of them.
  *
  *   view ─► sp_layers_prepare() ─► per tile ─┬► sp_layers_draw(): to the caller
- *   surface/, voxels/, cloud/, mesh/         └► sp_layers_collect(): kept for the volume
+ *   surface/, splat_list/, cloud/, mesh/     └► sp_layers_collect(): kept for the volume
  */
 #ifndef SP_LAYERS_LAYERS_H
 #define SP_LAYERS_LAYERS_H
