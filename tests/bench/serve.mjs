@@ -156,8 +156,8 @@ async function loop() {
  * their own. The first client is the user. */
 async function awake() {
   for (const n of [1, 1000]) {
-    const limit = String(n + 100);
-    const daemon = await start('null', ['--sessions', limit, '--connections', limit, '--connections-per-address', limit]);
+    const [limit, connections] = [n + 100, 2 * n + 100].map(String); // a part of the connections is kept for others
+    const daemon = await start('null', ['--sessions', limit, '--connections', connections, '--connections-per-address', connections]);
     const clients = [];
     while (clients.length < n) clients.push(await Client.open(daemon, await daemon.session(512)));
     const rest = await watch(daemon, clients, seconds, Math.min(4, seconds)); // after every client has its final frame
