@@ -98,7 +98,7 @@ test('what lies outside cannot be listed or loaded, and a link says that it lead
 });
 
 test('the DICOM series of a folder are listed and opened', async () => {
-  const dicom = (name) => path.join(import.meta.dirname, '../unit/import/dicom', name);
+  const dicom = (name) => path.join(import.meta.dirname, '../unit/data/import/dicom', name);
   mkdirSync(at('study', 'a'), { recursive: true });
   mkdirSync(at('study', 'b'));
   for (let k = 0; k < 4; k++) copyFileSync(dicom(`series${k}.dcm`), at('study', 'a', `IM${k}`)); // without an extension

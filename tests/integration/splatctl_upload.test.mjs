@@ -144,7 +144,7 @@ test('a header is followed by the files with its samples', async () => {
 });
 
 test('the files of a DICOM series become one volume', async () => {
-  const slices = [0, 1, 2, 3].map((k) => path.join(import.meta.dirname, `../unit/import/dicom/series${k}.dcm`));
+  const slices = [0, 1, 2, 3].map((k) => path.join(import.meta.dirname, `../unit/data/import/dicom/series${k}.dcm`));
   assert.deepEqual(await splatctl([...slices.reverse(), '--id', 'series']), { status: 0, out: 'series\n', err: '' });
   const { dims, value_unit: unit, fields } = await volume('series');
   assert.deepEqual(dims, [16, 12, 4]);

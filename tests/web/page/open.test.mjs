@@ -29,7 +29,7 @@ const STORM = `# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_POINTS\nD
   Array.from({ length: 64 }, (_, i) => i).join(' ')}\nVECTORS wind float\n${'1 2 2 '.repeat(64)}\nVECTORS flow float\n${'0 3 4 '.repeat(64)}\n`;
 
 /** A DICOM series of 4 slices. */
-const SLICES = [0, 1, 2, 3].map((k) => path.join(import.meta.dirname, `../../unit/import/dicom/series${k}.dcm`));
+const SLICES = [0, 1, 2, 3].map((k) => path.join(import.meta.dirname, `../../unit/data/import/dicom/series${k}.dcm`));
 
 const LARGE = { name: 'large.nrrd', mimeType: '', buffer: cube(150) }; // 3.4 MB: several parts
 const SMALL = { name: 'Größe 1.nrrd', mimeType: '', buffer: cube(24) };
