@@ -182,42 +182,51 @@ void srv_schedule_let_rest(struct srv_schedule *schedule, double now_ms) {
 }
 
 /* A session that asks for moving frames and does not take them gets none. */
+static bool gets_moving_frames(const struct srv_session *s, double now_ms) {
+    const double moved_ms = s->schedule->moved_ms;
+    return moved_ms > 0 && now_ms - moved_ms < SRV_MOVING_MS;
+}
+
 static bool gets_frames(const struct srv_session *s, double now_ms) {
     const struct srv_session_schedule *plan = s->schedule;
-    return plan->jobs > 0 || plan->wants_frame ||
-           (plan->moved_ms > 0 && now_ms - plan->moved_ms < SRV_MOVING_MS);
+    return plan->jobs > 0 || plan->wants_frame || gets_moving_frames(s, now_ms);
 }
 
 void srv_count_owners(struct srv_schedule *schedule, double now_ms) {
     schedule->sharing = 0;
-    schedule->owners = 0;
+    schedule->owners = schedule->moving_owners = 0;
     for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
-        unsigned others = 0;
-        for (const struct srv_session *t = schedule->busy; t; t = t->schedule->next_busy)
-            others += t != s && t->schedule->owner == s->schedule->owner && gets_frames(t, now_ms);
+        unsigned others = 0, moving = 0;
+        for (const struct srv_session *t = schedule->busy; t; t = t->schedule->next_busy) {
+            const bool is_sibling = t != s && t->schedule->owner == s->schedule->owner;
+            others += is_sibling && gets_frames(t, now_ms);
+            moving += is_sibling && gets_moving_frames(t, now_ms);
+        }
         s->schedule->siblings = 1 + others;
-        if (!gets_frames(s, now_ms))
-            continue;
-        schedule->sharing++;
-        schedule->owners += 1.0 / s->schedule->siblings;
+        s->schedule->moving_siblings = 1 + moving;
+        schedule->sharing += gets_frames(s, now_ms);
+        schedule->owners += gets_frames(s, now_ms) ? 1.0 / (1 + others) : 0;
+        schedule->moving_owners += gets_moving_frames(s, now_ms) ? 1.0 / (1 + moving) : 0;
     }
 }
 
-/* The owners that get frames, with that of the session. */
-static double owners_with(const struct srv_schedule *schedule, const struct srv_session *s) {
-    const bool is_new = s->schedule->siblings <= 1 && !gets_frames(s, schedule->now_ms);
-    return fmax(1, round(schedule->owners + is_new));
+/* The counted owners, with the owner of a session that may not be counted itself. */
+static double owners_with(double owners, unsigned siblings, bool is_counted) {
+    return fmax(1, round(owners + (siblings <= 1 && !is_counted)));
 }
 
 double srv_session_price(const struct srv_schedule *schedule, const struct srv_session *s) {
-    const unsigned all = schedule->sharing + !gets_frames(s, schedule->now_ms);
-    return fmax(1, s->schedule->siblings) * owners_with(schedule, s) / fmax(1, all);
+    const bool is_counted = gets_frames(s, schedule->now_ms);
+    const unsigned siblings = s->schedule->siblings, all = schedule->sharing + !is_counted;
+    return fmax(1, siblings) * owners_with(schedule->owners, siblings, is_counted) / fmax(1, all);
 }
 
 double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_session *s,
                             int max_fps) {
-    const double parts = owners_with(schedule, s) * fmax(1, s->schedule->siblings);
-    return srv_quality_budget_ms(max_fps, (unsigned)parts);
+    const unsigned siblings = s->schedule->moving_siblings;
+    const bool is_counted = gets_moving_frames(s, schedule->now_ms);
+    const double owners = owners_with(schedule->moving_owners, siblings, is_counted);
+    return srv_quality_budget_ms(max_fps, (unsigned)(owners * fmax(1, siblings)));
 }
 
 double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *s,

@@ -52,7 +52,8 @@ struct srv_session_schedule {
     struct srv_fair_account account; /* by the scheduler's clock */
     uint64_t owner;                  /* equal for sessions of one owner */
     bool wants_frame;                /* when the last frame was chosen */
-    unsigned siblings;               /* sessions of its owner that get frames now, with itself */
+    unsigned siblings;               /* sessions of its owner that get frames now, with itself, */
+    unsigned moving_siblings;        /* and those that get moving frames */
     double clock_ms;                 /* of its participants' accounts */
     struct srv_quality quality;
     struct srv_cold_start start;
@@ -76,7 +77,8 @@ struct srv_schedule {
     double rested_ms;     /* last end of accounts of sessions that are no longer busy */
     double now_ms;        /* of the last call or event that had a time */
     unsigned sharing;     /* sessions that get frames now, */
-    double owners;        /* and their owners */
+    double owners;        /* their owners, */
+    double moving_owners; /* and owners of sessions that get moving frames */
     uint64_t next_order;  /* of jobs */
     unsigned slow_jobs;   /* in progress that are slow to encode */
     unsigned cancellable; /* jobs in progress that motion may cancel */
