@@ -20,8 +20,8 @@ struct gl_fragments {
     uint32_t state_words; /* words of four per pixel between passes of other layers */
 };
 
-/* Makes what draw/layers/ makes of a frame, in the state's arena. SP_ERR_MEMORY, SP_ERR_BUDGET,
- * SP_ERR_CANCELLED. */
+/* Prepares the layers of a frame (draw/layers/layers.h) in the state's arena. SP_ERR_MEMORY,
+ * SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool gl_fragments_make(struct gl_fragments *fragments, struct gl_state *state,
                        const struct sp_backend_job *job, struct sp_error *err);
 

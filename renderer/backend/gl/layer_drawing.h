@@ -19,7 +19,7 @@ struct gl_layer_drawing {
     struct gl_splat_layers splats;
 };
 
-/* Makes what draw/layers/ makes, and sets band->fragments. SP_ERR_MEMORY, SP_ERR_BUDGET,
+/* Prepares the layers of a frame and sets band->fragments. SP_ERR_MEMORY, SP_ERR_BUDGET,
  * SP_ERR_CANCELLED, SP_ERR_UNSUPPORTED. A context must be current, here and below. */
 bool gl_layer_drawing_make(struct gl_layer_drawing *layers, struct gl_band *band,
                            struct sp_error *err);

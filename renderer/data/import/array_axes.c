@@ -256,7 +256,7 @@ static double extent_of(const struct arrays *a, const struct coordinates *c, int
     return d < 0 ? 0 : c[d].values ? fabs(c[d].values[last] - c[d].values[0]) : (double)last;
 }
 
-/* What the coordinates of an axis are multiplied by, so that all are in the unit of x. Fills
+/* Returns the factor that converts the coordinates of an axis to the unit of x. Fills
  * header->vertical if z has no length in that unit. */
 static double factor_of(const struct arrays *a, const struct coordinates *c, int axis,
                         struct import_header *header) {

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a frame draws of a volume that is larger than memory (data/bricks/README.md): a window of
- * it.
+ * Of a volume that is larger than memory (data/bricks/README.md), a frame draws a window.
  *
  *   view ─► the level that pixels ask for ─► bricks that may be seen ─► bricks/store.h ─► a volume
  *              └── a coarser one if they do not fit ◄──┘

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Constants of resampled sheets (struct gl_resample_constants in resample_constants.h), coordinates, and the samples of a
-// mip level as 16-bit levels (draw/resample/curve.h). u, v and w are the axes of a tile: w is that of its slices.
+// mip level as 16-bit levels (draw/resample/curve.h). u, v and w are the axes of a tile; w leads from slice to slice.
 
 // Samples of an axis, and rows of Places if they are not evenly spaced. EVEN: all axes are.
 struct Axis {

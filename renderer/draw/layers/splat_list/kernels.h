@@ -19,7 +19,7 @@ enum { SP_VOXEL_TILE = SP_FRAGMENT_TILE, SP_VOXEL_PIXELS = SP_FRAGMENT_PIXELS };
 
 #define SP_STREAK_PERIOD 2.0f /* of the pattern, standard deviations along the vector */
 
-/* What a layer of vectors adds to a frame (draw/layers/splat_list/streak.h). */
+/* Streaks of a layer of vectors (draw/layers/splat_list/streak.h). */
 struct sp_streaks {
     float to_camera[3][3]; /* of a list: world → camera space, a rotation */
     float to_grid[3][3]; /* of a rectilinear list: directions → along its axes [mean spacings] */
