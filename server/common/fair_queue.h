@@ -32,6 +32,18 @@ void srv_fair_charge(struct srv_fair_account *account, double clock_ms, double m
 /* Adds the difference once the true time is known; negative if the work took less. */
 void srv_fair_correct(struct srv_fair_account *account, double more_ms);
 
+/* Time that was used lately. What is half a second old counts a third. */
+struct srv_fair_use { /* zeroed: none */
+    double ms;        /* used time, as of at_ms */
+    double at_ms;
+};
+
+/* Adds time that was used up to now_ms; negative corrects an earlier call. */
+void srv_fair_add_use(struct srv_fair_use *use, double ms, double now_ms);
+/* Returns the part of the last half second that was used; >= 0, more than 1 if work runs side by
+ * side. */
+double srv_fair_used_part(const struct srv_fair_use *use, double now_ms);
+
 /* The starvation limit. More urgent work cancels work of the lowest rank. After a wait of twenty
  * times its expected time (1 s if that is 0), the work is protected: it may run for a tenth of its
  * wait without being cancelled. So it ends even if the others are always busy, and costs them about

@@ -194,19 +194,16 @@ static bool gets_frames(const struct srv_session *s, double now_ms) {
 
 void srv_count_owners(struct srv_schedule *schedule, double now_ms) {
     schedule->sharing = 0;
-    schedule->owners = schedule->moving_owners = 0;
+    schedule->owners = 0;
     for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
-        unsigned others = 0, moving = 0;
+        unsigned others = 0;
         for (const struct srv_session *t = schedule->busy; t; t = t->schedule->next_busy) {
             const bool is_sibling = t != s && t->schedule->owner == s->schedule->owner;
             others += is_sibling && gets_frames(t, now_ms);
-            moving += is_sibling && gets_moving_frames(t, now_ms);
         }
         s->schedule->siblings = 1 + others;
-        s->schedule->moving_siblings = 1 + moving;
         schedule->sharing += gets_frames(s, now_ms);
         schedule->owners += gets_frames(s, now_ms) ? 1.0 / (1 + others) : 0;
-        schedule->moving_owners += gets_moving_frames(s, now_ms) ? 1.0 / (1 + moving) : 0;
     }
 }
 
@@ -222,11 +219,14 @@ double srv_session_price(const struct srv_schedule *schedule, const struct srv_s
 }
 
 double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_session *s,
-                            int max_fps) {
-    const unsigned siblings = s->schedule->moving_siblings;
-    const bool is_counted = gets_moving_frames(s, schedule->now_ms);
-    const double owners = owners_with(schedule->moving_owners, siblings, is_counted);
-    return srv_quality_budget_ms(max_fps, (unsigned)(owners * fmax(1, siblings)));
+                            const uint32_t full[2], int max_fps) {
+    const double now_ms = schedule->now_ms;
+    const unsigned siblings = s->schedule->siblings;
+    const double owners = owners_with(schedule->owners, siblings, gets_frames(s, now_ms));
+    const double others =
+        srv_fair_used_part(&schedule->use, now_ms) - srv_fair_used_part(&s->schedule->use, now_ms);
+    const double part = fmin(fmax(1 - others, 1 / (owners * fmax(1, siblings))), 1);
+    return srv_quality_budget_ms(&s->schedule->quality, full, max_fps, part);
 }
 
 double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *s,
@@ -234,7 +234,7 @@ double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv
     uint32_t full[2];
     srv_hub_size(s, p, full);
     return srv_quality_moving_ms(&s->schedule->quality, full,
-                                 srv_moving_budget_ms(schedule, s, p->settings.max_fps));
+                                 srv_moving_budget_ms(schedule, s, full, p->settings.max_fps));
 }
 
 /* Expected time of what the participant gets; INFINITY = not known, or it begins with work that is

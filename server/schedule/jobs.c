@@ -61,6 +61,11 @@ static double weight_of(const struct srv_session *s, const struct srv_participan
     return p == s->holder && s->participant_count > 1 ? s->participant_count - 1 : 1;
 }
 
+static void add_use(struct srv_schedule *schedule, struct srv_session *s, double ms) {
+    srv_fair_add_use(&schedule->use, ms, schedule->now_ms);
+    srv_fair_add_use(&s->schedule->use, ms, schedule->now_ms);
+}
+
 /* Charges the expected time to the session and to each participant that gets the frame. */
 static void charge(struct srv_schedule *schedule, struct srv_session *s,
                    struct srv_render_job *job) {
@@ -73,14 +78,17 @@ static void charge(struct srv_schedule *schedule, struct srv_session *s,
     job->part_start_ms = plan->clock_ms;
     job->price = srv_session_price(schedule, s);
     srv_fair_charge(&plan->account, schedule->clock_ms, job->charged_ms * job->price);
+    add_use(schedule, s, job->charged_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
         srv_fair_charge(&p->schedule->account, plan->clock_ms, job->charged_ms / weight_of(s, p));
     }
 }
 
-static void correct_charge(struct srv_session *s, struct srv_render_job *job, double took_ms) {
+static void correct_charge(struct srv_schedule *schedule, struct srv_session *s,
+                           struct srv_render_job *job, double took_ms) {
     srv_fair_correct(&s->schedule->account, (took_ms - job->charged_ms) * job->price);
+    add_use(schedule, s, took_ms - job->charged_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
         if (p)
@@ -107,7 +115,7 @@ static void choose_detail(const struct srv_schedule *schedule, struct srv_sessio
     const uint32_t *full = job->full;
     quality->prefers_levels = shows_points(&s->shared.view);
     struct srv_detail detail = { .mip_level = 0, .size = { full[0], full[1] } };
-    job->budget_ms = srv_moving_budget_ms(schedule, s, max_fps);
+    job->budget_ms = srv_moving_budget_ms(schedule, s, full, max_fps);
     if (srv_play_moves(s)) /* small images lose the streaks */
         job->budget_ms *= PLAY_BUDGETS;
     if (job->step == SRV_STEP_MOVING) {
@@ -170,7 +178,7 @@ static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
         .mip_level = job->mip_level,
         .budget_ms = job->budget_ms,
         .sharp_ms = srv_quality_expected_ms(&s->schedule->quality, &sharp),
-        .is_shared = job->budget_ms < srv_quality_budget_ms(p->settings.max_fps, 1) * 0.99,
+        .is_shared = job->budget_ms < srv_quality_interval_ms(p->settings.max_fps) * 0.99,
         .rate_step = p->delivery.rate_control.step,
         .is_video = p->delivery.rate_control.is_video,
     };
@@ -450,7 +458,7 @@ static void finish_job(struct srv_schedule *schedule, struct srv_session *s,
     if (is_final)
         srv_quality_rest(&plan->quality, job->view.size);
     const double took_ms = (result->again ? 0 : result->render_ms) + result->encode_ms;
-    correct_charge(s, job, took_ms);
+    correct_charge(schedule, s, job, took_ms);
     if (job->is_first)
         schedule->first_ms = fmax(schedule->first_ms, schedule->now_ms) + FIRST_SHARE * took_ms;
     /* Statistics of a view at rest are sent at once; of a moving view, now and then. */
@@ -496,7 +504,7 @@ void srv_schedule_rendered(struct srv_schedule *schedule, struct srv_render_job 
     pthread_mutex_lock(&schedule->hub->mutex);
     struct srv_session *s = srv_schedule_session(schedule, job);
     if (s)
-        correct_charge(s, job, render_ms);
+        correct_charge(schedule, s, job, render_ms);
     pthread_mutex_unlock(&schedule->hub->mutex);
 }
 
@@ -533,7 +541,7 @@ void srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job
     srv_hub_count_drop(schedule->hub,
                        has_target_left(s, job) ? SRV_COUNT_DROP_OUTDATED : SRV_COUNT_DROP_LEFT);
     if (s && elapsed_ms > 0)
-        correct_charge(s, job, elapsed_ms);
+        correct_charge(schedule, s, job, elapsed_ms);
     if (s && job->step == SRV_STEP_MOVING) {
         const struct srv_detail drawn = detail_of(job);
         s->schedule->must_finish = true;

@@ -17,6 +17,7 @@
 #define LEAST_MPX 0.004 /* no frame is smaller for the sake of time */
 #define FIRST_MPX 0.27  /* of a first frame, whose time is not known */
 enum { SIDES = 32, SIDE_STEP = 4, SIDE_MIN = 8, FAILURES_MAX = 5 };
+enum { SIDE_SHARED = 20 }; /* frames of several moving views get as small before they get fewer */
 
 struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
     double fixed, slope;
@@ -39,12 +40,6 @@ void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality
                                                              .last_mpx = fit->last_mpx,
                                                              .load_log = GUESS };
     }
-}
-
-double srv_quality_budget_ms(int max_fps, unsigned moving) {
-    double interval_ms = 1000.0 / max_fps;
-    return fmin(fmax(interval_ms, SRV_QUALITY_BUDGET_MS),
-                fmax(interval_ms, SRV_QUALITY_ROUND_MS) / moving);
 }
 
 static double megapixels(const uint32_t size[2]) {
@@ -122,6 +117,19 @@ double srv_quality_expected_ms(const struct srv_quality *quality, const struct s
 static void scale(const uint32_t full[2], unsigned side, uint32_t size[2]) {
     for (int i = 0; i < 2; i++)
         size[i] = (uint32_t)fmax(round(full[i] * (double)side / SIDES), 1);
+}
+
+double srv_quality_interval_ms(int max_fps) {
+    return fmax(1000.0 / max_fps, SRV_QUALITY_BUDGET_MS);
+}
+
+double srv_quality_budget_ms(const struct srv_quality *quality, const uint32_t full[2], int max_fps,
+                             double part) {
+    const double interval_ms = srv_quality_interval_ms(max_fps);
+    const double most_ms = fmin(interval_ms, fmax(interval_ms, SRV_QUALITY_ROUND_MS) * part);
+    struct srv_detail small = { .mip_level = 0 };
+    scale(full, SIDE_SHARED, small.size);
+    return fmin(fmax(srv_quality_expected_ms(quality, &small), interval_ms * part), most_ms);
 }
 
 static double mpx_of(const uint32_t full[2], unsigned side) {

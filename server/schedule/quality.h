@@ -13,7 +13,8 @@
 
 /* Detail is not reduced to be faster than 30 frames per second. */
 #define SRV_QUALITY_BUDGET_MS (1000.0 / 30)
-/* While several views move, each gets less detail only if one frame of each takes longer. */
+/* While several views move, they get fewer frames than that rather than frames of less than five
+ * eighths of the side, until one frame of each takes longer than this. */
 #define SRV_QUALITY_ROUND_MS (1000.0 / 15)
 /* A sharp frame that takes longer has an intermediate one before it. */
 #define SRV_QUALITY_INTERMEDIATE_MS 250.0
@@ -74,9 +75,13 @@ void srv_quality_init(struct srv_quality *quality);
  * frame of each level outweighs. */
 void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality *other);
 
-/* Returns the longest time that a frame of a view should take that gets one of `parts` equal parts
- * of the time; parts > 0. */
-double srv_quality_budget_ms(int max_fps, unsigned parts);
+/* Returns the time from one frame of a moving view to the next, if it is alone. */
+double srv_quality_interval_ms(int max_fps);
+
+/* Returns the longest time that a frame should take of a moving view that gets `part` of the time,
+ * in (0, 1]. While frames of at least five eighths of the side do, their rate stays. */
+double srv_quality_budget_ms(const struct srv_quality *quality, const uint32_t full[2], int max_fps,
+                             double part);
 
 /* Chooses the detail of the next frame of a moving view. */
 void srv_quality_moving(struct srv_quality *quality, const uint32_t full[2], double budget_ms,

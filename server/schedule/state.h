@@ -50,10 +50,10 @@ struct srv_session_schedule {
     double newest_ms;                /* when that was made */
     double moved_ms;                 /* when its last moving frame began; 0 = never */
     struct srv_fair_account account; /* by the scheduler's clock */
+    struct srv_fair_use use;         /* of the render and encode threads */
     uint64_t owner;                  /* equal for sessions of one owner */
     bool wants_frame;                /* when the last frame was chosen */
-    unsigned siblings;               /* sessions of its owner that get frames now, with itself, */
-    unsigned moving_siblings;        /* and those that get moving frames */
+    unsigned siblings;               /* sessions of its owner that get frames now, with itself */
     double clock_ms;                 /* of its participants' accounts */
     struct srv_quality quality;
     struct srv_cold_start start;
@@ -72,16 +72,16 @@ struct srv_schedule {
                                  frame does not depend on the other sessions */
     struct srv_candidate *candidates; /* options.sessions_max of the hub, and so these */
     struct srv_choice *choices;
-    double clock_ms;      /* of the sessions' accounts */
-    double first_ms;      /* first frames have used their part of the time up to then */
-    double rested_ms;     /* last end of accounts of sessions that are no longer busy */
-    double now_ms;        /* of the last call or event that had a time */
-    unsigned sharing;     /* sessions that get frames now, */
-    double owners;        /* their owners, */
-    double moving_owners; /* and owners of sessions that get moving frames */
-    uint64_t next_order;  /* of jobs */
-    unsigned slow_jobs;   /* in progress that are slow to encode */
-    unsigned cancellable; /* jobs in progress that motion may cancel */
+    double clock_ms;         /* of the sessions' accounts */
+    struct srv_fair_use use; /* of all sessions */
+    double first_ms;         /* first frames have used their part of the time up to then */
+    double rested_ms;        /* last end of accounts of sessions that are no longer busy */
+    double now_ms;           /* of the last call or event that had a time */
+    unsigned sharing;        /* sessions that get frames now, */
+    double owners;           /* and their owners */
+    uint64_t next_order;     /* of jobs */
+    unsigned slow_jobs;      /* in progress that are slow to encode */
+    unsigned cancellable;    /* jobs in progress that motion may cancel */
     struct srv_known_quality qualities[SRV_QUALITIES];
     unsigned next_quality;
 };
@@ -124,10 +124,11 @@ void srv_count_owners(struct srv_schedule *schedule, double now_ms);
 /* What a millisecond costs the session: owners have equal shares of the time, and the sessions of
  * one owner equal parts of its share. 1 if each owner has as many. */
 double srv_session_price(const struct srv_schedule *schedule, const struct srv_session *session);
-/* Time that a moving frame may take. The owners with sessions that move share it, and the sessions
- * of an owner its part: each gets less detail instead of fewer frames. */
+/* Time that a moving frame may take: the part of its interval that other sessions leave, but at
+ * least its own fair part. So it gets less detail instead of fewer frames. `full`: size of sharp
+ * frames in pixels. */
 double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_session *session,
-                            int max_fps);
+                            const uint32_t full[2], int max_fps);
 
 /* There may be something to render, for this session (NULL = for others). (events.c) */
 void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);

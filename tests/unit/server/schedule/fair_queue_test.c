@@ -78,6 +78,49 @@ static void owners_have_equal_shares_however_many_sessions_they_have(void **stat
     }
 }
 
+static void use_is_forgotten_within_seconds(void **state) {
+    (void)state;
+    struct srv_fair_use use = { 0 };
+    assert_compare(srv_fair_used_part(&use, 1000), ==, 0);
+    for (int at_ms = 1000; at_ms < 6000; at_ms += 10)
+        srv_fair_add_use(&use, 3, at_ms);
+    const double part = srv_fair_used_part(&use, 6000);
+    assert_float_equal(part, 0.3, 0.01);
+    assert_float_equal(srv_fair_used_part(&use, 6500), part / exp(1), 1e-9);
+    assert_compare(srv_fair_used_part(&use, 0), ==, srv_fair_used_part(&use, 5990)); /* no future */
+    srv_fair_add_use(&use, -1e6, 6500);
+    assert_compare(srv_fair_used_part(&use, 6500), ==, 0);
+}
+
+/* A view that fills three quarters of the time alone gets smaller frames beside other owners, but
+ * as many. */
+static void moving_views_keep_their_rate_beside_other_owners(void **state) {
+    struct simulation *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    struct sim_client *small = sim_join(s, 0, s->f->id, 33, "{\"size\":[660,660]}");
+    sim_session_of(s, "greedy", id);
+    struct sim_client *large = sim_join(s, 1, id, 20, "{\"size\":[4096,4096]}");
+    large->period_ms = 0;
+    sim_run(s, 2000);
+    sim_reset(s);
+    sim_run(s, 5000);
+    const unsigned alone = small->frames;
+    const double alone_ms = small->took_ms;
+    assert_compare(alone_ms, >, 0.6 * 5000);
+    large->period_ms = 20;
+    large->next_ms = s->now_ms;
+    sim_run(s, 2000);
+    sim_reset(s);
+    sim_run(s, 5000);
+    assert_compare(small->frames, >=, 0.95 * alone);
+    assert_compare(small->took_ms, <, 0.55 * 5000);
+    large->period_ms = 0;
+    sim_run(s, 4000);
+    sim_reset(s);
+    sim_run(s, 5000);
+    assert_compare(small->took_ms, >, 0.9 * alone_ms);
+}
+
 static void time_received_while_all_others_are_idle_is_no_debt(void **state) {
     struct simulation *s = *state;
     char id[SRV_SESSION_ID_BYTES];
@@ -291,7 +334,9 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_idle_account_saves_up_nothing_and_keeps_its_debt),
 #define TEST(name) cmocka_unit_test_setup_teardown(name, sim_set_up, sim_tear_down)
+        cmocka_unit_test(use_is_forgotten_within_seconds),
         TEST(sessions_have_equal_shares_of_time_not_of_frames),
+        TEST(moving_views_keep_their_rate_beside_other_owners),
         TEST(owners_have_equal_shares_however_many_sessions_they_have),
         TEST(time_received_while_all_others_are_idle_is_no_debt),
         TEST(a_client_keeps_its_rate_beside_a_larger_one),

@@ -33,6 +33,17 @@ static unsigned rank(const struct srv_detail *d) {
     return d->mip_level * 8 + (8 - d->size[0] * 8 / full[0]);
 }
 
+/* Returns a controller that knows the machine's times of frames without mip levels. */
+static struct srv_quality known(const struct machine *m) {
+    struct srv_quality quality;
+    srv_quality_init(&quality);
+    for (uint32_t side = full[0] / 4; side <= full[0]; side *= 2) {
+        const struct srv_detail drawn = { .size = { side, side } };
+        srv_quality_done(&quality, &drawn, true, BUDGET, time_on(m, &drawn));
+    }
+    return quality;
+}
+
 struct drag {
     struct srv_detail last;
     double last_ms, worst_ms;
@@ -66,17 +77,27 @@ static double rest(struct srv_quality *quality, const struct machine *m) {
 
 static void the_budget_is_for_thirty_frames_per_second_or_fewer(void **state) {
     (void)state;
-    assert_compare(srv_quality_budget_ms(120, 1), ==, SRV_QUALITY_BUDGET_MS);
-    assert_compare(srv_quality_budget_ms(30, 1), ==, SRV_QUALITY_BUDGET_MS);
-    assert_compare(srv_quality_budget_ms(5, 1), ==, 200);
+    const struct srv_quality unknown = { .side = 0 };
+    assert_compare(srv_quality_budget_ms(&unknown, full, 120, 1), ==, SRV_QUALITY_BUDGET_MS);
+    assert_compare(srv_quality_budget_ms(&unknown, full, 30, 1), ==, SRV_QUALITY_BUDGET_MS);
+    assert_compare(srv_quality_budget_ms(&unknown, full, 5, 1), ==, 200);
 }
 
-/* They share a round of fifteen frames per second each. */
-static void several_moving_views_share_a_round(void **state) {
+/* A view that has a part of the time keeps its rate while frames of five eighths of the side allow
+ * it; then its rate falls by half; then its frames get smaller. */
+static void a_part_of_the_time_costs_size_then_rate_then_size(void **state) {
     (void)state;
-    assert_compare(srv_quality_budget_ms(60, 2), ==, SRV_QUALITY_BUDGET_MS);
-    assert_compare(srv_quality_budget_ms(60, 4), ==, SRV_QUALITY_ROUND_MS / 4);
-    assert_compare(srv_quality_budget_ms(10, 4), ==, 25);
+    const struct machine light = { 5, 10, 1 }, heavy = { 25, 20, 1 };
+    const struct srv_detail small = { .size = { full[0] * 5 / 8, full[1] * 5 / 8 } };
+    struct srv_quality quality = known(&light);
+    assert_compare(srv_quality_budget_ms(&quality, full, 60, 0.5), ==, SRV_QUALITY_BUDGET_MS / 2);
+    assert_compare(srv_quality_budget_ms(&quality, full, 10, 0.25), ==, 25);
+    assert_float_equal(srv_quality_budget_ms(&quality, full, 60, 0.25), time_on(&light, &small),
+                       0.01);
+    assert_compare(srv_quality_budget_ms(&quality, full, 60, 0.1), ==, SRV_QUALITY_ROUND_MS * 0.1);
+    quality = known(&heavy);
+    assert_float_equal(srv_quality_budget_ms(&quality, full, 60, 0.5), time_on(&heavy, &small),
+                       0.01);
 }
 
 static void frames_within_the_budget_keep_all_detail(void **state) {
@@ -381,7 +402,7 @@ static void tiny_frames_have_a_size(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_budget_is_for_thirty_frames_per_second_or_fewer),
-        cmocka_unit_test(several_moving_views_share_a_round),
+        cmocka_unit_test(a_part_of_the_time_costs_size_then_rate_then_size),
         cmocka_unit_test(frames_within_the_budget_keep_all_detail),
         cmocka_unit_test(detail_settles_on_any_machine),
         cmocka_unit_test(jitter_does_not_flicker),
