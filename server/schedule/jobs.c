@@ -61,9 +61,9 @@ static double weight_of(const struct srv_session *s, const struct srv_participan
     return p == s->holder && s->participant_count > 1 ? s->participant_count - 1 : 1;
 }
 
-static void add_use(struct srv_schedule *schedule, struct srv_session *s, double ms) {
-    srv_fair_add_use(&schedule->use, ms, schedule->now_ms);
-    srv_fair_add_use(&s->schedule->use, ms, schedule->now_ms);
+double srv_participant_part(const struct srv_session *s, const struct srv_participant *p) {
+    const double all = s->holder ? 2 * (s->participant_count - 1.0) : s->participant_count;
+    return weight_of(s, p) / fmax(1, all);
 }
 
 /* Charges the expected time to the session and to each participant that gets the frame. */
@@ -78,21 +78,24 @@ static void charge(struct srv_schedule *schedule, struct srv_session *s,
     job->part_start_ms = plan->clock_ms;
     job->price = srv_session_price(schedule, s);
     srv_fair_charge(&plan->account, schedule->clock_ms, job->charged_ms * job->price);
-    add_use(schedule, s, job->charged_ms);
+    srv_fair_add_use(&schedule->use, job->charged_ms, schedule->now_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
         srv_fair_charge(&p->schedule->account, plan->clock_ms, job->charged_ms / weight_of(s, p));
+        srv_fair_add_use(&p->schedule->use, job->charged_ms, schedule->now_ms);
     }
 }
 
 static void correct_charge(struct srv_schedule *schedule, struct srv_session *s,
                            struct srv_render_job *job, double took_ms) {
     srv_fair_correct(&s->schedule->account, (took_ms - job->charged_ms) * job->price);
-    add_use(schedule, s, took_ms - job->charged_ms);
+    srv_fair_add_use(&schedule->use, took_ms - job->charged_ms, schedule->now_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
-        if (p)
-            srv_fair_correct(&p->schedule->account, (took_ms - job->charged_ms) / weight_of(s, p));
+        if (!p)
+            continue;
+        srv_fair_correct(&p->schedule->account, (took_ms - job->charged_ms) / weight_of(s, p));
+        srv_fair_add_use(&p->schedule->use, took_ms - job->charged_ms, schedule->now_ms);
     }
     job->charged_ms = took_ms;
 }
@@ -115,7 +118,7 @@ static void choose_detail(const struct srv_schedule *schedule, struct srv_sessio
     const uint32_t *full = job->full;
     quality->prefers_levels = shows_points(&s->shared.view);
     struct srv_detail detail = { .mip_level = 0, .size = { full[0], full[1] } };
-    job->budget_ms = srv_moving_budget_ms(schedule, s, full, max_fps);
+    job->budget_ms = srv_moving_budget_ms(schedule, first, full, max_fps);
     if (srv_play_moves(s)) /* small images lose the streaks */
         job->budget_ms *= PLAY_BUDGETS;
     if (job->step == SRV_STEP_MOVING) {

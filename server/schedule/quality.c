@@ -14,10 +14,10 @@
 #define NEXT_LEVEL 0.25 /* of the time, where mip levels come first */
 #define LAST_RESORT                                                                                \
     2.0 /* times the limit: sides below SIDE_MIN, so that each view gets 10 frames/s */
-#define LEAST_MPX 0.004 /* no frame is smaller for the sake of time */
-#define FIRST_MPX 0.27  /* of a first frame, whose time is not known */
-enum { SIDES = 32, SIDE_STEP = 4, SIDE_MIN = 8, FAILURES_MAX = 5 };
-enum { SIDE_SHARED = 20 }; /* frames of several moving views get as small before they get fewer */
+#define LEAST_MPX 0.00411 /* no frame is smaller for the sake of time */
+#define FIRST_MPX 0.27    /* of a first frame, whose time is not known */
+enum { SIDES = 128, SIDE_STEP = 16, SIDE_MIN = 32, FAILURES_MAX = 5 };
+enum { SIDE_SHARED = 80 }; /* frames of several moving views get as small before they get fewer */
 
 struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
     double fixed, slope;
@@ -129,7 +129,8 @@ double srv_quality_budget_ms(const struct srv_quality *quality, const uint32_t f
     const double most_ms = fmin(interval_ms, fmax(interval_ms, SRV_QUALITY_ROUND_MS) * part);
     struct srv_detail small = { .mip_level = 0 };
     scale(full, SIDE_SHARED, small.size);
-    return fmin(fmax(srv_quality_expected_ms(quality, &small), interval_ms * part), most_ms);
+    const double small_ms = srv_quality_expected_ms(quality, &small) / RAISE;
+    return fmin(fmax(small_ms, interval_ms * part), most_ms);
 }
 
 static double mpx_of(const uint32_t full[2], unsigned side) {
@@ -158,7 +159,7 @@ static unsigned last_resort(const struct model *model, const uint32_t full[2], d
     unsigned side = SIDE_MIN;
     while (side > 1 && time_of(model, mpx_of(full, side)) > limit_ms * LAST_RESORT &&
            mpx_of(full, side) > fmax(useful, LEAST_MPX))
-        side /= 2;
+        side -= (side + 3) / 4;
     return side;
 }
 

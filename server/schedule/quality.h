@@ -43,9 +43,9 @@ struct srv_quality_fit {         /* of one mip level */
  *
  *   finest ────────────────────────────────────────────────────────► coarsest
  *   (0, 8/8) (0, 7/8) … (0, 2/8)  (1, 8/8) … (1, 2/8)  (2, 8/8) … (2, 2/8)   (mip level, side)
- *                                                       and then (2, 1/8) (2, 1/16) (2, 1/32)
+ *                                             and then (2, 3/16) (2, 9/64) … down to 64 x 64 px
  *
- * The last three are for views so heavy that they would get less than ten frames per second: no
+ * The last ones are for views so heavy that they would get less than ten frames per second: no
  * view may take that rate from the others. The first frame, whose time is not known, has half the
  * side, or less if that is more than a quarter of a megapixel.
  *
@@ -63,7 +63,8 @@ struct srv_quality_fit {         /* of one mip level */
  *     A level that is twice too slow is not tried. */
 struct srv_quality {
     struct srv_quality_fit fits[SP_MIP_LEVEL_MAX + 1];
-    unsigned mip_level, side; /* in use while moving; side in 32nds of the full one, 0 = none yet */
+    unsigned mip_level,
+        side; /* in use while moving; side in 128ths of the full one, 0 = none yet */
     /* Set by the caller: mip levels come before smaller frames, from the first frame on. They merge
      * points in the image, so that one of full size is sharper than a smaller frame of as many
      * points, and takes as long. */

@@ -34,6 +34,7 @@ struct srv_participant_schedule {
     double behind_ms;        /* since when the view is newer than its newest job */
     struct srv_waiting waiting;
     struct srv_fair_account account; /* by its session's clock */
+    struct srv_fair_use use;         /* time of the frames that it got */
 };
 
 struct srv_cold_start { /* the view's versions since which work is done that is needed once */
@@ -50,7 +51,6 @@ struct srv_session_schedule {
     double newest_ms;                /* when that was made */
     double moved_ms;                 /* when its last moving frame began; 0 = never */
     struct srv_fair_account account; /* by the scheduler's clock */
-    struct srv_fair_use use;         /* of the render and encode threads */
     uint64_t owner;                  /* equal for sessions of one owner */
     bool wants_frame;                /* when the last frame was chosen */
     unsigned siblings;               /* sessions of its owner that get frames now, with itself */
@@ -124,10 +124,13 @@ void srv_count_owners(struct srv_schedule *schedule, double now_ms);
 /* What a millisecond costs the session: owners have equal shares of the time, and the sessions of
  * one owner equal parts of its share. 1 if each owner has as many. */
 double srv_session_price(const struct srv_schedule *schedule, const struct srv_session *session);
-/* Time that a moving frame may take: the part of its interval that other sessions leave, but at
- * least its own fair part. So it gets less detail instead of fewer frames. `full`: size of sharp
- * frames in pixels. */
-double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_session *session,
+/* Returns the part of its session's time that a participant has if all want frames. */
+double srv_participant_part(const struct srv_session *session,
+                            const struct srv_participant *participant);
+/* Time that a moving frame for the participant may take: the part of its interval that others
+ * leave, but at least its own fair part. So it gets less detail instead of fewer frames. `full`:
+ * size of sharp frames in pixels. */
+double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_participant *p,
                             const uint32_t full[2], int max_fps);
 
 /* There may be something to render, for this session (NULL = for others). (events.c) */

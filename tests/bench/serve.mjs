@@ -15,7 +15,7 @@ import net from 'node:net';
 import os from 'node:os';
 import path from 'node:path';
 import { parseArgs } from 'node:util';
-import { CROWD, others, plain, secure } from './serve/hostile.mjs';
+import { CROWD, HEAVY, others, plain, secure } from './serve/hostile.mjs';
 import { child, Client, CODECS, Daemon, mean, median, pause, round, watch } from './serve/peers.mjs';
 import { soak } from './serve/soak.mjs';
 
@@ -279,19 +279,21 @@ async function besideOne(daemon, session, victim, kind) {
     JSON.stringify({ port, token, secure: tls, victim: session })]);
   const ended = once(other, 'close');
   await Promise.race([once(other.stdout, 'data'), ended]);
+  const begin = performance.now();
   const seen = await watch(daemon, [victim], 0.6 * seconds);
   if (other.exitCode !== null) throw new Error(`the client that is ${kind} ended: ${other.log}`);
   let served = '';
   other.stdout.on('data', (data) => { served += data; });
+  const took = (performance.now() - begin) / 1000;
   other.kill();
   await ended;
-  return { ...seen, served: Number(served) };
+  return { ...seen, served: Number(served), served_fps: Number(served) / took };
 }
 
 function tell(kind, list) {
   const middle = (what, digits = 1) => round(median(list.map((one) => one[what])), digits);
-  const crowd = kind.startsWith(`${CROWD} sessions`);
-  const share = crowd ? `; it has ${round(100 * middle('render_share', 3))} % of the rendering, an equal share is ${round(100 / (CROWD + 1))} %` : '';
+  const count = [CROWD, HEAVY].find((n) => kind.startsWith(`${n} sessions`));
+  const share = count ? `, each ${round(middle('served_fps') / count)} times per second; it has ${round(100 * middle('render_share', 3))} % of the rendering, an equal share is ${round(100 / (count + 1))} %` : '';
   measured(kind in others ? 'beside' : 'hostile', kind, {
     ...Object.fromEntries(['side', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame', 'rss_mib', 'alone_fps', 'alone_p95_ms'].map((key) => [key, middle(key)])),
     clients: 1, cpu_share: middle('cpu_share', 2), change_percent: middle('change'),

@@ -17,6 +17,7 @@ const ASKING_STREAMS = 16;
 const MANY_MEASURES = 100; // the most that a session has
 const MEASURE_MS = 55; // between two changes of measurements: the daemon allows 20 per second
 const SLOW = { size: [4096, 4096], format: 'png', quality: 100, max_fps: 60 };
+const SURFACES = 7;
 const clients = [];
 let served = 0;
 
@@ -154,6 +155,7 @@ export const secure = {
 };
 
 export const CROWD = 8;
+export const HEAVY = 3;
 /** Not hostile: beside these a fair share is expected, within the variation of the machine. */
 export const others = {
   'a process that keeps a core busy, and asks for nothing': async () => {
@@ -166,6 +168,17 @@ export const others = {
   },
   [`${CROWD} sessions that turn a large volume`]: async (daemon) => {
     for (let i = 0; i < CROWD; i++) (await join(daemon, { volume: 1 })).drive();
+  },
+  [`${HEAVY} sessions that turn ${SURFACES} surfaces at 4096²`]: async (daemon) => {
+    const { points } = daemon.views[1].transfer_function;
+    const [low, high] = [points[0].value, points.at(-1).value];
+    const layers = Array.from({ length: SURFACES }, (_, i) => ({ type: 'surface', value: low + (high - low) * (i + 1) / (SURFACES + 1), opacity: 0.4 }));
+    for (let i = 0; i < HEAVY; i++) {
+      const session = await daemon.session(4096, { ...daemon.views[1], layers });
+      clients.push(await Client.open(daemon, session));
+      clients.at(-1).configure({ size: [4096, 4096] });
+      clients.at(-1).drive();
+    }
   },
 };
 

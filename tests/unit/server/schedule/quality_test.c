@@ -87,7 +87,7 @@ static void the_budget_is_for_thirty_frames_per_second_or_fewer(void **state) {
  * it; then its rate falls by half; then its frames get smaller. */
 static void a_part_of_the_time_costs_size_then_rate_then_size(void **state) {
     (void)state;
-    const struct machine light = { 5, 10, 1 }, heavy = { 25, 20, 1 };
+    const struct machine light = { 5, 10, 1 }, heavy = { 15, 20, 1 };
     const struct srv_detail small = { .size = { full[0] * 5 / 8, full[1] * 5 / 8 } };
     struct srv_quality quality = known(&light);
     assert_compare(srv_quality_budget_ms(&quality, full, 60, 0.5), ==, SRV_QUALITY_BUDGET_MS / 2);
