@@ -218,8 +218,8 @@ double srv_session_price(const struct srv_schedule *schedule, const struct srv_s
     return fmax(1, siblings) * owners_with(schedule->owners, siblings, is_counted) / fmax(1, all);
 }
 
-double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_participant *p,
-                            const uint32_t full[2], int max_fps) {
+struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
+                                            const struct srv_participant *p, int max_fps) {
     const struct srv_session *s = p->session;
     const double now_ms = schedule->now_ms;
     const unsigned siblings = s->schedule->siblings;
@@ -227,16 +227,15 @@ double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct sr
     const double own = srv_participant_part(s, p) / (owners * fmax(1, siblings));
     const double others =
         srv_fair_used_part(&schedule->use, now_ms) - srv_fair_used_part(&p->schedule->use, now_ms);
-    return srv_quality_budget_ms(&s->schedule->quality, full, max_fps,
-                                 fmin(fmax(1 - others, own), 1));
+    return srv_quality_budget(max_fps, fmin(fmax(1 - others, own), 1));
 }
 
 double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *s,
                            const struct srv_participant *p) {
+    const struct srv_quality_budget budget = srv_moving_budget(schedule, p, p->settings.max_fps);
     uint32_t full[2];
     srv_hub_size(s, p, full);
-    return srv_quality_moving_ms(&s->schedule->quality, full,
-                                 srv_moving_budget_ms(schedule, p, full, p->settings.max_fps));
+    return srv_quality_moving_ms(&s->schedule->quality, full, &budget);
 }
 
 /* Expected time of what the participant gets; INFINITY = not known, or it begins with work that is

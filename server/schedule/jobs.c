@@ -118,12 +118,15 @@ static void choose_detail(const struct srv_schedule *schedule, struct srv_sessio
     const uint32_t *full = job->full;
     quality->prefers_levels = shows_points(&s->shared.view);
     struct srv_detail detail = { .mip_level = 0, .size = { full[0], full[1] } };
-    job->budget_ms = srv_moving_budget_ms(schedule, first, full, max_fps);
-    if (srv_play_moves(s)) /* small images lose the streaks */
-        job->budget_ms *= PLAY_BUDGETS;
+    struct srv_quality_budget budget = srv_moving_budget(schedule, first, max_fps);
+    if (srv_play_moves(s)) { /* small images lose the streaks */
+        budget.ms *= PLAY_BUDGETS;
+        budget.most_ms *= PLAY_BUDGETS;
+    }
+    job->budget_ms = budget.ms;
     if (job->step == SRV_STEP_MOVING) {
         uint32_t most[2];
-        srv_quality_moving(quality, full, job->budget_ms, &detail);
+        job->budget_ms = srv_quality_moving(quality, full, &budget, &detail);
         srv_rate_control_size(&first->delivery.rate_control, full, most);
         for (int i = 0; i < 2; i++)
             detail.size[i] = detail.size[i] < most[i] ? detail.size[i] : most[i];

@@ -11,6 +11,9 @@
 #define GUESS 9.0     /* load_log of a guess from another view */
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
+#define SPREAD 0.2      /* of sizes, for a line: sum of squares of (size / mean - 1) */
+#define PIXELLESS 2.0   /* fixed time over time of the pixels, if nothing is known */
+#define FADE 0.01       /* part of what is known of that ratio that is forgotten with each frame */
 #define NEXT_LEVEL 0.25 /* of the time, where mip levels come first */
 #define LAST_RESORT                                                                                \
     2.0 /* times the limit: sides below SIDE_MIN, so that each view gets 10 frames/s */
@@ -46,12 +49,12 @@ static double megapixels(const uint32_t size[2]) {
     return (double)size[0] * size[1] * 1e-6;
 }
 
-/* Fits a line if the sizes of the frames differ enough. */
+/* Fits a line if the sizes of the frames differ enough: else noise would decide. */
 static bool fit_line(const struct srv_quality_fit *fit, struct model *model) {
     double mean_x = fit->x / fit->weight, mean_y = fit->y / fit->weight;
     double variance = fit->xx / fit->weight - mean_x * mean_x;
     double covariance = fit->xy / fit->weight - mean_x * mean_y;
-    if (variance <= 1e-3 * mean_x * mean_x || covariance <= 0)
+    if (fit->weight * variance <= SPREAD * mean_x * mean_x || covariance <= 0)
         return false;
     model->slope = covariance / variance;
     model->fixed = mean_y - model->slope * mean_x;
@@ -83,7 +86,7 @@ static struct model model_of_drawn(const struct srv_quality *quality, unsigned m
         return model;
     double mean_x = fit->x / fit->weight, mean_y = fit->y / fit->weight;
     double ratio = ratio_of(quality, mip_level);
-    model.slope = mean_y / (mean_x + (ratio > 0 ? ratio : 2 * mean_x));
+    model.slope = mean_y / (mean_x + (ratio > 0 ? ratio : PIXELLESS * mean_x));
     model.fixed = mean_y - model.slope * mean_x;
     return model;
 }
@@ -123,14 +126,11 @@ double srv_quality_interval_ms(int max_fps) {
     return fmax(1000.0 / max_fps, SRV_QUALITY_BUDGET_MS);
 }
 
-double srv_quality_budget_ms(const struct srv_quality *quality, const uint32_t full[2], int max_fps,
-                             double part) {
+struct srv_quality_budget srv_quality_budget(int max_fps, double part) {
     const double interval_ms = srv_quality_interval_ms(max_fps);
-    const double most_ms = fmin(interval_ms, fmax(interval_ms, SRV_QUALITY_ROUND_MS) * part);
-    struct srv_detail small = { .mip_level = 0 };
-    scale(full, SIDE_SHARED, small.size);
-    const double small_ms = srv_quality_expected_ms(quality, &small) / RAISE;
-    return fmin(fmax(small_ms, interval_ms * part), most_ms);
+    const double round_ms = fmax(interval_ms, SRV_QUALITY_ROUND_MS);
+    return (struct srv_quality_budget){ .ms = interval_ms * part,
+                                        .most_ms = fmin(interval_ms, round_ms * part) };
 }
 
 static double mpx_of(const uint32_t full[2], unsigned side) {
@@ -163,9 +163,10 @@ static unsigned last_resort(const struct model *model, const uint32_t full[2], d
     return side;
 }
 
-/* Returns the finest choice that is expected within limit_ms, else the coarsest that is useful. */
+/* Returns the finest choice that is expected within limit_ms, else the coarsest that is useful.
+ * `largest`: side of the largest frame, unless smaller ones take as long. */
 static struct choice finest(const struct srv_quality *quality, const uint32_t full[2],
-                            double limit_ms, unsigned doubted) {
+                            double limit_ms, unsigned largest, unsigned doubted) {
     for (unsigned mip_level = 0;; mip_level++) {
         bool last = mip_level == SP_MIP_LEVEL_MAX;
         struct model model = model_of(quality, mip_level);
@@ -173,6 +174,8 @@ static struct choice finest(const struct srv_quality *quality, const uint32_t fu
         double useful = model.slope > 0 ? model.fixed / model.slope / 4 : INFINITY;
         const unsigned least = quality->prefers_levels && !last ? SIDES : SIDE_MIN;
         unsigned side = SIDES;
+        while (side > largest && side > least && mpx_of(full, side) > useful)
+            side -= SIDE_STEP;
         for (;; side -= SIDE_STEP) {
             const double mpx = mpx_of(full, side);
             if (time_of(&model, mpx) * confidence <= limit_ms)
@@ -197,29 +200,48 @@ static struct choice first_choice(const struct srv_quality *quality, const uint3
     return first;
 }
 
-void srv_quality_moving(struct srv_quality *quality, const uint32_t full[2], double budget_ms,
-                        struct srv_detail *detail) {
-    struct choice now = { quality->mip_level, quality->side };
+/* A frame is large although its rate falls, because smaller ones seem to take as long. That may
+ * have been so at another time: forgets it, so that a smaller frame is tried now and then. */
+static void forget_ratio(struct srv_quality_fit *fit) {
+    if (fit->ratio > 0)
+        fit->ratio *= pow(PIXELLESS * fit->x / fit->weight / fit->ratio, FADE);
+}
+
+double srv_quality_moving(struct srv_quality *quality, const uint32_t full[2],
+                          const struct srv_quality_budget *budget, struct srv_detail *detail) {
+    const struct choice now = { quality->mip_level, quality->side }, small = { 0, SIDE_SHARED };
+    const unsigned doubted = now.side ? now.mip_level : 0;
     struct choice best = first_choice(quality, full);
-    if (quality->fits[0].weight > 0)
-        best = finest(quality, full, budget_ms * RAISE, now.side ? now.mip_level : 0);
+    double budget_ms = budget->ms, now_ms = budget->ms;
+    if (quality->fits[0].weight > 0) {
+        best = finest(quality, full, budget_ms * RAISE, SIDES, doubted);
+        if (budget->most_ms > budget_ms && is_finer(small, best)) {
+            budget_ms = budget->most_ms;
+            best = finest(quality, full, budget_ms * RAISE, SIDE_SHARED, doubted);
+        }
+    }
+    if (!is_finer(now, small))
+        now_ms = budget_ms;
     if (now.side) {
         *detail = (struct srv_detail){ .mip_level = now.mip_level };
         scale(full, now.side, detail->size);
-        if (srv_quality_expected_ms(quality, detail) <= budget_ms && !is_finer(best, now))
+        if (srv_quality_expected_ms(quality, detail) <= now_ms && !is_finer(best, now))
             best = now;
     }
+    if (budget_ms > budget->ms && is_finer(best, small))
+        forget_ratio(&quality->fits[0]);
     quality->mip_level = best.mip_level;
     quality->side = best.side;
     detail->mip_level = best.mip_level;
     scale(full, best.side, detail->size);
+    return budget_ms;
 }
 
 double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t full[2],
-                             double budget_ms) {
+                             const struct srv_quality_budget *budget) {
     struct srv_quality next = *quality;
     struct srv_detail detail;
-    srv_quality_moving(&next, full, budget_ms, &detail);
+    srv_quality_moving(&next, full, budget, &detail);
     return srv_quality_expected_ms(quality, &detail) *
            confidence_of(quality, detail.mip_level, quality->side ? quality->mip_level : 0);
 }
@@ -230,7 +252,7 @@ bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t 
     double sharp_ms = srv_quality_expected_ms(quality, &sharp);
     if (sharp_ms <= SRV_QUALITY_INTERMEDIATE_MS)
         return false;
-    struct choice best = finest(quality, full, sharp_ms / 4, 0);
+    struct choice best = finest(quality, full, sharp_ms / 4, SIDES, 0);
     detail->mip_level = best.mip_level;
     scale(full, best.side, detail->size);
     return best.mip_level < shown->mip_level ||

@@ -79,18 +79,21 @@ void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality
 /* Returns the time from one frame of a moving view to the next, if it is alone. */
 double srv_quality_interval_ms(int max_fps);
 
-/* Returns the longest time that a frame should take of a moving view that gets `part` of the time,
- * in (0, 1]. While frames of at least five eighths of the side do, their rate stays. */
-double srv_quality_budget_ms(const struct srv_quality *quality, const uint32_t full[2], int max_fps,
-                             double part);
+struct srv_quality_budget { /* how long a frame of a moving view may take */
+    double ms;              /* so that its rate stays */
+    double most_ms;         /* if it has at most five eighths of the side for that */
+};
+/* Returns the budget of a view that gets `part` of the time, in (0, 1]. */
+struct srv_quality_budget srv_quality_budget(int max_fps, double part);
 
-/* Chooses the detail of the next frame of a moving view. */
-void srv_quality_moving(struct srv_quality *quality, const uint32_t full[2], double budget_ms,
-                        struct srv_detail *detail);
+/* Chooses the detail of the next frame of a moving view. Returns how long it may take, in ms: what
+ * of the budget applies. */
+double srv_quality_moving(struct srv_quality *quality, const uint32_t full[2],
+                          const struct srv_quality_budget *budget, struct srv_detail *detail);
 
 /* Returns the expected time of that frame; 0 = not known yet. */
 double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t full[2],
-                             double budget_ms);
+                             const struct srv_quality_budget *budget);
 
 /* Chooses an intermediate frame for a view at rest, after `shown`. It takes at most a quarter of
  * the time of the sharp frame. False: none is worth it. */
@@ -100,7 +103,8 @@ bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t 
 /* Returns the expected time of a frame; 0 = not known yet. */
 double srv_quality_expected_ms(const struct srv_quality *quality, const struct srv_detail *detail);
 
-/* A frame took `ms` (render and encode); `moving`: chosen by srv_quality_moving() for budget_ms. */
+/* A frame took `ms` (render and encode); `moving`: chosen by srv_quality_moving(),
+ * which returned budget_ms. */
 void srv_quality_done(struct srv_quality *quality, const struct srv_detail *drawn, bool moving,
                       double budget_ms, double ms);
 

@@ -128,10 +128,9 @@ double srv_session_price(const struct srv_schedule *schedule, const struct srv_s
 double srv_participant_part(const struct srv_session *session,
                             const struct srv_participant *participant);
 /* Time that a moving frame for the participant may take: the part of its interval that others
- * leave, but at least its own fair part. So it gets less detail instead of fewer frames. `full`:
- * size of sharp frames in pixels. */
-double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_participant *p,
-                            const uint32_t full[2], int max_fps);
+ * leave, but at least its own fair part. So it gets less detail instead of fewer frames. */
+struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
+                                            const struct srv_participant *p, int max_fps);
 
 /* There may be something to render, for this session (NULL = for others). (events.c) */
 void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);
