@@ -4,6 +4,7 @@
 import csv
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -14,8 +15,11 @@ import xml.dom.minidom
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
 import gpu  # noqa: E402
+import gpu_tables  # noqa: E402
 import report  # noqa: E402
 import run_all  # noqa: E402
+import scene_tables  # noqa: E402
+import tables  # noqa: E402
 
 with open(os.path.join(HERE, 'serve.mjs'), encoding='utf-8') as script:
     SERVE_COLUMNS = re.findall(r"'(\w+)'", re.search(r'^const COLUMNS = \[(.*?)\];', script.read(), re.S | re.M)[1])
@@ -47,15 +51,21 @@ class Report(unittest.TestCase):
         done = subprocess.run([sys.executable, os.path.join(HERE, 'report.py'), self.folder.name], capture_output=True, text=True,
                               check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
-        with open(os.path.join(self.folder.name, 'README.md'), encoding='utf-8') as f:
-            return f.read(), done.stdout
+        return self.page('README'), done.stdout
+
+    def page(self, name):
+        with open(os.path.join(self.folder.name, name + '.md'), encoding='utf-8') as f:
+            return f.read()
 
     def test_ratios_and_goals(self):
         self.write('scenes.csv', run_all.SCENE_COLUMNS, self.scene('engine', 'splatd', 99), self.scene('engine', 'vtk', 10),
                    self.scene('engine', 'scalar', 11), self.scene('head-full', 'splatd', 45), self.scene('head-full', 'vtk', 9),
                    self.scene('engine', 'splatd', 40, size=1024), self.scene('engine', 'vtk', 4, size=1024),
                    self.scene('engine', 'splatd', 50, shading='phong'), self.scene('noise', 'splatd', 0.5), self.scene('noise', 'vtk', 1))
-        text, headline = self.make()
+        first, headline = self.make()
+        text = self.page('speed')
+        self.assertEqual(self.line(first, '| engine'), ['engine', '99 (9.9×)', '10×: **missed**', '–', '–'])
+        self.assertEqual(self.line(first, '| [Speed per voxel')[1:], ['5.0 to 9.9 times VTK at 512², unshaded, on volumes with empty voxels', '3', '1: engine'])
         self.assertEqual(self.line(text, '| noise')[2:7], ['0.5 (0.5×)', '–', '–', '–', '–'])
         engine, head = self.line(text, '| engine'), self.line(text, '| head-full')
         self.assertEqual(engine[2:7], ['99 (9.9×)', '50', '40 (10.0×)', '–', '10×: **missed**'])
@@ -68,15 +78,36 @@ class Report(unittest.TestCase):
 
     def test_missing_measurements_are_left_out(self):
         self.write('scenes.csv', run_all.SCENE_COLUMNS, self.scene('head-full', 'splatd', 39))
-        self.write('machine.csv', ['key', 'value'], {'key': 'vtk', 'value': 'not measured: it is not installed'})
-        text, headline = self.make()
-        self.assertIn('not measured: it is not installed', text)
+        self.write('machine.csv', ['key', 'value'], {'key': 'vtk', 'value': 'not measured: it is not installed'}, {'key': 'scenes, measured again', 'value': 'today'})
+        first, headline = self.make()
+        text = self.page('speed')
+        self.assertIn('not measured: it is not installed', first)
+        self.assertNotIn('today', first)
         self.assertEqual(self.line(text, '| head-full')[2:7], ['39', '–', '–', '–', '5×: –, 40 fps: **missed**'])
         self.assertNotIn('cancelling', text)
         self.assertNotIn('times VTK', headline)
-        self.assertEqual(re.findall(r'\[(\w+\.csv)\]', text), ['scenes.csv', 'machine.csv'])
+        self.assertEqual(re.findall(r'\((\w+\.md)\)', first), ['speed.md'])
+        self.assertEqual(self.line(text, '| [scenes.csv]')[2], 'today')
+        self.assertEqual(re.findall(r'\[(\w+\.csv)\]', text), ['scenes.csv'])
 
-    def test_notes_follow_the_profile(self):
+    def test_the_first_page_fits_a_screen(self):
+        results = os.path.join(HERE, 'results')
+        for name in os.listdir(results):
+            if name.endswith('.csv'):
+                shutil.copy(os.path.join(results, name), self.folder.name)
+        first, _ = self.make()
+        self.assertLessEqual(len(first.split('\n')), 80)
+        for page in report.PAGES:
+            text = self.page(page.name)
+            self.assertLess(len(text.split('\n')), 150, page.name)
+            with open(os.path.join(results, page.name + '.md'), encoding='utf-8') as f:
+                self.assertEqual([line for line in f.read().split('\n') if line.startswith('|')], [line for line in text.split('\n') if line.startswith('|')])
+
+    def test_goals_are_counted(self):
+        text = '| what | goal |\n|---|---|\n| a | 5×: met, 40 fps: **missed** |\n| b | met |\n| c | **missed**: why |\nnot | met |\n'
+        self.assertEqual(tables.verdicts(text), (2, 2, ['a', 'c']))
+
+    def test_notes_are_linked(self):
         stages = ['scene', 'size', 'threads', 'shading', 'isa', 'splats', 'fragments', 'median_ms', 'mean_ms', 'classify_ms', 'tile_ms']
         self.write('scenes.csv', run_all.SCENE_COLUMNS, self.scene('engine', 'splatd', 100))
         self.write('profile.csv', stages, {'scene': 'engine', 'size': 512, 'threads': 2, 'shading': 'none', 'isa': 'avx2',
@@ -85,19 +116,20 @@ class Report(unittest.TestCase):
         self.write('limit.csv', run_all.LIMIT_COLUMNS,
                    {'isa': 'avx2', 'threads': 2, 'add_3': 200, 'add_5': 100, 'add_7': 50, 'add_11': 25, 'set_up': 100, 'read': 1, 'copy': 1},
                    {'isa': 'scalar', 'threads': 2, 'add_3': 2, 'add_5': 1, 'add_7': 1, 'add_11': 1, 'set_up': 1, 'read': 1, 'copy': 1})
-        with open(os.path.join(self.folder.name, 'notes.md'), 'w', encoding='utf-8') as f:
+        os.mkdir(os.path.join(self.folder.name, 'notes'))
+        with open(os.path.join(self.folder.name, 'notes', 'speed.md'), 'w', encoding='utf-8') as f:
             f.write('The rest waits for memory.\n')
-        text, _ = self.make()
-        self.assertIn('The rest waits for memory.', text)
+        self.make()
+        self.assertEqual(re.findall(r'\(notes/(\w+)\.md\)', self.page('speed')), ['speed'])
         # A million splats of 25 px: 10 ms to add and 10 ms to set up, of 40.
-        self.assertEqual(self.line(report.profile(self.folder.name), '| engine')[1:], ['40', '25 %', '75 %', '25', '25', '50 %'])
+        self.assertEqual(self.line(scene_tables.profile(self.folder.name), '| engine')[1:], ['40', '25 %', '75 %', '25', '25', '50 %'])
 
     def test_the_limit_between_widths(self):
         rates = {3: 100, 5: 50, 7: 25, 11: 10}
-        self.assertAlmostEqual(report.add_cost(rates, 4), 1e-8)
-        self.assertAlmostEqual(report.add_cost(rates, 17), 1.5e-8)
-        self.assertAlmostEqual(report.add_cost(rates, 49), 4e-8)
-        self.assertAlmostEqual(report.add_cost(rates, 242), 2e-7)
+        self.assertAlmostEqual(scene_tables.add_cost(rates, 4), 1e-8)
+        self.assertAlmostEqual(scene_tables.add_cost(rates, 17), 1.5e-8)
+        self.assertAlmostEqual(scene_tables.add_cost(rates, 49), 4e-8)
+        self.assertAlmostEqual(scene_tables.add_cost(rates, 242), 2e-7)
 
     def goal(self, start):
         """Measured value and verdict of one goal of the renderer."""
@@ -144,7 +176,7 @@ class Report(unittest.TestCase):
         self.assertIn('| sparse | 1024 | 200 | 200 | 300 | – | – | – | – | met |', text)
         self.assertIn('| checkerboard | 512 | 1000 | – | – | – | – | – | – | not measured |', text)
         self.assertIn('Device: a card. Backend `gl`', text)
-        self.assertNotIn(report.SOFTWARE, text)
+        self.assertNotIn(scene_tables.SOFTWARE, text)
         self.assertNotIn('takes too long', text)
         self.assertNotIn('transfer function', text)
 
@@ -153,9 +185,9 @@ class Report(unittest.TestCase):
         text = report.gpu(self.folder.name)
         self.assertNotIn('| met |', text)
         self.assertNotIn('missed', text)
-        self.assertEqual(text.count(f'| {report.SOFTWARE} |'), len(report.GOAL_GPU))
-        self.assertIn(f'| engine | 512 | 1000 | 2000 | 3000 | – | – | – | – | {report.SOFTWARE} |', text)
-        self.assertEqual({scene for scene, _ in report.GOAL_GPU}, {'engine', 'bonsai', 'lobster', 'head', 'head-full', 'checkerboard', 'sparse'})
+        self.assertEqual(text.count(f'| {scene_tables.SOFTWARE} |'), len(gpu_tables.GOAL_GPU))
+        self.assertIn(f'| engine | 512 | 1000 | 2000 | 3000 | – | – | – | – | {scene_tables.SOFTWARE} |', text)
+        self.assertEqual({scene for scene, _ in gpu_tables.GOAL_GPU}, {'engine', 'bonsai', 'lobster', 'head', 'head-full', 'checkerboard', 'sparse'})
 
     def test_elements_on_a_gpu(self):
         self.write('gl.csv', gpu.GL_COLUMNS, self.gl('engine', 512, 1000))
@@ -191,7 +223,7 @@ class Report(unittest.TestCase):
                 'cpu_speedup': 1}
         late = {'scene': 'head', 'backend': 'gl', 'setting': 'edit=opacity', 'left_out': 'more than 600 s'}
         self.write('gl.csv', gpu.GL_COLUMNS, self.gl('engine', 512, 1000))
-        for backend, verdict in ('gl', '**missed**'), ('gl-software', report.SOFTWARE):
+        for backend, verdict in ('gl', '**missed**'), ('gl-software', scene_tables.SOFTWARE):
             self.write('gl_edits.csv', gpu.GL_EDIT_COLUMNS, {**edit, 'backend': backend}, late)
             self.assertIn(f'| 89 % at worst (engine, range) | {verdict} |', report.gpu(self.folder.name))
 
@@ -261,6 +293,11 @@ class Report(unittest.TestCase):
         self.assertIn('| sheets | 41.2 dB, 12 ms |\n', text)
         self.assertLess(text.index('Unshaded:'), text.index('Shaded:'))
 
+    def test_layers(self):
+        row = {'scene': 'engine', 'setting': 'shell fast', 'speedup': 7.31, 'cpu_speedup': 8.09}
+        self.write('layers.csv', run_all.PAIR_COLUMNS, row, {**row, 'setting': 'mean', 'speedup': 0.5, 'cpu_speedup': 0.55}, {**row, 'setting': 'shell fast and volume'})
+        self.assertIn('| engine | 7.3, 8.1 | – | – | – | 0.5, 0.6 |', report.layers(self.folder.name))
+
     def test_codecs(self):
         columns = ['scene', 'size', 'codec', 'quality', 'key_bytes', 'bytes', 'ms', 'cpu_ms']
         vp9 = {'scene': 'a.nrrd', 'size': 1024, 'codec': 'vp9', 'quality': 60, 'key_bytes': 12345, 'bytes': 2109, 'ms': 11.1, 'cpu_ms': 9}
@@ -279,7 +316,7 @@ class Report(unittest.TestCase):
                     self.serve('sessions', 'full side', clients=5, fps_min=9.9),
                     self.serve('memory', 'a viewer, jpeg', kib_each=2048 + missed), self.serve('memory', 'a session, vp9', kib_each=16384 + missed),
                     self.serve('hostile', 'slow', change_percent=3), self.serve('hostile', 'greedy', change_percent=-5 - missed / 10),
-                    self.serve('beside', '8 sessions', change_percent=-60),
+                    self.serve('beside', '8 sessions', change_percent=-60, note='changes -60 %; the others'),
                     self.serve('idle', 'over', wanted=10000, limit=1000, held=1050 if not missed else 5000, refused=8950),
                     self.serve('idle', 'within', wanted=10000, limit=12000, held=10000, refused=int(missed))]
             soak = [{'minute': m, 'rss_mib': mib, 'descriptors': 20 + 2 * missed * (m == 4)} for m, mib in ((1, 10), (2, 100), (3, 1), (4, 104.9 + missed))]

@@ -2,7 +2,9 @@
 """CSV files → numbers → tables of Markdown."""
 import csv
 import os
+import re
 
+ORDER = ('engine', 'bonsai', 'bonsai-full', 'lobster', 'head', 'head-full', 'aneurism', 'checkerboard', 'sparse', 'bonsai-soft', 'turbulence', 'noise')
 EQUAL_DB = 999  # of a PSNR: from here on the images are equal
 
 
@@ -43,3 +45,27 @@ def decibels(value):
 
 def met(is_met):
     return 'met' if is_met else '**missed**'
+
+
+VERDICT = re.compile(r'(?<=[|:] )(met|\*\*missed\*\*)(?=[ ,:])')
+
+
+def verdicts(text):
+    """Counts the goals in tables: how many are met, how many are missed, and the first cells of the rows with a missed goal."""
+    met_count, missed_count, where = 0, 0, []
+    for line in text.split('\n'):
+        found = VERDICT.findall(line) if line.startswith('|') else []
+        met_count += found.count('met')
+        missed_count += len(found) - found.count('met')
+        first = line.split('|')[1].strip() if found else ''
+        if '**missed**' in found and first not in where:
+            where.append(first)
+    return met_count, missed_count, where
+
+
+def ordered(rows):
+    return sorted(rows, key=lambda r: ORDER.index(r['scene']) if r['scene'] in ORDER else len(ORDER))
+
+
+def find(rows, **wanted):
+    return next((r for r in rows if all(r[k] == v for k, v in wanted.items())), None)
