@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the images of renderer/gallery.md and fills in its measured values.
+"""Draws the images of the pages renderer/gallery/*.md and fills in their measured values.
 
   gallery.py --build build/release [--data DIR] [--only PREFIX]
   gallery.py --sheet FILE.png [--build build/release] [--data DIR] [--only PREFIX]
   gallery.py --check
 
-The page contains the input. The script draws the "images" of each ```json block with `splatctl render --local`.
+The pages contain the input. The script draws the "images" of each ```json block with `splatctl render --local`.
 A view is the block's "view" with the merge patch of the image. "volume", and the "id" of a layer, is a built-in volume
 (demo:NAME), one that made.py writes (made:NAME), or a file of the data folder (data:NAME). If that file does not exist,
 the image stays unchanged. "difference": [A, B, GAIN] makes an image of middle grey plus GAIN times B - A. Images whose
 names begin with _ are only for differences and are not kept. A block with "sheet" makes one image of the default views of its
 "volumes", in rows of "columns". --sheet makes such an image of all built-in volumes and of all volumes of the data folder whose
 names begin with PREFIX; look at it after a change of the first views. Each ```console block names a test program; the script
-replaces the block by the program's output. --check draws nothing: it compares the page with its folder of images.
+replaces the block by the program's output. --check draws nothing: it compares the pages with the images beside them.
 """
 import argparse
 import json
@@ -29,7 +29,7 @@ import made
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZE_MAX = 2000000
-RENDERER = os.path.join(HERE, '..', '..', 'renderer')
+FOLDER = os.path.join(HERE, '..', '..', 'renderer', 'gallery')
 
 
 def merge(base, patch):
@@ -124,10 +124,9 @@ def all_volumes(data):
 class Gallery:
     def __init__(self, options, work):
         self.options, self.work, self.failed = options, work, 0
-        self.folder = os.path.join(RENDERER, 'gallery')
 
     def path(self, name):
-        return os.path.join(self.work if name.startswith('_') else self.folder, name)
+        return os.path.join(self.work if name.startswith('_') else FOLDER, name)
 
     def volume(self, name):
         """Returns the volume for splatctl; None if a file of the data folder does not exist."""
@@ -141,6 +140,16 @@ class Gallery:
                     return path
             return None
         return name
+
+    def draw_block(self, block):
+        if 'images' in block:
+            self.draw(block)
+        elif 'sheet' in block and block['sheet'].startswith(self.options.only):
+            volumes = [self.volume(name) for name in block['volumes']]
+            if None in volumes:
+                print(f'skipped: {block["sheet"]}: a volume of it is not in the data folder')
+            else:
+                self.draw_sheet(self.path(block['sheet']), volumes, block['columns'], block['size'])
 
     def draw(self, block):
         wanted = [name for name in block['images'] if name[0] != '_' and name.startswith(self.options.only)]
@@ -196,19 +205,31 @@ class Gallery:
         return ''.join(line + '\n' for line in done.stdout.splitlines() if not line.startswith('skipped'))
 
 
-def check(text):
-    """Returns the differences between the images that the page defines, those that it shows, and the folder."""
-    made = {name for body in re.findall(r'```json\n(.*?)```', text, re.S)
-            for name in [*json.loads(body).get('images', {}), json.loads(body).get('sheet', '_')] if name[0] != '_'}
-    shown = set(re.findall(r'\(gallery/([^)]+)\)', text))
-    folder = os.path.join(RENDERER, 'gallery')
-    there = set(os.listdir(folder))
-    size = sum(os.path.getsize(os.path.join(folder, name)) for name in there)
-    findings = [f'{name}: defined in a block, but not shown on the page' for name in sorted(made - shown)]
-    findings += [f'{name}: shown on the page, but not defined in a block' for name in sorted(shown - made)]
+def read_pages():
+    """Path → text of each page."""
+    pages = {}
+    for name in sorted(name for name in os.listdir(FOLDER) if name.endswith('.md')):
+        with open(os.path.join(FOLDER, name), encoding='utf-8') as f:
+            pages[os.path.join(FOLDER, name)] = f.read()
+    return pages
+
+
+def blocks(text):
+    return [json.loads(body) for body in re.findall(r'```json\n(.*?)```', text, re.S)]
+
+
+def check(pages):
+    """Returns the differences between the images that the pages define, those that they show, and the folder."""
+    text = '\n'.join(pages.values())
+    made = {name for block in blocks(text) for name in [*block.get('images', {}), block.get('sheet', '_')] if name[0] != '_'}
+    shown = set(re.findall(r'\(([^()/]+\.(?:png|jpg))\)', text))
+    there = {name for name in os.listdir(FOLDER) if not name.endswith('.md')}
+    size = sum(os.path.getsize(os.path.join(FOLDER, name)) for name in there)
+    findings = [f'{name}: defined in a block, but not shown on a page' for name in sorted(made - shown)]
+    findings += [f'{name}: shown on a page, but not defined in a block' for name in sorted(shown - made)]
     findings += [f'{name}: defined in a block, but not in the folder' for name in sorted(made - there)]
     findings += [f'{name}: in the folder, but not defined in a block' for name in sorted(there - made)]
-    findings += ['the output of a test on the page contains FAILED'] * ('FAILED' in text)
+    findings += ['the output of a test on a page contains FAILED'] * ('FAILED' in text)
     findings += [f'the images have {size} bytes; the limit is {SIZE_MAX}'] * (size > SIZE_MAX)
     return findings
 
@@ -218,7 +239,7 @@ def main():
     parser.add_argument('--build', default='build/release')
     parser.add_argument('--data', default=os.path.join(HERE, '..', '..', '..', 'shared', 'data'))
     parser.add_argument('--only', default='', metavar='PREFIX', help='draw only images whose names begin with PREFIX; run no tests')
-    parser.add_argument('--check', action='store_true', help='compare the page with its folder of images; draw nothing')
+    parser.add_argument('--check', action='store_true', help='compare the pages with their folder of images; draw nothing')
     parser.add_argument('--sheet', metavar='FILE.png', help='make only an image of all default views')
     options = parser.parse_args()
     if options.sheet:
@@ -226,30 +247,21 @@ def main():
             volumes = [v for v in all_volumes(options.data) if re.split('[/:]', v)[-1].startswith(options.only)]
             Gallery(options, work).draw_sheet(options.sheet, volumes, 6, [300, 250])
         return 0  # formats that cannot be read are named, and left out
-    page = os.path.join(RENDERER, 'gallery.md')
-    with open(page, encoding='utf-8') as f:
-        text = f.read()
+    pages = read_pages()
     if options.check:
-        findings = check(text)
-        print('\n'.join(findings) or 'the page matches its folder of images')
+        findings = check(pages)
+        print('\n'.join(findings) or 'the pages match their folder of images')
         return 1 if findings else 0
     with tempfile.TemporaryDirectory() as work:
         gallery = Gallery(options, work)
-        for body in re.findall(r'```json\n(.*?)```', text, re.S):
-            block = json.loads(body)
-            if 'images' in block:
-                gallery.draw(block)
-            elif 'sheet' in block and block['sheet'].startswith(options.only):
-                volumes = [gallery.volume(name) for name in block['volumes']]
-                if None in volumes:
-                    print(f'skipped: {block["sheet"]}: a volume of it is not in the data folder')
-                else:
-                    gallery.draw_sheet(gallery.path(block['sheet']), volumes, block['columns'], block['size'])
-        if not options.only:
-            text = re.sub(r'```console\n\$ (\S+)\n.*?```',
-                          lambda m: f'```console\n$ {m[1]}\n{gallery.measure(m[1])}```', text, flags=re.S)
-            with open(page, 'w', encoding='utf-8') as f:
-                f.write(text)
+        for path, text in pages.items():
+            for block in blocks(text):
+                gallery.draw_block(block)
+            if not options.only:
+                text = re.sub(r'```console\n\$ (\S+)\n.*?```',
+                              lambda m: f'```console\n$ {m[1]}\n{gallery.measure(m[1])}```', text, flags=re.S)
+                with open(path, 'w', encoding='utf-8') as f:
+                    f.write(text)
     return 1 if gallery.failed else 0
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the volumes and meshes that renderer/gallery.md names made:NAME."""
+"""Writes the volumes and meshes that renderer/gallery/*.md name made:NAME."""
 import json
 import math
 import os
