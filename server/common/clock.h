@@ -11,6 +11,14 @@ static inline double srv_clock_ms(void) {
     return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
 }
 
+/* Returns the time of day since 1970 in UTC, for dates that people and certificates name. It may
+ * jump: nothing waits for it. Thread-safe. */
+static inline struct timespec srv_clock_date(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return t;
+}
+
 /* Converts a time of srv_clock_ms() for pthread_cond_timedwait(). The condition must use
  * CLOCK_MONOTONIC. */
 static inline struct timespec srv_clock_at(double ms) {

@@ -280,13 +280,6 @@ void srv_get_session_measures(struct srv_request *request, struct srv_reply *rep
 
 /* Changes of the list. */
 
-/* The id is in the path, so no pointer into the body names it. */
-static void reply_change_error(struct sp_error *err, struct srv_reply *reply) {
-    if (strcmp(err->place, "/id") == 0)
-        err->place[0] = 0;
-    srv_reply_error(reply, err);
-}
-
 /* Puts the measurement of the body into the session `session`; `id` NULL = a new one. Fills the
  * reply. */
 static void put(struct srv_request *request, const char *session, const char *id,
@@ -307,7 +300,7 @@ static void put(struct srv_request *request, const char *session, const char *id
             srv_hub_measure_put(request->app->hub, session, &wanted, srv_clock_ms(), &answer, &err);
     }
     if (!text) {
-        reply_change_error(&err, reply);
+        srv_reply_error(reply, &err);
     } else {
         if (answer.is_new)
             srv_reply_header(reply, "Location", "%s%s", id ? "" : "measures/", answer.id);
@@ -399,7 +392,7 @@ void srv_delete_session_measure(struct srv_request *request, struct srv_reply *r
     struct sp_error err;
     const char *id = split(request);
     if (!srv_hub_measure_remove(request->app->hub, request->param, id, srv_clock_ms(), &err)) {
-        reply_change_error(&err, reply);
+        srv_reply_error(reply, &err);
         return;
     }
     reply->status = 204;

@@ -37,7 +37,7 @@ void srv_upload_headers(struct srv_reply *reply, const struct srv_upload_info *i
         return;
     char text[40];
     struct tm utc;
-    time_t at = time(NULL) + (time_t)(info->expires_ms / 1000);
+    time_t at = srv_clock_date().tv_sec + (time_t)(info->expires_ms / 1000);
     if (gmtime_r(&at, &utc) && strftime(text, sizeof text, "%a, %d %b %Y %H:%M:%S GMT", &utc))
         srv_reply_header(reply, "Upload-Expires", "%s", text);
 }

@@ -3,11 +3,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include <gnutls/crypto.h>
 #include <gnutls/gnutls.h>
 
+#include "common/clock.h"
 #include "http/headers.h"
 #include "http/owned.h"
 #include "http/paging.h"
@@ -102,7 +102,7 @@ static bool add_record(struct srv_request *request, const char *id, const char *
     char beginning[SRV_OWNED_BYTES];
     size_t size;
     srv_owned_beginning(request, beginning);
-    char *record = record_of(beginning, NULL, time(NULL), text, &size);
+    char *record = record_of(beginning, NULL, srv_clock_date().tv_sec, text, &size);
     if (!record)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a view");
     bool ok =

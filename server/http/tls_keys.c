@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <time.h>
 
+#include "common/clock.h"
 #include "config/config.h"
 #include "sp/log.h"
 
@@ -90,7 +90,7 @@ static void warn_of_dates(const struct srv_tls_keys *keys, const char *path) {
         gnutls_x509_crt_init(&certificate) != 0)
         return;
     if (gnutls_x509_crt_import(certificate, &raw, GNUTLS_X509_FMT_DER) == 0) {
-        time_t now = time(NULL);
+        const time_t now = srv_clock_date().tv_sec;
         if (now < gnutls_x509_crt_get_activation_time(certificate))
             sp_log(SP_LOG_WARN, "%s: the certificate is not valid yet", path);
         else if (now > gnutls_x509_crt_get_expiration_time(certificate))

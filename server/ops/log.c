@@ -3,7 +3,6 @@
 
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "common/clock.h"
@@ -104,9 +103,8 @@ unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log
 static void put_line(struct srv_log *log, enum sp_log_level level,
                      const struct sp_log_field *fields, const char *line, unsigned lines) {
     char out[SRV_LOG_LINE], seconds[24], stamp[48];
-    struct timespec now;
+    const struct timespec now = srv_clock_date();
     struct tm utc;
-    clock_gettime(CLOCK_REALTIME, &now);
     gmtime_r(&now.tv_sec, &utc);
     strftime(seconds, sizeof seconds, "%Y-%m-%dT%H:%M:%S", &utc);
     snprintf(stamp, sizeof stamp, "%s.%03ldZ", seconds, now.tv_nsec / 1000000);

@@ -38,14 +38,19 @@ static bool has_quota(struct srv_measure_edit *edit, struct sp_error *err) {
     return true;
 }
 
+/* The id is a member of a message, but over HTTP a part of the address. */
+static const char *id_place(const struct srv_measure_edit *edit) {
+    return edit->by ? "/id" : NULL;
+}
+
 /* Checks the id, or makes one. */
 static bool take_id(struct srv_measure_edit *edit, const char *id,
                     char taken[PROTO_MEASURE_ID_MAX + 1], struct sp_error *err) {
     if (!id)
         return srv_secret_hex(taken, MADE_ID_DIGITS, err) || refuse(edit, PROTO_RPC_INTERNAL);
     if (!proto_measure_is_id(id)) {
-        sp_fail(err, SP_ERR_INVALID, "/id", "must be 1 to %d characters of A-Z a-z 0-9 _ -",
-                PROTO_MEASURE_ID_MAX);
+        sp_fail(err, SP_ERR_INVALID, id_place(edit),
+                "must be 1 to %d characters of A-Z a-z 0-9 _ -", PROTO_MEASURE_ID_MAX);
         return refuse(edit, PROTO_RPC_PARAMS);
     }
     strcpy(taken, id);
@@ -61,7 +66,7 @@ static bool begin(struct srv_measure_edit *edit, const char *id, bool is_named,
     if (is_named && !item &&
         (edit->change == SRV_MEASURE_CHANGE ||
          (edit->change == SRV_MEASURE_MERGE && !proto_json_get(body, "kind")))) {
-        sp_fail(err, SP_ERR_NOT_FOUND, "/id",
+        sp_fail(err, SP_ERR_NOT_FOUND, id_place(edit),
                 "there is no measurement '%s'; give kind and points to add one", id);
         return refuse(edit, PROTO_RPC_NOT_FOUND);
     }
@@ -160,7 +165,7 @@ bool srv_measure_edit_remove(struct srv_measure_edit *edit, const char *id, stru
     if (!take_id(edit, id ? id : "", taken, err) || !has_quota(edit, err))
         return false;
     if (!srv_measures_remove(&edit->session->measures, taken)) {
-        sp_fail(err, SP_ERR_NOT_FOUND, "/id", "there is no measurement '%s'", taken);
+        sp_fail(err, SP_ERR_NOT_FOUND, id_place(edit), "there is no measurement '%s'", taken);
         return refuse(edit, PROTO_RPC_NOT_FOUND);
     }
     changed(edit);

@@ -28,9 +28,7 @@ import shutil
 import subprocess
 import sys
 
-# The files whose purpose is the time of day: log lines carry it, certificates have dates, and Upload-Expires is one.
-TIME_OF_DAY = {'server/ops/log.c', 'server/http/tls_keys.c', 'server/http/routes_uploads.c',
-               'server/http/routes_views.c'}  # the dates of log lines, certificates, Upload-Expires and saved views
+TIME_OF_DAY = 'server/common/clock.h'  # the one file that reads the time of day, for dates
 
 # The page with the rules for folders, one per line: "PARENT: a ← {b, c ← d}". A folder may include those on its left; the name of a file means all files
 # that lie loose in the parent. Every part may include "sp/" except where its entry says otherwise (SEES).
@@ -509,8 +507,8 @@ def clocks(o):
             path = f'{part}/{path}'
             text = lines(o.source, path)
             for number, line in enumerate(text, 1):
-                if path not in TIME_OF_DAY and re.search(r'\bCLOCK_REALTIME|\bgettimeofday *\(|\b(time|timespec_get) *\( *(NULL|0|&)', line):
-                    yield f'{path}:{number}: reads the time of day, which may jump; use CLOCK_MONOTONIC'
+                if path != TIME_OF_DAY and re.search(r'\bCLOCK_REALTIME|\bgettimeofday *\(|\b(time|timespec_get) *\( *(NULL|0|&)', line):
+                    yield f'{path}:{number}: reads the time of day, which may jump; use srv_clock_ms(), or srv_clock_date() for a date'
                 if re.search(r'\b(pthread_cond_timedwait|sem_timedwait|pthread_mutex_timedlock) *\((?!\))', line):
                     folder = os.path.dirname(os.path.join(o.source, path))
                     beside = [line for name in os.listdir(folder) if name.endswith('.c') for line in lines(folder, name)]

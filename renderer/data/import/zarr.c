@@ -518,6 +518,15 @@ static void *open_folder(const struct import_file *file, struct import_header *h
     return z;
 }
 
+static bool lacks_root(const struct zarr_store *store) {
+    struct zarr_node node;
+    struct sp_error unused;
+    const enum zarr_found found = zarr_node_open(&node, store, "", &unused);
+    if (found == ZARR_FOUND)
+        zarr_node_close(&node);
+    return found == ZARR_MISSING;
+}
+
 static void *open_remote(const struct import_file *file, struct import_header *header,
                          struct sp_error *err) {
     struct zarr_store *store = zarr_remote_open(REMOTE_FILE, REMOTE_MEMORY, file->shown, err);
@@ -527,7 +536,7 @@ static void *open_remote(const struct import_file *file, struct import_header *h
         z->close_store = zarr_remote_close;
     } else if (store) {
         const unsigned status = zarr_remote_status(store);
-        if (err->code == SP_ERR_UNSUPPORTED && status && strcmp(err->place, file->shown) == 0)
+        if (err->code == SP_ERR_UNSUPPORTED && status && lacks_root(store))
             sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
                     "there is no OME-Zarr at this address: the host answered with the status %u",
                     status);
