@@ -387,8 +387,7 @@ static bool place_camera(struct decoder *decoder, const proto_json *patch,
 bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
                       struct sp_error *err) {
     struct decoder decoder = { .patch = patch, .err = err };
-    struct sp_view merged;
-    memcpy(&merged, view, sizeof merged); /* with the padding: equal views have equal bytes */
+    struct sp_view merged = *view;
     if (!decode_members(&decoder, &proto_view_group, patch, defaults, &merged) ||
         !place_camera(&decoder, patch, &defaults->camera, &view->camera, &merged.camera))
         return false;
@@ -401,7 +400,7 @@ bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, s
         return sp_fail(err, why.code, has_distance ? "/camera/distance" : "/camera",
                        "the position that the angles and the distance give: %s", why.text);
     }
-    memcpy(view, &merged, sizeof merged);
+    *view = merged;
     return true;
 }
 

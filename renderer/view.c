@@ -155,27 +155,24 @@ bool sp_view_has_default_filter(const struct sp_view *view) {
 }
 
 struct sp_layer sp_layer_default(enum sp_layer_type type) {
-    struct sp_layer layer;
-    memset(&layer, 0, sizeof layer); /* with the padding: views are compared by their bytes */
-    layer.type = type;
-    layer.visible = true;
-    layer.value = NAN;
-    layer.color[0] = 0.9f;
-    layer.color[1] = 0.85f;
-    layer.color[2] = 0.75f;
-    layer.opacity = 1;
-    layer.flatness = INFINITY;
-    layer.low = 0.05;
-    layer.high = 0.95;
-    layer.detail = SP_SHELL_HIGH;
-    layer.style = SP_VECTORS_MODULATE;
-    layer.stretch = 4;
-    layer.density = 0.2;
-    for (int i = 0; i < 4; i++)
-        layer.transform[5 * i] = 1;
-    layer.size = 1;
-    layer.color_low = layer.color_high = NAN;
-    return layer;
+    return (struct sp_layer){
+        .type = type,
+        .visible = true,
+        .value = NAN,
+        .color = { 0.9f, 0.85f, 0.75f },
+        .opacity = 1,
+        .flatness = INFINITY,
+        .low = 0.05,
+        .high = 0.95,
+        .detail = SP_SHELL_HIGH,
+        .style = SP_VECTORS_MODULATE,
+        .stretch = 4,
+        .density = 0.2,
+        .transform = { [0] = 1, [5] = 1, [10] = 1, [15] = 1 },
+        .size = 1,
+        .color_low = NAN,
+        .color_high = NAN,
+    };
 }
 
 void sp_channel_function(const struct sp_view *view, const struct sp_layer *channel,
@@ -221,11 +218,10 @@ static void init_slices(struct sp_slices *slices, const struct sp_volume_info *i
     struct sp_vec3 half[3], middle = find_box(&info->grid, half);
     double window[2];
     sp_slice_default_window(info, window);
-    memset(slices, 0, sizeof *slices); /* with the padding: views are compared by their bytes */
-    slices->normal[2] = 1;
-    slices->planes[0] = slices->planes[1] = slices->planes[2] = true;
-    slices->center = window[0];
-    slices->width = window[1];
+    *slices = (struct sp_slices){ .planes = { true, true, true },
+                                  .normal = { 0, 0, 1 },
+                                  .center = window[0],
+                                  .width = window[1] };
     for (int i = 0; i < 3; i++)
         slices->position[i] = middle.v[i] + 0.0; /* -0 becomes 0 */
 }
@@ -235,15 +231,6 @@ bool sp_view_draws_slices(const struct sp_view *view) {
     return s->in_3d && !sp_compositing_is_projection(view->compositing.mode) &&
            (s->mode == SP_SLICES_OBLIQUE ||
             (s->mode == SP_SLICES_ORTHOGONAL && (s->planes[0] || s->planes[1] || s->planes[2])));
-}
-
-bool sp_view_is_same_image(const struct sp_view *a, const struct sp_view *b) {
-    struct sp_view like_a;
-    if (sp_view_draws_slices(a) || sp_view_draws_slices(b))
-        return memcmp(a, b, sizeof *a) == 0;
-    memcpy(&like_a, b, sizeof like_a);
-    memcpy(&like_a.slices, &a->slices, sizeof like_a.slices);
-    return memcmp(a, &like_a, sizeof *a) == 0;
 }
 
 void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id) {
@@ -275,8 +262,7 @@ void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const
         .time = { info->steps.index },
     };
     snprintf(view->volume, sizeof view->volume, "%s", id);
-    const struct sp_layer layer = sp_layer_default(layer_of_kind(info->elements.kind));
-    memcpy(&view->layers[0], &layer, sizeof layer);
+    view->layers[0] = sp_layer_default(layer_of_kind(info->elements.kind));
     init_slices(&view->slices, info);
     init_camera(&view->camera, info, smallest);
     init_transfer_function(&view->transfer_function, info, smallest);

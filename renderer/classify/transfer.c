@@ -8,24 +8,6 @@
 
 #include "classify/gradient.h"
 
-bool sp_transfer_function_equal(const struct sp_transfer_function *a,
-                                const struct sp_transfer_function *b) {
-    if (a->reference_length != b->reference_length || a->order != b->order ||
-        a->point_count != b->point_count || a->gradient_count != b->gradient_count)
-        return false;
-    for (uint32_t i = 0; i < a->point_count; i++) {
-        const struct sp_tf_point *p = &a->points[i], *q = &b->points[i];
-        if (p->value != q->value || p->opacity != q->opacity || p->color[0] != q->color[0] ||
-            p->color[1] != q->color[1] || p->color[2] != q->color[2])
-            return false;
-    }
-    for (uint32_t i = 0; i < a->gradient_count; i++)
-        if (a->gradient[i].magnitude != b->gradient[i].magnitude ||
-            a->gradient[i].scale != b->gradient[i].scale)
-            return false;
-    return true;
-}
-
 /* Returns the last point whose value is <= `value`. Point 0 must be. */
 static uint32_t find_point(const struct sp_transfer_function *tf, double value) {
     uint32_t low = 0, high = tf->point_count;

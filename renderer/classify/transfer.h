@@ -65,10 +65,6 @@ void sp_transfer_finish(struct sp_transfer *transfer);
  * points of the gradient axis, the end values held outside; 1 without one. */
 double sp_transfer_function_scale(const struct sp_transfer_function *tf, double magnitude);
 
-/* True if all fields that classification depends on are equal. */
-bool sp_transfer_function_equal(const struct sp_transfer_function *a,
-                                const struct sp_transfer_function *b);
-
 /* True if both give each voxel of a volume the same key and visibility, so that a list made for one
  * serves the other. */
 bool sp_transfer_same_voxels(const struct sp_transfer *a, const struct sp_transfer *b);

@@ -57,7 +57,7 @@ struct sp_frame *srv_frame_cache_find(struct srv_frame_cache *cache,
                                       const struct sp_view *view) {
     pthread_mutex_lock(&cache->mutex);
     bool is_same = cache->frame && srv_fingerprint_equal(&cache->content, content) &&
-                   memcmp(&cache->view, view, sizeof *view) == 0;
+                   sp_view_equal(&cache->view, view);
     struct sp_frame *frame = is_same ? sp_frame_ref(cache->frame) : NULL;
     pthread_mutex_unlock(&cache->mutex);
     return frame;

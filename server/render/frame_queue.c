@@ -153,7 +153,7 @@ bool srv_frame_queue_has_sharp(const struct srv_frame_queue *queue,
     for (unsigned i = 0; i < queue->count; i++) {
         const struct srv_render_job *other = queue->ring[(queue->first + i) % SP_IN_FLIGHT_MAX].job;
         if (other->is_sharp && job->is_sharp && other->volume == job->volume &&
-            memcmp(&other->view, &job->view, sizeof job->view) == 0)
+            sp_view_equal(&other->view, &job->view))
             return true;
     }
     return false;

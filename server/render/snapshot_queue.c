@@ -313,7 +313,7 @@ static struct srv_snapshot_entry *find_equal(struct srv_snapshot_queue *queue,
         bool is_equal = other->volume == snapshot->volume &&
                         other->wants_frame == snapshot->wants_frame &&
                         srv_encode_params_equal(&theirs, &params) &&
-                        memcmp(&other->view, &snapshot->view, sizeof snapshot->view) == 0;
+                        sp_view_equal(&other->view, &snapshot->view);
         if (is_equal && (e->is_waiting || !atomic_load(&e->cancel)))
             return e;
     }

@@ -82,10 +82,10 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     const bool shows_others = srv_steps_show_others(&view, &session->shared.view);
     if (volume)
         event = SRV_VOLUME_CHANGED;
-    else if (is_other_step || memcmp(&session->shared.view.transfer_function,
-                                     &view.transfer_function, sizeof view.transfer_function) != 0)
+    else if (is_other_step || !sp_transfer_function_equal(&session->shared.view.transfer_function,
+                                                          &view.transfer_function))
         event = SRV_TRANSFER_FUNCTION_CHANGED;
-    else if (memcmp(&session->shared.view, &view, sizeof view) != 0 &&
+    else if (!sp_view_equal(&session->shared.view, &view) &&
              sp_view_is_same_image(&session->shared.view, &view))
         event = SRV_SLICES_CHANGED;
     if (volume) {

@@ -27,7 +27,7 @@ static void check_accepted(const struct sp_view *view, const struct sp_view *def
     json = proto_json_parse(text, size, &err);
     require(json != NULL);
     require(proto_view_apply(json, defaults, &again, &err));
-    require(memcmp(&again, view, sizeof again) == 0);
+    require(sp_view_equal(&again, view));
     proto_json_free(&json);
     free(text);
 }
@@ -48,7 +48,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     } else {
         require(err.code == SP_ERR_INVALID);
         require(err.text[0]);
-        require(memcmp(&view, &defaults, sizeof view) == 0);
+        require(sp_view_equal(&view, &defaults));
     }
     proto_json_free(&patch);
     return 0;

@@ -72,7 +72,7 @@ static bool check_valid(const char *path) {
     again = fixture_view();
     again.camera.fov_y = 77;
     ok = ok && proto_view_apply(encoded, &defaults, &again, &err);
-    if (ok && memcmp(&again, &view, sizeof view) != 0) {
+    if (ok && !sp_view_equal(&again, &view)) {
         print_error("%s: encoding and decoding changed the view\n", path);
         ok = false;
     }
@@ -134,7 +134,7 @@ static bool check_invalid(const char *path) {
     if (!has_error)
         print_error("%s: expected the error %s at \"%s\", got %s at \"%s\": %s\n", path, code,
                     pointer, accepted ? "no error" : sp_code_name(err.code), err.place, err.text);
-    bool is_unchanged = memcmp(&view, &defaults, sizeof view) == 0;
+    bool is_unchanged = sp_view_equal(&view, &defaults);
     if (!is_unchanged)
         print_error("%s: the refused patch changed the view\n", path);
     proto_json_free(&patch);

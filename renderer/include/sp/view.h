@@ -375,6 +375,15 @@ SP_API void sp_projection_window(const struct sp_view *view, const struct sp_vol
 /* True if slices are drawn in the image: not in a projection. Thread-safe. */
 SP_API bool sp_view_draws_slices(const struct sp_view *view);
 
+/* True if all fields have the same values. Lists are compared up to their counts, names up to their
+ * ends, and the fields of a layer or an edit whatever its type is. NaN equals NaN; 0 and -0 differ.
+ * Do not compare views by their bytes: padding and unused entries have any value. Counts must be
+ * within their limits. Thread-safe. */
+SP_API bool sp_view_equal(const struct sp_view *a, const struct sp_view *b);
+/* The same for one part of a view. */
+SP_API bool sp_transfer_function_equal(const struct sp_transfer_function *a,
+                                       const struct sp_transfer_function *b);
+
 /* True if the two views give the same image, although they may differ in slices that are not
  * drawn in it. Thread-safe. */
 SP_API bool sp_view_is_same_image(const struct sp_view *a, const struct sp_view *b);
