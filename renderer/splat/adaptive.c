@@ -70,8 +70,8 @@ void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2])
 }
 
 void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_transform *camera,
-                      const struct sp_grid *grid, const struct sp_view *view) {
-    const struct sp_filter *filter = &view->filter;
+                      const struct sp_grid *grid, const struct sp_view *view,
+                      const struct sp_filter *filter) {
     *adaptive = (struct sp_adaptive){ .projection = camera->projection,
                                       .scale = camera->scale,
                                       .grid = grid,

@@ -45,9 +45,10 @@ double sp_kernel_reach(const struct sp_filter *filter);
  * direction [world unit]. */
 void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2]);
 
-/* Fills *adaptive for a frame; the grid is borrowed. */
+/* Fills *adaptive for a frame. `filter` takes the place of the view's; the grid is borrowed. */
 void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_transform *camera,
-                      const struct sp_grid *grid, const struct sp_view *view);
+                      const struct sp_grid *grid, const struct sp_view *view,
+                      const struct sp_filter *filter);
 
 /* Returns the filter for kernels with standard deviations in [radius[0], radius[1]] and u2 in
  * [nearest, farthest] [world unit]. */

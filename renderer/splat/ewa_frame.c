@@ -30,8 +30,8 @@ static double init_kernel(struct sp_ewa_frame *frame, const struct sp_filter *fi
 }
 
 void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_transform *camera,
-                       const struct sp_grid *grid, const struct sp_view *view) {
-    const struct sp_filter *filter = &view->filter;
+                       const struct sp_grid *grid, const struct sp_view *view,
+                       const struct sp_filter *filter) {
     struct sp_mat3 step;
     for (int r = 0; r < 3; r++)
         for (int a = 0; a < 3; a++)

@@ -45,10 +45,11 @@ struct sp_ewa_frame {
     int rows[2]; /* [first, end) of the image's rows that are being drawn */
 };
 
-/* Fills the constants; rows = the whole image, clip = no planes. The view must be valid; the grid
- * is borrowed. */
+/* Fills the constants; rows = the whole image, clip = no planes. `filter` takes the place of the
+ * view's; both must be valid, and the grid is borrowed. */
 void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_transform *camera,
-                       const struct sp_grid *grid, const struct sp_view *view);
+                       const struct sp_grid *grid, const struct sp_view *view,
+                       const struct sp_filter *filter);
 
 /* The voxels of one brick: u = base + Σ step·at[axis][i], kernel column `axis` times size[axis][i].
  */

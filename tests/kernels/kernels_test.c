@@ -327,7 +327,7 @@ static void check_set_up(const struct cpu_kernels *kernels) {
         struct sp_ewa_frame frame;
         struct sp_shade shade;
         sp_camera_transform_init(&camera, &view.camera, view.size);
-        sp_ewa_frame_init(&frame, &camera, &grid, &view);
+        sp_ewa_frame_init(&frame, &camera, &grid, &view, &view.filter);
         sp_shade_init(&shade, &camera, &view.shading);
         sp_clip_frame_init(&frame.clip, &camera, &grid, &view.clip, frame.unit);
         struct sp_ewa_run run = { .list = &list,

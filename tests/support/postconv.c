@@ -16,7 +16,7 @@ static bool classify(struct test_postconv *t, const struct test_scene *scene,
                                    .normals = view->shading.mode == SP_SHADING_PHONG ||
                                               view->transfer_function.gradient_count > 0,
                                    .pool = t->pool };
-    sp_ewa_frame_init(&t->ewa, &t->camera, &scene->info.grid, view);
+    sp_ewa_frame_init(&t->ewa, &t->camera, &scene->info.grid, view, &view->filter);
     sp_classification_init(&t->classification, t->volume);
     return sp_classification_update(&t->classification, &job, err);
 }
@@ -26,7 +26,7 @@ static bool choose_modes(struct test_postconv *t, const struct test_scene *scene
     struct sp_adaptive adaptive;
     if (scene->view.filter.mode != SP_FILTER_ADAPTIVE)
         return true;
-    sp_adaptive_init(&adaptive, &t->camera, &scene->info.grid, &scene->view);
+    sp_adaptive_init(&adaptive, &t->camera, &scene->info.grid, &scene->view, &scene->view.filter);
     t->modes = malloc(sp_adaptive_count(&scene->info.grid));
     if (!t->modes)
         return sp_fail(err, SP_ERR_MEMORY, "", "filter modes");

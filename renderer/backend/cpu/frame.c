@@ -63,13 +63,14 @@ static bool classify(struct cpu_frame *f, struct sp_error *err) {
  * gets the filter that the voxels of the finest level would have. */
 static const uint8_t *choose_modes(struct cpu_frame *f, unsigned level, bool enlarged) {
     struct sp_adaptive adaptive;
-    struct sp_view view = *f->job->view;
+    const struct sp_view *view = f->job->view;
+    struct sp_filter filter = view->filter;
     const struct sp_grid *grid = &f->parts[level].level->grid;
     uint8_t *modes = sp_arena_alloc(&f->state->arena, "filter modes", sp_adaptive_count(grid), 1);
     if (!enlarged)
-        view.filter.sigma = ldexp(view.filter.sigma, -(int)level);
+        filter.sigma = ldexp(filter.sigma, -(int)level);
     if (modes) {
-        sp_adaptive_init(&adaptive, &f->camera, grid, &view);
+        sp_adaptive_init(&adaptive, &f->camera, grid, view, &filter);
         sp_adaptive_fill(&adaptive, modes);
     }
     return modes;
@@ -79,10 +80,9 @@ static bool init_part(struct cpu_frame *f, unsigned level, bool enlarged, struct
     const struct sp_view *view = f->job->view;
     struct sp_level_frame *part = &f->parts[level];
     struct sp_ewa_frame *ewa = &part->ewa[enlarged];
-    struct sp_view own = *view;
+    const struct sp_filter filter = sp_detail_filter(&view->filter, level, enlarged);
     part->level = &f->levels[level];
-    own.filter = sp_detail_filter(&view->filter, level, enlarged);
-    sp_ewa_frame_init(ewa, &f->camera, &part->level->grid, &own);
+    sp_ewa_frame_init(ewa, &f->camera, &part->level->grid, view, &filter);
     sp_clip_frame_init(&ewa->clip, &f->camera, &f->levels[0].grid, &view->clip, ewa->unit);
     if (view->filter.mode == SP_FILTER_ADAPTIVE)
         part->modes[enlarged] = choose_modes(f, level, enlarged);

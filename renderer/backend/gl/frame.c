@@ -101,10 +101,10 @@ static void find_origin(const struct sp_ewa_frame *e, uint32_t origin[3]) {
 static void write_adaptive(struct gl_part *to, const struct gl_frame *f, const struct sp_view *view,
                            const struct sp_ewa_frame *e, unsigned level, bool is_enlarged) {
     struct sp_adaptive adaptive;
-    struct sp_view own = *view;
+    struct sp_filter filter = view->filter;
     if (!is_enlarged)
-        own.filter.sigma = ldexp(own.filter.sigma, -(int)level);
-    sp_adaptive_init(&adaptive, &f->camera, e->grid, &own);
+        filter.sigma = ldexp(filter.sigma, -(int)level);
+    sp_adaptive_init(&adaptive, &f->camera, e->grid, view, &filter);
     double scale = (double)e->scale / e->unit;
     to->kernel[0][3] = (float)(scale * adaptive.radius[0] * adaptive.c_min);
     to->kernel[1][3] = (float)(scale * adaptive.radius[1] * adaptive.c_max);
@@ -146,10 +146,9 @@ static void write_planes(float (*to)[4], const struct sp_clip_frame *clip) {
 static void make_part(struct gl_frame *f, const struct sp_view *view, unsigned level,
                       bool is_enlarged) {
     unsigned part = 2 * level + is_enlarged;
-    struct sp_view own = *view;
+    const struct sp_filter filter = sp_detail_filter(&view->filter, level, is_enlarged);
     struct sp_ewa_frame *ewa = &f->ewa[level][is_enlarged];
-    own.filter = sp_detail_filter(&view->filter, level, is_enlarged);
-    sp_ewa_frame_init(ewa, &f->camera, &f->lists[level]->grid, &own);
+    sp_ewa_frame_init(ewa, &f->camera, &f->lists[level]->grid, view, &filter);
     sp_clip_frame_init(&ewa->clip, &f->camera, f->grid, &view->clip, ewa->unit);
     write_part(&f->constants.parts[part], ewa, f->lists[level], view->filter.mode, level);
     write_adaptive(&f->constants.parts[part], f, view, ewa, level, is_enlarged);

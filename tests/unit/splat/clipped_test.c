@@ -54,7 +54,7 @@ static void init_scene(struct scene *s, bool is_rectilinear) {
 
 static void prepare(struct scene *s) {
     sp_camera_transform_init(&s->camera, &s->view.camera, s->view.size);
-    sp_ewa_frame_init(&s->frame, &s->camera, &s->grid, &s->view);
+    sp_ewa_frame_init(&s->frame, &s->camera, &s->grid, &s->view, &s->view.filter);
     sp_clip_frame_init(&s->frame.clip, &s->camera, &s->grid, &s->view.clip, s->frame.unit);
 }
 

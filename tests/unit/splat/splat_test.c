@@ -91,7 +91,7 @@ static bool set_up(const struct sp_grid *grid, const struct sp_view *view, const
     struct sp_camera_transform camera;
     struct sp_ewa_frame frame;
     sp_camera_transform_init(&camera, &view->camera, view->size);
-    sp_ewa_frame_init(&frame, &camera, grid, view);
+    sp_ewa_frame_init(&frame, &camera, grid, view, &view->filter);
     uint16_t local = (uint16_t)(i[0] % 16 | i[1] % 16 << 4 | i[2] % 16 << 8);
     uint32_t key = 0, normal = 0;
     uint64_t first[2] = { 0, 1 };
@@ -322,7 +322,7 @@ static void adaptive_rule_is_conservative(void **state) {
             struct sp_camera_transform camera;
             struct sp_adaptive adaptive;
             sp_camera_transform_init(&camera, &view.camera, view.size);
-            sp_adaptive_init(&adaptive, &camera, &g, &view);
+            sp_adaptive_init(&adaptive, &camera, &g, &view, &view.filter);
             assert_compare(fabs(adaptive.radius[0] - 0.7), <, 1e-9);
             assert_compare(fabs(adaptive.radius[1] - 2.1), <, 1e-9);
             uint8_t modes[5 * 3 * 3];

@@ -41,17 +41,17 @@ static struct sp_grid unit_grid(const struct sp_volume_info *info) {
 
 static void init_frame(const struct sp_cloud_input *in, struct sp_grid *grid,
                        struct sp_voxel_frame *frame) {
-    struct sp_view view = *in->view;
-    view.transfer_function.order = SP_TF_PRE;
-    view.filter.kernel = SP_KERNEL_GAUSSIAN;
+    struct sp_filter filter = in->view->filter;
+    filter.kernel = SP_KERNEL_GAUSSIAN;
     *grid = unit_grid(sp_volume_info(in->shown));
     *frame = (struct sp_voxel_frame){
         .mode = SP_FILTER_EWA,
         .is_trained = in->layer->type == SP_LAYER_GAUSSIANS,
-        .linear = view.compositing.attenuation == SP_ATTENUATION_LINEAR,
+        .linear = in->view->compositing.attenuation == SP_ATTENUATION_LINEAR,
         .apart = 1,
     };
-    sp_ewa_frame_init(&frame->ewa, in->camera, grid, &view);
+    sp_ewa_frame_init(&frame->ewa, in->camera, grid, in->view, &filter);
+    frame->ewa.post = false;
     frame->ewa.near = (float)fmax(in->camera->near / frame->ewa.unit, 1e-6);
     for (int i = 0; i < 2 && frame->is_trained; i++)
         frame->ewa.ratio_max[i] = 1.3f * (float)in->camera->tan_half[i]; /* Kerbl et al. 2023 */

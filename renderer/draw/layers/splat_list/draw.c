@@ -323,19 +323,19 @@ void sp_voxel_init_streaks(const struct sp_layer *layer, const struct sp_camera_
 
 static bool init_frame(const struct sp_voxel_input *input, struct sp_voxel_frame *frame) {
     const struct sp_grid *grid = input->grid;
-    struct sp_view view = *input->view;
+    struct sp_filter filter = input->view->filter;
     const bool has_streaks = input->layer->type == SP_LAYER_VECTORS;
     bool is_flat = !has_streaks && input->layer->detail == SP_SHELL_FAST;
     *frame = (struct sp_voxel_frame){
         .mode = is_flat ? SP_FILTER_NONE : SP_FILTER_EWA,
         .shade = has_streaks ? NULL : input->shade, /* vectors have no normals */
-        .linear = view.compositing.attenuation == SP_ATTENUATION_LINEAR,
+        .linear = input->view->compositing.attenuation == SP_ATTENUATION_LINEAR,
         .opaque = is_flat ? 64 : (float)opaque_depth,
         .apart = 1,
     };
-    view.transfer_function.order = SP_TF_PRE;
-    view.filter.kernel = SP_KERNEL_GAUSSIAN;
-    sp_ewa_frame_init(&frame->ewa, input->camera, grid, &view);
+    filter.kernel = SP_KERNEL_GAUSSIAN;
+    sp_ewa_frame_init(&frame->ewa, input->camera, grid, input->view, &filter);
+    frame->ewa.post = false;
     if (has_streaks)
         sp_voxel_init_streaks(input->layer, input->camera, frame);
     if (has_streaks)

@@ -26,12 +26,11 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
 static const float bend = 1.5f;
 
 static void init_frame(struct sp_surface *s, const struct sp_surface_input *input) {
-    struct sp_view view = *input->view;
-    view.filter = sp_surface_filter(&input->view->filter);
-    sp_ewa_frame_init(&s->frame, input->camera, input->grid, &view);
+    const struct sp_filter filter = sp_surface_filter(&input->view->filter);
+    sp_ewa_frame_init(&s->frame, input->camera, input->grid, input->view, &filter);
     sp_clip_frame_init(&s->clip, input->camera, input->grid, &input->view->clip, s->frame.unit);
     const unsigned level = input->points->level;
-    const double growth = sp_surface_growth(level, view.filter.sigma, input->is_enlarged);
+    const double growth = sp_surface_growth(level, filter.sigma, input->is_enlarged);
     double sign = 0, largest = 0;
     for (int a = 0; a < 3; a++) {
         double square = 0;
