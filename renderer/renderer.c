@@ -389,7 +389,7 @@ static void begin(struct sp_renderer *r, struct inflight *f) {
     for (unsigned i = 0; i < r->begun; i++)
         if (!inflight_at(r, i)->is_begun)
             return;
-    if (sp_compose_is_wanted(&f->view) || !sp_support_check_layers(backend, &f->view, NULL))
+    if (sp_view_draws_slices(&f->view) || !sp_support_check_layers(backend, &f->view, NULL))
         return;
     f->is_begun = r->begun < backend->depth && backend->begin(r->state, &f->job, &f->why);
     for (unsigned i = 0; f->why.code == SP_ERR_BACKEND && i < r->begun; i++)
@@ -535,7 +535,7 @@ struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_erro
     struct inflight *f = inflight_at(renderer, 0);
     double start_ms = sp_job_clock_ms(&f->job), start_cpu_ms = sp_clock_cpu_ms();
     bool ok =
-        sp_compose_is_wanted(&f->view) ? draw_composed(renderer, f, err) : draw(renderer, f, err);
+        sp_view_draws_slices(&f->view) ? draw_composed(renderer, f, err) : draw(renderer, f, err);
     struct sp_frame *frame = ok ? sp_frame_ref(f->job.frame) : NULL;
     if (frame) {
         frame->stats.render_ms = fmax(f->ms + sp_job_clock_ms(&f->job) - start_ms, 0);

@@ -39,7 +39,7 @@ static void print_sessions(const struct srv_request *request, FILE *out) {
     gauge(out, "splatd_connections", "Open connections, including streams",
           (double)srv_http_connections(request->http));
     gauge(out, "splatd_pictures_waiting", "Snapshots that were requested and are not answered yet",
-          srv_render_pool_unanswered(request->app->render_pool));
+          srv_snapshot_queue_unanswered(srv_render_pool_snapshots(request->app->render_pool)));
 }
 
 static void print_volume(FILE *out, const char *id, const uint64_t *voxels,

@@ -265,7 +265,8 @@ static void submit(struct srv_request *request, struct srv_snapshot *snapshot, b
     set_owner(request, snapshot);
     srv_request_suspend(request);
     /* From here on the request may be answered, and gone, at any moment. */
-    if (srv_render_pool_submit(request->app->render_pool, snapshot, &err))
+    if (srv_snapshot_queue_submit(srv_render_pool_snapshots(request->app->render_pool), snapshot,
+                                  &err))
         return;
     free(render);
     srv_request_cancel_snapshot(request);

@@ -271,7 +271,8 @@ static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
     if (d->path->output.is_movie)
         still.format = SP_IMAGE_PNG;
     snprintf(still.owner, sizeof still.owner, "%s", d->path->owner);
-    if (!srv_render_pool_submit(d->paths->options.render_pool, &still, err))
+    if (!srv_snapshot_queue_submit(srv_render_pool_snapshots(d->paths->options.render_pool), &still,
+                                   err))
         return NULL;
     pthread_mutex_lock(&d->paths->mutex);
     while (!answer.is_there)

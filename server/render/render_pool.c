@@ -196,9 +196,8 @@ void srv_render_pool_note_frame(struct srv_render_pool *pool, enum srv_worker_ki
         srv_schedule_set_backend(pool->schedule, worker->info.backend, worker->info.device);
 }
 
-bool srv_render_pool_submit(struct srv_render_pool *pool, const struct srv_snapshot *snapshot,
-                            struct sp_error *err) {
-    return srv_snapshot_queue_submit(&pool->snapshots, snapshot, err);
+struct srv_snapshot_queue *srv_render_pool_snapshots(struct srv_render_pool *pool) {
+    return &pool->snapshots;
 }
 
 void srv_render_pool_tick(struct srv_render_pool *pool) {
@@ -218,10 +217,6 @@ void srv_render_pool_info(struct srv_render_pool *pool,
                           struct sp_renderer_info info[SRV_RENDERERS]) {
     for (int k = 0; k < SRV_WORKERS; k++)
         srv_worker_info(&pool->workers[k], &info[k]);
-}
-
-unsigned srv_render_pool_unanswered(struct srv_render_pool *pool) {
-    return srv_snapshot_queue_unanswered(&pool->snapshots);
 }
 
 void srv_render_pool_wake(void *user) {

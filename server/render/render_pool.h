@@ -53,11 +53,8 @@ bool srv_render_pool_start(struct srv_render_pool *pool, struct srv_schedule *sc
 void srv_render_pool_stop(struct srv_render_pool *pool);
 void srv_render_pool_destroy(struct srv_render_pool **pool); /* stops first; accepts NULL */
 
-/* Any thread; done() may be called at once. Takes over the use of the volume. On failure releases
- * it and does not call done(): SP_ERR_BUDGET (the queue is full), SP_ERR_INVALID (the image can
- * never fit the memory of frames), SP_ERR_CANCELLED (the daemon stops), SP_ERR_MEMORY. */
-bool srv_render_pool_submit(struct srv_render_pool *pool, const struct srv_snapshot *snapshot,
-                            struct sp_error *err);
+/* Where snapshots are submitted. Any thread. */
+struct srv_snapshot_queue *srv_render_pool_snapshots(struct srv_render_pool *pool);
 /* Call it about ten times per second. Drops snapshots whose clients have left, and cancels moving
  * frames that are over their budget while a newer view waits. */
 void srv_render_pool_tick(struct srv_render_pool *pool);
@@ -65,7 +62,6 @@ void srv_render_pool_tick(struct srv_render_pool *pool);
  * preemption workers are created for their first frame. Any thread. */
 void srv_render_pool_info(struct srv_render_pool *pool,
                           struct sp_renderer_info info[SRV_RENDERERS]);
-unsigned srv_render_pool_unanswered(struct srv_render_pool *pool); /* snapshots */
 
 /* For srv_hub_options and srv_catalog_options; `user` is the pool. */
 void srv_render_pool_wake(void *user);

@@ -113,11 +113,14 @@ void srv_snapshot_queue_init(struct srv_snapshot_queue *queue,
 /* After every entry was answered. */
 void srv_snapshot_queue_finish(struct srv_snapshot_queue *queue);
 
-/* As srv_render_pool_submit(). */
+/* Any thread; done() may be called at once. Takes over the use of the volume. On failure releases
+ * it and does not call done(): SP_ERR_BUDGET (the queue is full), SP_ERR_INVALID (the image can
+ * never fit the memory of frames), SP_ERR_CANCELLED (the daemon stops), SP_ERR_MEMORY. */
 bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue,
                                const struct srv_snapshot *snapshot, struct sp_error *err);
 /* Drops the requests of clients that have left. */
 void srv_snapshot_queue_tick(struct srv_snapshot_queue *queue);
+/* Returns the number of requests without an answer. */
 unsigned srv_snapshot_queue_unanswered(struct srv_snapshot_queue *queue);
 /* The daemon stops: refuses new requests and cancels the rendering. */
 void srv_snapshot_queue_stop(struct srv_snapshot_queue *queue);

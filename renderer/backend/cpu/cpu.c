@@ -79,10 +79,6 @@ static void cpu_info(const void *pointer, struct sp_renderer_info *info) {
     memcpy(info->device, state->device, sizeof info->device);
 }
 
-static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
-    return cpu_draw(pointer, job, err);
-}
-
 static void cpu_evict(void *pointer, const struct sp_volume *volume) {
     for (enum cpu_cache cache = 0; cache < CPU_CACHES; cache++)
         cpu_cache_evict(pointer, cache, volume);
@@ -138,7 +134,7 @@ const struct sp_backend cpu_backend = {
     .create = cpu_create,
     .destroy = cpu_destroy,
     .info = cpu_info,
-    .render = cpu_render,
+    .render = cpu_draw,
     .evict = cpu_evict,
     .memory = cpu_memory,
     .trim = cpu_trim,

@@ -253,7 +253,8 @@ static bool free_other_caches(struct cpu_state *state, const struct sp_view *vie
     return bytes > 0;
 }
 
-bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
+bool cpu_draw(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
+    struct cpu_state *state = pointer;
     struct sp_error why = { 0 };
     bool is_drawn = draw(state, job, &why);
     if (!is_drawn && why.code == SP_ERR_BUDGET && free_other_caches(state, job->view))

@@ -28,7 +28,8 @@
  *
  * Slabs on the fast path are mixed from those of two or three axes near a switch of the major axis.
  *
- * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
-bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err);
+ * sp_backend.render(); `state` is a struct cpu_state. SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED. */
+bool cpu_draw(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
 #endif

@@ -29,10 +29,6 @@ static float *row_of(const struct sp_frame *frame, uint32_t y) {
     return (float *)((char *)frame->pixels + y * frame->stride_bytes);
 }
 
-bool sp_compose_is_wanted(const struct sp_view *view) {
-    return sp_view_draws_slices(view);
-}
-
 static void clear_rows(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     const struct image *p = user;

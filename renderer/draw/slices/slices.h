@@ -23,10 +23,8 @@ struct sp_compose_job {
     void *user; /* passed to draw() */
 };
 
-/* True if slices are visible in the image of the view. */
-bool sp_compose_is_wanted(const struct sp_view *view);
-
-/* Fills the pixels of the frame. False: draw() failed, SP_ERR_MEMORY or SP_ERR_CANCELLED. */
+/* Fills the pixels of the frame, if sp_view_draws_slices(). False: draw() failed, SP_ERR_MEMORY or
+ * SP_ERR_CANCELLED. */
 bool sp_compose(const struct sp_compose_job *job, struct sp_frame *frame, struct sp_error *err);
 
 #endif

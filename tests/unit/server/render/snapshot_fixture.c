@@ -171,7 +171,8 @@ bool snap_request(struct snap_fixture *f, struct snap_client *client, unsigned w
     assert_non_null(snapshot.volume);
     srv_catalog_default_view(f->render.catalog, snapshot.volume, &snapshot.view);
     snapshot.view.size[0] = width;
-    return srv_render_pool_submit(f->render.render_pool, &snapshot, &err);
+    return srv_snapshot_queue_submit(srv_render_pool_snapshots(f->render.render_pool), &snapshot,
+                                     &err);
 }
 
 void snap_send(struct snap_fixture *f, struct srv_participant *participant, const char *method,
