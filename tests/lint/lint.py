@@ -39,7 +39,7 @@ SEES = {'sp': set(), 'renderer': {'sp'}, 'protocol': {'sp'}, 'server': {'sp', 'p
 # Where the compiler looks for #include "…" of a part, in this order.
 ROOTS = {
     'sp': ['renderer/include'],
-    'renderer': ['renderer/include', 'renderer'],
+    'renderer': ['renderer/include', 'renderer', ''],
     'protocol': ['renderer/include', ''],
     'server': ['server', 'renderer/include', ''],
     'clients': ['renderer/include', '', 'clients'],
