@@ -112,7 +112,7 @@ bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_vi
                           struct sp_error *err) {
     const struct sp_backend *backend = atomic_load(&renderer->backend);
     bool is_alone = !renderer->is_auto || renderer->wanted.require_gpu;
-    return sp_view_validate(view, err) && sp_support_check(backend, view, err) &&
+    return sp_support_check(backend, view, err) &&
            sp_support_check_kind(backend, is_alone, view, err);
 }
 
@@ -221,7 +221,8 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     const struct sp_render_options *o = options ? options : &defaults;
     double start_ms = sp_clock_ms(), start_cpu_ms = sp_clock_cpu_ms();
     assert(renderer->begun < SP_IN_FLIGHT_MAX && o->mip_level <= SP_MIP_LEVEL_MAX);
-    if (!sp_renderer_supports(renderer, view, err) ||
+    if ((!o->is_valid && !sp_view_validate(view, err)) ||
+        !sp_renderer_supports(renderer, view, err) ||
         !sp_view_fits(view, sp_volume_info(volume), err))
         return false;
     struct sp_renderer_frame *f = sp_renderer_frame_at(renderer, renderer->begun);

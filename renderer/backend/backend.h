@@ -5,9 +5,10 @@
  *
  *   renderer.c ── validate, check capabilities, time ──► backend ── stages ──► frame
  *
- * renderer.c checks the input and the backend trusts it: a view that reaches render() is valid and
- * asks for nothing outside the capabilities. Calls for one state come from one thread at a time,
- * not always the same one. Backends never include each other. README.md says how one is chosen.
+ * renderer.c checks the input, unless its caller has (sp_render_options.is_valid), and the backend
+ * trusts it: a view that reaches render() is valid and asks for nothing outside the capabilities.
+ * Calls for one state come from one thread at a time, not always the same one. Backends never
+ * include each other. README.md says how one is chosen.
  */
 #ifndef SP_BACKEND_BACKEND_H
 #define SP_BACKEND_BACKEND_H

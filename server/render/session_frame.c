@@ -130,6 +130,7 @@ void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind 
                                .step = job->view.time.step };
     const struct sp_render_options options = { .format = SP_RGBA8,
                                                .mip_level = job->mip_level,
+                                               .is_valid = true, /* session/view.c */
                                                .wait_ms = job->step == SRV_STEP_FINAL ? 0 : -1,
                                                .takes_parts = job->is_refinement,
                                                .find = srv_catalog_find_shown,

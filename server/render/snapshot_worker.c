@@ -45,6 +45,7 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
                                .volume = snapshot->volume,
                                .step = snapshot->view.time.step };
     const struct sp_render_options options = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
+                                               .is_valid = true, /* session/view.c, paths/ */
                                                .find = srv_catalog_find_shown,
                                                .user = &shown,
                                                .wait_ms = BRICKS_MS,

@@ -15,7 +15,7 @@ bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], stru
                    size[0], size[1], (unsigned long long)px, (unsigned long long)most);
 }
 
-/* True if the view is within the limits, suits the volume, and the renderer can draw it. */
+/* True if the valid view is within the limits, suits the volume, and the renderer can draw it. */
 static bool can_show(const struct srv_hub *hub, void *volume, const struct sp_view *view,
                      struct sp_error *err) {
     const struct srv_volume_source *source = &hub->options.volumes;
@@ -34,7 +34,9 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
         return false;
     source->default_view(source->user, *volume, view);
     struct sp_view defaults = *view;
-    if ((!base || proto_view_apply(base, &defaults, view, err)) &&
+    /* A patch is validated when it is applied. */
+    if ((base || patch || sp_view_validate(view, err)) &&
+        (!base || proto_view_apply(base, &defaults, view, err)) &&
         (!patch || proto_view_apply(patch, &defaults, view, err)) &&
         can_show(hub, *volume, view, err))
         return true;

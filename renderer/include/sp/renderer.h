@@ -112,6 +112,8 @@ struct sp_render_options {
      * blurred, and up to 8^n times faster. 0 = full detail. The level that was drawn is in
      * sp_frame_stats.mip_level: post-classification stops at 1, but sheets do not. */
     unsigned mip_level;
+    /* The view is valid (sp_view_validate()): it is not checked again. false = it is checked. */
+    bool is_valid;
     /* Set it to true from any thread to stop the frame with SP_ERR_CANCELLED; it is polled a few
      * hundred times per frame. Must live until the frame is finished. NULL = never. */
     const sp_atomic_bool *cancel;
@@ -141,9 +143,9 @@ SP_API struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct 
                                            const struct sp_render_options *options,
                                            struct sp_error *err);
 
-/* True if this renderer can draw the view: it is valid, and the backend supports all its choices.
- * SP_ERR_INVALID, SP_ERR_UNSUPPORTED; err->place is the JSON pointer. Thread-safe, also while
- * another thread renders. */
+/* True if this renderer can draw the view: the backend supports all its choices. The view must be
+ * valid (sp_view_validate()). SP_ERR_UNSUPPORTED; err->place is the JSON pointer. Thread-safe, also
+ * while another thread renders. */
 SP_API bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
                                  struct sp_error *err);
 
