@@ -40,7 +40,8 @@ static proto_json *view_patch(const proto_json *view, bool has_own_size, const p
 /* Resolves the patch; errors of the view are reported below the pointer `at`. On success *volume is
  * in use. */
 static bool resolve_patch(struct srv_request *request, proto_json *patch, const char *at,
-                          struct sp_view *view, void **volume, struct srv_reply *reply) {
+                          struct sp_view *view, struct srv_volume **volume,
+                          struct srv_reply *reply) {
     struct sp_error err;
     bool ok = patch && srv_hub_resolve_view(request->app->hub, NULL, patch, view, volume, &err);
     if (patch && !ok) {
@@ -58,7 +59,7 @@ static bool resolve(struct srv_request *request, const proto_json *body,
                     struct srv_reply *reply) {
     const proto_json *base = proto_json_get(body, "view"), *size = proto_json_get(body, "size");
     struct sp_error err;
-    void *volume = NULL;
+    struct srv_volume *volume = NULL;
     if (base && proto_json_type(base) != PROTO_JSON_OBJECT) {
         srv_reply_problem(reply, 422, "/view", "must be an object");
         return false;
@@ -68,7 +69,7 @@ static bool resolve(struct srv_request *request, const proto_json *body,
         return false;
     if (size) {
         /* Keeps the volume in use, so that it cannot be unloaded in between. */
-        void *without_size = volume;
+        struct srv_volume *without_size = volume;
         bool ok = resolve_patch(request, view_patch(base, true, size, reply), "", &view->view,
                                 &volume, reply);
         srv_catalog_release(request->app->catalog, without_size);

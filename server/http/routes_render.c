@@ -280,7 +280,7 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
     struct sp_error err;
     struct srv_snapshot snapshot = { .quality = 0 };
     struct srv_owner owner;
-    void *volume = NULL;
+    struct srv_volume *volume = NULL;
     char etag[ETAG_BYTES];
     snapshot.format = choose_format(request, reply);
     if (snapshot.format == SP_IMAGE_FORMAT_COUNT ||

@@ -226,8 +226,8 @@ static void reply_from(struct srv_request *request, struct slice_request *wanted
 }
 
 /* Answers from a volume in use, in the colours of a view. */
-static void reply_colored(struct srv_request *request, struct slice_request *wanted, void *volume,
-                          struct srv_reply *reply) {
+static void reply_colored(struct srv_request *request, struct slice_request *wanted,
+                          struct srv_volume *volume, struct srv_reply *reply) {
     struct sp_error err;
     struct sp_view defaults, view;
     srv_catalog_default_view(request->app->catalog, volume, &defaults);

@@ -146,7 +146,7 @@ static void save_view(struct srv_request *request, const struct sp_view *view,
 void srv_post_view(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     struct sp_view view;
-    void *volume = NULL;
+    struct srv_volume *volume = NULL;
     proto_json *patch = srv_request_json(request, reply);
     if (!patch)
         return;

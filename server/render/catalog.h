@@ -141,32 +141,33 @@ void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *b
                         uint64_t *windows);
 
 /* Uses: the functions of struct srv_volume_source (session/hub.h), with `user` the catalog. */
-void *srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
-void *srv_catalog_ref(void *catalog, void *volume);
-void srv_catalog_release(void *catalog, void *volume);
-void srv_catalog_default_view(void *catalog, void *volume, struct sp_view *view);
+struct srv_volume *srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
+struct srv_volume *srv_catalog_ref(void *catalog, struct srv_volume *volume);
+void srv_catalog_release(void *catalog, struct srv_volume *volume);
+void srv_catalog_default_view(void *catalog, struct srv_volume *volume, struct sp_view *view);
 /* Returns a use of a time step, below the number of steps, of the volume, which is loaded if it is
  * not there yet. NULL = out of memory. All functions below take it in place of the volume once it
  * is ready. */
-void *srv_catalog_step(void *catalog, void *volume, uint32_t step);
+struct srv_volume *srv_catalog_step(void *catalog, struct srv_volume *volume, uint32_t step);
 /* True if the step is loaded. Else *err is set: SP_ERR_NOT_READY while it loads, or why that
  * failed.
  */
-bool srv_catalog_step_is_ready(void *catalog, void *step, struct sp_error *err);
+bool srv_catalog_step_is_ready(void *catalog, struct srv_volume *step, struct sp_error *err);
 /* Returns a use of the loaded step that is nearest to `step`. */
-void *srv_catalog_nearest_step(void *catalog, void *volume, uint32_t step);
+struct srv_volume *srv_catalog_nearest_step(void *catalog, struct srv_volume *volume,
+                                            uint32_t step);
 /* Exchanges a use of a volume for one of a time step that is loaded. NULL with *err set:
  * SP_ERR_NOT_READY (it is loaded now: ask again), SP_ERR_MEMORY, or why it cannot be loaded. */
 struct srv_volume *srv_catalog_ready_step(struct srv_catalog *catalog, struct srv_volume *volume,
                                           uint32_t step, struct sp_error *err);
 /* Returns the number of time steps, at least 1. */
-uint32_t srv_catalog_steps(void *catalog, void *volume);
-bool srv_catalog_fits(void *catalog, void *volume, const struct sp_view *view,
+uint32_t srv_catalog_steps(void *catalog, struct srv_volume *volume);
+bool srv_catalog_fits(void *catalog, struct srv_volume *volume, const struct sp_view *view,
                       struct sp_error *err);
-bool srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
+bool srv_catalog_pick(void *catalog, struct srv_volume *volume, const struct sp_view *view,
                       const uint32_t size[2], const double at[2], struct sp_pick *pick,
                       struct sp_error *err);
-bool srv_catalog_measure(void *catalog, void *volume, const struct sp_view *view,
+bool srv_catalog_measure(void *catalog, struct srv_volume *volume, const struct sp_view *view,
                          const struct sp_measure *measure, double samples,
                          struct proto_measure_value *value, struct sp_error *err);
 
@@ -186,8 +187,8 @@ const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *vo
 
 /* Puts uses of time steps of the other volumes into steps[], which the caller releases; volumes
  * with one step have none. False when out of memory: *count steps were taken before. */
-bool srv_catalog_other_steps(void *catalog, void *volume, const struct sp_view *view,
-                             void *steps[2 * SP_LAYERS_MAX], unsigned *count);
+bool srv_catalog_other_steps(void *catalog, struct srv_volume *volume, const struct sp_view *view,
+                             struct srv_volume *steps[2 * SP_LAYERS_MAX], unsigned *count);
 struct srv_shown { /* what a frame shows */
     struct srv_catalog *catalog;
     const struct srv_volume *volume; /* the caller has a use of it */

@@ -87,9 +87,9 @@ static void look_ahead(struct srv_catalog *catalog, struct srv_volume *entry, ui
     entry->last_step = number;
 }
 
-void *srv_catalog_step(void *user, void *volume, uint32_t number) {
+struct srv_volume *srv_catalog_step(void *user, struct srv_volume *entry, uint32_t number) {
     struct srv_catalog *catalog = user;
-    struct srv_volume *entry = volume, *step, *dropped = NULL;
+    struct srv_volume *step, *dropped = NULL;
     pthread_mutex_lock(&catalog->mutex);
     const bool is_new = number != entry->last_step;
     if (is_new)
@@ -116,9 +116,8 @@ void *srv_catalog_step(void *user, void *volume, uint32_t number) {
     return step;
 }
 
-bool srv_catalog_step_is_ready(void *user, void *volume, struct sp_error *err) {
+bool srv_catalog_step_is_ready(void *user, struct srv_volume *step, struct sp_error *err) {
     struct srv_catalog *catalog = user;
-    const struct srv_volume *step = volume;
     pthread_mutex_lock(&catalog->mutex);
     const enum srv_volume_state state = step->state;
     if (state == SRV_VOLUME_FAILED && err)
@@ -150,7 +149,7 @@ struct srv_volume *srv_catalog_ready_step(struct srv_catalog *catalog, struct sr
     return NULL;
 }
 
-uint32_t srv_catalog_steps(void *user, void *volume) {
+uint32_t srv_catalog_steps(void *user, struct srv_volume *volume) {
     (void)user;
     return sp_volume_info(srv_catalog_entry_of(volume)->volume)->steps.count;
 }
@@ -165,9 +164,8 @@ static struct srv_volume *find_nearest(struct srv_volume *entry, uint32_t number
     return nearest;
 }
 
-void *srv_catalog_nearest_step(void *user, void *volume, uint32_t number) {
+struct srv_volume *srv_catalog_nearest_step(void *user, struct srv_volume *entry, uint32_t number) {
     struct srv_catalog *catalog = user;
-    struct srv_volume *entry = volume;
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume *nearest = find_nearest(entry, number);
     entry->uses++;
@@ -201,8 +199,8 @@ static struct srv_volume *use_series(struct srv_catalog *catalog, const struct s
     return v;
 }
 
-bool srv_catalog_other_steps(void *user, void *volume, const struct sp_view *view,
-                             void *steps[2 * SP_LAYERS_MAX], unsigned *count) {
+bool srv_catalog_other_steps(void *user, struct srv_volume *volume, const struct sp_view *view,
+                             struct srv_volume *steps[2 * SP_LAYERS_MAX], unsigned *count) {
     *count = 0;
     for (uint32_t i = 0; i < 2 * view->layer_count; i++) {
         const struct sp_layer *layer = &view->layers[i / 2];

@@ -87,7 +87,7 @@ void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *b
     pthread_mutex_unlock(&catalog->mutex);
 }
 
-void *srv_catalog_acquire(void *user, const char *id, struct sp_error *err) {
+struct srv_volume *srv_catalog_acquire(void *user, const char *id, struct sp_error *err) {
     struct srv_catalog *catalog = user;
     struct srv_volume *found;
     pthread_mutex_lock(&catalog->mutex);
@@ -119,9 +119,8 @@ void *srv_catalog_acquire(void *user, const char *id, struct sp_error *err) {
     return ok ? found : NULL;
 }
 
-void *srv_catalog_ref(void *user, void *volume) {
+struct srv_volume *srv_catalog_ref(void *user, struct srv_volume *v) {
     struct srv_catalog *catalog = user;
-    struct srv_volume *v = volume;
     pthread_mutex_lock(&catalog->mutex);
     v->uses++;
     if (v->parent)
@@ -142,9 +141,9 @@ bool srv_catalog_let_go(struct srv_volume *v, struct srv_volume **dropped) {
     return entry->uses == 0 && entry->is_removed;
 }
 
-void srv_catalog_release(void *user, void *volume) {
+void srv_catalog_release(void *user, struct srv_volume *v) {
     struct srv_catalog *catalog = user;
-    struct srv_volume *v = volume, *entry = v->parent ? v->parent : v, *dropped;
+    struct srv_volume *entry = v->parent ? v->parent : v, *dropped;
     pthread_mutex_lock(&catalog->mutex);
     const bool is_last = srv_catalog_let_go(v, &dropped);
     pthread_mutex_unlock(&catalog->mutex);
@@ -153,19 +152,21 @@ void srv_catalog_release(void *user, void *volume) {
         srv_catalog_free_removed(catalog, entry);
 }
 
-void srv_catalog_default_view(void *user, void *volume, struct sp_view *view) {
+void srv_catalog_default_view(void *user, struct srv_volume *volume, struct sp_view *view) {
     (void)user;
     *view = srv_catalog_entry_of(volume)->view;
 }
 
-bool srv_catalog_fits(void *user, void *volume, const struct sp_view *view, struct sp_error *err) {
+bool srv_catalog_fits(void *user, struct srv_volume *volume, const struct sp_view *view,
+                      struct sp_error *err) {
     (void)user;
-    return sp_view_fits(view, sp_volume_info(((struct srv_volume *)volume)->volume), err);
+    return sp_view_fits(view, sp_volume_info(volume->volume), err);
 }
 
-bool srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
-                      const double at[2], struct sp_pick *pick, struct sp_error *err) {
-    struct sp_volume *shown = sp_edit_volume_made(((struct srv_volume *)volume)->volume, view);
+bool srv_catalog_pick(void *user, struct srv_volume *volume, const struct sp_view *view,
+                      const uint32_t size[2], const double at[2], struct sp_pick *pick,
+                      struct sp_error *err) {
+    struct sp_volume *shown = sp_edit_volume_made(volume->volume, view);
     struct srv_shown others = { .catalog = user, .volume = volume, .step = view->time.step };
     const struct sp_pick_input input = { .volume = shown,
                                          .view = view,
@@ -218,10 +219,10 @@ static bool measure_part(struct sp_volume *volume, const struct sp_view *view,
     return ok;
 }
 
-bool srv_catalog_measure(void *user, void *handle, const struct sp_view *view,
+bool srv_catalog_measure(void *user, struct srv_volume *handle, const struct sp_view *view,
                          const struct sp_measure *measure, double samples,
                          struct proto_measure_value *value, struct sp_error *err) {
-    struct sp_volume *volume = ((struct srv_volume *)handle)->volume;
+    struct sp_volume *volume = handle->volume;
     (void)user;
     if (!sp_measure_check(measure, err))
         return false;

@@ -364,7 +364,7 @@ static void append(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *
 
 /* Replaces the use of the volume by that of the view's time step; NULL when out of memory. */
 static void *take_step(struct srv_catalog *catalog, const struct srv_snapshot *snapshot) {
-    void *step = srv_catalog_step(catalog, snapshot->volume, snapshot->view.time.step);
+    struct srv_volume *step = srv_catalog_step(catalog, snapshot->volume, snapshot->view.time.step);
     srv_catalog_release(catalog, snapshot->volume);
     return step;
 }

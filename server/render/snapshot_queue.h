@@ -69,8 +69,8 @@ struct srv_snapshot_waiter;
 
 struct srv_snapshot_entry { /* in the list until it is answered or dropped */
     struct srv_snapshot_entry *next;
-    struct srv_snapshot snapshot;    /* of the first request; constant, read without the lock */
-    void *others[2 * SP_LAYERS_MAX]; /* uses of the time steps of other volumes */
+    struct srv_snapshot snapshot; /* of the first request; constant, read without the lock */
+    struct srv_volume *others[2 * SP_LAYERS_MAX]; /* uses of the time steps of other volumes */
     unsigned other_count;
     struct srv_snapshot_waiter *waiters;
     bool is_background;     /* all its requests are */

@@ -419,7 +419,8 @@ static struct srv_session *end_job(struct srv_schedule *schedule, struct srv_ren
     return s;
 }
 
-static struct srv_known_quality *known_quality(struct srv_schedule *schedule, const void *volume) {
+static struct srv_known_quality *known_quality(struct srv_schedule *schedule,
+                                               const struct srv_volume *volume) {
     for (unsigned i = 0; i < SRV_QUALITIES; i++)
         if (schedule->qualities[i].volume == volume)
             return &schedule->qualities[i];

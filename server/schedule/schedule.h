@@ -85,7 +85,7 @@ struct srv_render_job {
     unsigned mip_level;          /* as in sp/renderer.h; 0 if final */
     uint32_t full[2];            /* size at rest, px */
     struct sp_view view;         /* with the size to render */
-    void *volume;                /* a counted use, released when the job ends */
+    struct srv_volume *volume;   /* a counted use, released when the job ends */
     struct srv_blob_owner owner; /* of the session; see srv_render_job_owner() */
     uint64_t too_large;     /* targets whose encoded frame does not fit; 0 = of all; for render/ */
     uint64_t encoder_bytes; /* taken from the memory of frames; for render/ */

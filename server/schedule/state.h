@@ -60,8 +60,8 @@ struct srv_session_schedule {
     bool must_finish; /* a moving frame was cancelled: the next one is not */
 };
 
-struct srv_known_quality { /* first guess for new sessions of the volume */
-    const void *volume;    /* compared, never used */
+struct srv_known_quality {           /* first guess for new sessions of the volume */
+    const struct srv_volume *volume; /* compared, never used */
     struct srv_quality quality;
 };
 

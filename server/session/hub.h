@@ -30,40 +30,44 @@
 
 struct srv_hub;
 struct srv_page;
+struct srv_volume; /* render/catalog.h; this folder and schedule/ only hold its uses */
 
 enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17 };
 
-/* Where volumes come from: the catalog. A volume handle is one counted use of a ready volume. */
+/* Where volumes come from: the catalog. A struct srv_volume is one counted use of a ready volume.
+ */
 struct srv_volume_source {
     void *user;
     /* Returns a use of the volume; id NULL or "" = the first one that was loaded. NULL with
      * SP_ERR_VOLUME_UNKNOWN, SP_ERR_NOT_READY or SP_ERR_VOLUME_FAILED at "/volume". */
-    void *(*acquire)(void *user, const char *id, struct sp_error *err);
-    void *(*ref)(void *user, void *volume);
-    void (*release)(void *user, void *volume);
+    struct srv_volume *(*acquire)(void *user, const char *id, struct sp_error *err);
+    struct srv_volume *(*ref)(void *user, struct srv_volume *volume);
+    void (*release)(void *user, struct srv_volume *volume);
     /* The time steps of a volume (render/catalog.h explains them). A use of a step that is ready
      * takes the place of one of the volume in the functions below. step() returns NULL when out of
      * memory. NULL = volumes have one step. */
-    uint32_t (*steps)(void *user, void *volume);
-    void *(*step)(void *user, void *volume, uint32_t step);
-    bool (*step_is_ready)(void *user, void *step, struct sp_error *err);
-    void *(*nearest_step)(void *user, void *volume, uint32_t step);
+    uint32_t (*steps)(void *user, struct srv_volume *volume);
+    struct srv_volume *(*step)(void *user, struct srv_volume *volume, uint32_t step);
+    bool (*step_is_ready)(void *user, struct srv_volume *step, struct sp_error *err);
+    struct srv_volume *(*nearest_step)(void *user, struct srv_volume *volume, uint32_t step);
     /* Puts uses of the time steps that the view shows of other volumes into steps[]. False when out
      * of memory: *count steps were taken before. NULL = it shows none. */
-    bool (*other_steps)(void *user, void *volume, const struct sp_view *view,
-                        void *steps[2 * SP_LAYERS_MAX], unsigned *count);
-    void (*default_view)(void *user, void *volume, struct sp_view *view);
+    bool (*other_steps)(void *user, struct srv_volume *volume, const struct sp_view *view,
+                        struct srv_volume *steps[2 * SP_LAYERS_MAX], unsigned *count);
+    void (*default_view)(void *user, struct srv_volume *volume, struct sp_view *view);
     /* As sp_pick_at(). Runs without the hub's mutex. */
-    bool (*pick)(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
-                 const double at[2], struct sp_pick *pick, struct sp_error *err);
+    bool (*pick)(void *user, struct srv_volume *volume, const struct sp_view *view,
+                 const uint32_t size[2], const double at[2], struct sp_pick *pick,
+                 struct sp_error *err);
     /* As sp_measure_compute(), for at most `samples` samples of a region; parts and paths are those
      * of the volume with the view's edits. Runs without the hub's mutex, too. NULL = a test never
      * measures. */
-    bool (*measure)(void *user, void *volume, const struct sp_view *view,
+    bool (*measure)(void *user, struct srv_volume *volume, const struct sp_view *view,
                     const struct sp_measure *measure, double samples,
                     struct proto_measure_value *value, struct sp_error *err);
     /* As sp_view_fits(); NULL = every view does. */
-    bool (*fits)(void *user, void *volume, const struct sp_view *view, struct sp_error *err);
+    bool (*fits)(void *user, struct srv_volume *volume, const struct sp_view *view,
+                 struct sp_error *err);
 };
 
 struct srv_hub_options {
@@ -113,7 +117,7 @@ void srv_hub_destroy(struct srv_hub **hub);
  * names. NULL or an empty object changes nothing; without a name it is the first volume. The caller
  * releases *volume. For views that come by HTTP. */
 bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const proto_json *patch,
-                          struct sp_view *view, void **volume, struct sp_error *err);
+                          struct sp_view *view, struct srv_volume **volume, struct sp_error *err);
 
 /* Returns {"id", "tokens": {"control", "view"}, "view"}. If too many sessions are active, the one
  * without participants that was used longest ago hibernates first, provided that it is saved. Else

@@ -306,7 +306,7 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
 static proto_json *patch_to_first_volume(const struct srv_hub *hub) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct sp_view view;
-    void *volume = source->acquire(source->user, NULL, NULL);
+    struct srv_volume *volume = source->acquire(source->user, NULL, NULL);
     if (!volume)
         return NULL;
     source->default_view(source->user, volume, &view);

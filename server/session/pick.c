@@ -60,7 +60,7 @@ static proto_json *encode_pick(const struct sp_pick *pick) {
 
 struct late_pick {
     struct srv_late_call call; /* first: it is this struct */
-    void *volume;              /* a use */
+    struct srv_volume *volume; /* a use */
     struct sp_view view;
     uint32_t size[2];
     double at[2];

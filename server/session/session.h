@@ -137,13 +137,13 @@ struct srv_session_identity {
 
 struct srv_view_state {
     struct sp_view view;
-    void *volume; /* a counted use */
+    struct srv_volume *volume; /* a counted use */
     /* Uses of the view's time step, which may still be loading or have failed (NULL = memory is
      * out), and of what frames show: the same, or a step near it until it is loaded. */
-    void *step, *shown;
+    struct srv_volume *step, *shown;
     /* Uses of the time steps that the view shows of other volumes. Until they are loaded, frames
      * show steps near them. */
-    void *others[2 * SP_LAYERS_MAX];
+    struct srv_volume *others[2 * SP_LAYERS_MAX];
     unsigned other_count;
     uint32_t steps;      /* of the volume, at least 1 */
     bool is_waiting;     /* `shown` is another step than the view's, or one of `others` loads */

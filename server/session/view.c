@@ -16,8 +16,8 @@ bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], stru
 }
 
 /* True if the valid view is within the limits, suits the volume, and the renderer can draw it. */
-static bool can_show(const struct srv_hub *hub, void *volume, const struct sp_view *view,
-                     struct sp_error *err) {
+static bool can_show(const struct srv_hub *hub, struct srv_volume *volume,
+                     const struct sp_view *view, struct sp_error *err) {
     const struct srv_volume_source *source = &hub->options.volumes;
     return srv_hub_allows_size(hub, view->size, err) &&
            (!source->fits || source->fits(source->user, volume, view, err)) &&
@@ -25,7 +25,7 @@ static bool can_show(const struct srv_hub *hub, void *volume, const struct sp_vi
 }
 
 bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const proto_json *patch,
-                          struct sp_view *view, void **volume, struct sp_error *err) {
+                          struct sp_view *view, struct srv_volume **volume, struct sp_error *err) {
     const struct srv_volume_source *source = &hub->options.volumes;
     const char *of_base = base ? proto_view_volume(base) : NULL;
     const char *id = of_base || !patch ? of_base : proto_view_volume(patch);
@@ -58,7 +58,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
                    uint64_t by, double now_ms, struct sp_error *err) {
     const struct srv_volume_source *source = &hub->options.volumes;
     const char *id = proto_view_volume(patch);
-    void *volume = NULL;
+    struct srv_volume *volume = NULL;
     struct sp_view view = session->shared.view, defaults;
     if (id && strcmp(id, session->shared.view.volume) != 0) {
         volume = source->acquire(source->user, id, err);

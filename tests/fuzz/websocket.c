@@ -20,25 +20,26 @@ struct input {
     struct sp_volume_info info;
 };
 
-static void *acquire(void *user, const char *id, struct sp_error *err) {
+static struct srv_volume *acquire(void *user, const char *id, struct sp_error *err) {
     if (!id || !*id || strcmp(id, "v") == 0)
         return user;
     sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume", "there is no volume '%s'", id);
     return NULL;
 }
 
-static void *add_use(void *user, void *volume) {
+static struct srv_volume *add_use(void *user, struct srv_volume *volume) {
     (void)user;
     return volume;
 }
 
-static void release(void *user, void *volume) {
+static void release(void *user, struct srv_volume *volume) {
     (void)user;
     (void)volume;
 }
 
-static bool pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
-                 const double at[2], struct sp_pick *found, struct sp_error *err) {
+static bool pick(void *user, struct srv_volume *volume, const struct sp_view *view,
+                 const uint32_t size[2], const double at[2], struct sp_pick *found,
+                 struct sp_error *err) {
     (void)err;
     (void)user;
     (void)volume;
@@ -47,7 +48,7 @@ static bool pick(void *user, void *volume, const struct sp_view *view, const uin
     return true;
 }
 
-static void default_view(void *user, void *volume, struct sp_view *view) {
+static void default_view(void *user, struct srv_volume *volume, struct sp_view *view) {
     (void)volume;
     sp_view_init(view, &((struct input *)user)->info, "v");
 }

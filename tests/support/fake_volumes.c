@@ -5,7 +5,7 @@
 
 #include "sp/volume.h"
 
-static void *acquire(void *user, const char *id, struct sp_error *err) {
+static struct srv_volume *acquire(void *user, const char *id, struct sp_error *err) {
     struct fake_volumes *volumes = user;
     bool is_there = !volumes->only || !id || !*id || strcmp(id, volumes->only) == 0;
     if (volumes->is_loading || !is_there) {
@@ -14,20 +14,20 @@ static void *acquire(void *user, const char *id, struct sp_error *err) {
         return NULL;
     }
     volumes->uses++;
-    return volumes;
+    return (struct srv_volume *)volumes; /* any pointer but NULL */
 }
 
-static void *add_use(void *user, void *volume) {
+static struct srv_volume *add_use(void *user, struct srv_volume *volume) {
     ((struct fake_volumes *)user)->uses++;
     return volume;
 }
 
-static void release(void *user, void *volume) {
+static void release(void *user, struct srv_volume *volume) {
     (void)volume;
     ((struct fake_volumes *)user)->uses--;
 }
 
-static void default_view(void *user, void *volume, struct sp_view *view) {
+static void default_view(void *user, struct srv_volume *volume, struct sp_view *view) {
     struct sp_volume_info info = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
     (void)user;
     (void)volume;

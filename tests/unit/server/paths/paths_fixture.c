@@ -89,10 +89,10 @@ struct paths_fixture paths_fixture;
 struct paths_race paths_race;
 static _Thread_local bool deletes;
 
-void *__real_srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
-void *__wrap_srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
-void *__wrap_srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err) {
-    void *volume = __real_srv_catalog_acquire(catalog, id, err);
+struct srv_volume *__real_srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
+struct srv_volume *__wrap_srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
+struct srv_volume *__wrap_srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err) {
+    struct srv_volume *volume = __real_srv_catalog_acquire(catalog, id, err);
     atomic_store(&paths_race.has_no_volume, volume == NULL);
     return volume;
 }

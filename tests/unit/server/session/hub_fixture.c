@@ -12,74 +12,75 @@
 #include "common/work_queue.h"
 #include "unit/server/session/hub_fixture.h"
 
-static void *acquire(void *user, const char *id, struct sp_error *err) {
+static struct srv_volume *acquire(void *user, const char *id, struct sp_error *err) {
     struct fixture *f = user;
     if (id && *id && strcmp(id, "v") != 0 && strcmp(id, "w") != 0) {
         sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume", "no volume %s", id);
         return NULL;
     }
     f->uses++;
-    return f;
+    return (struct srv_volume *)f; /* any pointer but NULL */
 }
 
-static void *add_use(void *user, void *volume) {
+static struct srv_volume *add_use(void *user, struct srv_volume *volume) {
     ((struct fixture *)user)->uses++;
     return volume;
 }
 
-static void release(void *user, void *volume) {
+static void release(void *user, struct srv_volume *volume) {
     (void)volume;
     ((struct fixture *)user)->uses--;
 }
 
-static void default_view(void *user, void *volume, struct sp_view *view) {
+static void default_view(void *user, struct srv_volume *volume, struct sp_view *view) {
     (void)volume;
     *view = ((struct fixture *)user)->view;
 }
 
-static uint32_t steps(void *user, void *volume) {
+static uint32_t steps(void *user, struct srv_volume *volume) {
     (void)volume;
     return ((struct fixture *)user)->step_count;
 }
 
-static void *step(void *user, void *volume, uint32_t number) {
+static struct srv_volume *step(void *user, struct srv_volume *volume, uint32_t number) {
     struct fixture *f = user;
     (void)volume;
     f->uses++;
-    return &f->steps[number];
+    return (struct srv_volume *)&f->steps[number];
 }
 
-static bool step_is_ready(void *user, void *handle, struct sp_error *err) {
-    const struct fixture_step *wanted = handle;
+static bool step_is_ready(void *user, struct srv_volume *handle, struct sp_error *err) {
+    const struct fixture_step *wanted = (const struct fixture_step *)handle;
     (void)user;
     if (wanted->has_failed)
         return sp_fail(err, SP_ERR_IO, "", "the disk is gone");
     return wanted->is_loaded || sp_fail(err, SP_ERR_NOT_READY, "", "it is loading");
 }
 
-static void *nearest_step(void *user, void *volume, uint32_t number) {
+static struct srv_volume *nearest_step(void *user, struct srv_volume *volume, uint32_t number) {
     struct fixture *f = user;
     (void)volume;
     while (number > 0 && !f->steps[number].is_loaded)
         number--;
     f->uses++;
-    return &f->steps[number];
+    return (struct srv_volume *)&f->steps[number];
 }
 
-static bool other_steps(void *user, void *volume, const struct sp_view *view,
-                        void *others[2 * SP_LAYERS_MAX], unsigned *count) {
+static bool other_steps(void *user, struct srv_volume *volume, const struct sp_view *view,
+                        struct srv_volume *others[2 * SP_LAYERS_MAX], unsigned *count) {
     struct fixture *f = user;
     (void)volume;
     *count = 0;
     for (uint32_t i = 0; i < view->layer_count; i++)
         if (strcmp(view->layers[i].id, "w") == 0 && !f->is_missing)
-            others[(*count)++] = &f->others[view->time.step];
+            others[(*count)++] = (struct srv_volume *)&f->others[view->time.step];
     f->uses += (int)*count;
     return !f->is_out_of_memory;
 }
 
-static bool pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
-                 const double at[2], struct sp_pick *found, struct sp_error *err) {
+static bool pick(void *user, struct srv_volume *volume, const struct sp_view *view,
+                 const uint32_t size[2], const double at[2], struct sp_pick *found,
+                 struct sp_error *err) {
     (void)volume;
     (void)view;
     *found = ((struct fixture *)user)->picked;
@@ -103,7 +104,7 @@ static void count_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     }
 }
 
-static bool measure(void *user, void *volume, const struct sp_view *view,
+static bool measure(void *user, struct srv_volume *volume, const struct sp_view *view,
                     const struct sp_measure *measure, double samples,
                     struct proto_measure_value *value, struct sp_error *err) {
     (void)user;

@@ -19,7 +19,7 @@
 static int draw(struct fixture *f, struct srv_participant *p, double now_ms, bool *is_final) {
     struct srv_render_job job;
     assert_true(hub_next_job(f, now_ms, &job));
-    const struct fixture_step *shown = job.volume;
+    const struct fixture_step *shown = (const struct fixture_step *)job.volume;
     *is_final = job.targets[0].final;
     hub_finish(f, &job, 5);
     hub_ack(f, p, hub_drain(f, p, now_ms + 6).frame, now_ms + 8);
