@@ -68,7 +68,7 @@ static uint8_t codec_of(enum sp_image_format format) {
                                      : PROTO_CODEC_JPEG;
 }
 
-static bool wants(const struct srv_render_target *target, const struct srv_encode_params *params) {
+static bool wants(const struct srv_frame_target *target, const struct srv_encode_params *params) {
     const struct srv_encode_params own =
         srv_encode_params_from(target->format, target->quality, target->chroma);
     return srv_encode_params_equal(&own, params);
@@ -98,7 +98,7 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
     uint32_t first = (uint32_t)__builtin_ctzll(*images);
     struct srv_render_job *job = task->job;
     const struct sp_frame *frame = task->frame;
-    const struct srv_render_target *like = &job->targets[first];
+    const struct srv_frame_target *like = &job->targets[first];
     const struct srv_encode_params params =
         srv_encode_params_from(like->format, like->quality, like->chroma);
     uint64_t set = 0;
@@ -127,9 +127,11 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
         .render_us = (uint32_t)(frame->stats.render_ms * 1000),
         .encode_us = (uint32_t)(took_ms * 1000),
     };
+    const struct srv_drawn_frame drawn = srv_render_job_frame(job);
     for (uint32_t i = first; i < job->target_count; i++)
         if (set >> i & 1)
-            srv_schedule_deliver(pool->schedule, job, i, &header, blob);
+            srv_hub_deliver(srv_schedule_hub(pool->schedule), &drawn, &job->targets[i], &header,
+                            blob);
     *images &= ~set;
     srv_blob_unref(&blob);
     return true;

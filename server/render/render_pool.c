@@ -131,7 +131,7 @@ bool srv_render_pool_start(struct srv_render_pool *pool, struct srv_schedule *sc
                     [SRV_WORKER_PREEMPTION] = srv_preemption_worker_main };
     const struct sp_renderer_info *info = &pool->workers[SRV_WORKER_INTERACTIVE].info;
     pool->schedule = schedule;
-    srv_schedule_set_backend(schedule, info->backend, info->device);
+    srv_hub_set_backend(srv_schedule_hub(schedule), info->backend, info->device);
     if (!srv_encode_pool_start(pool->encoders, err))
         return false;
     for (int k = 0; k < SRV_WORKERS; k++)
@@ -193,7 +193,8 @@ void srv_render_pool_note_frame(struct srv_render_pool *pool, enum srv_worker_ki
     srv_catalog_set_cached(pool->options.catalog, volume, kind,
                            sp_renderer_memory(worker->renderer, srv_volume_voxels(volume)));
     if (srv_worker_update_info(worker) && kind == SRV_WORKER_INTERACTIVE)
-        srv_schedule_set_backend(pool->schedule, worker->info.backend, worker->info.device);
+        srv_hub_set_backend(srv_schedule_hub(pool->schedule), worker->info.backend,
+                            worker->info.device);
 }
 
 struct srv_snapshot_queue *srv_render_pool_snapshots(struct srv_render_pool *pool) {

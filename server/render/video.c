@@ -205,17 +205,23 @@ struct recipients { /* sets of targets, one bit each, by what they receive */
 static struct recipients ask(struct srv_schedule *schedule, const struct srv_render_job *job,
                              uint64_t set, const struct encoder *encoder, double now_ms) {
     struct recipients recipients = { 0 };
+    struct srv_hub *hub = srv_schedule_hub(schedule);
+    const struct srv_drawn_frame frame = srv_render_job_frame(job);
     for (uint32_t i = 0; i < job->target_count; i++) {
         uint64_t bit = set & UINT64_C(1) << i;
         enum srv_video_need need =
-            bit ? srv_schedule_video_need(schedule, job, i, &encoder->mark) : SRV_VIDEO_NONE;
+            bit ? srv_hub_video_need(hub, &frame, &job->targets[i], &encoder->mark)
+                : SRV_VIDEO_NONE;
         if (need == SRV_VIDEO_DELTA)
             recipients.delta |= bit;
         else if (need == SRV_VIDEO_KEY)
             recipients.key |= bit;
+        else if (need == SRV_VIDEO_WAITS)
+            srv_schedule_skipped(schedule, job, i);
     }
     bool is_late = job->order <= encoder->order;
-    bool is_shared = recipients.delta || srv_schedule_has_video(schedule, job, &encoder->mark);
+    bool is_shared = recipients.delta || srv_hub_has_video(hub, &frame, job->targets,
+                                                           job->target_count, &encoder->mark);
     if (is_late) {
         recipients.images = recipients.delta | recipients.key;
         recipients.delta = recipients.key = 0;
@@ -251,7 +257,7 @@ static void advance(struct srv_video_encoders *encoders, struct encoder *encoder
 
 /* Encodes one packet and delivers it to all targets of the set. False if it failed: no target
  * received anything. With the encoder locked. */
-static bool encode(struct srv_video_encoders *encoders, struct srv_schedule *schedule,
+static bool encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
                    const struct srv_render_job *job, const struct sp_frame *frame,
                    struct encoder *encoder, uint64_t set, bool key, double now_ms,
                    double *encode_ms) {
@@ -282,9 +288,10 @@ static bool encode(struct srv_video_encoders *encoders, struct srv_schedule *sch
         .render_us = (uint32_t)(frame->stats.render_ms * 1000),
         .encode_us = (uint32_t)(took_ms * 1000),
     };
+    const struct srv_drawn_frame drawn = srv_render_job_frame(job);
     for (uint32_t i = 0; i < job->target_count; i++)
         if (set >> i & 1)
-            srv_schedule_deliver_video(schedule, job, i, &header, blob, &encoder->mark);
+            srv_hub_deliver_video(hub, &drawn, &job->targets[i], &header, blob, &encoder->mark);
     encoder->mark.number++;
     srv_blob_unref(&blob);
     return true;
@@ -297,14 +304,16 @@ static uint64_t encode_set(struct srv_video_encoders *encoders, struct srv_sched
                            double *encode_ms) {
     struct encoder *encoder = borrow(encoders, job, codec, now_ms);
     if (!encoder) {
-        srv_schedule_refuse_video(schedule, job, set);
+        const struct srv_drawn_frame drawn = srv_render_job_frame(job);
+        srv_hub_refuse_video(srv_schedule_hub(schedule), &drawn, job->targets, job->target_count,
+                             set);
         return set;
     }
     pthread_mutex_lock(&encoder->mutex);
     struct recipients recipients = ask(schedule, job, set, encoder, now_ms);
     uint64_t served = recipients.delta | recipients.key;
-    if (served && !encode(encoders, schedule, job, frame, encoder, served, recipients.key != 0,
-                          now_ms, encode_ms))
+    if (served && !encode(encoders, srv_schedule_hub(schedule), job, frame, encoder, served,
+                          recipients.key != 0, now_ms, encode_ms))
         recipients.images |= served;
     pthread_mutex_unlock(&encoder->mutex);
     give_back(encoders, encoder, now_ms);

@@ -13,7 +13,7 @@
  *     says which frame it can decode next. A frame that enters its outbox advances the mark. A
  *     video frame that is removed from the outbox again clears the mark: the final image of a view
  *     at rest replaces it.
- *   - Before a frame is encoded, each participant's need is asked for (srv_schedule_video_need). A
+ *   - Before a frame is encoded, each participant's need is asked for (srv_hub_video_need). A
  *     participant whose last frame still waits for the socket skips this one, and wants a newer one
  *     once the socket has taken it. A participant with the matching mark takes a delta frame; every
  *     other one needs a key frame.
@@ -29,7 +29,7 @@
  * A view at rest is sent as an image, which depends on no other frame and is lossless if the client
  * wants that. When the encoders of all sessions together would exceed their bound of pixels, the
  * participants of a further encoder receive JPEG, and stream.policy says so
- * (srv_schedule_refuse_video).
+ * (srv_hub_refuse_video).
  *
  * Locks: an encoder's, then the hub's or the frame cache's.
  */

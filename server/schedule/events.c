@@ -171,7 +171,6 @@ void srv_schedule_destroy(struct srv_schedule **schedule_pointer) {
     free(schedule);
 }
 
-void srv_schedule_set_backend(struct srv_schedule *schedule, const char *backend,
-                              const char *device) {
-    srv_hub_set_backend(schedule->hub, backend, device);
+struct srv_hub *srv_schedule_hub(const struct srv_schedule *schedule) {
+    return schedule->hub;
 }

@@ -149,20 +149,20 @@ static double cancellable_from_ms(const struct srv_session *s, const struct srv_
     return now_ms + 2 * job->budget_ms;
 }
 
-static struct srv_render_target target_of(const struct srv_participant *p,
-                                          const struct srv_render_job *job) {
+static struct srv_frame_target target_of(const struct srv_participant *p,
+                                         const struct srv_render_job *job) {
     struct srv_encoding e = srv_policy_encoding(p, job->step);
     const char *owner = p->session->identity.owner.name;
-    return (struct srv_render_target){ .participant = p->identity.id,
-                                       .is_guest = strcmp(p->identity.token, owner) != 0,
-                                       .seq = p->delivery.seq,
-                                       .updated_ms = p->delivery.updated_ms,
-                                       .format = e.format,
-                                       .video = e.video,
-                                       .quality = e.quality,
-                                       .chroma = e.chroma,
-                                       .final = job->step == SRV_STEP_FINAL ||
-                                                (job->is_sharp && srv_policy_is_final(p, &e)) };
+    return (struct srv_frame_target){ .participant = p->identity.id,
+                                      .is_guest = strcmp(p->identity.token, owner) != 0,
+                                      .seq = p->delivery.seq,
+                                      .updated_ms = p->delivery.updated_ms,
+                                      .format = e.format,
+                                      .video = e.video,
+                                      .quality = e.quality,
+                                      .chroma = e.chroma,
+                                      .final = job->step == SRV_STEP_FINAL ||
+                                               (job->is_sharp && srv_policy_is_final(p, &e)) };
 }
 
 /* Returns the time before which the frame rate allows no further frame, after a frame at now_ms.
@@ -193,7 +193,7 @@ static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
 static void add_target(struct srv_schedule *schedule, struct srv_session *s,
                        struct srv_participant *p, struct srv_render_job *job, double now_ms) {
     struct srv_participant_schedule *plan = p->schedule;
-    const struct srv_render_target target = target_of(p, job);
+    const struct srv_frame_target target = target_of(p, job);
     job->targets[job->target_count++] = target;
     plan->jobs++;
     plan->newest = (struct srv_newest_job){ .order = job->order,
@@ -237,6 +237,7 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     const struct srv_session *s = choice->participant->session;
     const struct srv_volume_source *source = &schedule->hub->options.volumes;
     job->session = s->identity.number;
+    memcpy(job->id, s->identity.id, sizeof job->id);
     job->version = s->shared.version;
     job->image = s->shared.image;
     job->order = ++schedule->next_order;
@@ -503,6 +504,16 @@ void srv_schedule_incomplete(struct srv_schedule *schedule, struct srv_render_jo
         if (p && srv_schedule_counts(p, job))
             p->schedule->newest.step = job->step;
     }
+    pthread_mutex_unlock(&schedule->hub->mutex);
+}
+
+void srv_schedule_skipped(struct srv_schedule *schedule, const struct srv_render_job *job,
+                          uint32_t i) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_participant *p =
+        srv_schedule_participant(srv_schedule_session(schedule, job), job->targets[i].participant);
+    if (p && srv_schedule_counts(p, job))
+        p->schedule->newest.version = 0;
     pthread_mutex_unlock(&schedule->hub->mutex);
 }
 

@@ -3,7 +3,7 @@
  * The scheduler: decides what is drawn next, and accounts for it. README.md in this folder explains
  * the rules. This header is the API of the render and encode threads.
  *
- *   sessions ──► srv_schedule_next ──► job ──► render, encode ──► srv_schedule_deliver ──► outboxes
+ *   sessions ──► srv_schedule_next ──► job ──► render, encode ──► session/delivery.h ──► outboxes
  *       ▲                                          │
  *       └──── done, failed or cancelled ◄──────────┘
  *
@@ -13,9 +13,10 @@
 #ifndef SRV_SCHEDULE_SCHEDULE_H
 #define SRV_SCHEDULE_SCHEDULE_H
 
+#include <string.h>
+
 #include "schedule/decide.h"
-#include "session/hub.h"
-#include "session/outbox.h"
+#include "session/delivery.h"
 
 struct srv_schedule;
 
@@ -40,9 +41,8 @@ struct srv_schedule *srv_schedule_create(struct srv_hub *hub,
                                          struct sp_error *err);
 void srv_schedule_destroy(struct srv_schedule **schedule); /* after the hub */
 
-/* As srv_hub_set_backend(). */
-void srv_schedule_set_backend(struct srv_schedule *schedule, const char *backend,
-                              const char *device);
+/* Returns the hub that it observes. */
+struct srv_hub *srv_schedule_hub(const struct srv_schedule *schedule);
 
 /* A frame that takes longer than this to encode is slow. An encoder cannot be interrupted. So slow
  * frames have encode threads of their own, unless they are for the only participant of the daemon.
@@ -51,20 +51,10 @@ void srv_schedule_set_backend(struct srv_schedule *schedule, const char *backend
 #define SRV_SLOW_ENCODE_MS 30.0
 enum { SRV_SLOW_ENCODE_JOBS = 4 };
 
-struct srv_render_target { /* one participant that gets the frame */
-    uint64_t participant;
-    uint32_t seq;      /* of its newest view.update */
-    double updated_ms; /* when that arrived */
-    enum sp_image_format format;
-    enum sp_video_codec video; /* SP_VIDEO_CODEC_COUNT = an image */
-    int quality;
-    enum sp_chroma chroma; /* of a JPEG; never AUTO */
-    bool final;            /* full detail in the granted quality: no other frame follows */
-    bool is_guest;         /* joined with another token than that of the session's owner */
-};
-
 struct srv_render_job {
-    uint64_t session, version; /* of the view */
+    uint64_t session;              /* its number */
+    char id[SRV_SESSION_ID_BYTES]; /* of the session */
+    uint64_t version;              /* of the view */
     uint64_t image; /* that the view gives: it may have newer versions with the same image */
     uint64_t order; /* rises from job to job */
     enum srv_frame_step step;
@@ -90,8 +80,18 @@ struct srv_render_job {
     uint64_t too_large;     /* targets whose encoded frame does not fit; 0 = of all; for render/ */
     uint64_t encoder_bytes; /* taken from the memory of frames; for render/ */
     uint32_t target_count;
-    struct srv_render_target targets[SRV_PARTICIPANTS_MAX];
+    struct srv_frame_target targets[SRV_PARTICIPANTS_MAX];
 };
+
+/* What the delivery of the job's frame depends on. */
+static inline struct srv_drawn_frame srv_render_job_frame(const struct srv_render_job *job) {
+    struct srv_drawn_frame frame = { .session = job->session,
+                                     .order = job->order,
+                                     .is_moving = job->step == SRV_STEP_MOVING,
+                                     .full = { job->full[0], job->full[1] } };
+    memcpy(frame.id, job->id, sizeof frame.id);
+    return frame;
+}
 
 struct srv_render_result {
     uint32_t width, height, mip_level;
@@ -130,35 +130,10 @@ struct srv_blob_owner srv_render_job_owner(const struct srv_render_job *job, uin
 /* True if some view moves, or will within SRV_QUIET_MS. */
 bool srv_schedule_has_motion(struct srv_schedule *schedule);
 
-/* Puts an encoded image into the outbox of target `i`. The caller sets size, times, codec and
- * PROTO_FRAME_LOSSLESS in the header; the rest is filled in here. */
-void srv_schedule_deliver(struct srv_schedule *schedule, const struct srv_render_job *job,
-                          uint32_t i, const struct proto_frame_header *header,
-                          struct srv_blob *blob);
-
-/* Video; render/video.h explains the rules. */
-
-enum srv_video_need {
-    SRV_VIDEO_NONE,  /* takes no frame of this job: it left, has a newer frame, or its last frame
-                        still waits for the socket; then it asks for a newer one later */
-    SRV_VIDEO_DELTA, /* has all frames before `next` */
-    SRV_VIDEO_KEY    /* needs a key frame */
-};
-enum srv_video_need srv_schedule_video_need(struct srv_schedule *schedule,
-                                            const struct srv_render_job *job, uint32_t i,
-                                            const struct srv_video_mark *next);
-/* True if a participant of the job's session has all frames before `next` but is not a target. */
-bool srv_schedule_has_video(struct srv_schedule *schedule, const struct srv_render_job *job,
-                            const struct srv_video_mark *next);
-/* No encoder is free for these targets, one bit each: they get images, and stream.policy says so,
- * until an encoder is free. */
-void srv_schedule_refuse_video(struct srv_schedule *schedule, const struct srv_render_job *job,
-                               uint64_t set);
-/* As srv_schedule_deliver(), for the video frame `mark`; number 0 is a key frame. Does nothing for
- * a target that can no longer use it. */
-void srv_schedule_deliver_video(struct srv_schedule *schedule, const struct srv_render_job *job,
-                                uint32_t i, const struct proto_frame_header *header,
-                                struct srv_blob *blob, const struct srv_video_mark *mark);
+/* The video frame of target `i` was skipped (SRV_VIDEO_WAITS): it wants a newer one once the socket
+ * has taken its last frame. */
+void srv_schedule_skipped(struct srv_schedule *schedule, const struct srv_render_job *job,
+                          uint32_t i);
 
 /* The job was drawn in render_ms and is not encoded yet: charges its accounts, so that the next
  * decision knows. */

@@ -110,8 +110,9 @@ static void serve(struct srv_schedule *schedule, double now_ms) {
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG, .width = 1, .height = 1 };
     struct srv_render_result result = { .width = 1, .height = 1, .render_ms = 1 };
     struct srv_blob *blob = srv_blob_create(NULL, NULL, (const uint8_t *)"x", 1, NULL);
+    const struct srv_drawn_frame frame = srv_render_job_frame(&job);
     for (uint32_t i = 0; blob && i < job.target_count; i++)
-        srv_schedule_deliver(schedule, &job, i, &header, blob);
+        srv_hub_deliver(srv_schedule_hub(schedule), &frame, &job.targets[i], &header, blob);
     srv_blob_unref(&blob);
     srv_schedule_done(schedule, &job, &result);
 }

@@ -177,7 +177,8 @@ struct srv_blob *deliver(struct stream *s, size_t size, double now_ms) {
     free(bytes);
     assert_non_null(blob);
     assert_true(srv_schedule_next(f->schedule, now_ms, &job, &wait_ms));
-    srv_schedule_deliver(f->schedule, &job, 0, &header, blob);
+    const struct srv_drawn_frame frame = srv_render_job_frame(&job);
+    srv_hub_deliver(f->hub, &frame, &job.targets[0], &header, blob);
     srv_schedule_done(f->schedule, &job, &result);
     return blob;
 }

@@ -191,14 +191,20 @@ static bool start_job(struct world *w) {
     return true;
 }
 
+static void deliver_image(const struct world *w, const struct srv_render_job *job, uint32_t i,
+                          struct srv_blob *blob) {
+    const struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
+                                               .width = (uint16_t)job->view.size[0],
+                                               .height = (uint16_t)job->view.size[1] };
+    const struct srv_drawn_frame frame = srv_render_job_frame(job);
+    srv_hub_deliver(w->f->hub, &frame, &job->targets[i], &header, blob);
+}
+
 static void finish_job(struct world *w, unsigned which) {
     struct inflight inflight = w->jobs[which];
     struct srv_render_result result = { .width = inflight.frame.width,
                                         .height = inflight.frame.height,
                                         .render_ms = 1 };
-    struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
-                                         .width = (uint16_t)inflight.frame.width,
-                                         .height = (uint16_t)inflight.frame.height };
     w->jobs[which] = w->jobs[--w->job_count];
     double encode_ms = 0;
     uint64_t images = srv_video_encoders_encode(w->videos, w->f->schedule, &inflight.job,
@@ -207,7 +213,7 @@ static void finish_job(struct world *w, unsigned which) {
         srv_blob_create(NULL, NULL, (const uint8_t *)&inflight.job.version, 8, NULL);
     for (uint32_t i = 0; i < inflight.job.target_count; i++)
         if (images >> i & 1)
-            srv_schedule_deliver(w->f->schedule, &inflight.job, i, &header, blob);
+            deliver_image(w, &inflight.job, i, blob);
     srv_blob_unref(&blob);
     free(inflight.frame.pixels);
     srv_schedule_done(w->f->schedule, &inflight.job, &result);
@@ -422,54 +428,58 @@ static void a_packet_that_does_not_fit_becomes_an_image(void **state) {
     tear_down(&w);
 }
 
+/* Takes the image that waits for the participant; returns its codec. */
+static int take_frame(const struct world *w, struct srv_participant *p) {
+    struct srv_message message;
+    while (srv_hub_next_message(w->f->hub, p, SRV_TAKE_ALL, w->now_ms, &message) ==
+           SRV_MESSAGE_TEXT)
+        free(message.text);
+    srv_blob_unref(&message.blob);
+    return message.header.codec;
+}
+
 /* The state of a participant may change between its decision and the delivery. */
 static void a_delivery_checks_the_mark_again(void **state) {
     struct world w;
-    struct proto_frame_header header = { .codec = PROTO_CODEC_VP8 },
-                              image = { .codec = PROTO_CODEC_JPEG };
+    const struct proto_frame_header header = { .codec = PROTO_CODEC_VP8 };
     struct srv_render_result result = { .render_ms = 1 };
     struct srv_video_mark key = { 5, 0 }, second = { 5, 1 }, third = { 5, 2 };
     struct srv_blob *blob = srv_blob_create(NULL, NULL, (const uint8_t *)"12345678", 8, NULL);
-    struct srv_message message;
     set_up(&w, *state, 1);
     struct srv_hub *hub = w.f->hub;
-    struct srv_schedule *schedule = w.f->schedule;
+    struct srv_participant *p = w.viewers[0].p;
+    struct srv_drawn_frame a, b, *frames[2] = { &a, &b };
+    uint32_t at[2] = { 0, 0 };
     for (int i = 0; i < 2; i++) {
         change(&w);
         w.now_ms += 20;
         assert_true(start_job(&w));
+        *frames[i] = srv_render_job_frame(&w.jobs[i].job);
+        while (w.jobs[i].job.targets[at[i]].participant != srv_participant_id(p))
+            at[i]++;
     }
-    struct srv_render_job *a = &w.jobs[0].job, *b = &w.jobs[1].job;
-    struct srv_participant *p = w.viewers[0].p;
-    uint32_t at[2] = { 0, 0 };
-    while (a->targets[at[0]].participant != srv_participant_id(p))
-        at[0]++;
-    while (b->targets[at[1]].participant != srv_participant_id(p))
-        at[1]++;
+    const struct srv_frame_target *to = &w.jobs[0].job.targets[at[0]];
     /* A newer image came first: the key frame is late, and its delta frames cannot be used. */
-    assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &key), SRV_VIDEO_KEY);
-    srv_schedule_deliver(schedule, b, at[1], &image, blob);
-    srv_schedule_deliver_video(schedule, a, at[0], &header, blob, &key);
-    assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &second), SRV_VIDEO_NONE);
-    while (srv_hub_next_message(hub, p, SRV_TAKE_ALL, w.now_ms, &message) == SRV_MESSAGE_TEXT)
-        free(message.text);
-    assert_int_equal(message.header.codec, PROTO_CODEC_JPEG);
-    srv_blob_unref(&message.blob);
-    a->order = b->order + 1;
-    assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &second), SRV_VIDEO_KEY);
+    assert_int_equal(srv_hub_video_need(hub, &a, to, &key), SRV_VIDEO_KEY);
+    deliver_image(&w, &w.jobs[1].job, at[1], blob);
+    srv_hub_deliver_video(hub, &a, to, &header, blob, &key);
+    assert_int_equal(srv_hub_video_need(hub, &a, to, &second), SRV_VIDEO_NONE);
+    a.order = b.order + 1;
+    assert_int_equal(srv_hub_video_need(hub, &a, to, &second), SRV_VIDEO_WAITS);
+    assert_int_equal(take_frame(&w, p), PROTO_CODEC_JPEG);
+    assert_int_equal(srv_hub_video_need(hub, &a, to, &second), SRV_VIDEO_KEY);
     /* A delta frame after a missing one is not delivered. */
-    srv_schedule_deliver_video(schedule, a, at[0], &header, blob, &key);
-    while (srv_hub_next_message(hub, p, SRV_TAKE_ALL, w.now_ms, &message) == SRV_MESSAGE_TEXT)
-        free(message.text);
-    srv_blob_unref(&message.blob);
-    b->order = a->order + 1;
-    srv_schedule_deliver_video(schedule, b, at[1], &header, blob, &third);
-    assert_int_equal(srv_schedule_video_need(schedule, b, at[1], &second), SRV_VIDEO_DELTA);
-    assert_int_equal(srv_schedule_video_need(schedule, b, at[1], &third), SRV_VIDEO_KEY);
+    srv_hub_deliver_video(hub, &a, to, &header, blob, &key);
+    assert_int_equal(take_frame(&w, p), PROTO_CODEC_VP8);
+    b.order = a.order + 1;
+    to = &w.jobs[1].job.targets[at[1]];
+    srv_hub_deliver_video(hub, &b, to, &header, blob, &third);
+    assert_int_equal(srv_hub_video_need(hub, &b, to, &second), SRV_VIDEO_DELTA);
+    assert_int_equal(srv_hub_video_need(hub, &b, to, &third), SRV_VIDEO_KEY);
     srv_blob_unref(&blob);
     while (w.job_count > 0) {
         free(w.jobs[--w.job_count].frame.pixels);
-        srv_schedule_done(schedule, &w.jobs[w.job_count].job, &result);
+        srv_schedule_done(w.f->schedule, &w.jobs[w.job_count].job, &result);
     }
     tear_down(&w);
 }

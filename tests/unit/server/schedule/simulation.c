@@ -127,8 +127,9 @@ void sim_deliver(struct simulation *s, struct srv_render_job *job, double render
         .render_ms = render_ms
     };
     struct srv_blob *image = image_of(s);
+    const struct srv_drawn_frame frame = srv_render_job_frame(job);
     for (uint32_t i = 0; i < job->target_count; i++)
-        srv_schedule_deliver(s->f->schedule, job, i, &header, image);
+        srv_hub_deliver(s->f->hub, &frame, &job->targets[i], &header, image);
     srv_schedule_done(s->f->schedule, job, &result);
     s->jobs++;
     for (int i = 0; i < SIM_CLIENTS; i++)

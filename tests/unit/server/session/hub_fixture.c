@@ -237,8 +237,9 @@ void hub_finish(struct fixture *f, struct srv_render_job *job, double render_ms)
                                         .height = job->view.size[1],
                                         .render_ms = render_ms };
     struct srv_blob *blob = srv_blob_create(NULL, NULL, (const uint8_t *)"image", 5, NULL);
+    const struct srv_drawn_frame frame = srv_render_job_frame(job);
     for (uint32_t i = 0; i < job->target_count; i++)
-        srv_schedule_deliver(f->schedule, job, i, &header, blob);
+        srv_hub_deliver(f->hub, &frame, &job->targets[i], &header, blob);
     srv_blob_unref(&blob);
     srv_schedule_done(f->schedule, job, &result);
 }
