@@ -229,6 +229,11 @@ static inline sp_wide sp_wide_max(sp_wide a, sp_wide b) {
 #endif
 }
 
+/* Of NaN as of sp_wide_max() and sp_wide_min(). */
+static inline sp_wide sp_wide_clamp(sp_wide x, float low, float high) {
+    return sp_wide_min(sp_wide_max(x, sp_wide_all(low)), sp_wide_all(high));
+}
+
 static inline sp_wide sp_wide_abs(sp_wide a) {
     return (sp_wide)((sp_wide_int)a & 0x7fffffff);
 }

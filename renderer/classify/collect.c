@@ -90,7 +90,7 @@ struct part {
 
 static struct part find_part(const struct collect *c, uint32_t brick) {
     struct part part = { .brick = brick };
-    sp_visible_corner(c->list, brick, part.corner);
+    sp_visible_brick_corner(c->list->bricks, brick, part.corner);
     for (int a = 0; a < 3; a++) {
         uint32_t left = c->dims[a] - part.corner[a];
         part.size[a] = left < SP_BRICK ? left : SP_BRICK;
@@ -262,7 +262,7 @@ static void find_normals(const struct collect *c, uint32_t brick, struct sp_dens
     struct sp_visible element = { .normal = &dense->normal, .normal_bytes = c->list->normal_bytes };
     uint32_t corner[3];
     old->axis = dense->axis;
-    sp_visible_corner(c->list, brick, corner);
+    sp_visible_brick_corner(c->list->bricks, brick, corner);
     sp_dense_unpack(old, &c->from->visible, brick);
     memcpy(&dense->normal, &old->normal, SP_BRICK_VOXELS * (size_t)c->list->normal_bytes);
     for (uint32_t r = 0; r < SP_BRICK * SP_BRICK; r++)
@@ -418,7 +418,7 @@ static void pack_normals(void *user, size_t begin, size_t end, unsigned worker) 
     uint16_t local[SP_BRICK_VOXELS];
     for (size_t b = begin; b < end && !sp_classify_cancelled(n->job, NULL); b++) {
         uint32_t corner[3], count = (uint32_t)(list->first[b + 1] - list->first[b]);
-        sp_visible_corner(list, (uint32_t)b, corner);
+        sp_visible_brick_corner(list->bricks, (uint32_t)b, corner);
         sp_visible_locals(list, (uint32_t)b, NULL, 0, count, local);
         if (list->normal_bytes == 2)
             sp_gradient_pack_directions(&n->grid, corner, local, count,

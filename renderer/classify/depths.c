@@ -3,11 +3,9 @@
 
 #include <stdlib.h>
 
-enum { BRICKS_GRAIN = 64 };
+#include "base/minmax.h"
 
-static inline float larger(float a, float b) {
-    return a > b ? a : b;
-}
+enum { BRICKS_GRAIN = 64 };
 
 /* Returns the largest opacity of a value among the entries [first, end). */
 static float find_opacity(const struct sp_level *level, uint64_t first, uint64_t end) {
@@ -18,7 +16,7 @@ static float find_opacity(const struct sp_level *level, uint64_t first, uint64_t
         uint32_t s = 0;
         while (s + 1 < pieces->count && value >= pieces->start[s + 1])
             s++;
-        most = larger(most, pieces->at[3][s] + (value - pieces->start[s]) * pieces->slope[3][s]);
+        most = sp_maxf(most, pieces->at[3][s] + (value - pieces->start[s]) * pieces->slope[3][s]);
     }
     return most < 1 ? most : 1;
 }
@@ -30,15 +28,16 @@ static float find_depth(const struct sp_level *level, uint64_t first, uint64_t e
     float most = 0;
     if (table && list->key_bytes == 1)
         for (uint64_t e = first; e < end; e++)
-            most = larger(most, table[((const uint8_t *)list->key)[e]].depth);
+            most = sp_maxf(most, table[((const uint8_t *)list->key)[e]].depth);
     else if (table && list->key_bytes == 2)
         for (uint64_t e = first; e < end; e++)
-            most = larger(most, table[((const uint16_t *)list->key)[e]].depth);
+            most = sp_maxf(most, table[((const uint16_t *)list->key)[e]].depth);
     else if (level->transfer.pieces)
         most = -log1pf(-find_opacity(level, first, end));
     else
         for (uint64_t e = first; e < end; e++)
-            most = larger(most, sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth);
+            most =
+                sp_maxf(most, sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth);
     return most;
 }
 

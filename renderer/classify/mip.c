@@ -90,7 +90,7 @@ static uint32_t find_bricks(const struct merge *m, uint32_t coarse, uint32_t fin
                             uint16_t offset[8]) {
     const struct sp_visible *list = &m->fine->visible;
     uint32_t corner[3], count = 0;
-    sp_visible_corner(&m->coarse->visible, coarse, corner);
+    sp_visible_brick_corner(m->coarse->visible.bricks, coarse, corner);
     for (uint32_t i = 0; i < 8; i++) {
         uint32_t half[3] = { i & 1, i >> 1 & 1, i >> 2 }, b[3];
         bool inside = true;
@@ -173,7 +173,7 @@ static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick
     const struct sp_visible *list = &m->fine->visible;
     float share[3][SP_BRICK];
     uint32_t corner[3];
-    sp_visible_corner(list, brick, corner);
+    sp_visible_brick_corner(list->bricks, brick, corner);
     for (unsigned a = 0; a < 3; a++)
         for (uint32_t i = 0; i < SP_BRICK && corner[a] + i < m->fine->grid.dims[a]; i++)
             share[a][i] = size_share(m, a, corner[a] + i);

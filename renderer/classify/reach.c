@@ -80,7 +80,7 @@ static void mark_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t b = begin; b < end && !sp_classify_cancelled(w->job, NULL); b++) {
         uint32_t corner[3];
         uint64_t bits = 0;
-        sp_visible_corner(&w->level->visible, (uint32_t)b, corner);
+        sp_visible_brick_corner(w->level->visible.bricks, (uint32_t)b, corner);
         for (uint32_t i = 0; i < CELLS * CELLS * CELLS; i++) {
             size_t x = corner[0] / SP_CELL + (i & 3), y = corner[1] / SP_CELL + (i >> 2 & 3),
                    z = corner[2] / SP_CELL + (i >> 4);

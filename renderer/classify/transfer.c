@@ -8,6 +8,17 @@
 
 #include "classify/gradient.h"
 
+bool sp_transfer_function_equal_scale(const struct sp_transfer_function *a,
+                                      const struct sp_transfer_function *b) {
+    if (a->gradient_count != b->gradient_count)
+        return false;
+    for (uint32_t i = 0; i < a->gradient_count; i++)
+        if (a->gradient[i].magnitude != b->gradient[i].magnitude ||
+            a->gradient[i].scale != b->gradient[i].scale)
+            return false;
+    return true;
+}
+
 /* Returns the last point whose value is <= `value`. Point 0 must be. */
 static uint32_t find_point(const struct sp_transfer_function *tf, double value) {
     uint32_t low = 0, high = tf->point_count;

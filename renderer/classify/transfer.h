@@ -65,6 +65,10 @@ void sp_transfer_finish(struct sp_transfer *transfer);
  * points of the gradient axis, the end values held outside; 1 without one. */
 double sp_transfer_function_scale(const struct sp_transfer_function *tf, double magnitude);
 
+/* True if the scales of both, by the gradient, are equal. */
+bool sp_transfer_function_equal_scale(const struct sp_transfer_function *a,
+                                      const struct sp_transfer_function *b);
+
 /* True if both give each voxel of a volume the same key and visibility, so that a list made for one
  * serves the other. */
 bool sp_transfer_same_voxels(const struct sp_transfer *a, const struct sp_transfer *b);
@@ -103,6 +107,16 @@ static inline float sp_transfer_value(const struct sp_transfer *transfer, uint32
         float value;
     } u = { .bits = key };
     return transfer->table ? (float)key : u.value;
+}
+
+/* Class of a value of the volume. */
+static inline struct sp_class sp_transfer_value_class(const struct sp_transfer *transfer,
+                                                      double value) {
+    struct sp_class c;
+    if (transfer->table)
+        return transfer->table[(int32_t)value - transfer->first];
+    sp_transfer_function_eval(&transfer->tf, value, &c);
+    return c;
 }
 
 /* Class of a key. */

@@ -49,17 +49,21 @@ struct sp_visible {
 };
 
 /* Number of bricks; below 2^25, because volumes have at most 2^36 voxels. */
+static inline uint32_t sp_visible_brick_count(const uint32_t bricks[3]) {
+    return bricks[0] * bricks[1] * bricks[2];
+}
+
 static inline uint32_t sp_visible_bricks(const struct sp_visible *visible) {
-    return visible->bricks[0] * visible->bricks[1] * visible->bricks[2];
+    return sp_visible_brick_count(visible->bricks);
 }
 
 /* Index of the first voxel of a brick. */
-static inline void sp_visible_corner(const struct sp_visible *visible, uint32_t brick,
-                                     uint32_t corner[3]) {
-    uint32_t row = brick / visible->bricks[0];
-    corner[0] = brick % visible->bricks[0] << SP_BRICK_SHIFT;
-    corner[1] = row % visible->bricks[1] << SP_BRICK_SHIFT;
-    corner[2] = row / visible->bricks[1] << SP_BRICK_SHIFT;
+static inline void sp_visible_brick_corner(const uint32_t bricks[3], uint32_t brick,
+                                           uint32_t corner[3]) {
+    uint32_t row = brick / bricks[0];
+    corner[0] = brick % bricks[0] << SP_BRICK_SHIFT;
+    corner[1] = row % bricks[1] << SP_BRICK_SHIFT;
+    corner[2] = row / bricks[1] << SP_BRICK_SHIFT;
 }
 
 /* Key of entry e of the whole list. */

@@ -14,7 +14,7 @@ void sp_resolve_rgbaf32(const float *const planes[4], uint32_t count, const floa
 }
 
 static inline sp_wide_bits to_bytes(sp_wide x) {
-    sp_wide y = sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(1));
+    sp_wide y = sp_wide_clamp(x, 0, 1);
     return (sp_wide_bits)sp_wide_to_int(y * 255 + 0.5f);
 }
 

@@ -1,12 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "splat/ewa.h"
 
+#include "base/minmax.h"
 #include "data/volume/grid.h"
 #include "splat/outline.h"
-
-static inline float clamp_one(float x, float bound) {
-    return x < -bound ? -bound : x > bound ? bound : x;
-}
 
 /* Computes the third row of J·K, along the ray. */
 static void project_depth(const struct sp_ewa_frame *f, const float kernel[3][3], const float u[3],
@@ -14,7 +11,7 @@ static void project_depth(const struct sp_ewa_frame *f, const float kernel[3][3]
     float ratio[2] = { 0, 0 };
     if (f->projection == SP_PERSPECTIVE)
         for (int i = 0; i < 2; i++)
-            ratio[i] = clamp_one(u[i] * inv, f->ratio_max[i]);
+            ratio[i] = sp_clampf(u[i] * inv, -f->ratio_max[i], f->ratio_max[i]);
     float scale = 1 / sqrtf(1 + ratio[0] * ratio[0] + ratio[1] * ratio[1]);
     for (int a = 0; a < 3; a++)
         m[a] = (ratio[0] * kernel[0][a] + ratio[1] * kernel[1][a] + kernel[2][a]) * scale;

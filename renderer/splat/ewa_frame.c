@@ -1,15 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <float.h>
 
+#include "base/minmax.h"
 #include "data/volume/grid.h"
 #include "splat/adaptive.h"
 #include "splat/cubic.h"
 #include "splat/ewa_frame.h"
 #include "splat/exp2.h"
-
-static float bounded(double x) {
-    return (float)fmax(-FLT_MAX, fmin(FLT_MAX, x));
-}
 
 /* Computes the radius, the cutoff and the peak of the kernel; returns its standard deviation in
  * voxels. */
@@ -45,12 +42,12 @@ void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_transf
         .projection = camera->projection,
         .grid = grid,
         .unit = unit,
-        .scale = bounded(perspective ? camera->scale : camera->scale * unit),
+        .scale = sp_finite_float(perspective ? camera->scale : camera->scale * unit),
         .centre = { (float)camera->centre[0], (float)camera->centre[1] },
-        .near = bounded(fmax(camera->near / unit, 1e-3)),
+        .near = sp_finite_float(fmax(camera->near / unit, 1e-3)),
         .lowpass2 = fmaxf((float)(filter->lowpass * filter->lowpass), SP_VARIANCE_MIN),
         .post = view->transfer_function.order == SP_TF_POST,
-        .gain = bounded(unit / view->transfer_function.reference_length),
+        .gain = sp_finite_float(unit / view->transfer_function.reference_length),
         .size = { (int)view->size[0], (int)view->size[1] },
         .rows = { 0, (int)view->size[1] },
     };
@@ -105,7 +102,7 @@ void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *f,
             base[r] += f->step_hi[r][a] * start;
     }
     for (int r = 0; r < 3; r++)
-        brick->base[r] = bounded(base[r]);
+        brick->base[r] = sp_finite_float(base[r]);
 }
 
 /* The voxels of a brick along one axis [mean spacings]. */

@@ -36,7 +36,7 @@ static inline float sp_exp2(float x) {
 /* The same, SP_WIDE at a time. */
 static inline sp_wide sp_wide_exp2(sp_wide x) {
     const float round_up = 12582912.0f;
-    x = sp_wide_min(sp_wide_max(x, sp_wide_all(-126.0f)), sp_wide_all(126.0f));
+    x = sp_wide_clamp(x, -126.0f, 126.0f);
     sp_wide shifted = x + round_up, f = x - (shifted - round_up), f2 = f * f;
     sp_wide low = f * 6.93147182e-1f + 1.0f;
     sp_wide middle = f * 5.55033312e-2f + 2.40226479e-1f;

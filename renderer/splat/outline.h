@@ -108,16 +108,12 @@ static inline sp_wide sp_place_ceiling(sp_wide x) {
     return -sp_wide_floor(-x);
 }
 
-static inline sp_wide sp_place_between(sp_wide x, int low, int high) {
-    return sp_wide_min(sp_wide_max(x, sp_wide_all((float)low)), sp_wide_all((float)high));
-}
-
 /* Computes the half-open range of the pixels in [low, high) whose centres lie within ±reach of x.
  * False if the range is empty or a value is not a number. */
 static inline sp_wide_mask sp_place_cover(sp_wide x, sp_wide reach, int low, int high,
                                           sp_wide *begin, sp_wide *end) {
-    *begin = sp_place_ceiling(sp_place_between(x - reach + 0.5f - 1, low, high));
-    *end = sp_wide_floor(sp_place_between(x + reach + 0.5f, low, high));
+    *begin = sp_place_ceiling(sp_wide_clamp(x - reach + 0.5f - 1, low, high));
+    *end = sp_wide_floor(sp_wide_clamp(x + reach + 0.5f, low, high));
     return sp_wide_lt(*begin, *end);
 }
 
@@ -125,8 +121,8 @@ static inline sp_wide_mask sp_place_cover(sp_wide x, sp_wide reach, int low, int
  */
 static inline sp_wide_mask sp_place_cover_flat(sp_wide x, sp_wide reach, int low, int high,
                                                sp_wide *begin, sp_wide *end) {
-    *begin = sp_place_ceiling(sp_place_between(x - reach - 0.5f, low, high));
-    *end = sp_place_ceiling(sp_place_between(x + reach - 0.5f, low, high));
+    *begin = sp_place_ceiling(sp_wide_clamp(x - reach - 0.5f, low, high));
+    *end = sp_place_ceiling(sp_wide_clamp(x + reach - 0.5f, low, high));
     return sp_wide_lt(*begin, *end);
 }
 

@@ -48,7 +48,7 @@ static inline void sp_pieces_planes(const struct sp_pieces *p, sp_wide value, sp
     for (int c = 0; c < 4; c++)
         out[c] = sp_pieces_look_up(p->at[c], p->count, piece) +
                  value * sp_pieces_look_up(p->slope[c], p->count, piece);
-    out[3] = sp_pieces_depth(sp_wide_min(sp_wide_max(out[3], sp_wide_all(0)), sp_wide_all(1)));
+    out[3] = sp_pieces_depth(sp_wide_clamp(out[3], 0, 1));
 }
 
 /* The same as classes. */

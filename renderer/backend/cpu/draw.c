@@ -58,7 +58,7 @@ static bool draw_channels(const struct sp_backend_job *job, struct sp_resample_i
         if (view->layers[i].type == SP_LAYER_CHANNEL) {
             struct sp_view *seen = sp_arena_alloc(input->arena, "channels", 1, sizeof *seen);
             if (!seen)
-                return cpu_fail_memory(input->arena, err);
+                return sp_arena_fail(input->arena, "data", err);
             sp_layers_channel_view(view, i, sp_volume_info(job->shown[i]), seen);
             own->view = seen;
             own->volume = job->shown[i];
@@ -135,7 +135,7 @@ static bool add_axis(struct cpu_frame *f, unsigned axis, double share, struct sp
     second.stats = (struct sp_frame_stats){ 0 };
     second.pixels = sp_arena_alloc(arena, "second image", second.height, second.stride_bytes);
     if (!second.pixels)
-        return cpu_fail_memory(arena, err);
+        return sp_arena_fail(arena, "data", err);
     job.frame = &second;
     f->job = &job;
     f->stage_ms[CPU_CLASSIFY] = 0;

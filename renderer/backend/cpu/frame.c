@@ -8,10 +8,6 @@
 
 _Static_assert((int)SP_MIP_LEVEL_MAX < (int)SP_LEVELS, "a level for each value of mip_level");
 
-bool cpu_fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "data", err);
-}
-
 /* Sheets of footprints mix bricks of several levels. All other compositing draws one level: the
  * finest that some brick needs. */
 static uint32_t levels_drawn(const struct cpu_frame *f) {
@@ -29,7 +25,7 @@ static bool choose_levels(struct cpu_frame *f, struct sp_error *err) {
                                  .floor = f->mip_level,
                                  .levels = levels > f->mip_level ? levels : f->mip_level + 1 };
     if (!sp_detail_choose(&job, arena, &f->detail))
-        return cpu_fail_memory(arena, err);
+        return sp_arena_fail(arena, "data", err);
     f->finest = (unsigned)__builtin_ctz(f->detail.levels);
     for (uint32_t i = 0; i < f->detail.count && !f->is_enlarged; i++)
         f->is_enlarged = f->detail.bricks[i].level == f->finest && f->detail.bricks[i].is_enlarged;
@@ -87,7 +83,7 @@ static bool init_part(struct cpu_frame *f, unsigned level, bool enlarged, struct
     if (view->filter.mode == SP_FILTER_ADAPTIVE)
         part->modes[enlarged] = choose_modes(f, level, enlarged);
     return view->filter.mode != SP_FILTER_ADAPTIVE || part->modes[enlarged] ||
-           cpu_fail_memory(&f->state->arena, err);
+           sp_arena_fail(&f->state->arena, "data", err);
 }
 
 static bool init_parts(struct cpu_frame *f, struct sp_error *err) {
@@ -110,7 +106,7 @@ static void drop_clipped(struct cpu_frame *f) {
         const struct sp_detail_brick *brick = &f->detail.bricks[i];
         const struct sp_level_frame *part = &f->parts[brick->level];
         uint32_t corner[3];
-        sp_visible_corner(&part->level->visible, brick->brick, corner);
+        sp_visible_brick_corner(part->level->visible.bricks, brick->brick, corner);
         if (!sp_ewa_brick_is_clipped(&part->ewa[brick->is_enlarged], corner))
             f->detail.bricks[kept++] = *brick;
     }

@@ -84,7 +84,4 @@ static inline void cpu_frame_write_stats(const struct cpu_frame *frame) {
     stats->visible_voxels = frame->mip_level ? frame->level->visible.count : frame->visible;
 }
 
-/* Fails with SP_ERR_MEMORY and the name of the allocation that failed; returns false. */
-bool cpu_fail_memory(const struct sp_arena *arena, struct sp_error *err);
-
 #endif

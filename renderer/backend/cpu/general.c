@@ -129,7 +129,7 @@ static void set_up_block(struct draw *d, size_t b) {
         run.transfer = &part->level->transfer;
         run.mode =
             modes ? (enum sp_filter_mode)modes[from->brick] : d->frame->job->view->filter.mode;
-        sp_visible_corner(run.list, from->brick, run.brick);
+        sp_visible_brick_corner(run.list->bricks, from->brick, run.brick);
         run.first = run.list->first[from->brick];
         run.order = d->order.order ? d->order.order + run.first : NULL;
         run.begin = from->begin;
@@ -302,7 +302,7 @@ static bool allocate(struct draw *d, struct sp_arena *arena, struct sp_error *er
     d->bins.first = sp_arena_alloc(arena, "bins", tiles + (size_t)1, sizeof *d->bins.first);
     d->bins.entries =
         sp_arena_alloc(arena, "bin entries", d->bins.capacity, sizeof *d->bins.entries);
-    return !arena->failed || cpu_fail_memory(arena, err);
+    return !arena->failed || sp_arena_fail(arena, "data", err);
 }
 
 static void set_rows(struct draw *d, int begin, int end) {
@@ -365,11 +365,11 @@ static bool choose_order(struct draw *d, double reach, struct sp_error *err) {
     if (d->blend.mode == SP_COMPOSITE_SHEET)
         return sp_order_sheets(&d->frame->camera, d->frame->levels, &d->frame->detail,
                                d->frame->axis, arena, &d->order) ||
-               cpu_fail_memory(arena, err);
+               sp_arena_fail(arena, "data", err);
     if (d->blend.mode == SP_COMPOSITE_SLAB)
         job.thickness = (double)d->blend.thickness;
     if (!sp_order_distance(&job, &d->order, &nearest))
-        return cpu_fail_memory(arena, err);
+        return sp_arena_fail(arena, "data", err);
     d->blend.nearest = (float)nearest;
     d->nearest = nearest;
     return true;
@@ -383,7 +383,7 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
     double(*integral)[4] =
         sp_arena_alloc(arena, "transfer function's integral", SP_POST_NODES + 1, sizeof *integral);
     if (!integral)
-        return cpu_fail_memory(arena, err);
+        return sp_arena_fail(arena, "data", err);
     const struct sp_volume_info *info = sp_volume_info(d->frame->job->volume);
     sp_gradient_units_init(&gradient, info);
     d->post = (struct sp_post){ .shade = d->shading,
@@ -422,7 +422,7 @@ static bool choose_insert(struct draw *d, double reach, struct sp_error *err) {
                                     .unit = unit };
     return d->blend.mode != SP_COMPOSITE_SHEET ||
            sp_insert_init_sheets(&d->insert, &d->frame->levels[0].grid, d->frame->axis, arena) ||
-           cpu_fail_memory(arena, err);
+           sp_arena_fail(arena, "data", err);
 }
 
 /* Does all work that precedes the first batch. */

@@ -121,7 +121,7 @@ static bool fill(void *user, int begin, int end, struct sp_error *err) {
 static bool open_fragments(struct cpu_layers *l, struct sp_error *err) {
     struct sp_arena *arena = &l->state->arena;
     if (!sp_fragments_init(&l->fragments, l->job->view->size, arena))
-        return cpu_fail_memory(arena, err);
+        return sp_arena_fail(arena, "data", err);
     sp_fragments_limit(&l->fragments, fragment_bytes(arena->budget));
     l->fragments.fill = fill;
     l->fragments.user = l;

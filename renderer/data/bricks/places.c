@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "data/volume/grid.h"
+#include "data/volume/interpolate.h"
 
 static size_t count_level(const struct sp_brick_header *header, unsigned level) {
     size_t count = 0;
@@ -50,20 +51,6 @@ void sp_brick_places_fill(struct sp_brick_header *header, double *numbers) {
            sizeof header->info.grid.coordinates);
 }
 
-/* The number of the last one of `count` places at or below a distance, but not of the very last.
- * count >= 2. */
-static uint32_t find_low(const double *places, uint32_t count, double distance) {
-    uint32_t low = 0, high = count - 1;
-    while (high - low > 1) {
-        const uint32_t middle = low + (high - low) / 2;
-        if (places[middle] <= distance)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
-}
-
 double sp_brick_distance(const struct sp_brick_header *header, unsigned level, int axis,
                          double at) {
     const struct sp_brick_level *own = &header->level[level];
@@ -86,6 +73,6 @@ double sp_brick_sample(const struct sp_brick_header *header, unsigned level, int
     distance -= own->start[axis];
     if (own->dims[axis] < 2)
         return distance / (own->step[axis] * spacing);
-    const uint32_t low = find_low(places, own->dims[axis], distance);
+    const uint32_t low = sp_interpolate_low(places, own->dims[axis] - 1, distance);
     return low + (distance - places[low]) / (places[low + 1] - places[low]);
 }

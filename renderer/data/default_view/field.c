@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "data/volume/grid.h"
 #include "data/volume/sample.h"
 
@@ -126,11 +127,6 @@ static size_t take_slopes(const struct sp_volume *volume, double *world, double 
     return n;
 }
 
-static int by_size(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* True if most of the sorted slopes are the same: distances, in any unit. */
 static bool are_even(const double *slopes, size_t n) {
     const double most = 0.8, usual = slopes[n / 2];
@@ -167,8 +163,8 @@ bool sp_first_is_distance(const struct sp_volume *volume, const struct sp_first_
     const size_t n = slopes ? take_slopes(volume, slopes, index, SLOPES) : 0;
     bool is_even = false;
     if (n >= SLOPES_MIN) {
-        qsort(slopes, n, sizeof *slopes, by_size);
-        qsort(index, n, sizeof *index, by_size);
+        qsort(slopes, n, sizeof *slopes, sp_compare_doubles);
+        qsort(index, n, sizeof *index, sp_compare_doubles);
         is_even = are_even(slopes, n) || are_even(index, n);
         *per_voxel = index[n / 2] > 0 ? index[n / 2] : *per_voxel;
     }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "data/volume/bins.h"
 #include "data/volume/grid.h"
 #include "data/volume/sample.h"
@@ -104,11 +105,6 @@ static void find_range(struct sp_first_samples *s, const double *values, size_t 
     }
 }
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Real numbers that are never negative and span many powers of ten, such as densities of galaxies
  * and orbitals, have most of their structure in a small part of a linear range. Their bins have
  * equal ratios, from the highest value down to where little more is to be seen. */
@@ -122,7 +118,7 @@ static void find_log_range(struct sp_first_samples *s, const double *values, siz
         if (values[i] > 0 && isfinite(values[i]))
             sorted[count++] = values[i];
     if (count >= few && count * 4 >= n) {
-        qsort(sorted, count, sizeof *sorted, compare);
+        qsort(sorted, count, sizeof *sorted, sp_compare_doubles);
         const double top = sorted[count - 1 - count / 1000], middle = sorted[count / 2];
         if (top > steep * middle && middle > 0) {
             s->is_log = true;

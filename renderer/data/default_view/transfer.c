@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/minmax.h"
 #include "data/default_view/field.h"
 
 enum { BINS = SP_FIRST_BINS, CLASSES = 4 };
@@ -258,10 +259,6 @@ static float opacity_for(double optical_depth, double depth, double reference) {
     return (float)(1 - exp(-optical_depth * reference / fmax(depth, reference)));
 }
 
-static float clamp(float x, float low, float high) {
-    return x < low ? low : x > high ? high : x;
-}
-
 /* Values rise, or fall if the samples are mirrored. */
 static void add_point(const struct sp_first_samples *s, struct sp_transfer_function *tf, double bin,
                       const float color[3], float opacity) {
@@ -331,7 +328,7 @@ static void add_points(const struct sp_first_samples *s, const struct classes *c
     double first = c->cut[1], second = c->cut[2], third = c->cut[3], length = tf->reference_length;
     float o[CLASSES];
     for (int x = 1; x < CLASSES; x++)
-        o[x] = clamp(opacity_for(look->depth[x], c->depth[x], length), least[x], most[x]);
+        o[x] = sp_clampf(opacity_for(look->depth[x], c->depth[x], length), least[x], most[x]);
     add_point(s, tf, first, colors[0], 0);
     add_point(s, tf, first + 0.35 * (second - first), colors[1], 0.6f * o[1]);
     add_point(s, tf, first + 0.8 * (second - first), colors[2], o[1]);
@@ -372,7 +369,7 @@ static void add_field(const struct sp_first_samples *s, struct classes *c, const
         depth[0] = haze;
     }
     for (int x = 0; x < CLASSES; x++)
-        o[x] = clamp(opacity_for(depth[x], c->depth[x], length), 0, 0.85f);
+        o[x] = sp_clampf(opacity_for(depth[x], c->depth[x], length), 0, 0.85f);
     for (int x = 1; x < CLASSES; x++) /* a rising value never becomes fainter */
         o[x] = fmaxf(o[x], o[x - 1]);
     const double first = c->has_surroundings ? c->cut[1] : 0;

@@ -40,8 +40,7 @@ void sp_interpolator_distances(const struct sp_interpolator *self, const double 
                           self->inverse[axis][2] * from[2];
 }
 
-/* Returns the last sample at or before the distance, which lies between two samples. */
-static uint32_t find_low(const double *coordinates, uint32_t last, double distance) {
+uint32_t sp_interpolate_low(const double *coordinates, uint32_t last, double distance) {
     uint32_t low = 0, high = last;
     while (high - low > 1) {
         uint32_t middle = low + (high - low) / 2;
@@ -67,7 +66,7 @@ bool sp_interpolator_cell(const struct sp_interpolator *self, unsigned axis, dou
         return true;
     }
     if (coordinates) {
-        cell->low = find_low(coordinates, last, distance);
+        cell->low = sp_interpolate_low(coordinates, last, distance);
         cell->fraction = (distance - coordinates[cell->low]) /
                          (coordinates[cell->low + 1] - coordinates[cell->low]);
     } else {

@@ -41,6 +41,9 @@ double sp_interpolator_value(const struct sp_interpolator *self, const struct sp
 /* Both in one step. False: the position is outside of the volume. */
 bool sp_interpolator_at(const struct sp_interpolator *self, const double position[3],
                         double *value);
+/* Returns the number of the last coordinate at or before the distance, below `last`, which is at
+ * least 1. Coordinates rise. */
+uint32_t sp_interpolate_low(const double *coordinates, uint32_t last, double distance);
 /* Writes the values at n ≤ SP_INTERPOLATE_RUN points, given by their distances along the axes: NaN
  * outside of the volume and where one of the samples that count is not finite. Faster than the
  * functions above, because it branches on the type once. */

@@ -11,18 +11,15 @@
  */
 #include <math.h>
 
+#include "base/minmax.h"
 #include "data/volume/procedural.h"
 
 enum { AIR = 0, ALUMINIUM = 110, STEEL = 190, BOLT = 235 };
 static const float pitch = 0.38f; /* between bores */
 
-static float clampf(float x, float low, float high) {
-    return x < low ? low : x > high ? high : x;
-}
-
 /* Distance to the nearest of the places first, first + pitch, … along x. */
 static float fold(float x, float first, int count) {
-    float i = clampf(rintf((x - first) / pitch), 0, (float)(count - 1));
+    float i = sp_clampf(rintf((x - first) / pitch), 0, (float)(count - 1));
     return x - first - i * pitch;
 }
 

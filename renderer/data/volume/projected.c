@@ -13,6 +13,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/compare.h"
 #include "data/volume/grid.h"
 #include "data/volume/missing.h"
 #include "data/volume/sample.h"
@@ -107,11 +108,6 @@ static void walk_samples(struct walk *w, const struct sp_volume_info *info, cons
 
 enum number { MAXIMUM, MEAN, SUM };
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* The ends beyond which the shares of the rays of a direction lie. False: no ray has a sample. */
 static bool find_ends(struct walk *w, unsigned direction, enum number number,
                       const double shares[2], double ends[2]) {
@@ -125,7 +121,7 @@ static bool find_ends(struct walk *w, unsigned direction, enum number number,
     }
     if (n == 0)
         return false;
-    qsort(w->sorted, n, sizeof *w->sorted, compare);
+    qsort(w->sorted, n, sizeof *w->sorted, sp_compare_doubles);
     ends[0] = w->sorted[(size_t)(shares[0] * (double)(n - 1))];
     ends[1] = w->sorted[n - 1 - (size_t)(shares[1] * (double)(n - 1))];
     return true;

@@ -16,6 +16,7 @@
 #define SP_FOOTPRINTS_BLEND_H
 
 #include "base/isa.h"
+#include "base/minmax.h"
 #include "draw/footprints/tile.h"
 #include "frame/resolve.h"
 #include "sp/view.h"
@@ -45,14 +46,6 @@ void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, int64_t 
 
 /* Sets tile->saturated. */
 void sp_tile_check(struct sp_tile *tile);
-
-static inline int sp_smaller(int a, int b) {
-    return a < b ? a : b;
-}
-
-static inline int sp_larger(int a, int b) {
-    return a > b ? a : b;
-}
 
 /* Returns row y of plane 0 of a slot's sums; plane p begins p · SP_TILE floats after it. */
 static inline float *sp_sums_row(const struct sp_tile *tile, const struct sp_blend *blend,
@@ -92,15 +85,14 @@ static inline void sp_slot_touch(struct sp_box *dirty, const struct sp_box *box)
         *dirty = *box;
         return;
     }
-    *dirty = (struct sp_box){ sp_smaller(dirty->x0, box->x0), sp_smaller(dirty->y0, box->y0),
-                              sp_larger(dirty->x1, box->x1), sp_larger(dirty->y1, box->y1) };
+    *dirty = (struct sp_box){ sp_mini(dirty->x0, box->x0), sp_mini(dirty->y0, box->y0),
+                              sp_maxi(dirty->x1, box->x1), sp_maxi(dirty->y1, box->y1) };
 }
 
 /* Returns the part of the splat's box that lies in the tile [tile px]. They must overlap. */
 static inline struct sp_box sp_tile_box(const struct sp_tile *tile, const struct sp_splat *s) {
-    return (struct sp_box){ sp_larger(s->x0 - tile->x, 0), sp_larger(s->y0 - tile->y, 0),
-                            sp_smaller(s->x1 - tile->x, SP_TILE),
-                            sp_smaller(s->y1 - tile->y, SP_TILE) };
+    return (struct sp_box){ sp_maxi(s->x0 - tile->x, 0), sp_maxi(s->y0 - tile->y, 0),
+                            sp_mini(s->x1 - tile->x, SP_TILE), sp_mini(s->y1 - tile->y, SP_TILE) };
 }
 
 /* Composites all open layers. */

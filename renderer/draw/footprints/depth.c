@@ -64,7 +64,7 @@ static void sort_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t b = begin; b < end; b++) {
         uint64_t at = list->first[b];
         uint32_t n = (uint32_t)(list->first[b + 1] - at), sum = 0, runs = 0, corner[3];
-        sp_visible_corner(list, (uint32_t)b, corner);
+        sp_visible_brick_corner(list->bricks, (uint32_t)b, corner);
         if (!n || sp_ewa_brick_is_clipped(s->job->frame, corner)) {
             s->runs[b] = 0;
             continue;

@@ -6,7 +6,7 @@
 /* Returns the index of a brick along an axis. */
 static uint32_t brick_along(const struct sp_visible *list, uint32_t brick, unsigned axis) {
     uint32_t corner[3];
-    sp_visible_corner(list, brick, corner);
+    sp_visible_brick_corner(list->bricks, brick, corner);
     return corner[axis];
 }
 

@@ -4,12 +4,9 @@
 #include <float.h>
 #include <string.h>
 
+#include "base/minmax.h"
 #include "draw/footprints/tile.h"
 #include "splat/exp2.h"
-
-static float bounded(double x) {
-    return (float)fmax(-FLT_MAX, fmin(FLT_MAX, x));
-}
 
 /* Adds the integrals of depth and of colour times depth over [low, high], which contains no point
  * of the transfer function. Four Gauss-Legendre nodes are enough, because the integrand is smooth
@@ -65,12 +62,12 @@ void sp_post_curve_init(struct sp_post_curve *c, const struct sp_transfer_functi
     *c = (struct sp_post_curve){ .count = tf->point_count, .gradient_count = tf->gradient_count };
     for (uint32_t i = 0; i < c->count; i++) {
         const struct sp_tf_point *p = &tf->points[i];
-        c->value[i] = bounded(p->value - base);
+        c->value[i] = sp_finite_float(p->value - base);
         c->opacity[i] = p->opacity;
         for (int k = 0; k < 3; k++)
             c->color[i][k] = p->color[k];
         if (i + 1 < c->count)
-            c->inverse[i] = bounded(1 / (p[1].value - p->value));
+            c->inverse[i] = sp_finite_float(1 / (p[1].value - p->value));
     }
     float span = c->value[c->count - 1] - c->value[0];
     c->bins_per_unit = span > 0 && span < FLT_MAX ? SP_POST_BINS / span : 0;
@@ -80,7 +77,7 @@ void sp_post_curve_init(struct sp_post_curve *c, const struct sp_transfer_functi
         c->first[b] = (uint8_t)i;
     }
     for (uint32_t i = 0; i < c->gradient_count; i++) {
-        c->magnitude[i] = bounded(tf->gradient[i].magnitude / gradient_unit);
+        c->magnitude[i] = sp_finite_float(tf->gradient[i].magnitude / gradient_unit);
         c->scale[i] = tf->gradient[i].scale;
     }
     fill_integral(c, tf, range, base, integral);

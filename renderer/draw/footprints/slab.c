@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "base/minmax.h"
 #include "draw/footprints/footprint.h"
 
 /* Closes all slabs before `layer`. */
@@ -20,21 +21,13 @@ struct range {
     uint32_t first, last, slot;
 };
 
-static inline float smaller(float a, float b) {
-    return a < b ? a : b;
-}
-
-static inline float larger(float a, float b) {
-    return a > b ? a : b;
-}
-
 static inline struct range find_slabs(const struct sp_blend *blend, const struct sp_splat *s,
                                       const struct sp_span *span) {
     float from = floorf((span->distance - span->reach - blend->nearest) / blend->thickness);
     float to = floorf((span->distance + span->reach - blend->nearest) / blend->thickness);
     float low = (float)s->sheet, high = (float)(s->sheet + blend->slots - 1);
-    from = smaller(larger(from, low), high);
-    to = smaller(larger(to, from), high);
+    from = sp_minf(sp_maxf(from, low), high);
+    to = sp_minf(sp_maxf(to, from), high);
     return (struct range){ (uint32_t)from, (uint32_t)to, (uint32_t)from % blend->slots };
 }
 
@@ -82,7 +75,7 @@ static void fill_column(const struct sp_blend *blend, const struct sp_tile *tile
             c->high[y] = px.high;
         }
         if (sp_wide_any(sp_wide_lt(sp_wide_all(0), px.weight))) {
-            c->y0 = sp_smaller(c->y0, y);
+            c->y0 = sp_mini(c->y0, y);
             c->y1 = y + 1;
         }
     }
@@ -186,7 +179,7 @@ static void add_even(struct sp_tile *tile, const struct sp_blend *blend, const s
             sp_footprint_pixels(blend, tile, s, NULL, box, x, y, &px);
             weight[y] = px.weight;
             if (sp_wide_any(sp_wide_lt(sp_wide_all(0), px.weight))) {
-                y0 = sp_smaller(y0, y);
+                y0 = sp_mini(y0, y);
                 y1 = y + 1;
             }
         }

@@ -39,10 +39,6 @@ void sp_layers_channel_view(const struct sp_view *view, uint32_t layer,
     out->compositing.center = out->compositing.width = out->compositing.zero = NAN;
 }
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "layers", err);
-}
-
 /* What the caches other than that of `type` leave. */
 static uint64_t bytes_for(const struct sp_layers_input *from, enum sp_layer_type type) {
     uint64_t used = 0;
@@ -243,7 +239,7 @@ bool sp_layers_prepare(const struct sp_layers_input *input, struct sp_layers *l,
     for (uint32_t i = 0; i < input->view->layer_count; i++)
         if (!prepare_layer(l, i, err))
             return false;
-    return allocate_workers(l) || fail_memory(input->arena, err);
+    return allocate_workers(l) || sp_arena_fail(input->arena, "layers", err);
 }
 
 static int columns_of(const struct sp_view *view) {

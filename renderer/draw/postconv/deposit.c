@@ -579,7 +579,7 @@ void sp_postconv_add_footprints(struct sp_postconv_open_tile *t,
                             .mode = (enum sp_filter_mode)b->mode };
     struct run_frame frame;
     start_run(t, run, true, &frame);
-    sp_visible_corner(list, b->brick, r.brick);
+    sp_visible_brick_corner(list->bricks, b->brick, r.brick);
     /* Footprints may be wide. Few are drawn at a time, so that a cancelled frame ends soon. */
     for (uint32_t at = run->begin;
          at < run->end && !sp_interrupt_is_cancelled(&t->postconv->interrupt);) {

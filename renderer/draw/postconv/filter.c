@@ -477,7 +477,7 @@ void sp_postconv_check_cells(struct sp_postconv_open_tile *t) {
 
 /* [0, 1] → 0 … 255, clamped. */
 static inline sp_wide_int to_byte(sp_wide x) {
-    x = sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(1));
+    x = sp_wide_clamp(x, 0, 1);
     return sp_wide_to_int(x * 255.0f + 0.5f);
 }
 

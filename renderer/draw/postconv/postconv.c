@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/minmax.h"
 #include "data/volume/grid.h"
 #include "frame/fragments.h"
 #include "splat/slices.h"
@@ -171,10 +172,6 @@ static float find_peak(const struct sp_postconv_brick *b) {
 /* Consecutive layers are composited as one up to this depth. */
 static const float thin = 0.2f;
 
-static inline float larger(float a, float b) {
-    return a > b ? a : b;
-}
-
 /* Finds the largest depth of each slice of the brick along the axis, for the length of a ray in it.
  */
 static void find_depths(const struct prepare *p, struct sp_postconv_brick *b) {
@@ -227,7 +224,7 @@ static void place_brick(const struct sp_postconv *postconv, struct sp_postconv_b
     const struct sp_ewa_frame *ewa = sp_postconv_ewa(postconv, b);
     uint32_t corner[3];
     struct sp_ewa_brick place;
-    sp_visible_corner(&level->visible, b->brick, corner);
+    sp_visible_brick_corner(level->visible.bricks, b->brick, corner);
     sp_ewa_brick_init(&place, ewa, corner);
     memcpy(b->base, place.base, sizeof b->base);
     for (int a = 0; a < 3; a++) {
@@ -411,10 +408,6 @@ static bool draw_bands(const struct sp_postconv_input *input, const struct sp_po
     return true;
 }
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "data", err);
-}
-
 /* Returns the layer of each slice. */
 static uint32_t *make_layers(const struct sp_postconv_input *input, uint32_t *count) {
     const struct sp_grid *grid = input->grid;
@@ -476,13 +469,13 @@ static bool join_layers(struct sp_postconv *postconv, uint32_t most, struct sp_a
     for (uint32_t i = 0; i < postconv->brick_count; i++) {
         const struct sp_postconv_brick *b = &postconv->bricks[i];
         uint32_t corner[3];
-        sp_visible_corner(&sp_postconv_level(postconv, b)->visible, b->brick, corner);
+        sp_visible_brick_corner(sp_postconv_level(postconv, b)->visible.bricks, b->brick, corner);
         for (uint32_t k = 0; k < SP_BRICK; k++) {
             if (!(b->depth[k] > 0))
                 continue;
             uint32_t layer = sp_slices_layer(postconv->layer, postconv->layers, b->level,
                                              corner[postconv->axis] + k);
-            depth[layer] = larger(depth[layer], b->depth[k]);
+            depth[layer] = sp_maxf(depth[layer], b->depth[k]);
         }
     }
     for (uint32_t l = 0; l < postconv->layers; l++) {
@@ -538,7 +531,7 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
                                  ldexpf(p.deepest * p.length, (int)coarsest));
     p.sight = sp_arena_alloc(input->arena, "bricks", bricks, sizeof *p.sight);
     if (input->arena->failed)
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     sp_parallel_for(input->pool, bricks, 64, prepare_bricks, &p);
     if (sp_interrupt_is_cancelled(&input->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
@@ -551,11 +544,11 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
                        !exact && count_joined(input, postconv, p.deepest) > 1);
     else if (!exact && !linear &&
              !join_layers(postconv, count_joined(input, postconv, p.deepest), input->arena))
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     if (!meet_tiles(postconv, input->arena) || !order_tiles(postconv, input->arena))
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     if (input->fragments && !(postconv->insert = sp_postconv_insert_create(input, postconv)))
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     postconv->prepare_ms = sp_interrupt_clock_ms(&input->interrupt) - clock;
     return true;
 }
@@ -578,7 +571,7 @@ bool sp_postconv_draw(const struct sp_postconv_input *input, struct sp_postconv 
     struct sp_frame_stats *stats = &input->frame->stats;
     double clock = sp_interrupt_clock_ms(&input->interrupt);
     if (!allocate_scratch(postconv, sp_pool_threads(input->pool), input->arena))
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     const double layers_ms = input->fragments ? input->fragments->ms : 0;
     if (!draw_bands(input, postconv, err))
         return false;

@@ -69,7 +69,7 @@ static void add_runs(struct sp_postconv_open_tile *t, uint32_t number) {
     const uint16_t *start = list->start[b->brick];
     _Alignas(64) int32_t reached[2][2][SP_BRICK];
     uint32_t corner[3];
-    sp_visible_corner(list, b->brick, corner);
+    sp_visible_brick_corner(list->bricks, b->brick, corner);
     for (uint32_t met = find_slices(t, b, reached); met; met &= met - 1) {
         int k = __builtin_ctz(met);
         if (start[k] == start[k + 1] || !(b->depth[k] > 0))
@@ -99,7 +99,7 @@ static void sort_runs(struct sp_postconv_open_tile *t, uint32_t tile) {
         const struct sp_visible *list = &sp_postconv_level(postconv, b)->visible;
         const uint16_t *start = list->start[b->brick];
         uint32_t corner[3];
-        sp_visible_corner(list, b->brick, corner);
+        sp_visible_brick_corner(list->bricks, b->brick, corner);
         for (int k = 0; k < SP_BRICK; k++)
             if (start[k] != start[k + 1] && b->depth[k] > 0)
                 starts[sp_slices_layer(postconv->layer, postconv->layers, b->level,

@@ -4,10 +4,6 @@
 #include "draw/resample/axes.h"
 #include "draw/resample/prepare.h"
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "data", err);
-}
-
 /* Allocates what the workers need for a channel. */
 static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch, unsigned workers,
                      struct sp_arena *arena) {
@@ -137,7 +133,7 @@ static bool add_axis(const struct sp_resample_input *input, struct sp_resample *
     second.pixels =
         sp_arena_alloc(input->arena, "second image", second.height, second.stride_bytes);
     if (!second.pixels)
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     r->frame = &second;
     bool is_drawn = turn_all(input, r, axis, &why) && draw(input, r, scratch, &why);
     r->frame = input->frame;
@@ -155,7 +151,7 @@ static bool draw_axes(const struct sp_resample_input *input, struct sp_resample 
     int best = r->axis;
     double sum = r->share[best];
     if (!scratch)
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     if (!draw(input, r, scratch, err))
         return false;
     for (int a = 0; a < 3; a++) {

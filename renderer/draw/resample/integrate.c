@@ -58,7 +58,7 @@ static inline sp_wide scale_depth(sp_wide depth, sp_wide scale) {
 /* The bin of a value, and how far the value lies below all bins or above them. */
 static inline sp_wide find_bin(const struct sp_curve *curve, sp_wide value, sp_wide *beyond) {
     sp_wide x = value * curve->bins_per_level + curve->first_bin;
-    sp_wide inside = sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(CURVE_BINS));
+    sp_wide inside = sp_wide_clamp(x, 0, CURVE_BINS);
     *beyond = x - inside;
     return sp_wide_floor(inside);
 }
@@ -256,23 +256,6 @@ static inline void shade(const struct work *work, struct interval *in) {
     }
 }
 
-/* Cuts the interval to the part of the rays inside all half spaces. */
-static inline void cut(const struct work *work, struct interval *in) {
-    const struct sp_resample_block *block = work->block;
-    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
-    const float scale = 1 / work->width;
-    sp_wide from = (sp_wide_load(block->begin + in->begin) - work->start) * scale;
-    sp_wide to = (sp_wide_load(block->end + in->begin) - work->start) * scale;
-    from = sp_wide_min(sp_wide_max(from, zero), one);
-    to = sp_wide_max(sp_wide_min(to, one), from);
-    sp_wide first = in->value[0], change = in->value[2] - first;
-    sp_wide bend = in->value[1] - (first + 0.5f * change), middle = 0.5f * (from + to);
-    in->value[0] = first + from * change + 4 * from * (1 - from) * bend;
-    in->value[1] = first + middle * change + 4 * middle * (1 - middle) * bend;
-    in->value[2] = first + to * change + 4 * to * (1 - to) * bend;
-    in->length *= to - from;
-}
-
 /* Reads the values of the rays from pixel `begin` on; false if they show nothing. */
 static inline bool read_interval(const struct work *work, int begin, struct interval *in) {
     const struct sp_resample_block *block = work->block;
@@ -354,8 +337,10 @@ static inline bool find_interval(const struct sp_resample_open_tile *t,
                                  struct work *work) {
     const struct sp_resample *r = t->r;
     bool is_alive = open_work(t, block, light, number, work);
-    for (int k = 0; work->is_cut && k < work->count; k++)
-        cut(work, &work->parts[k]);
+    for (int k = 0; work->is_cut && k < work->count; k++) {
+        struct interval *in = &work->parts[k];
+        in->length *= sp_cut_interval(block, in->begin, work->start, work->width, in->value);
+    }
     for (int k = 0; r->needs_gradient && k < work->count; k++)
         find_gradient(work, &work->parts[k]);
     for (int k = 0; k < work->count; k++)

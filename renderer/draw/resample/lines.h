@@ -74,10 +74,10 @@ static void LINES(write_ranges)(const struct LINES(row) * row, uint32_t count, f
     LINES(join_four)(&row->wide, &wide);
     for (uint32_t i = 0; i < count; i++) {
         const uint32_t at = i * SAMPLES_REGION; /* seven samples, of which five are its own */
-        const float inside[2] = { least((float)own.low[at + 1], (float)own.low[at + 2]),
-                                  most((float)own.high[at + 1], (float)own.high[at + 2]) };
-        const float around[2] = { least((float)wide.low[at], (float)wide.low[at + 3]),
-                                  most((float)wide.high[at], (float)wide.high[at + 3]) };
+        const float inside[2] = { sp_minf((float)own.low[at + 1], (float)own.low[at + 2]),
+                                  sp_maxf((float)own.high[at + 1], (float)own.high[at + 2]) };
+        const float around[2] = { sp_minf((float)wide.low[at], (float)wide.low[at + 3]),
+                                  sp_maxf((float)wide.high[at], (float)wide.high[at + 3]) };
         sp_ranges_widen(inside, around, range[i]);
     }
 }

@@ -21,10 +21,6 @@ bool sp_resample_draws(const struct sp_view *view) {
            (view->compositing.mode == SP_COMPOSITE_SLAB && sp_view_has_default_filter(view));
 }
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "data", err);
-}
-
 /* A level is drawn while its samples are at least this wide in the middle of the volume [px]. */
 static const double narrowest = 0.7;
 
@@ -365,12 +361,12 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     r->lowest = sp_missing_are_holes(info) ? CURVE_LEVEL_NONE : CURVE_LEVEL_MIN;
     for (unsigned a = 0; a < 3; a++)
         if (!init_axis(&r->axes[a], input, r->samples, a, level))
-            return fail_memory(input->arena, err);
+            return sp_arena_fail(input->arena, "data", err);
     if (r->light)
         init_light(r, level);
     double length_unit = init_metric(r, &coordinates);
     if (is_projection && !init_reduction(input, r, length_unit))
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     input->frame->stats.mip_level = input->mip_level;
     input->frame->stats.visible_voxels +=
         r->class->visible_count * SAMPLES_REGION * SAMPLES_REGION * SAMPLES_REGION;
@@ -404,7 +400,7 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
     for (input = input->next; input; input = input->next) {
         r->next = sp_arena_alloc(input->arena, "channels", 1, sizeof *r->next);
         if (!r->next)
-            return fail_memory(input->arena, err);
+            return sp_arena_fail(input->arena, "data", err);
         r = r->next;
         if (!prepare(input, first, grid, common_level(input, width), r, err))
             return false;

@@ -9,6 +9,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/minmax.h"
 #include "data/volume/sample.h"
 
 struct ranges {
@@ -27,14 +28,6 @@ struct stretch {
     uint32_t begin[3]; /* the first one */
     int count, at;
 };
-
-static inline float least(float a, float b) {
-    return a < b ? a : b;
-}
-
-static inline float most(float a, float b) {
-    return a > b ? a : b;
-}
 
 /* Is line i among a region's own, which lie between its first and its last slice? */
 static bool is_own(uint32_t i, uint32_t region) {

@@ -61,23 +61,6 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
     t->scratch->sampled += RESAMPLE_PIXELS;
 }
 
-/* Keeps the part of the interval inside all half spaces. */
-static inline void cut(const struct gap *gap, int i, struct span *span) {
-    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
-    const float scale = 1 / gap->width;
-    sp_wide *value = span->value;
-    sp_wide from = (sp_wide_load(gap->block->begin + i) - gap->start) * scale;
-    sp_wide to = (sp_wide_load(gap->block->end + i) - gap->start) * scale;
-    from = sp_wide_min(sp_wide_max(from, zero), one);
-    to = sp_wide_max(sp_wide_min(to, one), from);
-    sp_wide first = value[0], change = value[2] - first;
-    sp_wide bend = value[1] - (first + 0.5f * change), middle = 0.5f * (from + to);
-    value[0] = first + from * change + 4 * from * (1 - from) * bend;
-    value[1] = first + middle * change + 4 * middle * (1 - middle) * bend;
-    value[2] = first + to * change + 4 * to * (1 - to) * bend;
-    span->share = to - from;
-}
-
 /* Reads the values of the rays from pixel i on. */
 static inline void read_span(const struct gap *gap, int i, struct span *span) {
     sp_wide sheet[4];
@@ -94,9 +77,8 @@ static inline void read_span(const struct gap *gap, int i, struct span *span) {
     span->value[1] = sp_wide_min(sp_wide_max(middle, sp_wide_all(CURVE_LEVEL_MIN)),
                                  sp_wide_all(CURVE_LEVEL_MAX));
     span->value[2] = sheet[2];
-    span->share = sp_wide_all(1);
-    if (gap->is_cut)
-        cut(gap, i, span);
+    span->share = gap->is_cut ? sp_cut_interval(gap->block, i, gap->start, gap->width, span->value)
+                              : sp_wide_all(1);
 }
 
 /* Returns the largest sign·value in the interval, or of that and `before`. */

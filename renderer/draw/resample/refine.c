@@ -18,6 +18,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/minmax.h"
 #include "draw/resample/fetch.h"
 #include "draw/resample/kernels.h"
 
@@ -38,10 +39,6 @@ struct extents {
 struct region {
     int first[2], last[2];
 };
-
-static inline int clamp(int i, int count) {
-    return i < 0 ? 0 : i >= count ? count - 1 : i;
-}
 
 static inline sp_wide_short between(const sp_wide_short x[TAPS]) {
     /* Halves of sums of two stay integers of 16 bits: 150/128 − 25/128 + 3/128 = 1. Rounding loses
@@ -247,8 +244,9 @@ static void double_pending(struct pending *pending) {
 static inline void fill_row(const struct sp_resample_open_tile *t, struct sp_resample_rows *rows,
                             int j, uint64_t units, struct pending *pending) {
     uint16_t *out = rows->doubled + (ptrdiff_t)j * rows->width;
-    ptrdiff_t line = (ptrdiff_t)((size_t)rows->slice * t->stride[2] +
-                                 (size_t)clamp(rows->origin[1] + j, t->dims[1]) * t->stride[1]);
+    ptrdiff_t line =
+        (ptrdiff_t)((size_t)rows->slice * t->stride[2] +
+                    (size_t)sp_clampi(rows->origin[1] + j, 0, t->dims[1] - 1) * t->stride[1]);
     int begin, end;
     rows->filled[j] |= units;
     while (take_columns(&units, t->unit_bits, &begin, &end))
@@ -365,11 +363,11 @@ void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resampl
     find_needs(t, &extents, need, &region);
     if (z > (float)whole) {
         for (int k = 0; k < TAPS; k++)
-            slices[k] = fill_rows(t, &region, clamp(whole - BEFORE + k, t->dims[2]));
+            slices[k] = fill_rows(t, &region, sp_clampi(whole - BEFORE + k, 0, t->dims[2] - 1));
         rows = &t->scratch->rows[TAPS];
         mix_rows(t, &region, slices, rows);
     } else {
-        rows = fill_rows(t, &region, clamp(whole, t->dims[2]));
+        rows = fill_rows(t, &region, sp_clampi(whole, 0, t->dims[2] - 1));
     }
     double_down(t, &region, rows, sheet);
 }

@@ -31,7 +31,7 @@ static inline sp_wide coordinate(const struct sp_resample_open_tile *t, int a, s
     for (int i = 0; t->map[a] && i < SP_WIDE; i++)
         x[i] = sp_resample_index(t, a, x[i]);
     x = sp_wide_fma(x, sp_wide_all(2), sp_wide_all(sheet->shift[a]));
-    return sp_wide_min(sp_wide_max(x, sp_wide_all(sheet->first[a])), sp_wide_all(sheet->last[a]));
+    return sp_wide_clamp(x, sheet->first[a], sheet->last[a]);
 }
 
 static inline void find_place(const struct sp_resample_open_tile *t,
@@ -44,6 +44,26 @@ static inline void find_place(const struct sp_resample_open_tile *t,
     place->weights = (across << 16) - across + SAMPLE_ONE;
     place->down = v - row;
     place->index = sp_wide_to_int(sp_wide_fma(row, sp_wide_all((float)sheet->width), column));
+}
+
+/* Cuts an interval between two sheets, which begins at s = `start` and is `width` long, to the part
+ * of the rays from pixel i on that is inside all half spaces. `value` holds the polynomial of
+ * degree 2 by its values at the start, in the middle and at the end. Returns the share that is
+ * left. */
+static inline sp_wide sp_cut_interval(const struct sp_resample_block *block, int i, float start,
+                                      float width, sp_wide value[3]) {
+    const sp_wide one = sp_wide_all(1);
+    const float scale = 1 / width;
+    sp_wide from = (sp_wide_load(block->begin + i) - start) * scale;
+    sp_wide to = (sp_wide_load(block->end + i) - start) * scale;
+    from = sp_wide_clamp(from, 0, 1);
+    to = sp_wide_max(sp_wide_min(to, one), from);
+    sp_wide first = value[0], change = value[2] - first;
+    sp_wide bend = value[1] - (first + 0.5f * change), middle = 0.5f * (from + to);
+    value[0] = first + from * change + 4 * from * (1 - from) * bend;
+    value[1] = first + middle * change + 4 * middle * (1 - middle) * bend;
+    value[2] = first + to * change + 4 * to * (1 - to) * bend;
+    return to - from;
 }
 
 static inline sp_wide mix(sp_wide a, sp_wide b, sp_wide part) {

@@ -383,7 +383,7 @@ static inline sp_wide halves_share(const struct sp_resample_open_tile *t,
     sp_wide speed = sp_wide_sqrt(1 + du * du + dv * dv);
     speed = sp_wide_max(speed, sp_wide_load(block->length + i) * per_length);
     sp_wide share = (speed - begin) * (1 / (end - begin));
-    return sp_wide_min(sp_wide_max(share, sp_wide_all(0)), sp_wide_all(1));
+    return sp_wide_clamp(share, 0, 1);
 }
 
 /* Finds those of the blocks that need a sheet per slice, and those that need half sheets. */

@@ -10,6 +10,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
+#include "base/minmax.h"
 #include "data/volume/sample.h"
 #include "draw/resample/ranges.h"
 
@@ -117,14 +118,6 @@ static void add_row(const float row[ROW], float low[ROW], float high[ROW]) {
         low[i] = row[i] < low[i] ? row[i] : low[i];
         high[i] = row[i] > high[i] ? row[i] : high[i];
     }
-}
-
-static inline float least(float a, float b) {
-    return a < b ? a : b;
-}
-
-static inline float most(float a, float b) {
-    return a > b ? a : b;
 }
 
 static void reduce(const float low[ROW], const float high[ROW], int first, int last, float out[2]) {
@@ -265,11 +258,11 @@ static unsigned find_intervals(const struct sp_samples *s, const struct sp_sampl
         find_planes(s, class->axis, region, planes);
     for (int k = 0; k < SAMPLES_REGION; k++) {
         float own[2], wide[2] = { INFINITY, -INFINITY }, range[2];
-        own[0] = least(planes[k + 1].own[0], planes[k + 2].own[0]);
-        own[1] = most(planes[k + 1].own[1], planes[k + 2].own[1]);
+        own[0] = sp_minf(planes[k + 1].own[0], planes[k + 2].own[0]);
+        own[1] = sp_maxf(planes[k + 1].own[1], planes[k + 2].own[1]);
         for (int p = k; p < k + 4; p++) {
-            wide[0] = least(wide[0], planes[p].wide[0]);
-            wide[1] = most(wide[1], planes[p].wide[1]);
+            wide[0] = sp_minf(wide[0], planes[p].wide[0]);
+            wide[1] = sp_maxf(wide[1], planes[p].wide[1]);
         }
         sp_ranges_widen(own, wide, range);
         if (sp_curve_shows(&class->tf, (double)range[0], (double)range[1]))

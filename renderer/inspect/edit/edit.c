@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/minmax.h"
 #include "classify/transfer.h"
 #include "data/volume/sample.h"
 #include "data/volume/volume.h"
@@ -71,10 +72,6 @@ static void make_key(struct key *key, const struct sp_volume *volume, const stru
     memcpy(key->edits, view->edits, view->edit_count * sizeof view->edits[0]);
 }
 
-static double between(double value, double low, double high) {
-    return fmin(fmax(value, low), high);
-}
-
 /* The smallest floating-point type that holds all values of a type. */
 static enum sp_type with_holes(enum sp_type type) {
     return type == SP_INT32 || type == SP_FLOAT64 ? SP_FLOAT64 : SP_FLOAT32;
@@ -89,22 +86,22 @@ bool sp_edited_keep(const struct sp_edited *edited, uint64_t at, double share) {
     double mixed = is_hole ? NAN : edited->empty + share * (value - edited->empty);
     switch (type) {
     case SP_UINT8:
-        ((uint8_t *)edited->voxels)[at] = (uint8_t)between(round(mixed), 0, UINT8_MAX);
+        ((uint8_t *)edited->voxels)[at] = (uint8_t)sp_clamp(round(mixed), 0, UINT8_MAX);
         break;
     case SP_INT8:
-        ((int8_t *)edited->voxels)[at] = (int8_t)between(round(mixed), INT8_MIN, INT8_MAX);
+        ((int8_t *)edited->voxels)[at] = (int8_t)sp_clamp(round(mixed), INT8_MIN, INT8_MAX);
         break;
     case SP_UINT16:
-        ((uint16_t *)edited->voxels)[at] = (uint16_t)between(round(mixed), 0, UINT16_MAX);
+        ((uint16_t *)edited->voxels)[at] = (uint16_t)sp_clamp(round(mixed), 0, UINT16_MAX);
         break;
     case SP_INT16:
-        ((int16_t *)edited->voxels)[at] = (int16_t)between(round(mixed), INT16_MIN, INT16_MAX);
+        ((int16_t *)edited->voxels)[at] = (int16_t)sp_clamp(round(mixed), INT16_MIN, INT16_MAX);
         break;
     case SP_INT32:
-        ((int32_t *)edited->voxels)[at] = (int32_t)between(round(mixed), INT32_MIN, INT32_MAX);
+        ((int32_t *)edited->voxels)[at] = (int32_t)sp_clamp(round(mixed), INT32_MIN, INT32_MAX);
         break;
     case SP_FLOAT32:
-        ((float *)edited->voxels)[at] = is_hole ? NAN : (float)between(mixed, -FLT_MAX, FLT_MAX);
+        ((float *)edited->voxels)[at] = is_hole ? NAN : (float)sp_clamp(mixed, -FLT_MAX, FLT_MAX);
         break;
     case SP_FLOAT64:
         ((double *)edited->voxels)[at] = mixed;

@@ -112,7 +112,7 @@ static int by_value(const void *a, const void *b) {
 static void find_voxel(const struct sp_visible *list, uint32_t b, uint64_t e, uint32_t i[3]) {
     uint16_t local;
     sp_visible_locals(list, b, NULL, (uint32_t)(e - list->first[b]), 1, &local);
-    sp_visible_corner(list, b, i);
+    sp_visible_brick_corner(list->bricks, b, i);
     for (int a = 0; a < 3; a++)
         i[a] += local >> (4 * a) & 15;
 }

@@ -81,7 +81,7 @@ static void check_list(const struct sp_volume *v, const struct sp_transfer_funct
     memset(listed, 0, sizeof listed);
     for (uint32_t b = 0; b < sp_visible_bricks(list); b++) {
         uint32_t c[3];
-        sp_visible_corner(list, b, c);
+        sp_visible_brick_corner(list->bricks, b, c);
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
             uint16_t l;
             sp_visible_locals(list, b, NULL, (uint32_t)(e - list->first[b]), 1, &l);
@@ -282,7 +282,7 @@ static void kernels_of_rectilinear_axes_follow_the_local_spacing(void **state) {
     bool listed[N] = { false };
     for (uint32_t b = 0; b < sp_visible_bricks(list); b++) {
         uint32_t corner[3];
-        sp_visible_corner(list, b, corner);
+        sp_visible_brick_corner(list->bricks, b, corner);
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++)
             listed[corner[0] + (list->place[e] & 15)] = true; /* axis 2: i0 */
     }

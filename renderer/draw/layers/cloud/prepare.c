@@ -93,10 +93,6 @@ static void place(const struct sp_cloud_input *in, double unit, struct sp_cloud 
     cloud->per_volume = (float)(fabs(det) / (unit * unit * unit));
 }
 
-static bool fail_memory(const struct sp_cloud_input *in, struct sp_error *err) {
-    return sp_arena_fail(in->arena, "elements", err);
-}
-
 /* The transfer function for the values of points. */
 static bool classify(const struct sp_cloud_input *in, struct sp_cloud *cloud,
                      struct sp_error *err) {
@@ -110,7 +106,7 @@ static bool classify(const struct sp_cloud_input *in, struct sp_cloud *cloud,
     cloud->pieces = pieces;
     cloud->base = (float)sp_transfer_base(&transfer);
     sp_transfer_finish(&transfer);
-    return pieces || fail_memory(in, err);
+    return pieces || sp_arena_fail(in->arena, "elements", err);
 }
 
 /* Finds what gives the colours. */
@@ -192,7 +188,7 @@ static bool choose(const struct sp_cloud_input *in, struct sp_cloud *cloud,
     const struct sp_cloud_tree *tree = NULL;
     *choice = (struct sp_cloud_choice){ .count = cloud->elements->shape.count };
     if (source->frame.has_streaks)
-        return choose_streaks(in, choice) || fail_memory(in, err);
+        return choose_streaks(in, choice) || sp_arena_fail(in->arena, "elements", err);
     if (!sp_cloud_cache_get(in->trees, in->shown, in->bytes_max, in->pool, &in->interrupt, &tree,
                             err))
         return false;
@@ -209,7 +205,8 @@ static bool choose(const struct sp_cloud_input *in, struct sp_cloud *cloud,
                                       .frame = &source->frame,
                                       .visible = &visible,
                                       .pixels = pixels_of(in) };
-    return sp_cloud_cut(&cut, in->pool, in->arena, choice) || fail_memory(in, err);
+    return sp_cloud_cut(&cut, in->pool, in->arena, choice) ||
+           sp_arena_fail(in->arena, "elements", err);
 }
 
 bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,
@@ -226,7 +223,7 @@ bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,
                                         .count = cloud->elements->shape.count };
     struct sp_grid *grid = sp_arena_alloc(in->arena, "elements", 1, sizeof *grid);
     if (!grid)
-        return fail_memory(in, err);
+        return sp_arena_fail(in->arena, "elements", err);
     init_frame(in, grid, &source->frame);
     place(in, source->frame.ewa.unit, cloud);
     if (!source->frame.is_trained) {
@@ -245,7 +242,7 @@ bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,
         source->order = (struct sp_voxel_order){ choice.elements, choice.count };
     else if (!sp_cloud_sort(cloud, choice.elements ? &choice : NULL, &source->frame, first,
                             in->pool, in->arena, &in->interrupt, &source->order))
-        return fail_memory(in, err);
+        return sp_arena_fail(in->arena, "elements", err);
     return !sp_interrupt_is_cancelled(&in->interrupt) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }

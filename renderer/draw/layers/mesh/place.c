@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
+#include "base/minmax.h"
 #include "draw/layers/mesh/kernels.h"
 
 /* Vertices farther beside the image than this are clipped: the edges of larger triangles would be
@@ -45,19 +46,11 @@ void sp_mesh_place(const struct sp_mesh *mesh, uint32_t begin, uint32_t end,
     }
 }
 
-static inline float least(float a, float b) {
-    return a < b ? a : b;
-}
-
-static inline float most(float a, float b) {
-    return a > b ? a : b;
-}
-
 /* The tiles between two coordinates; false if that is beside the image. */
 static inline bool find_tiles(float low, float high, int size, uint8_t *first, uint8_t *last) {
     if (!(high >= 0 && low < (float)size))
         return false;
-    const int end = size - 1, from = (int)most(low, 0), to = (int)least(high, (float)end);
+    const int end = size - 1, from = (int)sp_maxf(low, 0), to = (int)sp_minf(high, (float)end);
     *first = (uint8_t)(from / SP_FRAGMENT_TILE);
     *last = (uint8_t)(to / SP_FRAGMENT_TILE);
     return true;
@@ -75,8 +68,10 @@ void sp_mesh_find_spans(const struct sp_mesh *mesh, uint32_t first, uint32_t cou
         if (isnan(a->x + b->x + c->x))
             continue;
         span->r1 = 1;
-        const float x0 = least(least(a->x, b->x), c->x), x1 = most(most(a->x, b->x), c->x);
-        const float y0 = least(least(a->y, b->y), c->y), y1 = most(most(a->y, b->y), c->y);
+        const float x0 = sp_minf(sp_minf(a->x, b->x), c->x),
+                    x1 = sp_maxf(sp_maxf(a->x, b->x), c->x);
+        const float y0 = sp_minf(sp_minf(a->y, b->y), c->y),
+                    y1 = sp_maxf(sp_maxf(a->y, b->y), c->y);
         uint8_t rows[2];
         if (find_tiles(y0, y1, mesh->size[1], &rows[0], &rows[1]) &&
             find_tiles(x0, x1, mesh->size[0], &span->c0, &span->c1)) {

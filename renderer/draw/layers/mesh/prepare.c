@@ -36,10 +36,6 @@ struct preparation {
     uint32_t *entries;
 };
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "entries", err);
-}
-
 static bool is_cancelled(const struct preparation *p) {
     return sp_interrupt_is_cancelled(&p->input->interrupt);
 }
@@ -343,7 +339,7 @@ bool sp_mesh_prepare(const struct sp_mesh_input *input, struct sp_mesh *mesh,
     bool is_done = place_all(&p, &is_cut) && allocate_pieces(&p, is_cut) && sort_triangles(&p);
     if (is_cancelled(&p))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-    return is_done || fail_memory(input->arena, err);
+    return is_done || sp_arena_fail(input->arena, "entries", err);
 }
 
 struct sp_mesh_scratch *sp_mesh_scratch_alloc(struct sp_arena *arena, int sheets) {

@@ -120,12 +120,7 @@ static void count_rows(void *user, size_t begin, size_t end, unsigned worker) {
 /* Fills the colour and the depth of a voxel. */
 static void classify(const struct work *work, struct sp_voxel *v, uint64_t at) {
     const struct sp_transfer *transfer = work->job->states->transfer;
-    double value = sp_sample(work->voxels, work->type, at);
-    struct sp_class c;
-    if (transfer->table)
-        c = transfer->table[(int32_t)value - transfer->first];
-    else
-        sp_transfer_function_eval(&transfer->tf, value, &c);
+    struct sp_class c = sp_transfer_value_class(transfer, sp_sample(work->voxels, work->type, at));
     c = sp_transfer_scale_class(transfer, c, v->normal);
     for (int k = 0; k < 3; k++)
         v->color[k] = (uint16_t)(c.color[k] * 65535 + 0.5f);

@@ -168,12 +168,7 @@ void sp_shell_masks_measure(struct sp_shell_masks *masks, const struct sp_volume
 /* The state of a voxel by its own value and gradient. */
 static uint8_t state_of_voxel(const struct pass *pass, uint64_t at, const uint32_t i[3]) {
     const struct sp_transfer *transfer = pass->to->transfer;
-    double value = sp_sample(pass->voxels, pass->type, at);
-    struct sp_class c;
-    if (transfer->table)
-        c = transfer->table[(int32_t)value - transfer->first];
-    else
-        sp_transfer_function_eval(&transfer->tf, value, &c);
+    struct sp_class c = sp_transfer_value_class(transfer, sp_sample(pass->voxels, pass->type, at));
     if (transfer->scale && c.depth > 0 && sp_shell_state(pass->to, c.depth)) {
         double gradient[3];
         sp_gradient_at(&pass->gradient, i, gradient);

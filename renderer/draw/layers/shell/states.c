@@ -108,17 +108,6 @@ static bool is_same_over(const struct sp_transfer_function *a, const struct sp_t
     return true;
 }
 
-static bool is_same_gradient(const struct sp_transfer_function *a,
-                             const struct sp_transfer_function *b) {
-    if (a->gradient_count != b->gradient_count)
-        return false;
-    for (uint32_t i = 0; i < a->gradient_count; i++)
-        if (a->gradient[i].magnitude != b->gradient[i].magnitude ||
-            a->gradient[i].scale != b->gradient[i].scale)
-            return false;
-    return true;
-}
-
 bool sp_shell_states_differ(const struct sp_shell_states *a, const struct sp_shell_states *b,
                             const struct sp_shell_range *range) {
     unsigned before = sp_shell_states_of(a, range), after = sp_shell_states_of(b, range);
@@ -132,6 +121,6 @@ bool sp_shell_states_differ(const struct sp_shell_states *a, const struct sp_she
         return memcmp(a->state + low, b->state + low, high - low + 1) != 0;
     }
     return a->low != b->low || a->high != b->high ||
-           !is_same_gradient(&a->transfer->tf, &b->transfer->tf) ||
+           !sp_transfer_function_equal_scale(&a->transfer->tf, &b->transfer->tf) ||
            !is_same_over(&a->transfer->tf, &b->transfer->tf, range);
 }

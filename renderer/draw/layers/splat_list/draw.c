@@ -16,10 +16,6 @@ enum {
 /* What an opaque voxel leaves of the light behind its cell: nothing that counts. */
 static const double opaque_depth = 8;
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "data", err);
-}
-
 static bool fail_cancelled(struct sp_error *err) {
     return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
@@ -361,7 +357,7 @@ static bool find_voxels(const struct sp_voxel_input *input, struct sp_voxel_sour
                                        .arena = input->arena,
                                        .interrupt = &input->interrupt };
     if (!init_frame(input, &source->frame) || !sp_voxel_sort(&sort, &source->order))
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     return !sp_interrupt_is_cancelled(&input->interrupt) || fail_cancelled(err);
 }
 
@@ -406,13 +402,13 @@ bool sp_voxel_draw(const struct sp_voxel_input *input, struct sp_error *err) {
     b.columns = (source.frame.ewa.size[0] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE;
     step = BAND_TILES / b.columns < rows ? BAND_TILES / b.columns : rows;
     if (!allocate(&b, (uint32_t)(step * b.columns)))
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     for (int row = 0; row < rows && !is_ended(&b); row += step)
         draw_band(&b, row * SP_VOXEL_TILE, row + step < rows ? step : rows - row);
     if (is_cancelled(&b))
         return fail_cancelled(err);
     if (input->arena->failed)
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     ms[2] = sp_interrupt_clock_ms(&input->interrupt);
     write_stats(&b, ms);
     return true;
@@ -429,7 +425,7 @@ static bool bin_all(struct sp_voxel_layer *layer, struct band *b, struct sp_erro
         sp_arena_alloc(arena, "bin counts", (size_t)b->blocks * b->tiles, sizeof *b->counts);
     b->first = sp_arena_alloc(arena, "bins", b->tiles + (size_t)1, sizeof *b->first);
     if (arena->failed)
-        return fail_memory(arena, err);
+        return sp_arena_fail(arena, "data", err);
     sp_parallel_for(b->input->pool, b->blocks, 1, set_up_blocks, b);
     if (is_cancelled(b))
         return fail_cancelled(err);
@@ -443,7 +439,7 @@ static bool bin_all(struct sp_voxel_layer *layer, struct band *b, struct sp_erro
                      ? NULL
                      : sp_arena_alloc(arena, "bin entries", total + 1, sizeof *b->entries);
     if (!b->entries)
-        return fail_memory(arena, err);
+        return sp_arena_fail(arena, "data", err);
     sum_counts(b, 0, b->blocks);
     sp_parallel_for(b->input->pool, b->blocks, 1, fill_blocks, b);
     return !is_cancelled(b) || fail_cancelled(err);

@@ -71,7 +71,7 @@ static inline void sp_streak_orient(const sp_wide v[3], const sp_wide e[2], sp_w
     /* Rows and streaks narrower than one pixel vanish. */
     sp_wide step = sp_wide_sqrt(s->place[2] * s->place[2] + s->place[3] * s->place[3]);
     sp_wide rows = SP_STREAK_ROW / sp_wide_max(step, tiny) - 1;
-    s->contrast = sp_wide_min(sp_wide_max(rows, sp_wide_all(0)), sp_wide_all(1));
+    s->contrast = sp_wide_clamp(rows, 0, 1);
 }
 
 /* Like sp_place_splats() of filter mode EWA, for kernels that are stretched along a direction in

@@ -147,10 +147,6 @@ static inline void find_middle(const struct cells *cells, sp_wide at[3]) {
         at[a] /= count;
 }
 
-static inline sp_wide clamp(sp_wide x) {
-    return sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(1));
-}
-
 static inline sp_wide mix(sp_wide a, sp_wide b, sp_wide t) {
     return a + t * (b - a);
 }
@@ -162,8 +158,8 @@ static inline void move_to_center(const struct cells *cells, int b, sp_wide_mask
     const int c = (b + 1) % 3, d = (b + 2) % 3;
     const sp_wide zero = sp_wide_all(0);
     sp_wide ends[2];
-    at[c] = sp_wide_select(chosen, clamp(moment[0] / area), at[c]);
-    at[d] = sp_wide_select(chosen, clamp(moment[1] / area), at[d]);
+    at[c] = sp_wide_select(chosen, sp_wide_clamp(moment[0] / area, 0, 1), at[c]);
+    at[d] = sp_wide_select(chosen, sp_wide_clamp(moment[1] / area, 0, 1), at[d]);
     for (int side = 0; side < 2; side++) {
         const int k = side << b;
         sp_wide near = mix(cells->f[k], cells->f[k | 1 << c], at[c]);
@@ -194,7 +190,7 @@ static inline void move(const sp_wide f[8], sp_wide at[3]) {
          * better. */
         moves = moves & sp_wide_lt(length * length * square, quarter);
         for (int a = 0; a < 3; a++)
-            at[a] = sp_wide_select(moves, clamp(at[a] - length * slope[a]), at[a]);
+            at[a] = sp_wide_select(moves, sp_wide_clamp(at[a] - length * slope[a], 0, 1), at[a]);
     }
 }
 

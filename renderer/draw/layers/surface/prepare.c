@@ -16,10 +16,6 @@ struct preparation {
     struct sp_splat *records; /* by block of the points; x1 <= x0 = not seen */
 };
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "data", err);
-}
-
 /* Discs of a ball are moved this many times the distance that brings them to the surface on
  * average: then its silhouette keeps its place, and weights inside of it add up to 1 (README.md).
  */
@@ -240,14 +236,14 @@ static bool bin_blocks(struct sp_surface *s, uint32_t count, struct sp_arena *ar
     bins->counts = sp_arena_alloc(arena, "counts of tiles", bins->tiles, sizeof *bins->counts);
     bins->first = sp_arena_alloc(arena, "starts of tiles", bins->tiles + 1, sizeof *bins->first);
     if (!bins->counts || !bins->first)
-        return fail_memory(arena, err);
+        return sp_arena_fail(arena, "data", err);
     sp_bins_clear(bins, 0);
     sp_bins_count(bins, 0, &grid, s->blocks, count);
     uint64_t total = sp_bins_block_total(bins, 0);
     bins->entries =
         sp_arena_alloc(arena, "lists of tiles", total ? total : 1, sizeof *bins->entries);
     if (!bins->entries)
-        return fail_memory(arena, err);
+        return sp_arena_fail(arena, "data", err);
     bins->capacity = (uint32_t)total;
     sp_bins_start(bins, 0, 1);
     sp_bins_fill(bins, 0, &grid, s->blocks, count, 0);
@@ -280,7 +276,7 @@ bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface 
     uint32_t *starts =
         sp_arena_alloc(input->arena, "depth ranges", DEPTH_RANGES + 1, sizeof *starts);
     if (!p.records || !s->blocks || !starts)
-        return fail_memory(input->arena, err);
+        return sp_arena_fail(input->arena, "data", err);
     sp_parallel_for(input->pool, count, 256, project_blocks, &p);
     if (sp_interrupt_is_cancelled(&input->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

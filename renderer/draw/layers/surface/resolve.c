@@ -56,7 +56,7 @@ static inline void cross(const struct sp_ewa_frame *f, const struct sp_clip_half
 /* How much the plane keeps of pixels. */
 static inline sp_wide keep(const struct crossing *c) {
     sp_wide share = c->value / c->step + 0.5f;
-    return sp_wide_min(sp_wide_max(share, sp_wide_all(0)), sp_wide_all(1));
+    return sp_wide_clamp(share, 0, 1);
 }
 
 static inline sp_wide plane_share(const struct sp_ewa_frame *f, const struct sp_clip_half *h,

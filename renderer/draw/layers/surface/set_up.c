@@ -105,10 +105,6 @@ static inline sp_wide_mask is_kept(const struct sp_surface *s, const struct poin
     return sp_wide_lt(-margin, least);
 }
 
-static inline sp_wide clamp(sp_wide x, float limit) {
-    return sp_wide_min(sp_wide_max(x, sp_wide_all(-limit)), sp_wide_all(limit));
-}
-
 static inline void store_int(int32_t *to, sp_wide x) {
     sp_wide_int_store(to, sp_wide_to_int(x));
 }
@@ -137,7 +133,7 @@ static inline void project(const struct sp_ewa_frame *f, const struct points *p,
     for (int i = 0; i < 2; i++) {
         sp_wide ratio = is_perspective ? p->u[i] * inverse : sp_wide_all(0);
         out->facing += p->area[i] * ratio;
-        ratio = clamp(ratio, f->ratio_max[i]);
+        ratio = sp_wide_clamp(ratio, -f->ratio_max[i], f->ratio_max[i]);
         for (int a = 0; a < 3; a++)
             out->m[i][a] = scale * (k[i][a] - ratio * k[2][a]);
     }

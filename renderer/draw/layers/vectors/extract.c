@@ -26,12 +26,7 @@ struct work {
 
 static struct sp_class class_at(const struct work *work, uint64_t at, const uint32_t i[3]) {
     const struct sp_transfer *transfer = &work->transfer;
-    double value = sp_sample(work->voxels, work->type, at);
-    struct sp_class c;
-    if (transfer->table)
-        c = transfer->table[(int32_t)value - transfer->first];
-    else
-        sp_transfer_function_eval(&transfer->tf, value, &c);
+    struct sp_class c = sp_transfer_value_class(transfer, sp_sample(work->voxels, work->type, at));
     if (transfer->scale && c.depth > 0) {
         double gradient[3];
         sp_gradient_at(&work->gradient, i, gradient);

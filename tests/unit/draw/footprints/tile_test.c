@@ -342,7 +342,7 @@ static void see_run(const struct sp_classification *c, const struct sp_run *run,
     const struct sp_visible *list = &c->levels[run->level].visible;
     uint32_t corner[3], side = 1u << run->level;
     assert_compare(run->count, >, 0);
-    sp_visible_corner(list, run->brick, corner);
+    sp_visible_brick_corner(list->bricks, run->brick, corner);
     for (uint32_t p = run->begin; p < (uint32_t)run->begin + run->count; p++) {
         uint16_t local;
         uint32_t i[3];

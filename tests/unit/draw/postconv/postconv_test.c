@@ -240,7 +240,7 @@ static void check_brick(const struct sp_postconv *s, uint32_t brick, struct coun
                               .first = list->first[brick],
                               .mode = t->modes ? (enum sp_filter_mode)t->modes[brick]
                                                : t->view->filter.mode };
-    sp_visible_corner(list, brick, run.brick);
+    sp_visible_brick_corner(list->bricks, brick, run.brick);
     for (; run.begin < entries; run.begin += COUNT) {
         run.count = entries - run.begin < COUNT ? entries - run.begin : COUNT;
         sp_visible_locals(list, brick, NULL, run.begin, run.count, local);
