@@ -119,7 +119,7 @@ int fuzz_import(const struct import_format *format, const char *shown, const uin
                                       .warnings = &warnings };
     struct import_header header = { .bytes = 0 };
     struct sp_error err = { .code = SP_OK };
-    void *reader = format->open(&file, &header, &err);
+    void *reader = import_format_open(format, &file, &header, &err);
     if (!reader && err.code == SP_OK)
         abort();
     if (reader) {
@@ -130,7 +130,7 @@ int fuzz_import(const struct import_format *format, const char *shown, const uin
         } else if (sp_elements_bytes(&header.elements) <= READ_MAX) {
             read_elements(format, &file, reader, &header);
         }
-        format->close(reader);
+        import_format_close(format, reader);
     }
     close(fd);
     return 0;

@@ -122,11 +122,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct import_header header = { .bytes = 0 };
     struct sp_error err = { .code = SP_OK };
     uint64_t bytes;
-    void *reader = zarr_open(&store, &file, &header, &err);
-    if (!reader && err.code == SP_OK)
-        abort();
-    if (!reader)
+    void *reader = calloc(1, import_zarr.reader_size);
+    import_header_init(&header);
+    if (!reader || !zarr_open(reader, &store, &file, &header, &err)) {
+        if (!reader || err.code == SP_OK)
+            abort();
+        zarr_close(reader);
+        free(reader);
         return 0;
+    }
     if (!sp_grid_check(&header.grid, header.type, "input", &bytes, &err) || bytes != header.bytes)
         abort();
     void *voxels = header.bytes <= READ_MAX ? malloc(header.bytes) : NULL;
@@ -136,5 +140,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     free(voxels);
     read_chunks(reader, header.type);
     zarr_close(reader);
+    free(reader);
     return 0;
 }

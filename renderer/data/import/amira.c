@@ -451,8 +451,10 @@ static bool check_packing(const struct amira *a, const struct field *f, struct s
                        "HxByteRLE is supported for the type byte only; save the field without it");
 }
 
-static bool take(struct amira *a, struct import_header *header, struct sp_error *err) {
-    import_header_init(header);
+static bool open_amira(void *reader, const struct import_file *file, struct import_header *header,
+                       struct sp_error *err) {
+    struct amira *a = reader;
+    a->file = file;
     if (!read_header(a, err))
         return false;
     choose(a, header);
@@ -473,21 +475,6 @@ static bool take(struct amira *a, struct import_header *header, struct sp_error 
 static void close_amira(void *reader) {
     struct amira *a = reader;
     free(a->positions);
-    free(a);
-}
-
-static void *open_amira(const struct import_file *file, struct import_header *header,
-                        struct sp_error *err) {
-    struct amira *a = calloc(1, sizeof *a);
-    if (!a) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    a->file = file;
-    if (take(a, header, err))
-        return a;
-    close_amira(a);
-    return NULL;
 }
 
 /* Reading. */
@@ -594,6 +581,9 @@ static bool read_amira(void *reader, void *voxels, float (*vectors)[3],
            (!a->vectors || read_field_into(a, a->vectors, &lines, progress, err));
 }
 
-const struct import_format import_amira = {
-    .name = "Amira", .probe = probe, .open = open_amira, .read = read_amira, .close = close_amira
-};
+const struct import_format import_amira = { .name = "Amira",
+                                            .probe = probe,
+                                            .reader_size = sizeof(struct amira),
+                                            .open = open_amira,
+                                            .read = read_amira,
+                                            .close = close_amira };

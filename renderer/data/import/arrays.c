@@ -262,9 +262,11 @@ static bool find_source(const struct array_place *place, const char *name, char 
     return can_open(a->file->root, path, real);
 }
 
-static bool take(struct arrays *a, struct import_header *header, struct sp_error *err) {
+static bool open_arrays(struct arrays *a, const struct import_file *file,
+                        struct import_header *header, struct sp_error *err) {
+    a->file = file;
+    a->shown = file->shown;
     char why[SP_ERROR_TEXT] = "";
-    import_header_init(header);
     a->call = a->is_netcdf ? import_module_load(a->file, NETCDF_BRIDGE_MODULE, NETCDF_BRIDGE_SYMBOL,
                                                 "NetCDF", "libnetcdf19", err)
                            : import_module_load(a->file, HDF5_BRIDGE_MODULE, HDF5_BRIDGE_SYMBOL,
@@ -300,44 +302,31 @@ static void close_arrays(void *reader) {
     if (a->handle)
         a->call->close(a->handle);
     arrays_finish(a);
-    free(a);
 }
 
-static void *open_arrays(const struct import_file *file, bool is_netcdf,
-                         struct import_header *header, struct sp_error *err) {
-    struct arrays *a = calloc(1, sizeof *a);
-    if (!a) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    a->file = file;
-    a->shown = file->shown;
-    a->is_netcdf = a->takes_first = is_netcdf;
-    if (take(a, header, err))
-        return a;
-    close_arrays(a);
-    return NULL;
+static bool open_hdf5(void *reader, const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    return open_arrays(reader, file, header, err);
 }
 
-static void *open_hdf5(const struct import_file *file, struct import_header *header,
-                       struct sp_error *err) {
-    return open_arrays(file, false, header, err);
-}
-
-static void *open_netcdf(const struct import_file *file, struct import_header *header,
-                         struct sp_error *err) {
-    return open_arrays(file, true, header, err);
+static bool open_netcdf(void *reader, const struct import_file *file, struct import_header *header,
+                        struct sp_error *err) {
+    struct arrays *a = reader;
+    a->is_netcdf = a->takes_first = true;
+    return open_arrays(a, file, header, err);
 }
 
 const struct import_format import_hdf5 = { .name = "HDF5",
                                            .needs_module = true,
                                            .probe = probe_hdf5,
+                                           .reader_size = sizeof(struct arrays),
                                            .open = open_hdf5,
                                            .read = read_arrays,
                                            .close = close_arrays };
 const struct import_format import_netcdf = { .name = "NetCDF",
                                              .needs_module = true,
                                              .probe = probe_netcdf,
+                                             .reader_size = sizeof(struct arrays),
                                              .open = open_netcdf,
                                              .read = read_arrays,
                                              .close = close_arrays };

@@ -274,33 +274,25 @@ static bool count_rows(struct csv *c, uint64_t *rows, struct sp_error *err) {
 static void close_csv(void *reader) {
     struct csv *c = reader;
     free(c->parts);
-    free(c);
 }
 
-static void *open_csv(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    struct csv *c = calloc(1, sizeof *c);
+static bool open_csv(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct csv *c = reader;
     uint64_t rows;
-    if (!c) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
-        return NULL;
-    }
     c->file = file;
     c->line = 1;
     for (int axis = 0; axis < 3; axis++)
         c->factors[axis] = 1;
     import_text_init(&c->text, file, 0, file->size);
-    bool ok = take_names(c, err) && count_rows(c, &rows, err);
-    if (ok && rows > SP_ELEMENTS_MAX)
-        ok = refuse(c, NULL, err, "%" PRIu64 " points; a volume has at most %d", rows,
-                    SP_ELEMENTS_MAX);
-    if (ok) {
-        import_columns_use(&c->columns, c->name_of, c->count, (uint32_t)rows, header);
-        memcpy(header->unit, c->unit, sizeof header->unit);
-        return c;
-    }
-    close_csv(c);
-    return NULL;
+    if (!take_names(c, err) || !count_rows(c, &rows, err))
+        return false;
+    if (rows > SP_ELEMENTS_MAX)
+        return refuse(c, NULL, err, "%" PRIu64 " points; a volume has at most %d", rows,
+                      SP_ELEMENTS_MAX);
+    import_columns_use(&c->columns, c->name_of, c->count, (uint32_t)rows, header);
+    memcpy(header->unit, c->unit, sizeof header->unit);
+    return true;
 }
 
 /* Other columns may have any text. */
@@ -417,8 +409,9 @@ static bool read_elements(void *reader, const struct sp_elements *elements,
     return why.code == SP_OK;
 }
 
-const struct import_format import_csv = { .name = "CSV",
+const struct import_format import_csv = { .name = "points (.csv)",
                                           .probe = probe,
+                                          .reader_size = sizeof(struct csv),
                                           .open = open_csv,
                                           .read_elements = read_elements,
                                           .close = close_csv };

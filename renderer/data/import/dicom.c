@@ -172,9 +172,11 @@ static bool take_type(struct dicom *d, struct import_header *header, struct sp_e
     return true;
 }
 
-static bool take(struct dicom *d, struct import_header *header, struct sp_error *err) {
+static bool open_dicom(void *reader, const struct import_file *file, struct import_header *header,
+                       struct sp_error *err) {
+    struct dicom *d = reader;
+    d->source.file = file;
     struct dicom_source *source = &d->source;
-    import_header_init(header);
     if (!open_source(source, err) || !find_slices(d, header, err))
         return false;
     if (source->image.note[0])
@@ -188,21 +190,6 @@ static void close_dicom(void *reader) {
     struct dicom *d = reader;
     dicom_slices_finish(&d->slices);
     free(d->places);
-    free(d);
-}
-
-static void *open_dicom(const struct import_file *file, struct import_header *header,
-                        struct sp_error *err) {
-    struct dicom *d = calloc(1, sizeof *d);
-    if (!d) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    d->source.file = file;
-    if (take(d, header, err))
-        return d;
-    close_dicom(d);
-    return NULL;
 }
 
 /* Writes the label of a segment where its pixels are not 0. Returns the number of these
@@ -355,6 +342,7 @@ static bool list_series(const struct import_file *file, struct import_series_lis
 const struct import_format import_dicom = { .name = "DICOM",
                                             .probe = probe,
                                             .needs_module = true,
+                                            .reader_size = sizeof(struct dicom),
                                             .open = open_dicom,
                                             .read = read_dicom,
                                             .close = close_dicom,

@@ -5,6 +5,8 @@
 #ifndef SP_IMPORT_DICOM_FILE_H
 #define SP_IMPORT_DICOM_FILE_H
 
+#include <math.h>
+
 #include "data/import/dicom_bridge.h"
 #include "data/import/format.h"
 
@@ -36,5 +38,12 @@ void dicom_close(const struct dicom_source *source, int fd);
 /* Reads what the file says about its image. */
 bool dicom_describe(const struct dicom_source *source, int fd, struct dicom_image *image,
                     char why[SP_ERROR_TEXT]);
+
+/* Numbers rise, before NaN, so that the order is total. */
+static inline int dicom_compare_numbers(double a, double b) {
+    if (isnan(a) || isnan(b))
+        return isnan(a) - isnan(b);
+    return (a > b) - (a < b);
+}
 
 #endif

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "base/vec.h"
 
 /* Slices within EVEN_SHARE of a step of their even place are shown evenly. Beyond EXACT_SHARE a
@@ -16,11 +17,6 @@
 #define MULTIPLE_SHARE 0.1
 /* They lie above one another within this share of a pixel. */
 #define SHIFT_SHARE 0.05
-
-static int compare_numbers(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 /* What warnings call the first slice of a plane. The slices are sorted. */
 static void name_plane(const struct dicom_slices *slices, uint32_t plane, char out[80]) {
@@ -47,7 +43,7 @@ static void warn_of_gaps(const struct dicom_slices *slices, const double *places
     bool is_uneven = false;
     for (uint32_t i = 0; i < count; i++)
         gaps[i] = places[i + 1] - places[i];
-    qsort(gaps, count, sizeof *gaps, compare_numbers);
+    qsort(gaps, count, sizeof *gaps, sp_compare_doubles);
     const double usual = gaps[(count - 1) / 2];
     for (uint32_t i = 0; i < count; i++) {
         const double gap = places[i + 1] - places[i], missing = round(gap / usual) - 1;

@@ -156,27 +156,21 @@ uint32_t dicom_scan_larger(const struct dicom_scan *scan, uint32_t a, uint32_t b
 /* Copies. Some programs give all images one unique id, so copies have the same place and number,
  * too. Others give copies ids of their own: then the pixels tell. */
 
-static int compare_numbers(double a, double b) {
-    if (isnan(a) || isnan(b))
-        return isnan(a) - isnan(b);
-    return (a > b) - (a < b);
-}
-
 static int compare_images(const struct dicom_image *a, const struct dicom_image *b) {
     const struct dicom_frame *p = &a->first, *q = &b->first;
     int order = strcmp(a->series, b->series);
     if (order == 0)
         order = (p->instance > q->instance) - (p->instance < q->instance);
     for (int i = 0; order == 0 && i < 3; i++)
-        order = compare_numbers(p->position[i], q->position[i]);
+        order = dicom_compare_numbers(p->position[i], q->position[i]);
     for (int i = 0; order == 0 && i < 6; i++)
-        order = compare_numbers(p->along[i / 3][i % 3], q->along[i / 3][i % 3]);
+        order = dicom_compare_numbers(p->along[i / 3][i % 3], q->along[i / 3][i % 3]);
     for (int key = 0; order == 0 && key < DICOM_KEYS_OF_ORDER; key++)
-        order = compare_numbers(p->keys[key], q->keys[key]);
+        order = dicom_compare_numbers(p->keys[key], q->keys[key]);
     if (order == 0)
-        order = compare_numbers(p->slope, q->slope);
+        order = dicom_compare_numbers(p->slope, q->slope);
     if (order == 0)
-        order = compare_numbers(p->intercept, q->intercept);
+        order = dicom_compare_numbers(p->intercept, q->intercept);
     for (int text = 0; order == 0 && text < DICOM_TEXT_COUNT; text++)
         order = strcmp(p->texts[text], q->texts[text]);
     if (order == 0)

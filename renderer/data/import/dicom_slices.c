@@ -96,18 +96,11 @@ bool dicom_slices_rank(struct dicom_slices *slices) {
     return ok;
 }
 
-/* Numbers before NaN, so that the order is total. */
-static int compare_numbers(double a, double b) {
-    if (isnan(a) || isnan(b))
-        return isnan(a) - isnan(b);
-    return (a > b) - (a < b);
-}
-
 static int by_place(const void *a, const void *b) {
     const struct dicom_slice *p = a, *q = b;
-    int order = compare_numbers(p->place, q->place);
+    int order = dicom_compare_numbers(p->place, q->place);
     for (int key = 0; order == 0 && key < DICOM_KEYS_OF_ORDER; key++)
-        order = compare_numbers(p->is.keys[key], q->is.keys[key]);
+        order = dicom_compare_numbers(p->is.keys[key], q->is.keys[key]);
     if (order == 0)
         order = (p->is.instance > q->is.instance) - (p->is.instance < q->is.instance);
     if (order == 0)

@@ -101,11 +101,9 @@ struct folder {
 
 static void close_folder(void *reader) {
     struct folder *f = reader;
-    if (f->reader)
-        f->inner->close(f->reader);
+    import_format_close(f->inner, f->reader);
     if (!f->file.is_folder && f->file.fd >= 0)
         close(f->file.fd);
-    free(f);
 }
 
 /* Opens a file of the folder. -1 = it cannot be read. */
@@ -152,7 +150,7 @@ static const char *pick_file(const struct import_file *folder, const struct impo
 static bool open_as_dicom(struct folder *f, struct import_header *header, struct sp_error *err) {
     f->inner = &import_dicom;
     f->is_volume = true;
-    f->reader = f->inner->open(&f->file, header, err);
+    f->reader = import_format_open(f->inner, &f->file, header, err);
     return f->reader != NULL;
 }
 
@@ -178,7 +176,7 @@ static bool open_as_file(struct folder *f, const struct import_file *folder, con
         f->pattern[0] = 0;
         f->inner = import_format_find(start, (size_t)got, f->shown, err);
     }
-    f->reader = f->inner ? f->inner->open(&f->file, header, err) : NULL;
+    f->reader = f->inner ? import_format_open(f->inner, &f->file, header, err) : NULL;
     return f->reader != NULL;
 }
 
@@ -251,8 +249,10 @@ static bool refuse_n5(const struct import_file *folder, struct sp_error *err) {
                    "for example in Fiji: open it with the N5 plugin and save it as TIFF");
 }
 
-static bool take(struct folder *f, const struct import_file *folder, struct import_header *header,
-                 struct sp_error *err) {
+static bool open_folder(void *reader, const struct import_file *folder,
+                        struct import_header *header, struct sp_error *err) {
+    struct folder *f = reader;
+    f->file = *folder;
     struct import_names files = { .count = 0 }, folders = { .count = 0 };
     if (!refuse_n5(folder, err))
         return false;
@@ -275,20 +275,6 @@ static bool take(struct folder *f, const struct import_file *folder, struct impo
     import_names_finish(&files);
     import_names_finish(&folders);
     return ok;
-}
-
-static void *open_folder(const struct import_file *folder, struct import_header *header,
-                         struct sp_error *err) {
-    struct folder *f = calloc(1, sizeof *f);
-    if (!f) {
-        sp_fail(err, SP_ERR_MEMORY, folder->shown, "out of memory");
-        return NULL;
-    }
-    f->file = *folder;
-    if (take(f, folder, header, err))
-        return f;
-    close_folder(f);
-    return NULL;
 }
 
 static bool read_grid(void *reader, void *voxels, float (*vectors)[3],
@@ -320,6 +306,7 @@ static bool list_series(const struct import_file *folder, struct import_series_l
 
 const struct import_format import_folder = { .name = "folder",
                                              .needs_module = true,
+                                             .reader_size = sizeof(struct folder),
                                              .open = open_folder,
                                              .read = read_grid,
                                              .read_elements = read_elements,

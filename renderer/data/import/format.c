@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <unistd.h>
@@ -37,6 +38,27 @@ void import_header_init(struct import_header *header) {
         for (int row = 0; row < 3; row++)
             grid->direction[row][axis] = header->frame[row][axis] = row == axis;
     }
+}
+
+void *import_format_open(const struct import_format *format, const struct import_file *file,
+                         struct import_header *header, struct sp_error *err) {
+    void *reader = calloc(1, format->reader_size);
+    *header = (struct import_header){ .bytes = 0 };
+    import_header_init(header);
+    if (!reader) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return NULL;
+    }
+    if (format->open(reader, file, header, err))
+        return reader;
+    import_format_close(format, reader);
+    return NULL;
+}
+
+void import_format_close(const struct import_format *format, void *reader) {
+    if (reader)
+        format->close(reader);
+    free(reader);
 }
 
 bool import_header_use_steps(struct import_header *header, const struct import_file *file,

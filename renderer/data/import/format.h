@@ -124,15 +124,16 @@ struct import_series_list {
 };
 
 struct import_format {
-    const char *name;
+    const char *name;  /* in the list of formats that are supported */
     bool needs_module; /* module.h */
     /* True if the first bytes or the name of the file identify this format. With the name "" the
      * bytes alone do, beyond doubt. */
     bool (*probe)(const uint8_t *start, size_t size, const char *shown);
-    /* Reads the header. Returns a reader for the calls below, or NULL with *err set. *file must
+    size_t reader_size; /* bytes of a reader */
+    /* Fills a reader of zeros and the header, which import_header_init() has filled. *file must
      * stay valid until close(). The grid has passed sp_grid_check(). */
-    void *(*open)(const struct import_file *file, struct import_header *header,
-                  struct sp_error *err);
+    bool (*open)(void *reader, const struct import_file *file, struct import_header *header,
+                 struct sp_error *err);
     /* Reads all samples, i0 fastest, native byte order, into header->bytes of memory; the vectors
      * into `vectors`, which is NULL if there are none. Leaves samples that come from them and the
      * frame to import_vectors_finish(). NULL = the format has elements only. */
@@ -150,6 +151,7 @@ struct import_format {
     /* Reads one chunk of a level as in data/bricks/chunks.h. */
     bool (*read_chunk)(void *reader, unsigned level, const uint32_t place[3], void *out,
                        struct sp_error *err);
+    /* Frees what the reader owns, also after open() failed. */
     void (*close)(void *reader);
     /* Reads the time that a file of one step gives: false if it gives none. NULL = the format has
      * none. open() leaves it as the only one of header->steps.times. */
@@ -172,6 +174,12 @@ bool import_format_is_known(const uint8_t *start, size_t size, const char *shown
 
 /* True if a format that may suit the file needs a module. */
 bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown);
+
+/* Returns a reader for the calls of the format, or NULL with *err set. *file must stay valid until
+ * import_format_close(), which accepts NULL as a reader. */
+void *import_format_open(const struct import_format *format, const struct import_file *file,
+                         struct import_header *header, struct sp_error *err);
+void import_format_close(const struct import_format *format, void *reader);
 
 /* Reads a remote hierarchy (remote.h); not in the list of file formats. */
 extern const struct import_format import_zarr_remote;

@@ -57,12 +57,13 @@ const struct import_format *import_format_find(const uint8_t *start, size_t size
                                                                                 : found;
     if (!import_foreign_check_name(shown, err))
         return NULL;
-    import_fail(
-        err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
-        "unknown file format; supported are NRRD, DICOM, NIfTI, MetaImage, MRC, MGH, GIPL, PVM, "
-        "OpenVDB, Zarr, HDF5, NetCDF, Amira, .vol, .vgi, VTK (.vtk, .vti, .vtu, .vtp and "
-        "others), .pvd, .series, raw samples with a JSON sidecar (.json), images (.tif, "
-        ".png, .jpg), points and Gaussians (.ply, .spz, .csv), PLOT3D (.xyz, .p3d) and "
-        "meshes (.ply, .stl, .obj, .gltf, .glb)");
+    char names[SP_ERROR_TEXT - 64] = "";
+    struct import_list list;
+    import_list_begin(&list, names, sizeof names);
+    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
+        import_list_add(&list, i > 0 ? ", " : "", formats[i]->name);
+    import_list_end(&list, false);
+    import_fail(err, SP_ERR_UNSUPPORTED, shown, 0, NULL, "unknown file format; supported are %s",
+                names);
     return NULL;
 }

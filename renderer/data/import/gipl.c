@@ -10,7 +10,6 @@
 #include <string.h>
 
 #include "data/import/samples.h"
-#include "data/volume/volume.h"
 
 enum { HEADER = 256 };
 enum place { DIMS = 0, TYPE = 8, SPACING = 10, ORIGIN = 204, MAGIC = 252 }; /* bytes */
@@ -77,39 +76,27 @@ static bool take_grid(const struct import_file *file, const uint8_t *bytes,
     return import_header_use_steps(header, file, steps > 1 ? (uint64_t)steps : 1, err);
 }
 
-static bool take(const struct import_file *file, struct import_sampled *g,
-                 struct import_header *header, struct sp_error *err) {
+static bool open_gipl(void *reader, const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    struct import_sampled *g = reader;
     uint8_t bytes[HEADER];
     bool is_packed;
     struct import_samples *s = &g->samples;
-    struct import_conversion *c = &g->conversion;
     if (import_stream_head(file, bytes, HEADER, &is_packed) < HEADER || !has_magic(bytes, HEADER))
         return import_fail(err, SP_ERR_FORMAT, file->shown, MAGIC, "magic number",
                            "this is no GIPL file: it does not begin with a header of 256 bytes");
     if (!take_number(file, bytes, &s->number, err) || !take_grid(file, bytes, header, err))
         return false;
-    *c = import_conversion_of(s->number, file->warnings);
-    header->type = c->type;
-    if (!sp_grid_check(&header->grid, c->type, file->shown, &header->bytes, err))
-        return false;
+    g->conversion = import_conversion_of(s->number, file->warnings);
     s->field = "dim";
-    s->encoding = is_packed ? IMPORT_GZIP : IMPORT_RAW;
     s->big_endian = true;
     s->rest = IMPORT_REST_WARNED;
-    s->skip_bytes = HEADER;
-    s->conversion = import_conversion_is_copy(c) ? NULL : c;
-    s->bytes = header->bytes / sp_type_size(c->type) * s->number.size;
-    return import_samples_choose_block(s, header->steps.count, file->step) &&
-           import_samples_check(s, err);
-}
-
-static void *open_gipl(const struct import_file *file, struct import_header *header,
-                       struct sp_error *err) {
-    return import_sampled_open(file, header, take, err);
+    return import_sampled_use(g, file, HEADER, is_packed, header, err);
 }
 
 const struct import_format import_gipl = { .name = "GIPL",
                                            .probe = probe,
+                                           .reader_size = sizeof(struct import_sampled),
                                            .open = open_gipl,
                                            .read = import_sampled_read,
                                            .close = import_sampled_close };

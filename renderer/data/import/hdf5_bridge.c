@@ -103,8 +103,7 @@ static bool is_complex(hid_t type, struct import_number *number) {
         number->kind = IMPORT_COMPLEX;
         number->size = H5Tget_size(part) <= 4 ? 8 : 16;
     }
-    if (part >= 0)
-        H5Tclose(part);
+    hdf5_close(part);
     return ok;
 }
 
@@ -137,10 +136,8 @@ static hid_t read_type(hid_t type, struct import_number *number) {
         hid_t base = H5Tget_super(type), same = base >= 0 ? read_type(base, number) : -1;
         if (same >= 0)
             native = enum_type(type);
-        if (same >= 0)
-            H5Tclose(same);
-        if (base >= 0)
-            H5Tclose(base);
+        hdf5_close(same);
+        hdf5_close(base);
         return native;
     }
     if (kind == H5T_COMPOUND)
@@ -273,12 +270,9 @@ static void look_at(struct hdf5 *h, unsigned n, struct array_info *info) {
         hdf5_take_labels(h->file, h->dataset, info);
     }
     info->is_number = !info->problem[0];
-    if (native >= 0)
-        H5Tclose(native);
-    if (space >= 0)
-        H5Sclose(space);
-    if (type >= 0)
-        H5Tclose(type);
+    hdf5_close(native);
+    hdf5_close(space);
+    hdf5_close(type);
 }
 
 /* Descriptions are kept: callers ask for all of them again and again. */
@@ -315,14 +309,10 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
     ok = ok && (memory = H5Screate_simple(rank, size, NULL)) >= 0 &&
          H5Sselect_hyperslab(space, H5S_SELECT_SET, first, NULL, size, NULL) >= 0 &&
          H5Dread(h->dataset, own, memory, space, H5P_DEFAULT, out) >= 0;
-    if (own >= 0)
-        H5Tclose(own);
-    if (memory >= 0)
-        H5Sclose(memory);
-    if (space >= 0)
-        H5Sclose(space);
-    if (type >= 0)
-        H5Tclose(type);
+    hdf5_close(own);
+    hdf5_close(memory);
+    hdf5_close(space);
+    hdf5_close(type);
     return ok;
 }
 
@@ -339,12 +329,9 @@ static size_t numbers_of(hid_t object, const char *name, double *out, size_t mos
                     H5Aread(attribute, H5T_NATIVE_DOUBLE, values) >= 0;
     const size_t got = !ok ? 0 : (size_t)count < most ? (size_t)count : most;
     memcpy(out, values, got * sizeof *out);
-    if (native >= 0)
-        H5Tclose(native);
-    if (space >= 0)
-        H5Sclose(space);
-    if (type >= 0)
-        H5Tclose(type);
+    hdf5_close(native);
+    hdf5_close(space);
+    hdf5_close(type);
     H5Aclose(attribute);
     return got;
 }

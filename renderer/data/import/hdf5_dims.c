@@ -35,12 +35,9 @@ static void open_texts(struct texts *t, hid_t object, const char *name) {
 }
 
 static void close_texts(struct texts *t) {
-    if (t->space >= 0)
-        H5Sclose(t->space);
-    if (t->type >= 0)
-        H5Tclose(t->type);
-    if (t->attribute >= 0)
-        H5Aclose(t->attribute);
+    hdf5_close(t->space);
+    hdf5_close(t->type);
+    hdf5_close(t->attribute);
 }
 
 void hdf5_text(hid_t object, const char *name, char *out, size_t capacity) {
@@ -127,12 +124,9 @@ static void take_scales(hid_t file, hid_t dataset, struct array_info *info) {
                 take_scale(file, lists[d].p, d, info);
         H5Dvlen_reclaim(type, space, H5P_DEFAULT, lists);
     }
-    if (base >= 0)
-        H5Tclose(base);
-    if (space >= 0)
-        H5Sclose(space);
-    if (type >= 0)
-        H5Tclose(type);
+    hdf5_close(base);
+    hdf5_close(space);
+    hdf5_close(type);
     H5Aclose(attribute);
 }
 

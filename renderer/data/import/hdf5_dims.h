@@ -22,4 +22,10 @@ void hdf5_text(hid_t object, const char *name, char *out, size_t capacity);
 /* Reads an attribute of texts; returns how many, 0 if there is none or too many. */
 unsigned hdf5_texts(hid_t object, const char *name, char out[IMPORT_RANK_MAX][ARRAY_NAME_BYTES]);
 
+/* Closes a type, a space or an attribute; a negative number is none. */
+static inline void hdf5_close(hid_t id) {
+    if (id >= 0)
+        H5Idec_ref(id);
+}
+
 #endif

@@ -58,12 +58,14 @@ static bool take_type(struct image *m, struct import_header *header, struct sp_e
     return sp_grid_check(&header->grid, header->type, m->file->shown, &header->bytes, err);
 }
 
-static bool take(struct image *m, struct import_header *header, struct sp_error *err) {
+static bool open_image(void *reader, const struct import_file *file, struct import_header *header,
+                       struct sp_error *err) {
+    struct image *m = reader;
+    m->file = file;
     char path[40], why[SP_ERROR_TEXT];
     uint8_t start[8] = { 0 };
     const ssize_t got = pread(m->file->fd, start, sizeof start, 0);
     const char *format = got > 0 ? format_of(start, (size_t)got) : NULL;
-    import_header_init(header);
     if (!format)
         return import_fail(err, SP_ERR_FORMAT, m->file->shown, 0, NULL,
                            "the file is neither PNG nor JPEG");
@@ -83,21 +85,6 @@ static void close_image(void *reader) {
     struct image *m = reader;
     if (m->bridge)
         m->call->close(m->bridge);
-    free(m);
-}
-
-static void *open_image(const struct import_file *file, struct import_header *header,
-                        struct sp_error *err) {
-    struct image *m = calloc(1, sizeof *m);
-    if (!m) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    m->file = file;
-    if (take(m, header, err))
-        return m;
-    close_image(m);
-    return NULL;
 }
 
 static bool read_image(void *reader, void *voxels, float (*vectors)[3],
@@ -123,6 +110,7 @@ static bool read_image(void *reader, void *voxels, float (*vectors)[3],
 const struct import_format import_image = { .name = "image",
                                             .needs_module = true,
                                             .probe = probe,
+                                            .reader_size = sizeof(struct image),
                                             .open = open_image,
                                             .read = read_image,
                                             .close = close_image };

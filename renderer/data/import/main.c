@@ -388,7 +388,7 @@ static int run(struct job *job) {
     const struct import_progress opening = { .report = report_opening, .user = job };
     job->format = find_format(job, &err);
     job->file.opening = job->serves ? NULL : &opening;
-    void *reader = job->format ? job->format->open(&job->file, header, &err) : NULL;
+    void *reader = job->format ? import_format_open(job->format, &job->file, header, &err) : NULL;
     job->file.opening = NULL;
     job->reported = 0;
     if (!reader)
@@ -397,7 +397,7 @@ static int run(struct job *job) {
         header->steps.count > 0 || import_header_use_steps(header, &job->file, 1, &err);
     if (!has_step || !import_header_use_selection(header, &job->file, &err) ||
         !check_field(job, &err)) {
-        job->format->close(reader);
+        import_format_close(job->format, reader);
         return say_error(&err);
     }
     if (header->has_more)
@@ -407,15 +407,15 @@ static int run(struct job *job) {
                     SP_OTHER_FIELDS_MAX, SP_OTHER_VECTORS_MAX);
     if (job->serves) {
         const int status = serve(job, reader);
-        job->format->close(reader);
+        import_format_close(job->format, reader);
         return status;
     }
     if (!say_header(job) || !await_go(job)) {
-        job->format->close(reader);
+        import_format_close(job->format, reader);
         return 0; /* the parent refused or is gone: not our failure */
     }
     if (!import_sandbox_allow_samples(job->layout.bytes, job->file.shown, &err)) {
-        job->format->close(reader);
+        import_format_close(job->format, reader);
         return say_error(&err);
     }
     size_t capacity = job->layout.bytes;
@@ -429,7 +429,7 @@ static int run(struct job *job) {
         sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot use the memory for the samples: %s",
                 strerror(errno));
     }
-    job->format->close(reader);
+    import_format_close(job->format, reader);
     if (!ok)
         return say_error(&err);
     return say_done(job);

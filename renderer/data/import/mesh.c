@@ -217,7 +217,10 @@ static bool read_all(struct mesh *m, const char *extension, const struct mesh_by
     return ok;
 }
 
-static bool open_bytes(struct mesh *m, struct import_header *header, struct sp_error *err) {
+static bool open_mesh(void *reader, const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    struct mesh *m = reader;
+    m->file = file;
     const char *known = extension_of(m->file->shown), *extension = known ? known : "glb";
     struct mesh_bytes bytes;
     bool is_empty = false;
@@ -238,21 +241,6 @@ static void close_mesh(void *reader) {
         m->call->close(m->bridge);
     unmap(m, 0);
     import_mesh_parts_free(&m->parts);
-    free(m);
-}
-
-static void *open_mesh(const struct import_file *file, struct import_header *header,
-                       struct sp_error *err) {
-    struct mesh *m = calloc(1, sizeof *m);
-    if (!m) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    m->file = file;
-    if (open_bytes(m, header, err))
-        return m;
-    close_mesh(m);
-    return NULL;
 }
 
 static bool read_elements(void *reader, const struct sp_elements *elements,
@@ -268,9 +256,10 @@ static bool probe_mesh(const uint8_t *start, size_t size, const char *shown) {
     return extension_of(shown) || (size >= 4 && memcmp(start, "glTF", 4) == 0);
 }
 
-const struct import_format import_mesh = { .name = "mesh",
+const struct import_format import_mesh = { .name = "meshes (.stl, .obj, .gltf, .glb)",
                                            .needs_module = true,
                                            .probe = probe_mesh,
+                                           .reader_size = sizeof(struct mesh),
                                            .open = open_mesh,
                                            .read_elements = read_elements,
                                            .close = close_mesh };

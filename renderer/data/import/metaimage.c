@@ -482,8 +482,10 @@ static bool take_all(struct parsing *p) {
     return import_samples_check(s, p->err);
 }
 
-static bool take(const struct import_file *file, struct import_sampled *m,
-                 struct import_header *header, struct sp_error *err) {
+static bool open_metaimage(void *reader, const struct import_file *file,
+                           struct import_header *header, struct sp_error *err) {
+    struct import_sampled *m = reader;
+    m->samples.file = file;
     struct parsing p = { .file = file,
                          .header = header,
                          .samples = &m->samples,
@@ -494,13 +496,9 @@ static bool take(const struct import_file *file, struct import_sampled *m,
     return ok;
 }
 
-static void *open_metaimage(const struct import_file *file, struct import_header *header,
-                            struct sp_error *err) {
-    return import_sampled_open(file, header, take, err);
-}
-
 const struct import_format import_metaimage = { .name = "MetaImage",
                                                 .probe = probe,
+                                                .reader_size = sizeof(struct import_sampled),
                                                 .open = open_metaimage,
                                                 .read = import_sampled_read,
                                                 .close = import_sampled_close };

@@ -10,7 +10,6 @@
 #include <unistd.h>
 
 #include "data/import/samples.h"
-#include "data/volume/volume.h"
 
 enum { HEADER = 284, TIME_BYTES = 4 };
 /* Bytes. The version is the last byte of its number; FreeSurfer 7 has an intent before it. */
@@ -144,12 +143,12 @@ static void take_interval(const struct import_file *file, uint64_t at, bool is_p
         import_header_use_interval(header, 0, import_widen_big(bytes, real), "ms");
 }
 
-static bool take(const struct import_file *file, struct import_sampled *m,
-                 struct import_header *header, struct sp_error *err) {
+static bool open_mgh(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct import_sampled *m = reader;
     uint8_t bytes[HEADER];
     bool is_packed;
     struct import_samples *s = &m->samples;
-    struct import_conversion *c = &m->conversion;
     if (import_stream_head(file, bytes, HEADER, &is_packed) < HEADER || bytes[VERSION] != 1)
         return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "version",
                            "this is no MGH file: it does not begin with a header of 284 bytes of "
@@ -157,31 +156,19 @@ static bool take(const struct import_file *file, struct import_sampled *m,
     if (!take_number(file, bytes, &s->number, err) || !take_dims(file, bytes, header, err))
         return false;
     take_place(file, bytes, header);
-    *c = import_conversion_of(s->number, file->warnings);
-    header->type = c->type;
-    if (!sp_grid_check(&header->grid, c->type, file->shown, &header->bytes, err))
-        return false;
+    m->conversion = import_conversion_of(s->number, file->warnings);
     s->field = "dim";
-    s->encoding = is_packed ? IMPORT_GZIP : IMPORT_RAW;
     s->big_endian = true;
     s->rest = IMPORT_REST_IGNORED; /* tags of FreeSurfer */
-    s->skip_bytes = HEADER;
-    s->conversion = import_conversion_is_copy(c) ? NULL : c;
-    s->bytes = header->bytes / sp_type_size(c->type) * s->number.size;
-    if (!import_samples_choose_block(s, header->steps.count, file->step) ||
-        !import_samples_check(s, err))
+    if (!import_sampled_use(m, file, HEADER, is_packed, header, err))
         return false;
     take_interval(file, HEADER + s->bytes * header->steps.count, is_packed, header);
     return true;
 }
 
-static void *open_mgh(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    return import_sampled_open(file, header, take, err);
-}
-
 const struct import_format import_mgh = { .name = "MGH",
                                           .probe = probe,
+                                          .reader_size = sizeof(struct import_sampled),
                                           .open = open_mgh,
                                           .read = import_sampled_read,
                                           .close = import_sampled_close };

@@ -296,22 +296,16 @@ static bool take_samples(struct parsing *p) {
         c->components = 3;
         c->component = import_header_choose_component(p->header, p->file->field, 3, true);
     }
-    p->header->type = c->type;
-    if (!sp_grid_check(&p->header->grid, c->type, p->file->shown, &p->header->bytes, p->err))
-        return false;
     s->field = "nx, ny, nz";
-    s->encoding = p->is_packed ? IMPORT_GZIP : IMPORT_RAW;
     s->big_endian = p->is_big;
     s->rest = IMPORT_REST_WARNED;
-    s->skip_bytes = HEADER + (uint64_t)extended;
-    s->conversion = import_conversion_is_copy(c) ? NULL : c;
-    s->bytes = p->header->bytes / sp_type_size(c->type) * c->components * s->number.size;
-    return import_samples_choose_block(s, p->header->steps.count, p->file->step) &&
-           import_samples_check(s, p->err);
+    return import_sampled_use(p->mrc, p->file, HEADER + (uint64_t)extended, p->is_packed, p->header,
+                              p->err);
 }
 
-static bool take(const struct import_file *file, struct import_sampled *mrc,
-                 struct import_header *header, struct sp_error *err) {
+static bool open_mrc(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct import_sampled *mrc = reader;
     struct parsing parsing = { .file = file, .header = header, .mrc = mrc, .err = err };
     struct parsing *p = &parsing;
     if (import_stream_head(file, p->bytes, HEADER, &p->is_packed) < HEADER)
@@ -323,13 +317,9 @@ static bool take(const struct import_file *file, struct import_sampled *mrc,
     return take_samples(p);
 }
 
-static void *open_mrc(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    return import_sampled_open(file, header, take, err);
-}
-
 const struct import_format import_mrc = { .name = "MRC",
                                           .probe = probe,
+                                          .reader_size = sizeof(struct import_sampled),
                                           .open = open_mrc,
                                           .read = import_sampled_read,
                                           .close = import_sampled_close };

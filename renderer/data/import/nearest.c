@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/minmax.h"
+
 enum {
     LEAF = 16,    /* points of a range that is not divided */
     LEVELS = 10,  /* which make 2^LEVELS ranges, the work of one thread each */
@@ -30,20 +32,11 @@ struct build {
 /* Of the reach of a group, squared. */
 static const float slack = 1.25f;
 
-/* Unlike fminf() and fmaxf(), these are single instructions. */
-static inline float least(float a, float b) {
-    return a < b ? a : b;
-}
-
-static inline float most(float a, float b) {
-    return a > b ? a : b;
-}
-
 static size_t middle_of(size_t begin, size_t end) {
     return begin + (end - begin) / 2;
 }
 
-static void swap_points(struct import_nearest_tree *t, size_t a, size_t b) {
+void import_nearest_swap(const struct import_nearest_tree *t, size_t a, size_t b) {
     float position[3], value = t->values[a];
     memcpy(position, t->positions[a], sizeof position);
     memcpy(t->positions[a], t->positions[b], sizeof position);
@@ -70,7 +63,7 @@ static void divide(struct import_nearest_tree *t, size_t begin, size_t end, int 
             while (t->positions[j][axis] > pivot)
                 j--;
             if (i <= j)
-                swap_points(t, (size_t)i++, (size_t)j--);
+                import_nearest_swap(t, (size_t)i++, (size_t)j--);
         }
         if (middle <= j)
             high = j;
@@ -133,8 +126,8 @@ static void find_box(const struct import_nearest_tree *t, struct range *r) {
     }
     for (size_t i = r->begin; i < r->end; i++)
         for (int a = 0; a < 3; a++) {
-            r->low[a] = least(r->low[a], t->positions[i][a]);
-            r->high[a] = most(r->high[a], t->positions[i][a]);
+            r->low[a] = sp_minf(r->low[a], t->positions[i][a]);
+            r->high[a] = sp_maxf(r->high[a], t->positions[i][a]);
         }
 }
 
@@ -281,7 +274,7 @@ static float find_reach(const struct import_nearest_tree *t, size_t point, size_
             square += (t->positions[i][a] - t->positions[point][a]) *
                       (t->positions[i][a] - t->positions[point][a]);
         squares[i - begin] = square;
-        high = most(high, square);
+        high = sp_maxf(high, square);
     }
     return find_bound(squares, end - begin, IMPORT_NEAREST + 1, high); /* the point is one */
 }
@@ -327,10 +320,10 @@ static void collect(struct group *g, size_t node, size_t begin, size_t end, floa
     const struct import_nearest_plane plane = g->tree->planes[node];
     const int axis = plane.axis;
     const float before = g->offset[axis];
-    const float aways[2] = { most(g->leaf.low[axis] - plane.at, 0),
-                             most(plane.at - g->leaf.high[axis], 0) };
+    const float aways[2] = { sp_maxf(g->leaf.low[axis] - plane.at, 0),
+                             sp_maxf(plane.at - g->leaf.high[axis], 0) };
     for (int side = 0; side < 2; side++) {
-        const float away = most(aways[side], before);
+        const float away = sp_maxf(aways[side], before);
         const float there = square + away * away - before * before;
         if (there > g->reach)
             continue;
@@ -380,7 +373,7 @@ static bool find_neighbours(struct group *g, size_t own, float reach, struct imp
     for (size_t i = 0; i < count; i++) {
         chosen[found] = g->near_index[i];
         found += g->near[i] < bound;
-        square = least(square, g->near[i]);
+        square = sp_minf(square, g->near[i]);
     }
     if (found < IMPORT_NEAREST)
         choose_equal(g, g->leaf.begin + own, count, bound, chosen, found);
@@ -400,7 +393,7 @@ static void search_group(struct group *g, const struct range *seeds,
     float least_reach = INFINITY;
     for (size_t i = 0; i < points && has_seeds; i++) {
         reaches[i] = find_reach(t, g->leaf.begin + i, seeds->begin, seeds->end);
-        least_reach = least(least_reach, reaches[i]);
+        least_reach = sp_minf(least_reach, reaches[i]);
     }
     /* A reach that suits its most crowded point suits most of the others. */
     g->reach = slack * least_reach;
@@ -416,7 +409,7 @@ static void search_group(struct group *g, const struct range *seeds,
     for (size_t i = 0; i < points; i++) {
         struct import_nearest n;
         if (has_seeds && g->count <= NEAR && g->reach < INFINITY &&
-            find_neighbours(g, i, least(reaches[i], g->reach), &n))
+            find_neighbours(g, i, sp_minf(reaches[i], g->reach), &n))
             visitor->visit(visitor->user, g->leaf.begin + i, &n);
         else
             search_one(t, g->leaf.begin + i, visitor);

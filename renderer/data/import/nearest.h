@@ -37,6 +37,8 @@ struct import_nearest {
                                               */
 };
 
+void import_nearest_swap(const struct import_nearest_tree *tree, size_t a, size_t b);
+
 /* Changes the order of the points so that they are a tree, the same for any number of threads.
  * Takes up to two bytes per point. False if memory ran out. */
 bool import_nearest_build(struct import_nearest_tree *tree, struct sp_pool *pool);

@@ -41,15 +41,6 @@ struct sizes {
     atomic_size_t done;  /* points */
 };
 
-static void swap_points(const struct sp_elements *e, size_t a, size_t b) {
-    float position[3], value = e->values[a];
-    memcpy(position, e->positions[a], sizeof position);
-    memcpy(e->positions[a], e->positions[b], sizeof position);
-    memcpy(e->positions[b], position, sizeof position);
-    e->values[a] = e->values[b];
-    e->values[b] = value;
-}
-
 static bool is_finite(const float p[3]) {
     return isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]);
 }
@@ -67,7 +58,7 @@ static double sort_out(struct sizes *s) {
     }
     for (size_t i = 0; i < count;) {
         if (!is_finite(e->positions[i])) {
-            swap_points(e, i, --count);
+            import_nearest_swap(&s->tree, i, --count);
             continue;
         }
         for (int a = 0; a < 3; a++) {
@@ -190,7 +181,7 @@ static void separate_twins(struct sizes *s) {
         else {
             alone--;
             e->volumes[i] = e->volumes[alone];
-            swap_points(e, i, alone);
+            import_nearest_swap(&s->tree, i, alone);
         }
     const size_t count = s->tree.count - alone;
     struct placed *sorted = (void *)e->factors[alone]; /* which are found again */
@@ -261,16 +252,14 @@ static bool find_all(struct sizes *s) {
 
 bool import_neighbours_finish(const struct sp_elements *points,
                               const struct import_progress *progress, struct sp_error *err) {
-    struct sizes s = { .points = points,
+    struct sizes s = { .tree = { .positions = points->positions, .values = points->values },
+                       .points = points,
                        .progress = progress,
                        .end = 4 * sizeof(float) * (uint64_t)points->shape.count };
     s.pool = sp_pool_create(sp_volume_threads(), err);
     bool ok = s.pool != NULL;
     if (ok) {
         const double diagonal = sort_out(&s);
-        s.tree = (struct import_nearest_tree){ .positions = points->positions,
-                                               .values = points->values,
-                                               .count = s.tree.count };
         s.least = diagonal > 0 ? 1e-6 * diagonal : 1;
         ok = find_all(&s);
     }

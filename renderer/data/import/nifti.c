@@ -282,10 +282,12 @@ static void warn_of_analyze(const struct import_file *file) {
                     beside);
 }
 
-static bool take(const struct import_file *file, struct import_sampled *n,
-                 struct import_header *header, struct sp_error *err) {
+static bool open_nifti(void *reader, const struct import_file *file, struct import_header *header,
+                       struct sp_error *err) {
+    struct import_sampled *n = reader;
     static const char *const units[8] = { "", "m", "mm", "um", "", "", "", "" };
     struct nifti_fields f = { .layout = NULL };
+    n->samples.file = file;
     n->samples.field = "dim";
     if (!nifti_header_read(file, &f, err) || !nifti_check_intent(file, &f, err) ||
         !check_dims(file, &f, header, err) || !nifti_choose_axes(file, &f, header, err) ||
@@ -302,13 +304,9 @@ static bool take(const struct import_file *file, struct import_sampled *n,
            find_samples(file, &f, &n->samples, err) && import_samples_check(&n->samples, err);
 }
 
-static void *open_nifti(const struct import_file *file, struct import_header *header,
-                        struct sp_error *err) {
-    return import_sampled_open(file, header, take, err);
-}
-
 const struct import_format import_nifti = { .name = "NIfTI",
                                             .probe = probe,
+                                            .reader_size = sizeof(struct import_sampled),
                                             .open = open_nifti,
                                             .read = import_sampled_read,
                                             .close = import_sampled_close };

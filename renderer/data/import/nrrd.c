@@ -33,9 +33,8 @@ struct parsing {
 };
 
 struct nrrd {
-    struct import_samples samples;
-    struct import_conversion conversion;
-    double *times; /* owned; of the steps, for the header; NULL = none */
+    struct import_sampled sampled; /* the first: read() is that of samples.h */
+    double *times;                 /* owned; of the steps, for the header; NULL = none */
 };
 
 #define REFUSE(p, code, field, ...)                                                                \
@@ -134,7 +133,6 @@ static void take_sample_units(const struct parsing *p) {
 }
 
 static bool take_geometry(const struct parsing *p) {
-    import_header_init(p->header);
     take_sizes(p);
     bool directed = p->text->value[NRRD_SPACE_DIRECTIONS] != NULL;
     if (!(directed ? take_directions(p) : take_spacings(p)))
@@ -264,9 +262,8 @@ static bool take_data_files(const struct parsing *p) {
 
 static void close_nrrd(void *reader) {
     struct nrrd *n = reader;
-    import_samples_finish(&n->samples);
+    import_samples_finish(&n->sampled.samples);
     free(n->times);
-    free(n);
 }
 
 /* Returns the field that gave the bad part of the grid. */
@@ -406,35 +403,27 @@ static bool build(const struct parsing *p) {
     return take_blocks(p, component) && import_samples_check(s, p->err);
 }
 
-static void *open_nrrd(const struct import_file *file, struct import_header *header,
-                       struct sp_error *err) {
+static bool open_nrrd(void *reader, const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    struct nrrd *n = reader;
     struct nrrd_header text;
     if (!nrrd_header_read(file, &text, err))
-        return NULL;
-    struct nrrd *n = calloc(1, sizeof *n);
+        return false;
     const struct parsing p = { .file = file,
                                .text = &text,
                                .header = header,
-                               .samples = n ? &n->samples : NULL,
-                               .conversion = n ? &n->conversion : NULL,
-                               .times = n ? &n->times : NULL,
+                               .samples = &n->sampled.samples,
+                               .conversion = &n->sampled.conversion,
+                               .times = &n->times,
                                .err = err };
-    bool ok =
-        n ? build(&p) : sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
+    const bool ok = build(&p);
     nrrd_header_finish(&text);
-    if (!ok && n) {
-        close_nrrd(n);
-        n = NULL;
-    }
-    return n;
+    return ok;
 }
 
-static bool read_nrrd(void *reader, void *voxels, float (*vectors)[3],
-                      const struct import_progress *progress, struct sp_error *err) {
-    const struct nrrd *n = reader;
-    return import_samples_read(&n->samples, voxels, vectors, progress, err);
-}
-
-const struct import_format import_nrrd = {
-    .name = "NRRD", .probe = probe, .open = open_nrrd, .read = read_nrrd, .close = close_nrrd
-};
+const struct import_format import_nrrd = { .name = "NRRD",
+                                           .probe = probe,
+                                           .reader_size = sizeof(struct nrrd),
+                                           .open = open_nrrd,
+                                           .read = import_sampled_read,
+                                           .close = close_nrrd };

@@ -180,7 +180,6 @@ static void close_plot3d(void *reader) {
     struct plot3d *p = reader;
     if (p->flow.fd >= 0)
         close(p->flow.fd);
-    free(p);
 }
 
 /* The columns of the flow, q1 to q5, and what comes from the momentum. */
@@ -199,30 +198,23 @@ static void choose_field(struct plot3d *p, struct import_header *header) {
     import_name(header->vector_name, "momentum");
 }
 
-static void *open_plot3d(const struct import_file *file, struct import_header *header,
-                         struct sp_error *err) {
-    struct plot3d *p = calloc(1, sizeof *p);
+static bool open_plot3d(void *reader, const struct import_file *file, struct import_header *header,
+                        struct sp_error *err) {
+    struct plot3d *p = reader;
     uint64_t count = 0;
-    if (!p) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
-        return NULL;
-    }
     p->file = file;
     p->flow.fd = -1;
     p->grid.fd = file->fd;
     p->grid.size = file->size;
     p->grid.shown = file->shown;
-    bool ok = find_form(&p->grid, false, err) && open_flow(p, err);
-    for (uint32_t b = 0; ok && b < p->grid.blocks; b++)
+    if (!find_form(&p->grid, false, err) || !open_flow(p, err))
+        return false;
+    for (uint32_t b = 0; b < p->grid.blocks; b++)
         count += nodes(p->grid.dims[b]);
-    if (ok && count > SP_ELEMENTS_MAX)
-        ok = import_fail(err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,
-                         "%" PRIu64 " nodes are more than the %d points that a volume may have",
-                         count, SP_ELEMENTS_MAX);
-    if (!ok) {
-        close_plot3d(p);
-        return NULL;
-    }
+    if (count > SP_ELEMENTS_MAX)
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,
+                           "%" PRIu64 " nodes are more than the %d points that a volume may have",
+                           count, SP_ELEMENTS_MAX);
     import_header_use_elements(header,
                                &(struct sp_elements_shape){ .kind = SP_KIND_POINTS,
                                                             .count = (uint32_t)count,
@@ -231,7 +223,7 @@ static void *open_plot3d(const struct import_file *file, struct import_header *h
     header->block_count = p->grid.blocks;
     if (p->flow.fd >= 0)
         choose_field(p, header);
-    return p;
+    return true;
 }
 
 /* Reads `count` numbers of `size` bytes and passes them on in runs. */
@@ -325,8 +317,9 @@ static bool read_elements(void *reader, const struct sp_elements *e,
     return true;
 }
 
-const struct import_format import_plot3d = { .name = "PLOT3D",
+const struct import_format import_plot3d = { .name = "PLOT3D (.xyz, .p3d)",
                                              .probe = probe,
+                                             .reader_size = sizeof(struct plot3d),
                                              .open = open_plot3d,
                                              .read_elements = read_elements,
                                              .close = close_plot3d };

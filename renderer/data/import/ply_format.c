@@ -38,7 +38,11 @@ static bool check_places(const struct reader *r, struct sp_error *err) {
     return true;
 }
 
-static bool open_content(struct reader *r, struct import_header *header, struct sp_error *err) {
+static bool open_ply(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct reader *r = reader;
+    if (!ply_parse(&r->ply, file, err))
+        return false;
     for (size_t i = 0; i < sizeof contents / sizeof *contents && !r->content; i++)
         if (contents[i]->matches(&r->ply))
             r->content = contents[i];
@@ -53,20 +57,6 @@ static bool open_content(struct reader *r, struct import_header *header, struct 
 static void close_ply(void *reader) {
     struct reader *r = reader;
     import_mesh_free(&r->ply.mesh);
-    free(r);
-}
-
-static void *open_ply(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    struct reader *r = calloc(1, sizeof *r);
-    if (!r) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
-        return NULL;
-    }
-    if (ply_parse(&r->ply, file, err) && open_content(r, header, err))
-        return r;
-    close_ply(r);
-    return NULL;
 }
 
 static bool read_elements(void *reader, const struct sp_elements *elements,
@@ -77,6 +67,7 @@ static bool read_elements(void *reader, const struct sp_elements *elements,
 
 const struct import_format import_ply = { .name = "PLY",
                                           .probe = probe,
+                                          .reader_size = sizeof(struct reader),
                                           .open = open_ply,
                                           .read_elements = read_elements,
                                           .close = close_ply };

@@ -178,9 +178,9 @@ static bool read_header(const struct import_file *file, struct pvm *pvm,
     return sp_grid_check(&header->grid, header->type, file->shown, &header->bytes, err);
 }
 
-static bool take(const struct import_file *file, struct pvm *pvm, struct import_header *header,
-                 struct sp_error *err) {
-    import_header_init(header);
+static bool open_pvm(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct pvm *pvm = reader;
     if (!read_file(file, pvm, err))
         return false;
     if (pvm->size >= MAGIC && memcmp(pvm->bytes, "DDS v3", 6) == 0 && !unpack(file, pvm, err))
@@ -197,19 +197,6 @@ static bool take(const struct import_file *file, struct pvm *pvm, struct import_
 static void close_pvm(void *reader) {
     struct pvm *pvm = reader;
     free(pvm->bytes);
-    free(pvm);
-}
-
-static void *open_pvm(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    struct pvm *pvm = calloc(1, sizeof *pvm);
-    if (!pvm)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-    else if (take(file, pvm, header, err))
-        return pvm;
-    else
-        close_pvm(pvm);
-    return NULL;
 }
 
 /* Samples of two bytes are big-endian. */
@@ -225,6 +212,9 @@ static bool read_pvm(void *reader, void *voxels, float (*vectors)[3],
     return true;
 }
 
-const struct import_format import_pvm = {
-    .name = "PVM", .probe = probe, .open = open_pvm, .read = read_pvm, .close = close_pvm
-};
+const struct import_format import_pvm = { .name = "PVM",
+                                          .probe = probe,
+                                          .reader_size = sizeof(struct pvm),
+                                          .open = open_pvm,
+                                          .read = read_pvm,
+                                          .close = close_pvm };

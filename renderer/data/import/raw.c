@@ -24,9 +24,8 @@
 enum { SIDECAR_MAX = 1 << 20 }; /* bytes */
 
 struct raw {
-    struct import_samples samples;
-    struct import_conversion conversion;
-    double *coordinates[3]; /* owned; NULL = an even axis */
+    struct import_sampled sampled; /* the first: read() is that of samples.h */
+    double *coordinates[3];        /* owned; NULL = an even axis */
 };
 
 struct sidecar { /* state while the sidecar is read */
@@ -175,7 +174,6 @@ static bool read_unit(const struct sidecar *s, const char *key, char unit[SP_UNI
 static bool read_geometry(const struct sidecar *s) {
     const json_t *spacing = json_object_get(s->root, "spacing");
     const json_t *origin = json_object_get(s->root, "origin");
-    import_header_init(s->header);
     if (!read_dims(s) ||
         (spacing && !read_numbers(s, spacing, "spacing", s->header->grid.spacing)) ||
         (origin && !read_numbers(s, origin, "origin", s->header->grid.origin)) ||
@@ -351,41 +349,31 @@ static json_t *parse(const struct import_file *file, struct sp_error *err) {
 
 static void close_raw(void *reader) {
     struct raw *raw = reader;
-    import_samples_finish(&raw->samples);
+    import_samples_finish(&raw->sampled.samples);
     for (int axis = 0; axis < 3; axis++)
         free(raw->coordinates[axis]);
-    free(raw);
 }
 
-static void *open_raw(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
+static bool open_raw(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct raw *raw = reader;
+    struct import_samples *samples = &raw->sampled.samples;
     json_t *root = parse(file, err);
     if (!root)
-        return NULL;
-    struct raw *raw = calloc(1, sizeof *raw);
-    if (raw) {
-        struct import_samples *samples = &raw->samples;
-        samples->file = file;
-        samples->field = "dims";
-        struct sidecar s = { file, root, header, samples, &raw->conversion, raw->coordinates, err };
-        if (!check_members(&s) || !read_geometry(&s) || !read_encoding(&s) ||
-            !read_components(&s) || !read_file_name(&s) || !check_samples(&s)) {
-            close_raw(raw);
-            raw = NULL;
-        }
-    } else {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-    }
+        return false;
+    samples->file = file;
+    samples->field = "dims";
+    struct sidecar s = { file, root, header, samples, &raw->sampled.conversion, raw->coordinates,
+                         err };
+    const bool ok = check_members(&s) && read_geometry(&s) && read_encoding(&s) &&
+                    read_components(&s) && read_file_name(&s) && check_samples(&s);
     json_decref(root);
-    return raw;
+    return ok;
 }
 
-static bool read_raw(void *reader, void *voxels, float (*vectors)[3],
-                     const struct import_progress *progress, struct sp_error *err) {
-    struct raw *raw = reader;
-    return import_samples_read(&raw->samples, voxels, vectors, progress, err);
-}
-
-const struct import_format import_raw = {
-    .name = "raw", .probe = probe, .open = open_raw, .read = read_raw, .close = close_raw
-};
+const struct import_format import_raw = { .name = "raw samples with a JSON sidecar (.json)",
+                                          .probe = probe,
+                                          .reader_size = sizeof(struct raw),
+                                          .open = open_raw,
+                                          .read = import_sampled_read,
+                                          .close = close_raw };

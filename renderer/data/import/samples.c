@@ -10,6 +10,7 @@
 
 #include "data/import/confine.h"
 #include "data/import/vectors.h"
+#include "data/volume/volume.h"
 
 void import_samples_finish(struct import_samples *samples) {
     for (size_t i = 0; i < samples->count; i++)
@@ -354,19 +355,21 @@ bool import_samples_read(const struct import_samples *s, void *voxels, float (*v
     return ok;
 }
 
-void *import_sampled_open(const struct import_file *file, struct import_header *header,
-                          import_sampled_take *take, struct sp_error *err) {
-    struct import_sampled *reader = calloc(1, sizeof *reader);
-    if (!reader) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    import_header_init(header);
-    reader->samples.file = file;
-    if (take(file, reader, header, err))
-        return reader;
-    import_sampled_close(reader);
-    return NULL;
+bool import_sampled_use(struct import_sampled *reader, const struct import_file *file,
+                        uint64_t skip, bool is_packed, struct import_header *header,
+                        struct sp_error *err) {
+    struct import_samples *s = &reader->samples;
+    const struct import_conversion *c = &reader->conversion;
+    header->type = c->type;
+    if (!sp_grid_check(&header->grid, c->type, file->shown, &header->bytes, err))
+        return false;
+    s->file = file;
+    s->encoding = is_packed ? IMPORT_GZIP : IMPORT_RAW;
+    s->skip_bytes = skip;
+    s->conversion = import_conversion_is_copy(c) ? NULL : c;
+    s->bytes = header->bytes / sp_type_size(c->type) * c->components * s->number.size;
+    return import_samples_choose_block(s, header->steps.count, file->step) &&
+           import_samples_check(s, err);
 }
 
 bool import_sampled_read(void *reader, void *voxels, float (*vectors)[3],
@@ -378,5 +381,4 @@ bool import_sampled_read(void *reader, void *voxels, float (*vectors)[3],
 void import_sampled_close(void *reader) {
     struct import_sampled *r = reader;
     import_samples_finish(&r->samples);
-    free(r);
 }

@@ -62,11 +62,14 @@ struct import_sampled {
     struct import_conversion conversion; /* which `samples` may refer to */
 };
 
-/* `take` fills the header, which is initialized, and a reader of zeros with the file. */
-typedef bool import_sampled_take(const struct import_file *file, struct import_sampled *reader,
-                                 struct import_header *header, struct sp_error *err);
-void *import_sampled_open(const struct import_file *file, struct import_header *header,
-                          import_sampled_take *take, struct sp_error *err);
+/* Describes samples as the header's grid and the reader's `number` and conversion say, which begin
+ * after `skip` bytes of the file, unpacked if it is packed with gzip. Chooses the step and checks
+ * all sizes. The caller sets the byte order, the rest and the field. */
+bool import_sampled_use(struct import_sampled *reader, const struct import_file *file,
+                        uint64_t skip, bool is_packed, struct import_header *header,
+                        struct sp_error *err);
+
+/* read() and close() of struct import_format, for readers that begin with such a one. */
 bool import_sampled_read(void *reader, void *voxels, float (*vectors)[3],
                          const struct import_progress *progress, struct sp_error *err);
 void import_sampled_close(void *reader);

@@ -29,14 +29,12 @@ struct series {
 
 static void close_series(void *reader) {
     struct series *s = reader;
-    if (s->reader)
-        s->inner->close(s->reader);
+    import_format_close(s->inner, s->reader);
     if (s->file.fd >= 0)
         close(s->file.fd);
     collection_finish(&s->listed);
     sp_numbered_finish(&s->numbered);
     free(s->times);
-    free(s);
 }
 
 /* Opens the file of the step, whose name is relative to the folder of the source. */
@@ -77,7 +75,7 @@ static bool open_step(struct series *s, struct import_header *header, struct sp_
         return sp_fail(
             err, SP_ERR_UNSUPPORTED, s->shown,
             "a step cannot be a series of its own; list its files, or open this file alone");
-    s->reader = s->inner ? s->inner->open(&s->file, header, err) : NULL;
+    s->reader = s->inner ? import_format_open(s->inner, &s->file, header, err) : NULL;
     return s->reader != NULL;
 }
 
@@ -106,8 +104,7 @@ static void read_times(struct series *s, const struct import_file *file,
 /* Opens a numbered file, at a step of its own. */
 static bool open_member(struct series *s, const struct import_file *file, uint32_t number,
                         uint32_t step, struct import_header *header, struct sp_error *err) {
-    if (s->reader)
-        s->inner->close(s->reader);
+    import_format_close(s->inner, s->reader);
     s->reader = NULL;
     if (s->file.fd >= 0)
         close(s->file.fd);
@@ -146,9 +143,11 @@ static uint32_t hold_others(struct series *s, const struct import_file *file,
 
 /* The numbered files are the steps, unless the first of them has all of them as its slices, or
  * steps of its own, or is the only one. */
-static bool open_numbered(struct series *s, const struct import_file *file,
+static bool open_numbered(void *reader, const struct import_file *file,
                           struct import_header *header, struct sp_error *err) {
+    struct series *s = reader;
     struct import_numbers numbers;
+    s->file.fd = -1;
     char example[NAME_MAX + 1] = "";
     if (!sp_numbered_list(file->folder, file->pattern, SP_STEPS_MAX + 1, &s->numbered, file->shown,
                           err))
@@ -178,9 +177,11 @@ static bool open_numbered(struct series *s, const struct import_file *file,
     return import_header_use_steps(header, file, count, err);
 }
 
-static bool open_listed(struct series *s, const struct import_file *file,
-                        struct import_header *header, struct sp_error *err) {
+static bool open_listed(void *reader, const struct import_file *file, struct import_header *header,
+                        struct sp_error *err) {
+    struct series *s = reader;
     struct import_header own = { .bytes = 0 };
+    s->file.fd = -1;
     if (!collection_read(file, &s->listed, err) ||
         !import_header_use_steps(&own, file, s->listed.count, err) ||
         !open_file(s, file, s->listed.files[file->step].name, err) || !open_step(s, header, err))
@@ -192,32 +193,6 @@ static bool open_listed(struct series *s, const struct import_file *file,
     header->steps = own.steps;
     header->steps.times = s->listed.times;
     return true;
-}
-
-static void *open_series(const struct import_file *file, struct import_header *header,
-                         struct sp_error *err,
-                         bool (*open)(struct series *s, const struct import_file *file,
-                                      struct import_header *header, struct sp_error *err)) {
-    struct series *s = calloc(1, sizeof *s);
-    if (!s) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    s->file.fd = -1;
-    if (open(s, file, header, err))
-        return s;
-    close_series(s);
-    return NULL;
-}
-
-static void *open_of_folder(const struct import_file *file, struct import_header *header,
-                            struct sp_error *err) {
-    return open_series(file, header, err, open_numbered);
-}
-
-static void *open_of_list(const struct import_file *file, struct import_header *header,
-                          struct sp_error *err) {
-    return open_series(file, header, err, open_listed);
 }
 
 static bool read_grid(void *reader, void *voxels, float (*vectors)[3],
@@ -233,14 +208,16 @@ static bool read_elements(void *reader, const struct sp_elements *elements,
 }
 
 const struct import_format import_series = { .name = "series",
-                                             .open = open_of_folder,
+                                             .reader_size = sizeof(struct series),
+                                             .open = open_numbered,
                                              .read = read_grid,
                                              .read_elements = read_elements,
                                              .close = close_series };
-const struct import_format import_collection = { .name = "series",
+const struct import_format import_collection = { .name = "time series (.pvd, .series)",
                                                  .needs_module = true,
                                                  .probe = collection_probe,
-                                                 .open = open_of_list,
+                                                 .reader_size = sizeof(struct series),
+                                                 .open = open_listed,
                                                  .read = read_grid,
                                                  .read_elements = read_elements,
                                                  .close = close_series };

@@ -149,25 +149,18 @@ static bool take_header(struct spz *s, struct sp_error *err) {
 static void close_spz(void *reader) {
     struct spz *s = reader;
     inflateEnd(&s->z);
-    free(s);
 }
 
-static void *open_spz(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    struct spz *s = calloc(1, sizeof *s);
-    if (!s) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
-        return NULL;
-    }
+static bool open_spz(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct spz *s = reader;
     s->file = file;
-    if (!begin(s, err) || !take_header(s, err)) {
-        close_spz(s);
-        return NULL;
-    }
+    if (!begin(s, err) || !take_header(s, err))
+        return false;
     import_header_use_elements(header, &(struct sp_elements_shape){ .kind = SP_KIND_GAUSSIANS,
                                                                     .count = s->count,
                                                                     .degree = s->degree });
-    return s;
+    return true;
 }
 
 /* A float of 16 bits. */
@@ -303,6 +296,7 @@ static bool read_elements(void *reader, const struct sp_elements *elements,
 
 const struct import_format import_spz = { .name = "SPZ",
                                           .probe = probe,
+                                          .reader_size = sizeof(struct spz),
                                           .open = open_spz,
                                           .read_elements = read_elements,
                                           .close = close_spz };

@@ -85,15 +85,14 @@ static void *open_slice(const struct stack *s, uint32_t n, struct slice *slice,
     slice->file.size = size;
     slice->file.shown = s->slices.names[n];
     slice->file.warnings = warnings;
-    *header = (struct import_header){ .bytes = 0 };
-    void *reader = s->inner->open(&slice->file, header, err);
+    void *reader = import_format_open(s->inner, &slice->file, header, err);
     if (!reader)
         close(fd);
     return reader;
 }
 
 static void close_slice(const struct stack *s, void *reader, const struct slice *slice) {
-    s->inner->close(reader);
+    import_format_close(s->inner, reader);
     close(slice->file.fd);
 }
 
@@ -159,11 +158,9 @@ static bool keep_alike(struct stack *s, struct sp_error *err) {
 
 static void close_stack(void *reader) {
     struct stack *s = reader;
-    if (s->single)
-        s->inner->close(s->single);
+    import_format_close(s->inner, s->single);
     sp_numbered_finish(&s->slices);
     free(s->times);
-    free(s);
 }
 
 /* The first one for a value that is not there. */
@@ -262,7 +259,7 @@ static void warn_doubtful(const struct stack *s) {
 
 /* Opens the file that was asked for. It is a volume of its own, or the first slice. */
 static bool open_single(struct stack *s, struct import_header *header, struct sp_error *err) {
-    s->single = s->inner->open(&s->alone, header, err);
+    s->single = import_format_open(s->inner, &s->alone, header, err);
     if (!s->single)
         return false;
     const bool is_slice = header->grid.dims[2] == 1 && header->steps.count < 2;
@@ -270,14 +267,15 @@ static bool open_single(struct stack *s, struct import_header *header, struct sp
         return true;
     if (s->alone.step == s->file->step && s->alone.selection.as == s->file->selection.as)
         return true;
-    s->inner->close(s->single);
-    *header = (struct import_header){ .bytes = 0 };
-    s->single = s->inner->open(s->file, header, err);
+    import_format_close(s->inner, s->single);
+    s->single = import_format_open(s->inner, s->file, header, err);
     return s->single != NULL;
 }
 
 /* Looks for other files if this one has a single slice. */
-static bool take(struct stack *s, struct import_header *header, struct sp_error *err) {
+static bool open_stack(struct stack *s, const struct import_file *file,
+                       struct import_header *header, struct sp_error *err) {
+    s->file = file;
     if (!find_files(s, err) || !open_single(s, header, err))
         return false;
     if (header->grid.dims[2] > 1)
@@ -302,28 +300,13 @@ static bool take(struct stack *s, struct import_header *header, struct sp_error 
     warn_doubtful(s);
     if (s->slices.count < 2 && header->steps.count < 2 && !header->others[0][0])
         return true;
-    s->inner->close(s->single);
+    import_format_close(s->inner, s->single);
     s->single = NULL;
     header->grid.dims[2] = s->slices.count;
     header->took_folder = true;
     if (header->grid.dims[2] > 1)
         import_warn_distance(header, s->file->warnings);
     return sp_grid_check(&header->grid, header->type, s->file->shown, &header->bytes, err);
-}
-
-static void *open_stack(const struct import_format *inner, const struct import_file *file,
-                        struct import_header *header, struct sp_error *err) {
-    struct stack *s = calloc(1, sizeof *s);
-    if (!s) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    s->inner = inner;
-    s->file = file;
-    if (take(s, header, err))
-        return s;
-    close_stack(s);
-    return NULL;
 }
 
 static bool read_stack(void *reader, void *voxels, float (*vectors)[3],
@@ -350,14 +333,18 @@ static bool read_stack(void *reader, void *voxels, float (*vectors)[3],
     return true;
 }
 
-static void *open_tiffs(const struct import_file *file, struct import_header *header,
-                        struct sp_error *err) {
-    return open_stack(&import_tiff, file, header, err);
+static bool open_tiffs(void *reader, const struct import_file *file, struct import_header *header,
+                       struct sp_error *err) {
+    struct stack *s = reader;
+    s->inner = &import_tiff;
+    return open_stack(s, file, header, err);
 }
 
-static void *open_images(const struct import_file *file, struct import_header *header,
-                         struct sp_error *err) {
-    return open_stack(&import_image, file, header, err);
+static bool open_images(void *reader, const struct import_file *file, struct import_header *header,
+                        struct sp_error *err) {
+    struct stack *s = reader;
+    s->inner = &import_image;
+    return open_stack(s, file, header, err);
 }
 
 static bool probe_tiffs(const uint8_t *start, size_t size, const char *shown) {
@@ -371,12 +358,14 @@ static bool probe_images(const uint8_t *start, size_t size, const char *shown) {
 const struct import_format import_tiff_stack = { .name = "TIFF",
                                                  .needs_module = true,
                                                  .probe = probe_tiffs,
+                                                 .reader_size = sizeof(struct stack),
                                                  .open = open_tiffs,
                                                  .read = read_stack,
                                                  .close = close_stack };
-const struct import_format import_image_stack = { .name = "image",
+const struct import_format import_image_stack = { .name = "PNG and JPEG",
                                                   .needs_module = true,
                                                   .probe = probe_images,
+                                                  .reader_size = sizeof(struct stack),
                                                   .open = open_images,
                                                   .read = read_stack,
                                                   .close = close_stack };

@@ -301,13 +301,11 @@ static void close_tiff(void *reader) {
     tiff_planes_finish(&t->planes);
     tiff_file_close(&t->pages);
     free(t->palette);
-    free(t);
 }
 
 static bool take_pages(struct tiff *t, const char *description, struct import_header *header,
                        struct sp_error *err) {
     struct tiff_planes *p = &t->planes;
-    import_header_init(header);
     const bool ok = tiff_is_ome(description)
                         ? tiff_ome_parse(p, t->file, description, strlen(description),
                                          t->pages.count, t->pages.pages[0].samples, err)
@@ -343,7 +341,10 @@ static bool are_plain(const struct tiff *t, const char *description, const char 
            (tiff_is_shaped(description) || strncmp(software, "tifffile", 8) == 0);
 }
 
-static bool open_pages(struct tiff *t, struct import_header *header, struct sp_error *err) {
+static bool open_tiff(void *reader, const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    struct tiff *t = reader;
+    t->file = file;
     char why[SP_ERROR_TEXT];
     if (!tiff_file_open(&t->pages, t->file, err))
         return false;
@@ -361,20 +362,6 @@ static bool open_pages(struct tiff *t, struct import_header *header, struct sp_e
         return false;
     t->bridge = t->call->open(t->file->fd, why, sizeof why);
     return t->bridge || tiff_fail(&t->pages, 0, err, SP_ERR_FORMAT, "%s", why);
-}
-
-static void *open_tiff(const struct import_file *file, struct import_header *header,
-                       struct sp_error *err) {
-    struct tiff *t = calloc(1, sizeof *t);
-    if (!t) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    t->file = file;
-    if (open_pages(t, header, err))
-        return t;
-    close_tiff(t);
-    return NULL;
 }
 
 /* Reading. */
@@ -532,6 +519,7 @@ static bool probe_tiff(const uint8_t *start, size_t size, const char *shown) {
 const struct import_format import_tiff = { .name = "TIFF",
                                            .needs_module = true,
                                            .probe = probe_tiff,
+                                           .reader_size = sizeof(struct tiff),
                                            .open = open_tiff,
                                            .read = read_tiff,
                                            .close = close_tiff };

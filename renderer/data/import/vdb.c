@@ -88,9 +88,11 @@ static bool place(const struct vdb *v, struct import_header *header, struct sp_e
     return sp_grid_check(grid, header->type, v->file->shown, &header->bytes, err);
 }
 
-static bool take(struct vdb *v, struct import_header *header, struct sp_error *err) {
+static bool open_vdb(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct vdb *v = reader;
+    v->file = file;
     char path[40], why[SP_ERROR_TEXT];
-    import_header_init(header);
     v->call = import_module_load(v->file, IMAGE_BRIDGE_MODULE, IMAGE_BRIDGE_SYMBOL, "OpenImageIO",
                                  "libopenimageio2.4", err);
     if (!v->call)
@@ -107,21 +109,6 @@ static void close_vdb(void *reader) {
     struct vdb *v = reader;
     if (v->bridge)
         v->call->close(v->bridge);
-    free(v);
-}
-
-static void *open_vdb(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    struct vdb *v = calloc(1, sizeof *v);
-    if (!v) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    v->file = file;
-    if (take(v, header, err))
-        return v;
-    close_vdb(v);
-    return NULL;
 }
 
 struct reading {
@@ -147,6 +134,7 @@ static bool read_vdb(void *reader, void *voxels, float (*vectors)[3],
 const struct import_format import_vdb = { .name = "OpenVDB",
                                           .needs_module = true,
                                           .probe = probe,
+                                          .reader_size = sizeof(struct vdb),
                                           .open = open_vdb,
                                           .read = read_vdb,
                                           .close = close_vdb };

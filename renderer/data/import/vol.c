@@ -22,9 +22,8 @@
 enum { HEADER_MAX = 1 << 16, MITSUBA_BYTES = 48 };
 
 struct vol {
+    struct import_sampled sampled; /* the first: read() is that of samples.h */
     const struct import_file *file;
-    struct import_samples samples;
-    struct import_conversion conversion;
 };
 
 static bool is_mitsuba(const uint8_t *start, size_t size) {
@@ -48,19 +47,20 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
 /* Sets what follows from dims, numbers and components. */
 static bool finish_header(struct vol *v, struct import_number number, unsigned components,
                           struct import_header *header, struct sp_error *err) {
-    struct import_samples *s = &v->samples;
-    v->conversion = import_conversion_of(number, v->file->warnings);
-    v->conversion.components = components;
+    struct import_samples *s = &v->sampled.samples;
+    v->sampled.conversion = import_conversion_of(number, v->file->warnings);
+    v->sampled.conversion.components = components;
     if (components > 1)
-        v->conversion.component =
+        v->sampled.conversion.component =
             import_header_choose_component(header, v->file->field, components, components > 2);
-    header->type = v->conversion.type;
+    header->type = v->sampled.conversion.type;
     if (!sp_grid_check(&header->grid, header->type, v->file->shown, &header->bytes, err))
         return false;
     s->file = v->file;
     s->number = number;
     s->bytes = header->bytes / sp_type_size(header->type) * number.size * components;
-    s->conversion = import_conversion_is_copy(&v->conversion) ? NULL : &v->conversion;
+    s->conversion =
+        import_conversion_is_copy(&v->sampled.conversion) ? NULL : &v->sampled.conversion;
     return import_samples_check(s, err);
 }
 
@@ -107,8 +107,8 @@ static bool take_mitsuba(struct vol *v, const uint8_t *text, size_t size,
         header->grid.origin[a] = (double)box[a];
         header->grid.spacing[a] = gaps ? extent / gaps : extent;
     }
-    v->samples.start = MITSUBA_BYTES;
-    v->samples.field = "size";
+    v->sampled.samples.start = MITSUBA_BYTES;
+    v->sampled.samples.field = "size";
     return finish_header(v, numbers[fields[0]], (unsigned)fields[4], header, err);
 }
 
@@ -148,10 +148,10 @@ static bool take_dgtal(struct vol *v, char *text, struct import_header *header,
     if (size != 1 && size != 2 && size != 4 && size != 8)
         return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, 0, "Voxel-Size",
                            "%g bytes are not supported; supported are 1, 2, 4 and 8", size);
-    v->samples.start = (uint64_t)(end - text) + 3;
-    v->samples.encoding = version >= 3 ? IMPORT_GZIP : IMPORT_RAW;
-    v->samples.big_endian = endian && strncmp(endian, "0", 1) != 0;
-    v->samples.field = "X, Y, Z";
+    v->sampled.samples.start = (uint64_t)(end - text) + 3;
+    v->sampled.samples.encoding = version >= 3 ? IMPORT_GZIP : IMPORT_RAW;
+    v->sampled.samples.big_endian = endian && strncmp(endian, "0", 1) != 0;
+    v->sampled.samples.field = "X, Y, Z";
     return finish_header(v, (struct import_number){ IMPORT_UNSIGNED, (size_t)size }, 1, header,
                          err);
 }
@@ -207,9 +207,9 @@ static bool take_vgi(struct vol *v, const char *text, struct import_header *head
     /* The name may be the path of another computer. */
     const char *slash = strrchr(name, '/'), *back = strrchr(name, '\\');
     const char *file = slash > back ? slash + 1 : back ? back + 1 : name;
-    if (!import_samples_add(&v->samples, file, strlen(file)))
+    if (!import_samples_add(&v->sampled.samples, file, strlen(file)))
         return sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory");
-    v->samples.field = "Size";
+    v->sampled.samples.field = "Size";
     const struct import_number number = { is_float    ? IMPORT_FLOAT
                                           : is_signed ? IMPORT_SIGNED
                                                       : IMPORT_UNSIGNED,
@@ -217,7 +217,10 @@ static bool take_vgi(struct vol *v, const char *text, struct import_header *head
     return finish_header(v, number, 1, header, err);
 }
 
-static bool take(struct vol *v, struct import_header *header, struct sp_error *err) {
+static bool open_vol(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct vol *v = reader;
+    v->file = file;
     char *text = malloc(HEADER_MAX + 1);
     if (!text)
         return sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory");
@@ -225,8 +228,7 @@ static bool take(struct vol *v, struct import_header *header, struct sp_error *e
     const size_t size = got > 0 ? (size_t)got : 0;
     bool ok;
     text[size] = 0;
-    import_header_init(header);
-    v->samples.file = v->file;
+    v->sampled.samples.file = file;
     if (is_mitsuba((const uint8_t *)text, size))
         ok = take_mitsuba(v, (const uint8_t *)text, size, header, err);
     else if (is_dgtal((const uint8_t *)text, size))
@@ -242,32 +244,9 @@ static bool take(struct vol *v, struct import_header *header, struct sp_error *e
     return ok;
 }
 
-static void close_vol(void *reader) {
-    struct vol *v = reader;
-    import_samples_finish(&v->samples);
-    free(v);
-}
-
-static void *open_vol(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    struct vol *v = calloc(1, sizeof *v);
-    if (!v) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    v->file = file;
-    if (take(v, header, err))
-        return v;
-    close_vol(v);
-    return NULL;
-}
-
-static bool read_vol(void *reader, void *voxels, float (*vectors)[3],
-                     const struct import_progress *progress, struct sp_error *err) {
-    const struct vol *v = reader;
-    return import_samples_read(&v->samples, voxels, vectors, progress, err);
-}
-
-const struct import_format import_vol = {
-    .name = "vol", .probe = probe, .open = open_vol, .read = read_vol, .close = close_vol
-};
+const struct import_format import_vol = { .name = ".vol and .vgi",
+                                          .probe = probe,
+                                          .reader_size = sizeof(struct vol),
+                                          .open = open_vol,
+                                          .read = import_sampled_read,
+                                          .close = import_sampled_close };

@@ -16,18 +16,13 @@
 
 enum { PIECES_MAX = 1 << 16, ENTRIES_MAX = 1 << 22, FILES_MAX = 1 << 16 };
 
-struct vtk_volume *vtk_create(const struct import_file *file, struct sp_error *err) {
-    struct vtk_volume *v = calloc(1, sizeof *v);
-    if (!v) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
-        return NULL;
-    }
+void vtk_init(struct vtk_volume *v, const struct import_file *file) {
+    memset(v, 0, sizeof *v);
     v->file = file;
     v->other.fd = -1;
     v->time = NAN;
     for (int axis = 0; axis < 3; axis++)
         v->image.spacing[axis] = v->image.direction[4 * axis] = 1;
-    return v;
 }
 
 void vtk_close(void *volume) {
@@ -42,7 +37,6 @@ void vtk_close(void *volume) {
     for (int axis = 0; axis < 3; axis++)
         free(v->positions[axis]);
     import_mesh_parts_free(&v->mesh.parts);
-    free(v);
 }
 
 /* Enlarges the array for one more of `count` items. NULL with *err set if there are `most`. */
@@ -171,7 +165,6 @@ void vtk_warn_of_cells(const struct vtk_volume *v, uint64_t count) {
 }
 
 bool vtk_complete(struct vtk_volume *v, struct import_header *header, struct sp_error *err) {
-    import_header_init(header);
     if (isfinite(v->time)) {
         header->steps.count = 1;
         header->steps.times = &v->time;

@@ -130,7 +130,7 @@ enum { VTK_SAMPLES, VTK_VECTOR_FIELD }; /* the second index of `selected` */
 
 /* vtk.c: pieces, arrays and files. */
 
-struct vtk_volume *vtk_create(const struct import_file *file, struct sp_error *err);
+void vtk_init(struct vtk_volume *v, const struct import_file *file);
 void vtk_close(void *volume);
 
 /* Append one; NULL with *err set if there are too many or no memory is left. An entry belongs to

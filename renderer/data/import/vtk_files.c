@@ -79,28 +79,25 @@ static bool parse(struct vtk_volume *v, struct sp_error *err) {
     return ok;
 }
 
-static void *open_xml(const struct import_file *file, struct import_header *header,
-                      struct sp_error *err) {
-    struct vtk_volume *v = vtk_create(file, err);
-    if (v && parse(v, err) && vtk_complete(v, header, err))
-        return v;
-    if (v)
-        vtk_close(v);
-    return NULL;
+static bool open_xml(void *reader, const struct import_file *file, struct import_header *header,
+                     struct sp_error *err) {
+    struct vtk_volume *v = reader;
+    vtk_init(v, file);
+    return parse(v, err) && vtk_complete(v, header, err);
 }
 
 static bool read_time(const struct import_file *file, double *time) {
-    struct vtk_volume *v = vtk_create(file, NULL);
-    const bool ok = v && parse(v, NULL) && isfinite(v->time);
-    if (ok)
-        *time = v->time;
-    if (v)
-        vtk_close(v);
+    struct vtk_volume v;
+    vtk_init(&v, file);
+    const bool ok = parse(&v, NULL) && isfinite(v.time);
+    *time = v.time;
+    vtk_close(&v);
     return ok;
 }
 
-const struct import_format import_vtk_xml = { .name = "VTK XML",
+const struct import_format import_vtk_xml = { .name = "VTK XML (.vti, .vtu, .vtp and others)",
                                               .probe = vtk_xml_probe,
+                                              .reader_size = sizeof(struct vtk_volume),
                                               .open = open_xml,
                                               .read = vtk_read,
                                               .read_elements = vtk_read_elements,

@@ -502,13 +502,13 @@ static bool take_all(struct vtk_legacy *l) {
     return true;
 }
 
-/* Reads the structure and the places of arrays. NULL with *err set on failure. */
-static struct vtk_volume *parse(const struct import_file *file, struct sp_error *err) {
-    struct vtk_volume *volume = vtk_create(file, err);
-    struct vtk_legacy *l = volume ? calloc(1, sizeof *l) : NULL;
-    if (volume && !l)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
-    bool ok = l && vtk_add_piece(volume, 0, err);
+/* Reads the structure and the places of arrays. */
+static bool parse(struct vtk_volume *volume, const struct import_file *file, struct sp_error *err) {
+    vtk_init(volume, file);
+    struct vtk_legacy *l = calloc(1, sizeof *l);
+    if (!l)
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
+    bool ok = vtk_add_piece(volume, 0, err);
     if (ok) {
         l->file = file;
         l->volume = volume;
@@ -517,35 +517,25 @@ static struct vtk_volume *parse(const struct import_file *file, struct sp_error 
         ok = take_all(l);
     }
     free(l);
-    if (ok)
-        return volume;
-    if (volume)
-        vtk_close(volume);
-    return NULL;
+    return ok;
 }
 
-static void *open_legacy(const struct import_file *file, struct import_header *header,
-                         struct sp_error *err) {
-    struct vtk_volume *v = parse(file, err);
-    if (v && vtk_complete(v, header, err))
-        return v;
-    if (v)
-        vtk_close(v);
-    return NULL;
+static bool open_legacy(void *reader, const struct import_file *file, struct import_header *header,
+                        struct sp_error *err) {
+    return parse(reader, file, err) && vtk_complete(reader, header, err);
 }
 
 static bool read_time(const struct import_file *file, double *time) {
-    struct vtk_volume *v = parse(file, NULL);
-    const bool ok = v && isfinite(v->time);
-    if (ok)
-        *time = v->time;
-    if (v)
-        vtk_close(v);
+    struct vtk_volume v;
+    const bool ok = parse(&v, file, NULL) && isfinite(v.time);
+    *time = v.time;
+    vtk_close(&v);
     return ok;
 }
 
 const struct import_format import_vtk = { .name = "VTK",
                                           .probe = probe,
+                                          .reader_size = sizeof(struct vtk_volume),
                                           .open = open_legacy,
                                           .read = vtk_read,
                                           .read_elements = vtk_read_elements,

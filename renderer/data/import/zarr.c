@@ -191,9 +191,11 @@ static bool take_as_level(struct zarr *z) {
     return true;
 }
 
-static bool take(struct zarr *z, struct import_header *header, struct sp_error *err) {
+bool zarr_open(struct zarr *z, const struct zarr_store *store, const struct import_file *file,
+               struct import_header *header, struct sp_error *err) {
     struct zarr_node node;
-    import_header_init(header);
+    z->store = store;
+    z->file = file;
     const enum zarr_found found = zarr_node_open(&node, z->store, "", err);
     if (found == ZARR_MISSING)
         return sp_fail(err, SP_ERR_UNSUPPORTED, z->store->shown,
@@ -208,21 +210,6 @@ static bool take(struct zarr *z, struct import_header *header, struct sp_error *
     return ok;
 }
 
-void *zarr_open(const struct zarr_store *store, const struct import_file *file,
-                struct import_header *header, struct sp_error *err) {
-    struct zarr *z = calloc(1, sizeof *z);
-    if (!z) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    z->store = store;
-    z->file = file;
-    if (take(z, header, err))
-        return z;
-    zarr_close(z);
-    return NULL;
-}
-
 static void free_reading(struct reading *r);
 
 void zarr_close(void *reader) {
@@ -233,9 +220,8 @@ void zarr_close(void *reader) {
     zarr_image_close(&z->image);
     arrays_finish(&z->arrays);
     zarr_fields_close(&z->fields);
-    if (z->close_store)
+    if (z->folder)
         z->close_store(&z->folder);
-    free(z);
 }
 
 /* Reading. */
@@ -501,21 +487,14 @@ static bool read_chunk(void *reader, unsigned l, const uint32_t place[3], void *
     return true;
 }
 
-static void *open_folder(const struct import_file *file, struct import_header *header,
-                         struct sp_error *err) {
-    struct zarr_store *store = zarr_folder_open(file);
-    if (!store) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
-        return NULL;
-    }
-    struct zarr *z = zarr_open(store, file, header, err);
-    if (z) {
-        z->folder = store;
-        z->close_store = zarr_folder_close;
-    } else {
-        zarr_folder_close(&store);
-    }
-    return z;
+static bool open_folder(void *reader, const struct import_file *file, struct import_header *header,
+                        struct sp_error *err) {
+    struct zarr *z = reader;
+    z->folder = zarr_folder_open(file);
+    z->close_store = zarr_folder_close;
+    if (!z->folder)
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+    return zarr_open(z, z->folder, file, header, err);
 }
 
 static bool lacks_root(const struct zarr_store *store) {
@@ -527,22 +506,21 @@ static bool lacks_root(const struct zarr_store *store) {
     return found == ZARR_MISSING;
 }
 
-static void *open_remote(const struct import_file *file, struct import_header *header,
-                         struct sp_error *err) {
-    struct zarr_store *store = zarr_remote_open(REMOTE_FILE, REMOTE_MEMORY, file->shown, err);
-    struct zarr *z = store ? zarr_open(store, file, header, err) : NULL;
-    if (z) {
-        z->folder = store;
-        z->close_store = zarr_remote_close;
-    } else if (store) {
-        const unsigned status = zarr_remote_status(store);
-        if (err->code == SP_ERR_UNSUPPORTED && status && lacks_root(store))
-            sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
-                    "there is no OME-Zarr at this address: the host answered with the status %u",
-                    status);
-        zarr_remote_close(&store);
-    }
-    return z;
+static bool open_remote(void *reader, const struct import_file *file, struct import_header *header,
+                        struct sp_error *err) {
+    struct zarr *z = reader;
+    z->folder = zarr_remote_open(REMOTE_FILE, REMOTE_MEMORY, file->shown, err);
+    z->close_store = zarr_remote_close;
+    if (!z->folder)
+        return false;
+    if (zarr_open(z, z->folder, file, header, err))
+        return true;
+    const unsigned status = zarr_remote_status(z->folder);
+    if (err->code == SP_ERR_UNSUPPORTED && status && lacks_root(z->folder))
+        sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
+                "there is no OME-Zarr at this address: the host answered with the status %u",
+                status);
+    return false;
 }
 
 static bool is_never(const uint8_t *start, size_t size, const char *shown) {
@@ -555,6 +533,7 @@ static bool is_never(const uint8_t *start, size_t size, const char *shown) {
 const struct import_format import_zarr_remote = { .name = "Zarr",
                                                   .probe = is_never,
                                                   .needs_module = true,
+                                                  .reader_size = sizeof(struct zarr),
                                                   .open = open_remote,
                                                   .read = zarr_read,
                                                   .levels = list_levels,
@@ -564,6 +543,7 @@ const struct import_format import_zarr_remote = { .name = "Zarr",
 const struct import_format import_zarr = { .name = "Zarr",
                                            .probe = probe,
                                            .needs_module = true,
+                                           .reader_size = sizeof(struct zarr),
                                            .open = open_folder,
                                            .read = zarr_read,
                                            .levels = list_levels,

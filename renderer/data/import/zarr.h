@@ -7,10 +7,12 @@
 
 #include "data/import/zarr_store.h"
 
+struct zarr; /* import_zarr.reader_size bytes */
+
 /* As open(), read() and close() of struct import_format. The store must stay valid until
  * zarr_close(). */
-void *zarr_open(const struct zarr_store *store, const struct import_file *file,
-                struct import_header *header, struct sp_error *err);
+bool zarr_open(struct zarr *z, const struct zarr_store *store, const struct import_file *file,
+               struct import_header *header, struct sp_error *err);
 bool zarr_read(void *reader, void *voxels, float (*vectors)[3],
                const struct import_progress *progress, struct sp_error *err);
 void zarr_close(void *reader);
