@@ -85,6 +85,13 @@ bool gl_band_follow(struct gl_band *band, struct sp_error *err) {
     return true;
 }
 
+bool gl_band_draw_layer(struct gl_band *band, struct sp_error *err) {
+    glDispatchCompute(band->columns, gl_band_rows(band), 1);
+    gl_band_barrier();
+    gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
+    return gl_band_follow(band, err);
+}
+
 void gl_band_drop_fences(struct gl_band *band) {
     for (int i = 0; i < GL_QUEUED_MAX; i++)
         gl_fence_drop(&band->sent[i]);

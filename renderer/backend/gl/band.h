@@ -64,6 +64,9 @@ void gl_band_clear(const struct gl_band *band, uint32_t layer);
 /* Orders what shaders wrote before later shaders and buffer clears. */
 void gl_band_barrier(void);
 
+/* Runs the bound program for each tile of the band, as a part of its layers, and follows. */
+bool gl_band_draw_layer(struct gl_band *band, struct sp_error *err);
+
 /* Ends a batch or a pass with a fence, and waits for an earlier one, so that a cancelled frame
  * leaves little queued work. SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_band_follow(struct gl_band *band, struct sp_error *err);

@@ -6,8 +6,8 @@
 #include "backend/gl/program.h"
 
 bool gl_bins_init(struct gl_bins *bins, struct sp_error *err) {
-    return (bins->scan = gl_program_open("bins scan_bins", "", err)) &&
-           (bins->totals_program = gl_program_open("bins scan_totals", "", err)) &&
+    return (bins->scan = gl_program_open("bins scan scan_bins", "", err)) &&
+           (bins->totals_program = gl_program_open("bins scan scan_totals", "", err)) &&
            (bins->scatter = gl_program_open("bins records scatter", "", err)) &&
            (bins->order = gl_program_open("bins sort_bins", "", err));
 }

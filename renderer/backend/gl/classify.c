@@ -320,7 +320,7 @@ bool gl_classify_color(struct gl_classify *c, const struct gl_voxels *voxels,
 static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_visible_list *finer,
                        bool normals, bool is_post, const struct sp_level *level,
                        struct sp_error *err) {
-    const uint32_t *dims = finer->grid.dims, bricks = gl_visible_list_bricks(finer);
+    const uint32_t *dims = finer->grid.dims, bricks = sp_visible_brick_count(finer->bricks);
     if (!reserve_places(c, &c->firsts, bricks, err) ||
         !reserve_places(c, &c->counts, sp_visible_bricks(&level->visible), err) ||
         !write_places(c, &c->firsts, finer->first, bricks, err))

@@ -72,13 +72,13 @@ static void sort_digit(struct gl_state *s, uint32_t count, int pass) {
 
 bool gl_depth_order_open(struct gl_state *s, struct sp_error *err) {
     static const char what[] = "the order of elements";
-    return gl_program_late(&s->depth_order.depths, "depth_order find_depths", "", s->device, what,
-                           err) &&
-           gl_program_late(&s->depth_order.digits, "depth_order count_digits", "", s->device, what,
-                           err) &&
-           gl_program_late(&s->depth_order.starts, "scan_digits", "", s->device, what, err) &&
-           gl_program_late(&s->depth_order.move, "depth_order move_items", "", s->device, what,
-                           err);
+    return gl_program_late(&s->depth_order.depths, "ordinal depth_order find_depths", "", s->device,
+                           what, err) &&
+           gl_program_late(&s->depth_order.digits, "ordinal depth_order count_digits", "",
+                           s->device, what, err) &&
+           gl_program_late(&s->depth_order.starts, "scan scan_digits", "", s->device, what, err) &&
+           gl_program_late(&s->depth_order.move, "ordinal depth_order move_items", "", s->device,
+                           what, err);
 }
 
 bool gl_depth_order_reserve(struct gl_state *s, uint32_t count, struct sp_error *err) {

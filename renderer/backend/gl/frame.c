@@ -19,10 +19,6 @@ _Static_assert((int)SP_CUTS_MAX == (int)GL_CLIP_PLANES, "the shaders hold every 
 _Static_assert((int)SP_LIGHTS_MAX == (int)GL_LIGHTS, "the shaders hold every light");
 _Static_assert(2 * (int)SP_LEVELS <= (int)GL_PARTS, "a part for each level, enlarged or not");
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "data", err);
-}
-
 static uint32_t part_bit(unsigned level, bool is_enlarged) {
     return 1u << (2 * level + is_enlarged);
 }
@@ -136,7 +132,7 @@ static void write_part(struct gl_part *to, const struct sp_ewa_frame *e,
     to->rows[3] = mode;
 }
 
-static void write_planes(float (*to)[4], const struct sp_clip_frame *clip) {
+void gl_write_planes(float (*to)[4], const struct sp_clip_frame *clip) {
     for (uint32_t i = 0; i < clip->count; i++) {
         memcpy(to[i], clip->planes[i].normal, sizeof clip->planes[i].normal);
         to[i][3] = clip->planes[i].offset;
@@ -152,7 +148,7 @@ static void make_part(struct gl_frame *f, const struct sp_view *view, unsigned l
     sp_clip_frame_init(&ewa->clip, &f->camera, f->grid, &view->clip, ewa->unit);
     write_part(&f->constants.parts[part], ewa, f->lists[level], view->filter.mode, level);
     write_adaptive(&f->constants.parts[part], f, view, ewa, level, is_enlarged);
-    write_planes(f->constants.planes[part], &ewa->clip);
+    gl_write_planes(f->constants.planes[part], &ewa->clip);
 }
 
 static void make_parts(struct gl_frame *f, const struct sp_view *view) {
@@ -226,7 +222,7 @@ static bool cut_sheets(struct gl_frame *f, const struct gl_sources *from,
     uint32_t *order = sp_arena_alloc(from->arena, "order of sheets", count, sizeof *order);
     uint32_t *sheets = sp_arena_alloc(from->arena, "layers of sheets", count, sizeof *sheets);
     if (from->arena->failed)
-        return fail_memory(from->arena, err);
+        return sp_arena_fail(from->arena, "data", err);
     sp_slices_sort(&f->camera, f->grid, f->axis, order);
     for (uint32_t k = 0; k < count; k++)
         sheets[order[k]] = k;
@@ -274,7 +270,7 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
     sp_camera_transform_init(&f->camera, &job->view->camera, job->view->size);
     f->axis = sp_slices_major_axis(&f->camera, grid);
     if (!choose_levels(f, job, from->arena))
-        return fail_memory(from->arena, err);
+        return sp_arena_fail(from->arena, "data", err);
     if (!get_lists(f, job, from, err))
         return false;
     make_parts(f, job->view);

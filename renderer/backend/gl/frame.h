@@ -74,4 +74,7 @@ void gl_frame_write_shading(struct gl_constants *constants,
 bool gl_frame_begin(struct gl_frame *frame, const struct sp_backend_job *job,
                     const struct gl_sources *from, struct sp_error *err);
 
+/* Writes clip planes as shaders read them. */
+void gl_write_planes(float (*to)[4], const struct sp_clip_frame *clip);
+
 #endif

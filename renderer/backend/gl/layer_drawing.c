@@ -2,6 +2,7 @@
 #include "backend/gl/layer_drawing.h"
 
 #include "base/clock.h"
+#include "base/minmax.h"
 
 bool gl_layer_drawing_make(struct gl_layer_drawing *l, struct gl_band *band, struct sp_error *err) {
     struct gl_state *s = band->state;
@@ -24,17 +25,13 @@ bool gl_layer_drawing_begin(struct gl_layer_drawing *l, const struct gl_band *ba
     return true;
 }
 
-static uint32_t larger(uint32_t a, uint32_t b) {
-    return a > b ? a : b;
-}
-
 void gl_layer_drawing_divide(struct gl_layer_drawing *l, const struct gl_band *band) {
     if (gl_layer_drawing_rounds(l)) {
         gl_meshes_divide(&l->meshes, &band->slot->pieces);
         gl_splat_layers_divide(&l->splats, &band->slot->pieces);
     }
     l->fragments.state_words =
-        larger(l->surfaces.sheet_words, larger(l->meshes.words, l->splats.words));
+        sp_maxu(l->surfaces.sheet_words, sp_maxu(l->meshes.words, l->splats.words));
 }
 
 bool gl_layer_drawing_reserve(const struct gl_layer_drawing *l, const struct gl_band *band,

@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "base/minmax.h"
+
 enum {
     PAIRS_MOST = 1 << 25,
     RECORDS_MOST = 4000000, /* a pair has 22 bits for it; the count of GL_SCAN_BLOCK bins fits
@@ -22,25 +24,21 @@ enum {
     LARGER = 4   /* times larger than needed counts as oversized */
 };
 
-static uint64_t least(uint64_t a, uint64_t b) {
-    return a < b ? a : b;
-}
-
 void gl_memory_limit(struct gl_state *s) {
     uint64_t part =
         s->residency.limit_bytes / PARTS * 4 / 5; /* buffers are a quarter larger than asked */
     uint64_t block = s->block_bytes ? s->block_bytes : UINT64_MAX;
-    uint64_t words = least(part / sizeof(uint32_t), block / sizeof(uint32_t) - GL_BINS_HEAD);
-    uint64_t px = least(part / PIXEL_BYTES, block / GL_PIXEL_BYTES);
+    uint64_t words = sp_minu(part / sizeof(uint32_t), block / sizeof(uint32_t) - GL_BINS_HEAD);
+    uint64_t px = sp_minu(part / PIXEL_BYTES, block / GL_PIXEL_BYTES);
     bool software = gl_context_info(s->context)->software;
     struct gl_limits *limits = &s->workload.limits;
     *limits =
         (struct gl_limits){ .records = RECORDS_MOST,
                             .record_bytes = part,
-                            .bins = (uint32_t)least(software ? BINS_SOFTWARE : BINS_MOST, words),
-                            .tiles = (uint32_t)least(software ? TILES_SOFTWARE : TILES_MOST,
-                                                     px / (GL_TILE * GL_TILE)),
-                            .pairs = least(PAIRS_MOST, words),
+                            .bins = (uint32_t)sp_minu(software ? BINS_SOFTWARE : BINS_MOST, words),
+                            .tiles = (uint32_t)sp_minu(software ? TILES_SOFTWARE : TILES_MOST,
+                                                       px / (GL_TILE * GL_TILE)),
+                            .pairs = sp_minu(PAIRS_MOST, words),
                             .loops = software ? LOOPS_SOFTWARE : LOOPS_MOST,
                             .stall_factor = software ? 1 : STALL_FACTOR,
                             .dispatch_ms = software ? INFINITY : DISPATCH_MS };
@@ -91,7 +89,7 @@ bool gl_memory_release(struct gl_state *s) {
         gl_buffer_finish(scratch.buffers[i]);
     }
     s->surfaces.per_pixel = 0;
-    s->workload.pairs = least(GL_PAIRS_MIN, gl_workload_limits(&s->workload).pairs);
+    s->workload.pairs = sp_minu(GL_PAIRS_MIN, gl_workload_limits(&s->workload).pairs);
     s->residency.beside_bytes = gl_draw_bytes(s);
     return had;
 }

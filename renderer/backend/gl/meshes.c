@@ -183,10 +183,7 @@ static bool draw_batch(const struct gl_meshes *meshes, const struct gl_mesh *mes
         const bool is_last = pass + 1 == pieces->element_passes;
         glUniform4ui(2, pass, pieces->element_passes, sheet,
                      (pass ? RESUMES : bits & RESUMES) | (is_last ? bits & ~RESUMES : 0u));
-        glDispatchCompute(band->columns, gl_band_rows(band), 1);
-        gl_band_barrier();
-        gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
-        if (!gl_band_follow(band, err))
+        if (!gl_band_draw_layer(band, err))
             return false;
     }
     return true;

@@ -37,10 +37,6 @@ void gl_partition_trim(struct gl_partition *partition) {
     partition->is_cut = false;
 }
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "data", err);
-}
-
 static void write_list_made(const struct gl_partition_source *from, uint64_t made[SP_LEVELS]) {
     for (unsigned l = 0; l < SP_LEVELS; l++)
         made[l] = from->lists[l] ? from->lists[l]->list_made : 0;
@@ -105,7 +101,7 @@ static void enclose(const struct gl_visible_list *list, struct gl_item *item) {
     const struct sp_grid *grid = &list->grid;
     struct sp_vec3 half[3];
     uint32_t corner[3];
-    gl_visible_list_corner(list, item->brick, corner);
+    sp_visible_brick_corner(list->bricks, item->brick, corner);
     item->centre = sp_vec3_from(grid->origin);
     for (unsigned a = 0; a < 3; a++) {
         uint32_t last = corner[a] + SP_BRICK - 1;
@@ -127,7 +123,7 @@ static void enclose(const struct gl_visible_list *list, struct gl_item *item) {
 static bool list_items(struct gl_partition *partition, const struct gl_partition_source *from,
                        unsigned axis, struct sp_error *err) {
     const struct gl_visible_list *list = from->lists[from->level];
-    uint32_t most = axis == SP_NO_AXIS ? gl_visible_list_bricks(list) : from->detail->count;
+    uint32_t most = axis == SP_NO_AXIS ? sp_visible_brick_count(list->bricks) : from->detail->count;
     sp_arena_reset(&partition->kept);
     partition->volume = NULL; /* until the list is complete */
     partition->is_cut = false;
@@ -136,7 +132,7 @@ static bool list_items(struct gl_partition *partition, const struct gl_partition
     partition->sheet_count = 0;
     partition->items = sp_arena_alloc(&partition->kept, "bricks", most, sizeof *partition->items);
     if (!partition->items || (axis != SP_NO_AXIS && !keep_detail(partition, from->detail)))
-        return fail_memory(&partition->kept, err);
+        return sp_arena_fail(&partition->kept, "data", err);
     if (axis != SP_NO_AXIS)
         add_detail(partition, from);
     for (uint32_t b = 0; axis == SP_NO_AXIS && b < most; b++)
@@ -155,7 +151,7 @@ static bool list_items(struct gl_partition *partition, const struct gl_partition
 static void find_sheets(const struct gl_partition *partition, const struct gl_visible_list *list,
                         struct gl_item *item) {
     uint32_t corner[3], first, dim = list->grid.dims[partition->axis];
-    gl_visible_list_corner(list, item->brick, corner);
+    sp_visible_brick_corner(list->bricks, item->brick, corner);
     first = corner[partition->axis];
     item->near = INT64_MAX;
     item->far = 0;
@@ -181,7 +177,7 @@ bool gl_partition_sheets(struct gl_partition *partition, const struct gl_partiti
     partition->is_cut = partition->is_cut && partition->is_whole;
     partition->sheets_made++;
     if (!partition->sheets)
-        return fail_memory(&partition->kept, err);
+        return sp_arena_fail(&partition->kept, "data", err);
     memcpy(partition->sheets, sheets, count * sizeof *sheets);
     for (uint32_t i = 0; i < partition->item_count; i++)
         find_sheets(partition, from->lists[partition->items[i].level], &partition->items[i]);
@@ -323,14 +319,14 @@ bool gl_partition_make(struct gl_partition *partition, uint32_t layers, uint32_t
     partition->chunks = NULL;
     partition->chunks_made++;
     if (!sum_entries(partition, &s))
-        return fail_memory(&partition->pieces, err);
+        return sp_arena_fail(&partition->pieces, "data", err);
     make_batches(partition, &s);
     partition->chunks = sp_arena_alloc(&partition->pieces, "bricks", partition->chunk_count,
                                        sizeof *partition->chunks);
     partition->batches = sp_arena_alloc(&partition->pieces, "batches", partition->batch_count,
                                         sizeof *partition->batches);
     if (partition->pieces.failed)
-        return fail_memory(&partition->pieces, err);
+        return sp_arena_fail(&partition->pieces, "data", err);
     make_batches(partition, &s);
     partition->is_cut = true;
     return true;

@@ -12,10 +12,6 @@ enum {
     INTERVALS_LEAST = 16     /* three more sheets are read at the beginning of each dispatch */
 };
 
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_arena_fail(arena, "data", err);
-}
-
 /* Of a projection. */
 static bool upload_colors(const struct gl_resample_frame *f, struct gl_state *s,
                           struct sp_error *err) {
@@ -39,7 +35,7 @@ static bool add_passes(struct gl_resample_frame *f, struct gl_state *s,
     struct gl_buffer *of_squares = &s->resample.uploads.squares[f->resample.axis];
     gl_resample_constants_init(&constants, &f->resample);
     if (!gl_resample_squares_init(&squares, &f->resample, &s->arena))
-        return fail_memory(&s->arena, err);
+        return sp_arena_fail(&s->arena, "data", err);
     uint64_t bytes = squares.count * sizeof squares.squares[0];
     if (!gl_buffer_reserve(buffer, "constants", sizeof constants, s->block_bytes, GL_USE_STREAM,
                            err) ||

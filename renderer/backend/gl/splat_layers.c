@@ -436,10 +436,7 @@ static bool draw_batch(const struct gl_splat_layers *layers, const struct gl_spl
         const uint32_t begins = pass ? 0 : bits & BEGINS;
         glUniform3ui(2, pass, pieces->element_passes,
                      begins | (pass + 1 == pieces->element_passes ? bits & ENDS : 0));
-        glDispatchCompute(band->columns, gl_band_rows(band), 1);
-        gl_band_barrier();
-        gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
-        if (!gl_band_follow(band, err))
+        if (!gl_band_draw_layer(band, err))
             return false;
     }
     return true;

@@ -5,6 +5,7 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
+#include "backend/gl/frame.h"
 #include "backend/gl/pass.h"
 #include "data/volume/grid.h"
 
@@ -48,13 +49,6 @@ static void write_rows(float to[3][4], const float from[3][3]) {
         memcpy(to[r], from[r], sizeof from[r]);
 }
 
-static void write_planes(float (*to)[4], const struct sp_clip_frame *from) {
-    for (uint32_t i = 0; i < from->count; i++) {
-        memcpy(to[i], from->planes[i].normal, sizeof from->planes[i].normal);
-        to[i][3] = from->planes[i].offset;
-    }
-}
-
 /* Everything but the numbers of words. */
 static void write_constants(struct constants *c, const struct sp_surface *s) {
     const struct sp_ewa_frame *f = &s->frame;
@@ -73,8 +67,8 @@ static void write_constants(struct constants *c, const struct sp_surface *s) {
     write_rows(c->steps, f->step);
     write_rows(c->areas, s->facing);
     write_rows(c->kernel, f->kernel);
-    write_planes(c->clip, &s->clip);
-    write_planes(c->borders, &s->borders);
+    gl_write_planes(c->clip, &s->clip);
+    gl_write_planes(c->borders, &s->borders);
 }
 
 static struct block make_block(const struct sp_surface *s, const struct sp_splat *record) {
@@ -232,7 +226,7 @@ static bool open_program(struct gl_state *s, struct sp_error *err) {
     return gl_program_late(
         &s->surfaces.program,
         "frame bins normal shade fragments fragment_lists entries surface surface_resolve "
-        "draw_surface",
+        "ordinal draw_surface",
         "#define FRAGMENTS_ACCESS\n", s->device, "surfaces", err);
 }
 
@@ -279,10 +273,7 @@ static bool draw(const struct gl_surfaces *surfaces, const struct gl_surface *su
             return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         glUniform4ui(1, band->job->frame->width, first, first + n, first == 0);
         glUniform3ui(2, band->slot->fragments_most, band->fragments->insert.planes, n == left);
-        glDispatchCompute(band->columns, gl_band_rows(band), 1);
-        gl_band_barrier();
-        gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
-        if (!gl_band_follow(band, err))
+        if (!gl_band_draw_layer(band, err))
             return false;
     }
     return true;

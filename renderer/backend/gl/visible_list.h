@@ -35,17 +35,4 @@ struct gl_visible_list {
     uint32_t first_class;  /* row of the tables */
 };
 
-static inline uint32_t gl_visible_list_bricks(const struct gl_visible_list *list) {
-    return list->bricks[0] * list->bricks[1] * list->bricks[2];
-}
-
-/* Computes the index of the first voxel of a brick. */
-static inline void gl_visible_list_corner(const struct gl_visible_list *list, uint32_t brick,
-                                          uint32_t corner[3]) {
-    uint32_t row = brick / list->bricks[0];
-    corner[0] = brick % list->bricks[0] << SP_BRICK_SHIFT;
-    corner[1] = row % list->bricks[1] << SP_BRICK_SHIFT;
-    corner[2] = row / list->bricks[1] << SP_BRICK_SHIFT;
-}
-
 #endif

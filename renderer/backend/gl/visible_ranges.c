@@ -4,6 +4,7 @@
 #include <float.h>
 #include <string.h>
 
+#include "base/minmax.h"
 #include "classify/visible_ranges.h"
 
 /* The values that are compared: values of samples, or values of pixels relative to the base. */
@@ -80,10 +81,6 @@ bool gl_visible_ranges_is_possible(const struct sp_volume_info *info) {
     return info->type != SP_FLOAT64 && info->range[1] - info->range[0] < (double)FLT_MAX;
 }
 
-static float bounded(double x) {
-    return (float)fmax(-(double)FLT_MAX, fmin((double)FLT_MAX, x));
-}
-
 bool gl_visible_ranges_write_points(struct gl_buffer *buffer, const struct sp_transfer *transfer,
                                     uint64_t *uploaded, struct sp_error *err) {
     enum { HEAD = 4 };
@@ -94,9 +91,9 @@ bool gl_visible_ranges_write_points(struct gl_buffer *buffer, const struct sp_tr
     for (uint32_t i = 0; i < tf->point_count; i++) {
         const struct sp_tf_point *p = &tf->points[i];
         float(*row)[4] = rows + HEAD + 2 * i;
-        row[0][0] = bounded(p->value - transfer->base);
+        row[0][0] = sp_finite_float(p->value - transfer->base);
         if (i + 1 < tf->point_count)
-            row[0][1] = bounded(1 / (p[1].value - p->value));
+            row[0][1] = sp_finite_float(1 / (p[1].value - p->value));
         row[0][2] = p->opacity;
         memcpy(row[1], p->color, sizeof p->color);
     }

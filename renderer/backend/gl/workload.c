@@ -2,6 +2,7 @@
 #include "backend/gl/workload.h"
 
 #include "backend/gl/program.h"
+#include "base/minmax.h"
 #include "classify/visible.h"
 
 enum {
@@ -12,17 +13,13 @@ enum {
     SHORT = 5          /* short: below 1/5 of the limit, so that twice as much is not long */
 };
 
-static uint32_t most(uint32_t a, uint32_t b) {
-    return a > b ? a : b;
-}
-
 struct gl_limits gl_workload_limits(const struct gl_workload *workload) {
     struct gl_limits limits = workload->limits;
-    limits.records = most(limits.records >> workload->halvings, SP_BRICK_VOXELS);
+    limits.records = sp_maxu(limits.records >> workload->halvings, SP_BRICK_VOXELS);
     limits.record_bytes >>= workload->halvings;
-    limits.bins = most(limits.bins >> workload->halvings, 1);
-    limits.tiles = most(limits.tiles >> workload->halvings, 1);
-    limits.loops = most(limits.loops >> workload->halvings, 1);
+    limits.bins = sp_maxu(limits.bins >> workload->halvings, 1);
+    limits.tiles = sp_maxu(limits.tiles >> workload->halvings, 1);
+    limits.loops = sp_maxu(limits.loops >> workload->halvings, 1);
     limits.pairs = limits.pairs >> workload->halvings > 1 ? limits.pairs >> workload->halvings : 1;
     return limits;
 }
@@ -33,7 +30,7 @@ static uint32_t records_of(const struct gl_workload *workload, const struct gl_c
     uint64_t fit = limits.record_bytes / (costs->record_bytes + GL_SPAN_BYTES);
     uint64_t block = costs->block_bytes ? costs->block_bytes / costs->record_bytes : records;
     records = records < fit ? records : fit;
-    return most((uint32_t)(records < block ? records : block), SP_BRICK_VOXELS);
+    return sp_maxu((uint32_t)(records < block ? records : block), SP_BRICK_VOXELS);
 }
 
 /* A bin of a single brick is sorted however long that takes, because no batch is smaller. */
@@ -51,13 +48,13 @@ struct gl_pieces gl_workload_plan(const struct gl_workload *workload,
     return (struct gl_pieces){
         .records = records,
         .pairs = workload->pairs,
-        .pass_pairs = most(limits.loops / most(rounds, 1), 1),
+        .pass_pairs = sp_maxu(limits.loops / sp_maxu(rounds, 1), 1),
         .passes = workload->passes,
-        .element_pairs = most(limits.loops / most(costs->element_rounds, 1), 1),
+        .element_pairs = sp_maxu(limits.loops / sp_maxu(costs->element_rounds, 1), 1),
         .element_passes = workload->element_passes,
-        .bin_pairs = most(bin_pairs_of(workload, records), 1),
+        .bin_pairs = sp_maxu(bin_pairs_of(workload, records), 1),
         /* Each round is an atomic addition; one row of tiles is the minimum. */
-        .splat_rounds = most(limits.loops / limits.stall_factor, SPAN_ROUNDS * costs->columns),
+        .splat_rounds = sp_maxu(limits.loops / limits.stall_factor, SPAN_ROUNDS * costs->columns),
         .halvings = workload->halvings
     };
 }

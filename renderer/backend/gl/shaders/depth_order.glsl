@@ -12,15 +12,6 @@ layout(std430, binding = 3) buffer Range { int nearest, farthest; }; // range of
 const uint DIGITS = 256u, ROUNDS = 32u, ITEMS = GROUP * ROUNDS;
 const float STEPS = 4194302.0, INFINITE = uintBitsToFloat(0x7f800000u);
 
-int ordinal(float x) {
-    int bits = floatBitsToInt(x);
-    return bits ^ (bits >> 31 & 0x7fffffff);
-}
-
-float from_ordinal(int x) {
-    return intBitsToFloat(x ^ (x >> 31 & 0x7fffffff));
-}
-
 bool is_seen(float depth) {
     return depth < INFINITE;
 }

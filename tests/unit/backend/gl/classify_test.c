@@ -346,8 +346,8 @@ static void check_coarse(const struct gl_visible_list *list, const struct sp_lev
     assert_int_equal(list->count, v->count);
     assert_int_equal(list->normal_bytes, normals ? v->normal_bytes : 0);
     assert_memory_equal(list->first, v->first,
-                        (gl_visible_list_bricks(list) + 1) * sizeof *v->first);
-    for (uint32_t b = 0; b < gl_visible_list_bricks(list); b++) {
+                        (sp_visible_brick_count(list->bricks) + 1) * sizeof *v->first);
+    for (uint32_t b = 0; b < sp_visible_brick_count(list->bricks); b++) {
         uint16_t local[SP_BRICK_VOXELS];
         uint32_t count = (uint32_t)(v->first[b + 1] - v->first[b]);
         sp_visible_locals(v, b, NULL, 0, count, local);

@@ -209,7 +209,7 @@ void check_list(const struct gl_visible_list *list, const struct sp_level *level
     assert_true(!normals || bytes == level->visible.normal_bytes);
     assert_int_equal(list->has_keys, t->table != NULL);
     assert_compare(list->base, ==, sp_transfer_base(t));
-    for (uint32_t b = 0; b < gl_visible_list_bricks(list); b++) {
+    for (uint32_t b = 0; b < sp_visible_brick_count(list->bricks); b++) {
         uint32_t wanted = read_brick(level, b, normals, &brick), found = 0;
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
             uint32_t local = words[e] & 4095, key = words[e] >> 12;
@@ -230,7 +230,7 @@ void check_list(const struct gl_visible_list *list, const struct sp_level *level
         }
         assert_int_equal(found, wanted);
     }
-    assert_int_equal(list->first[gl_visible_list_bricks(list)], list->count);
+    assert_int_equal(list->first[sp_visible_brick_count(list->bricks)], list->count);
     free(words);
     free(rows);
     free(packed);

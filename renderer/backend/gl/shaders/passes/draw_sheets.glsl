@@ -53,15 +53,6 @@ bool is_live; // some pixel of the block was not opaque at the last sheet
 float begin, end, ray_length; // s inside all half spaces; length per slice
 float pass_share;             // share of the pixel that the pass has, of those with slices along its axis
 
-int ordinal(float x) {
-    int bits = floatBitsToInt(x);
-    return bits ^ (bits >> 31 & 0x7fffffff);
-}
-
-float from_ordinal(int x) {
-    return intBitsToFloat(x ^ (x >> 31 & 0x7fffffff));
-}
-
 // The square of the block at `corner` px.
 Square find_square(uvec2 corner) {
     uint i = corner.y / SQUARE * size.x + corner.x / SQUARE;

@@ -31,15 +31,6 @@ float hidden;              // what is behind is not seen
 Resolved sorted[2u * SHEETS]; // by depth
 uint sorted_count;
 
-int ordinal(float x) {
-    int bits = floatBitsToInt(x);
-    return bits ^ (bits >> 31 & 0x7fffffff);
-}
-
-float from_ordinal(int x) {
-    return intBitsToFloat(x ^ (x >> 31 & 0x7fffffff));
-}
-
 void add_footprint(Footprint f) {
     vec2 d = at - f.place.xy;
     float p = d.x * (f.place.z * d.x + f.place.w * d.y) + f.shape.x * d.y * d.y;

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Prefix sum: counts → where each bin's pairs begin inside its block of SCAN_BLOCK bins, and the total of each block.
-// Four bins per thread; Hillis & Steele in shared memory.
+// Four bins per thread.
 
 layout(local_size_x = GROUP) in;
 layout(std430, binding = 6) writeonly buffer Totals { uint totals[]; };
 layout(location = 1) uniform uint bins;
-
-shared uint sums[GROUP];
 
 void main() {
     uint thread = gl_LocalInvocationIndex, first = gl_WorkGroupID.x * SCAN_BLOCK + 4u * thread;
@@ -15,14 +13,7 @@ void main() {
         own[i] = sum;
         sum += first + i < bins ? count[first + i] : 0u;
     }
-    sums[thread] = sum;
-    barrier();
-    for (uint step = 1u; step < GROUP; step *= 2u) {
-        uint before = thread >= step ? sums[thread - step] : 0u;
-        barrier();
-        sums[thread] += before;
-        barrier();
-    }
+    scan(sum);
     uint start = sums[thread] - sum;
     for (uint i = 0u; i < 4u; i++)
         if (first + i < bins)

@@ -5,21 +5,12 @@ layout(local_size_x = GROUP) in;
 layout(std430, binding = 0) buffer Counts { uint counts[]; };
 layout(location = 0) uniform uint count;
 
-shared uint sums[GROUP];
-
 void main() {
     uint thread = gl_LocalInvocationIndex, each = (count + GROUP - 1u) / GROUP, sum = 0u;
     uint first = min(thread * each, count), end = min(first + each, count);
     for (uint i = first; i < end; i++)
         sum += counts[i];
-    sums[thread] = sum;
-    barrier();
-    for (uint step = 1u; step < GROUP; step *= 2u) {
-        uint before = thread >= step ? sums[thread - step] : 0u;
-        barrier();
-        sums[thread] += before;
-        barrier();
-    }
+    scan(sum);
     uint at = sums[thread] - sum;
     for (uint i = first; i < end; i++) {
         uint own = counts[i];

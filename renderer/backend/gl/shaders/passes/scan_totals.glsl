@@ -1,30 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Prefix sum of the totals → where each block begins, in one work group. Sums saturate, so that too many pairs never
-// look like few.
+// Prefix sum of the totals → where each block begins, in one work group.
 
 layout(local_size_x = GROUP) in;
 layout(std430, binding = 6) buffer Totals { uint totals[]; };
 layout(location = 1) uniform uint blocks;
 
-shared uint sums[GROUP];
-
-uint add(uint a, uint b) {
-    uint sum = a + b;
-    return sum < a ? 0xffffffffu : sum;
-}
-
 void main() {
     uint thread = gl_LocalInvocationIndex, begin = 0u;
     for (uint first = 0u; first < blocks; first += GROUP) {
         uint at = first + thread, own = at < blocks ? totals[at] : 0u;
-        sums[thread] = own;
-        barrier();
-        for (uint step = 1u; step < GROUP; step *= 2u) {
-            uint before = thread >= step ? sums[thread - step] : 0u;
-            barrier();
-            sums[thread] = add(sums[thread], before);
-            barrier();
-        }
+        scan(own);
         if (at < blocks)
             totals[at] = add(begin, thread > 0u ? sums[thread - 1u] : 0u);
         begin = add(begin, sums[GROUP - 1u]);
