@@ -12,7 +12,8 @@ const USES = [/\bicon(?:: |\()'([a-z0-9-]+)'/g, /data-icon="([a-z0-9-]+)"/g];
 
 /** The names of the icons that the page uses, sorted. */
 export function usedIcons() {
-  const files = ['index.html', ...readdirSync(path.join(HERE, 'app')).map((name) => `app/${name}`)];
+  const scripts = readdirSync(path.join(HERE, 'app'), { recursive: true }).filter((name) => String(name).endsWith('.js'));
+  const files = ['index.html', ...scripts.map((name) => `app/${name}`)];
   const names = files.map((name) => readFileSync(path.join(HERE, name), 'utf8'))
     .flatMap((text) => USES.flatMap((use) => [...text.matchAll(use)].map(([, name]) => name)));
   return [...new Set(names)].sort();

@@ -4,11 +4,11 @@ import { Connection } from '../core/connection.js';
 import { Emitter } from '../core/emitter.js';
 import { Participants } from '../core/participants.js';
 import { t } from '../core/text.js';
-import * as frames from '../app/frames.js';
-import { attachPointers, attachWheel, cameraKeys } from '../app/pointer.js';
-import { Screen } from '../app/screen.js';
-import * as stream from '../app/stream.js';
-import { Viewer } from '../app/viewer.js';
+import * as frames from '../app/frames/frames.js';
+import { attachPointers, attachWheel, cameraKeys } from '../app/camera/pointer.js';
+import { Screen } from '../app/frames/screen.js';
+import * as stream from '../app/session/stream.js';
+import { Viewer } from '../app/camera/viewer.js';
 
 const STYLE = `
 :host { display: block; position: relative; min-width: 1px; min-height: 1px; aspect-ratio: 4 / 3; background: #000; overflow: hidden; }

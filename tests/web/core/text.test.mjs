@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The texts of the page: keys, placeholders, and that no other file of the page contains a text for the user.
 import assert from 'node:assert/strict';
-import { existsSync, readFileSync, readdirSync } from 'node:fs';
+import { readFileSync, readdirSync } from 'node:fs';
 import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { test } from 'node:test';
@@ -15,9 +15,8 @@ import '../support/texts.mjs';
 const english = { ...SHARED, ...page };
 
 const ROOT = fileURLToPath(new URL('../../../clients/web/', import.meta.url));
-const files = (folder) => (existsSync(ROOT + folder) ? readdirSync(ROOT + folder) : [])
-  .filter((name) => name.endsWith('.js')).map((name) => `${folder}/${name}`);
-const SCRIPTS = ['app', 'core', 'element'].flatMap(files);
+const scripts = (folder, recursive) => readdirSync(ROOT + folder, { recursive }).filter((name) => name.endsWith('.js')).map((name) => `${folder}/${name}`);
+const SCRIPTS = ['app', 'core', 'element'].flatMap((folder) => scripts(folder, true));
 const PAGE = readFileSync(`${ROOT}index.html`, 'utf8');
 
 /** Runs `act` and returns what it reported to the console. */
@@ -50,7 +49,7 @@ test('the language is the first wanted one that the page has, otherwise English'
 
 test('each language has a file, with no key that English lacks and with the same placeholders', async () => {
   const names = (text) => (text.match(/\{\w+\}/g) ?? []).sort();
-  assert.deepEqual(files('text').map((name) => name.slice(5, -3)).sort(), [...LANGUAGES].sort());
+  assert.deepEqual(scripts('text', false).map((name) => name.slice(5, -3)).sort(), [...LANGUAGES].sort());
   for (const language of LANGUAGES) {
     const { default: texts } = await import(`../../../clients/web/text/${language}.js`);
     for (const [key, text] of Object.entries(texts)) {
@@ -103,7 +102,7 @@ test('the element carries its own texts and no others', () => {
     for (const [, to] of readFileSync(ROOT + name, 'utf8').matchAll(/from '(\.[^']+)'/g)) read(path.join(path.dirname(name), to));
   };
   read('element/splat-view.js');
-  assert.ok(modules.has('app/viewer.js') && modules.has('core/connection.js') && !modules.has('app/main.js'));
+  assert.ok(modules.has('app/camera/viewer.js') && modules.has('core/connection.js') && !modules.has('app/main.js'));
   const own = uses().filter(({ where }) => modules.has(where.split(':')[0]));
   const isOwn = (name) => own.some(({ key, start }) => (key === undefined ? start && name.startsWith(start) : key === name));
   assert.deepEqual(Object.keys(english).filter(isOwn).sort(), Object.keys(SHARED).sort());

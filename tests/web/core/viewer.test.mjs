@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Emitter } from '../../../clients/web/core/emitter.js';
-import { Viewer } from '../../../clients/web/app/viewer.js';
+import { Viewer } from '../../../clients/web/app/camera/viewer.js';
 
 globalThis.requestAnimationFrame = setImmediate;
 

@@ -42,7 +42,7 @@ test('the policy allows what the page needs from the daemon itself, and nothing 
 test('the page has less than 200 kB, as the daemon compresses it', async () => {
   const list = readFileSync(new URL('../../../clients/web/CMakeLists.txt', import.meta.url), 'utf8');
   const names = ['entries', 'chunks', 'styles', 'plain'].flatMap((set) => new RegExp(`^set\\(${set}\\s([^)]*)\\)`, 'm').exec(list)[1].trim().split(/\s+/));
-  assert.ok(names.includes('app/main.js') && names.includes('page.css') && names.includes('index.html'));
+  assert.ok(names.includes('app/main.js') && names.includes('style/page.css') && names.includes('index.html'));
   const sizes = [];
   for (const name of names) sizes.push([await sizeOf(new URL(name, daemon.url)), name]);
   const total = sizes.reduce((sum, [size]) => sum + size, 0);

@@ -10,9 +10,9 @@ import { drag, firstFrame, resize, settle, share, shot, touch, until, visitMock 
 import { SOURCES } from '../support/mock-daemon.mjs';
 
 const PROBE = `
-import { ORDER } from './panel.js';
-import { svg } from './dom.js';
-import { layoutButton } from './layout.js';
+import { ORDER } from './shell/panel.js';
+import { svg } from './controls/dom.js';
+import { layoutButton } from './shell/layout.js';
 export function install(app) {
   const said = window.probe = [];
   const note = (name) => (at) => { said.push(at?.map ? name + ' ' + at.map(Math.round) : name); };

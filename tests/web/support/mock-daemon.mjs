@@ -20,8 +20,9 @@ const PACKED = path.join(process.env.SPLATD_BIN_DIR ?? BUILT, '../clients/web/pa
 function newestPage() {
   const packed = statSync(path.join(PACKED, 'app/main.js'), { throwIfNoEntry: false });
   if (!packed) return SOURCES;
-  const files = ['.', 'app', 'core', 'text'].flatMap((folder) => readdirSync(path.join(SOURCES, folder)).map((name) => path.join(SOURCES, folder, name)));
-  return files.some((file) => /\.(js|css|html)$/.test(file) && statSync(file).mtimeMs > packed.mtimeMs) ? SOURCES : PACKED;
+  const files = ['index.html', ...['app', 'core', 'style', 'text'].flatMap((folder) => readdirSync(path.join(SOURCES, folder), { recursive: true })
+    .map((name) => path.join(folder, name)))];
+  return files.some((file) => /\.(js|css|html)$/.test(file) && statSync(path.join(SOURCES, file)).mtimeMs > packed.mtimeMs) ? SOURCES : PACKED;
 }
 const PAGE = newestPage();
 const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css', '.svg': 'image/svg+xml' };

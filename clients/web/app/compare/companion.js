@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// A second picture of the same daemon: a session of its own whose view this page alone changes. It ends with the page or with stop().
+import { Connection } from '../../core/connection.js';
+import { Emitter } from '../../core/emitter.js';
+import { FrameOrder } from '../../core/order.js';
+import { UpdateQueue } from '../../core/update_queue.js';
+import { applyPatch } from '../../core/merge.js';
+import { nextFrame } from '../frames/animation.js';
+import { decodeImage } from '../frames/decoder.js';
+import { Screen } from '../frames/screen.js';
+
+const RESIZE_MS = 120;
+
+/** Events: view, drawn, failed Error (the picture stays), ended Error (the session is gone). */
+export class Companion extends Emitter {
+  #api; #isGuests; #connection = null; #screen; #updates; #order;
+  #view;
+  #drawn = { seq: 0, isFinal: false, count: 0 };
+  #timer = null;
+  #isBehind = false; // a view of the daemon was not taken, because changes were on their way
+  #isStopped = false;
+
+  /** api: of the page; made: {id, tokens, view}; isGuests: a join token made it; canvas: where it draws. */
+  constructor({ base, env, api, made, canvas, isGuests }) {
+    super();
+    this.#isGuests = isGuests;
+    this.#api = api;
+    this.#view = made.view;
+    this.#screen = new Screen(canvas);
+    this.#connection = new Connection({
+      base, token: api.token, session: { id: made.id, token: made.tokens.control, isJoined: true }, env, size: () => this.#screen.size,
+    });
+    this.#updates = new UpdateQueue({
+      send: (params) => this.#connection.call('view.update', params),
+      schedule: nextFrame, now: () => performance.now(),
+      done: (patch) => (patch.volume || (this.#isBehind && this.#updates.isIdle)) && this.#reload(),
+      fail: (error) => this.emit('failed', error),
+    });
+    this.#order = new FrameOrder({
+      decode: decodeImage, schedule: nextFrame,
+      draw: (image, frame) => this.#draw(image, frame),
+      ack: ({ frame }) => this.#connection.notify('stream.ack', { frame }),
+      fail: (error) => this.emit('failed', error),
+    });
+    this.#listen();
+    this.#connection.start();
+  }
+
+  get id() { return this.#connection.session?.id ?? null; }
+  get view() { return this.#view; }
+  /** True if the newest change is drawn in full quality and in the wanted size. */
+  get isAtRest() {
+    return this.#updates.isIdle && this.#drawn.isFinal && this.#drawn.seq === this.#updates.sent && this.#drawn.size === String(this.#screen.size);
+  }
+
+  #listen() {
+    this.#screen.onResize(() => this.#planResize());
+    this.#connection.on('frame', (frame) => this.#order.put(frame));
+    this.#connection.on('state', ({ state, error, reason }) => {
+      if (this.#isStopped) return;
+      if (state === 'live') {
+        this.#order.reset();
+        this.#drawn = { seq: 0, isFinal: false, count: 0 };
+        this.#resize();
+        this.#updates.open();
+      } else if (state === 'lost' || state === 'refused') {
+        this.#updates.close();
+      }
+      if (state === 'refused') this.emit('ended', error ?? new Error(reason));
+    });
+    this.#connection.on('notification', ({ method, params }) => {
+      if (method === 'render.error') this.emit('failed', new Error(params.message));
+    });
+  }
+
+  #draw(image, { seq, isFinal, width, height }) {
+    this.#screen.draw(image, { isMoving: !isFinal });
+    this.#updates.show(seq);
+    this.#drawn = { seq, isFinal, size: String([width, height]), count: this.#drawn.count + 1 };
+    this.emit('drawn');
+  }
+
+  #planResize() {
+    this.#timer ??= setTimeout(() => {
+      this.#timer = null;
+      this.#resize();
+    }, RESIZE_MS);
+  }
+
+  #resize() {
+    if (!this.#connection.isLive) return;
+    this.#connection.call('stream.configure', { size: this.#screen.size, format: ['jpeg'] }).catch((error) => this.emit('failed', error));
+  }
+
+  async #reload() {
+    try {
+      const { view } = await this.#connection.call('view.get');
+      this.#isBehind = !this.#updates.isIdle; // then again when the changes on their way have arrived
+      if (this.#isBehind) return;
+      this.#view = view;
+      this.emit('view');
+    } catch { /* the stream reports a lost daemon */ }
+  }
+
+  /** Changes fields of the view; `settings` may name another volume. */
+  change(settings, time) {
+    this.#view = applyPatch(this.#view, settings);
+    this.#updates.put(settings, { time });
+    this.emit('view');
+  }
+
+  /** Moves the camera. */
+  look(camera, time) {
+    this.#view = applyPatch(this.#view, { camera });
+    this.#updates.put({ camera }, { time });
+  }
+
+  stop() {
+    if (this.#isStopped) return;
+    this.#isStopped = true;
+    clearTimeout(this.#timer);
+    const { session } = this.#connection;
+    this.#connection.stop();
+    // The daemon permits it for the token that created the session; for a fork by a guest, that is its own control token.
+    if (session) this.#api.deleteSession(session.id, this.#isGuests ? session.token : undefined).catch(() => {});
+  }
+}

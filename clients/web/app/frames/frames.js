@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames: from the stream through decoder and order to the canvas. app.frames tells what was drawn last.
+import { Emitter } from '../../core/emitter.js';
+import { FrameOrder } from '../../core/order.js';
+import { t } from '../../core/text.js';
+import { VideoStream } from '../../core/video.js';
+import { nextFrame } from './animation.js';
+import { decodeImage, prepareDecoder } from './decoder.js';
+
+/** Events: drawn {frame (its header), rig (its camera, or null), latency (ms, or null), decodeMs (from its arrival to its drawing)}; video-failed Error. */
+class Frames extends Emitter {
+  /** Of the last drawn frame; count, videos: since the page opened. */
+  drawn = { frame: 0, seq: 0, count: 0, videos: 0, width: 0, height: 0, isFinal: false, isLossless: false, isVideo: false, renderMs: 0 };
+
+  get hasPicture() { return this.drawn.count > 0; }
+}
+
+export function install(app) {
+  const { connection, viewer, screen, report } = app;
+  prepareDecoder();
+  const frames = new Frames();
+  const { drawn } = frames;
+  const video = new VideoStream({
+    env: { VideoDecoder: window.VideoDecoder, EncodedVideoChunk: window.EncodedVideoChunk },
+    toImage: (image, { width, height }) => createImageBitmap(image, 0, 0, width, height),
+    askKey: () => connection.notify('stream.key', {}),
+    giveUp: (error) => frames.emit('video-failed', error),
+  });
+  const order = new FrameOrder({
+    decode: (frame) => (frame.isVideo ? video.decode(frame) : decodeImage(frame)),
+    schedule: nextFrame,
+    draw: (image, frame) => {
+      screen.draw(image, { isMoving: !frame.isFinal });
+      const { frame: number, seq, width, height, isFinal, isLossless, isVideo, renderUs, encodeUs } = frame;
+      Object.assign(drawn, {
+        frame: number, seq, width, height, isFinal, isLossless, isVideo, count: drawn.count + 1, videos: drawn.videos + Number(isVideo),
+        renderMs: (renderUs + encodeUs) / 1000,
+      });
+      frames.emit('drawn', { frame, rig: viewer.rigOf(seq), latency: viewer.updates.show(seq), decodeMs: performance.now() - frame.arrived });
+    },
+    ack: ({ frame }) => connection.notify('stream.ack', { frame }),
+    fail: (error, { frame }) => report(new Error(t('frames.undecodable', { frame, reason: error.message }))),
+  });
+  connection.on('frame', (frame) => order.put({ ...frame, arrived: performance.now() }));
+  connection.on('state', ({ state }) => {
+    if (state !== 'live') return;
+    order.reset();
+    video.reset();
+  });
+  app.frames = frames;
+}
