@@ -1,31 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts the page: its language, the shared parts (app.js), and the features. To add a feature, write a module with install(app) and add
-// it to the list.
-import { chooseLanguage, useTexts } from '../core/text.js';
-import english from '../text/en.js';
+// Starts the page: its language, the shared parts (shell/app.js), and the features that the first image needs; later.js has the others. To add a
+// feature, write a module with install(app) and add it to one of the lists.
+import { chooseLanguage, translate, useTexts } from '../core/text.js';
+import page from '../text/en/page.js';
+import panel from '../text/en/panel.js';
+import * as announce from './announce.js';
 import { createApp } from './shell/app.js';
 import * as camera from './camera/camera.js';
-import * as capture from './capture/capture.js';
 import * as channels from './channels/channels.js';
 import * as clip from './clip/clip.js';
 import * as colorBar from './annotations/color_bar.js';
-import * as compare from './compare/compare.js';
 import * as connectionBanner from './session/connection_banner.js';
 import { showTexts } from './controls/dom.js';
-import * as edits from './edits/edits.js';
 import * as formats from './frames/formats.js';
 import * as frames from './frames/frames.js';
 import * as gradient from './transfer/gradient.js';
 import * as input from './camera/input.js';
 import * as inspect from './shell/inspect.js';
-import * as savedViews from './views/saved_views.js';
 import * as kinds from './shell/kinds.js';
-import * as keyframes from './paths/keyframes.js';
 import * as layers from './layers/layers.js';
-import * as measures from './measure/measures.js';
-import * as open from './volumes/open.js';
 import * as orientation from './camera/orientation.js';
-import * as paths from './paths/paths.js';
 import * as people from './session/people.js';
 import * as pick from './rendering/pick.js';
 import * as picture from './rendering/picture.js';
@@ -41,10 +35,8 @@ import * as stream from './session/stream.js';
 import * as theme from './shell/theme.js';
 import * as time from './time/time.js';
 import * as transfer from './transfer/transfer.js';
-import * as transferFiles from './transfer/transfer_files.js';
 import * as transferKinds from './transfer/transfer_kinds.js';
 import * as transferMaps from './transfer/transfer_maps.js';
-import * as uploads from './volumes/uploads.js';
 import * as views from './camera/views.js';
 import * as volumes from './volumes/volumes.js';
 import * as walk from './camera/walk.js';
@@ -56,15 +48,16 @@ import * as zoomBox from './camera/zoom_box.js';
 const FEATURES = [
   theme, kinds, frames, warp, status, stream, formats, connectionBanner, session, input, plates, sheet, pick,
   orientation, scaleBar, views, zoomBox, walk, camera, clip,
-  picture, time, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, channels, measures, edits,
-  open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, colorBar, savedViews, inspect,
+  picture, time, transfer, transferKinds, transferMaps, gradient, windowLevel, slices, layers, channels, announce,
+  volumes, presets, people, statusPanel, colorBar, inspect,
 ];
 
 async function start() {
   const asked = new URLSearchParams(location.search).get('lang');
   const language = chooseLanguage(asked ? [asked] : navigator.languages);
-  useTexts(english);
-  if (language !== 'en') useTexts((await import(`../text/${language}.js`)).default);
+  useTexts(page);
+  useTexts(panel);
+  if (language !== 'en') translate((await import(`../text/${language}/index.js`)).default);
   document.documentElement.lang = language;
   showTexts(document);
 

@@ -11,7 +11,17 @@ export class Emitter {
   }
 
   emit(name, payload) {
-    for (const listener of this.#listeners.get(name) ?? []) {
+    this.#tell(this.#listeners.get(name) ?? [], payload);
+  }
+
+  /** Returns emit() for the listeners that are added from now on, which so hear what they missed. */
+  late() {
+    const before = new Set([...this.#listeners.values()].flatMap((all) => [...all]));
+    return (name, payload) => this.#tell([...this.#listeners.get(name) ?? []].filter((listener) => !before.has(listener)), payload);
+  }
+
+  #tell(listeners, payload) {
+    for (const listener of listeners) {
       try {
         listener(payload);
       } catch (error) {

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The texts of the page by key, in the language of the user. Each language has one file text/LANGUAGE.js, whose default export is a
-// flat object. English is complete; a text that another language lacks appears in English. It has two files, so that <splat-view> carries
-// only the texts that it needs.
-import shared from '../text/shared/en.js';
+// The texts of the page by key, in the language of the user. Each language has a folder text/LANGUAGE/ with files whose default exports are
+// flat objects. English is complete and loads in parts: shared.js with <splat-view>, page.js and panel.js with the page, later.js with the
+// features of app/later.js. Other languages load index.js; a text that they lack appears in English.
+import shared from '../text/en/shared.js';
 
-/** The languages with a file in text/. */
+/** The languages with a folder in text/. */
 export const LANGUAGES = Object.freeze(['en']);
 
-let texts = shared;
+let english = shared;
+let translated = {};
+let texts = english;
 
 /** The first of the wanted languages, such as ['de-AT', 'en'], that the page has; otherwise English. */
 export function chooseLanguage(wanted) {
@@ -15,9 +17,16 @@ export function chooseLanguage(wanted) {
   return known.find((name) => LANGUAGES.includes(name)) ?? 'en';
 }
 
-/** Adds the texts of the page, then those of another language: the default export of its file. */
-export function useTexts(other) {
-  texts = { ...texts, ...other };
+/** Adds English texts: the default export of a file in text/en/. */
+export function useTexts(more) {
+  english = { ...english, ...more };
+  texts = { ...english, ...translated };
+}
+
+/** Uses another language where it has a text: the default export of its file. */
+export function translate(other) {
+  translated = other;
+  texts = { ...english, ...translated };
 }
 
 export const hasText = (key) => Object.hasOwn(texts, key);

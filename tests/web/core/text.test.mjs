@@ -6,13 +6,16 @@ import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { test } from 'node:test';
 import { LANGUAGES, chooseLanguage, hasText, t } from '../../../clients/web/core/text.js';
-import page from '../../../clients/web/text/en.js';
-import SHARED from '../../../clients/web/text/shared/en.js';
+import LATER from '../../../clients/web/text/en/later.js';
+import PAGE_TEXTS from '../../../clients/web/text/en/page.js';
+import PANEL from '../../../clients/web/text/en/panel.js';
+import SHARED from '../../../clients/web/text/en/shared.js';
 import { storedIcons, usedIcons } from '../../../clients/web/icons.mjs';
 import { literals } from '../support/literals.mjs';
 import '../support/texts.mjs';
 
-const english = { ...SHARED, ...page };
+const PARTS = [SHARED, PAGE_TEXTS, PANEL, LATER];
+const english = Object.assign({}, ...PARTS);
 
 const ROOT = fileURLToPath(new URL('../../../clients/web/', import.meta.url));
 const scripts = (folder, recursive) => readdirSync(ROOT + folder, { recursive }).filter((name) => name.endsWith('.js')).map((name) => `${folder}/${name}`);
@@ -47,14 +50,14 @@ test('the language is the first wanted one that the page has, otherwise English'
   assert.equal(chooseLanguage(['../../evil']), 'en');
 });
 
-test('each language has a file, with no key that English lacks and with the same placeholders', async () => {
+test('each language has a folder, with no key that English lacks and with the same placeholders', async () => {
   const names = (text) => (text.match(/\{\w+\}/g) ?? []).sort();
-  assert.deepEqual(scripts('text', false).map((name) => name.slice(5, -3)).sort(), [...LANGUAGES].sort());
-  for (const language of LANGUAGES) {
-    const { default: texts } = await import(`../../../clients/web/text/${language}.js`);
+  assert.deepEqual(readdirSync(`${ROOT}text`).sort(), [...LANGUAGES].sort());
+  for (const language of LANGUAGES.filter((name) => name !== 'en')) {
+    const { default: texts } = await import(`../../../clients/web/text/${language}/index.js`);
     for (const [key, text] of Object.entries(texts)) {
-      assert.ok(Object.hasOwn(english, key), `text/${language}.js: English has no "${key}"`);
-      assert.deepEqual(names(text), names(english[key]), `text/${language}.js: "${key}"`);
+      assert.ok(Object.hasOwn(english, key), `text/${language}/: English has no "${key}"`);
+      assert.deepEqual(names(text), names(english[key]), `text/${language}/: "${key}"`);
     }
   }
 });
@@ -80,8 +83,8 @@ test('every key that the page uses exists', () => {
   assert.deepEqual(unknown, []);
 });
 
-test('the texts are in order: keys with one beginning stand together, sorted; none is in both files', () => {
-  for (const texts of [SHARED, page]) {
+test('the texts are in order: keys with one beginning stand together, sorted; none is in two files', () => {
+  for (const texts of PARTS) {
     const last = new Map();
     let before = '';
     for (const key of Object.keys(texts)) {
@@ -91,17 +94,31 @@ test('the texts are in order: keys with one beginning stand together, sorted; no
       before = start;
     }
   }
-  assert.deepEqual(Object.keys(SHARED).filter((key) => Object.hasOwn(page, key)), []);
+  assert.equal(Object.keys(english).length, PARTS.reduce((sum, texts) => sum + Object.keys(texts).length, 0));
+});
+
+/** The modules that `name` imports, itself included; without those that it loads later. */
+function imported(name, modules = new Set()) {
+  if (modules.has(name)) return modules;
+  modules.add(name);
+  for (const [, to] of readFileSync(ROOT + name, 'utf8').matchAll(/from '(\.[^']+)'/g)) imported(path.join(path.dirname(name), to), modules);
+  return modules;
+}
+
+test('the page and the features that come later each have their own texts', () => {
+  const page = imported('app/main.js');
+  assert.ok(page.has('app/announce.js') && !page.has('app/later.js') && !page.has('app/measure/measures.js'));
+  const isUsed = (name, { key, start }) => (key === undefined ? start && name.startsWith(start) : key === name);
+  const first = uses().filter(({ where }) => page.has(where.split(':')[0]));
+  assert.deepEqual(Object.keys(LATER).filter((name) => first.some((use) => isUsed(name, use))), []);
+  const later = imported('app/later.js');
+  const inPage = uses().filter(({ where }) => where === 'index.html' || !later.has(where.split(':')[0]) || page.has(where.split(':')[0]));
+  const own = Object.keys({ ...PAGE_TEXTS, ...PANEL }).filter((name) => !inPage.some((use) => isUsed(name, use)));
+  assert.deepEqual(own, []);
 });
 
 test('the element carries its own texts and no others', () => {
-  const modules = new Set();
-  const read = (name) => {
-    if (modules.has(name)) return;
-    modules.add(name);
-    for (const [, to] of readFileSync(ROOT + name, 'utf8').matchAll(/from '(\.[^']+)'/g)) read(path.join(path.dirname(name), to));
-  };
-  read('element/splat-view.js');
+  const modules = imported('element/splat-view.js');
   assert.ok(modules.has('app/camera/viewer.js') && modules.has('core/connection.js') && !modules.has('app/main.js'));
   const own = uses().filter(({ where }) => modules.has(where.split(':')[0]));
   const isOwn = (name) => own.some(({ key, start }) => (key === undefined ? start && name.startsWith(start) : key === name));

@@ -39,16 +39,42 @@ test('the policy allows what the page needs from the daemon itself, and nothing 
   assert.equal(answer.headers.get('X-Content-Type-Options'), 'nosniff');
 });
 
-test('the page has less than 200 kB, as the daemon compresses it', async () => {
+/** The files of sets in CMakeLists.txt. */
+function filesOf(...sets) {
   const list = readFileSync(new URL('../../../clients/web/CMakeLists.txt', import.meta.url), 'utf8');
-  const names = ['entries', 'chunks', 'styles', 'plain'].flatMap((set) => new RegExp(`^set\\(${set}\\s([^)]*)\\)`, 'm').exec(list)[1].trim().split(/\s+/));
-  assert.ok(names.includes('app/main.js') && names.includes('style/page.css') && names.includes('index.html'));
-  const sizes = [];
-  for (const name of names) sizes.push([await sizeOf(new URL(name, daemon.url)), name]);
-  const total = sizes.reduce((sum, [size]) => sum + size, 0);
-  const largest = sizes.sort((a, b) => b[0] - a[0]).slice(0, 5).map(([size, name]) => `${name} ${size}`).join(', ');
-  compare(total, '<', 200000, `${total} bytes; the largest: ${largest}`);
-  console.log(`${total} bytes in ${names.length} files`);
+  return sets.flatMap((set) => new RegExp(`^set\\(${set}\\s([^)]*)\\)`, 'm').exec(list)[1].trim().split(/\s+/));
+}
+
+const FIRST = filesOf('entries', 'chunks', 'styles', 'plain');
+const ALL = [...FIRST, ...filesOf('later', 'element', 'element_styles', 'element_plain')];
+for (const [what, names, limit] of [['what the page loads for the first image', FIRST, 160000], ['the page with all its parts and the element', ALL, 200000]]) {
+  test(`${what} has less than ${limit / 1000} kB, as the daemon compresses it`, async () => {
+    assert.ok(names.includes('app/main.js') && names.includes('style/page.css') && names.includes('index.html'));
+    const sizes = [];
+    for (const name of names) sizes.push([await sizeOf(new URL(name, daemon.url)), name]);
+    const total = sizes.reduce((sum, [size]) => sum + size, 0);
+    const largest = sizes.sort((a, b) => b[0] - a[0]).slice(0, 5).map(([size, name]) => `${name} ${size}`).join(', ');
+    compare(total, '<', limit, `${total} bytes; the largest: ${largest}`);
+    console.log(`${total} bytes in ${names.length} files`);
+  });
+}
+
+test('the page loads nothing but these files for the first image, and the other features after it', async (context) => {
+  const { context: opened, page } = await openPage(browser);
+  context.after(() => opened.close());
+  const asked = [];
+  let before = null; // what was asked for when the features that come later were
+  const base = new URL('.', daemon.url).href;
+  page.on('request', (request) => {
+    const name = request.url().split(/[?#]/)[0].slice(base.length) || 'index.html';
+    if (name === 'app/later.js') before = [...asked];
+    asked.push(name);
+  });
+  await page.goto(daemon.url);
+  await until(page, 'all features', (s) => s.count > 0 && s.isComplete);
+  assert.ok(before, 'app/later.js was loaded');
+  assert.deepEqual(before.filter((name) => !name.startsWith('api/') && !FIRST.includes(name)), []);
+  assert.deepEqual(FIRST.filter((name) => !asked.includes(name)), []);
 });
 
 for (const colorScheme of ['dark', 'light']) {

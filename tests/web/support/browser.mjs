@@ -172,8 +172,8 @@ export async function resize(page, size) {
   await settle(page);
 }
 
-/** Waits until a frame of the live stream is drawn. */
-export const firstFrame = (page) => until(page, 'a frame', (s) => s.state === 'live' && s.count > 0);
+/** Waits until a frame of the live stream is drawn, and the features that come after it are there. */
+export const firstFrame = (page) => until(page, 'a frame', (s) => s.state === 'live' && s.count > 0 && s.isComplete);
 
 /** Opens all folds of the panel. */
 export const unfold = (page) => page.evaluate(() => {

@@ -42,7 +42,7 @@ class ColorBar {
 
   constructor(app) {
     this.#app = app;
-    const { connection, storage, transfer, viewer, overlay, compare } = app;
+    const { connection, storage, transfer, viewer, overlay, later } = app;
     byId('pane-3d').append(this.#root);
     this.#switch.checked = storage.recall('color-bar') !== 'no';
     this.#switch.addEventListener('change', () => {
@@ -52,7 +52,7 @@ class ColorBar {
     viewer.on('view', () => this.#plan());
     connection.on('volumes', () => this.#plan());
     transfer.onShow(() => this.#plan());
-    compare.onChange(() => this.#plan());
+    later.whenComplete(() => app.compare.onChange(() => this.#plan()));
     onCovers(() => this.#plan());
     overlay.layer((project, { width, height }) => {
       const size = `${width} ${height}`;
@@ -71,7 +71,7 @@ class ColorBar {
   }
 
   /** B of a comparison may have other colours. */
-  get #isWanted() { return this.#switch.checked && !this.#app.compare.splitsPicture; }
+  get #isWanted() { return this.#switch.checked && !this.#app.compare?.splitsPicture; }
 
   #draw() {
     const { viewer, connection, transfer } = this.#app;

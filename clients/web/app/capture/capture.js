@@ -7,7 +7,6 @@ import { burnIn, hasAnnotations } from '../annotations/annotations.js';
 import { composePanes, composedSize } from './composed.js';
 import { make } from '../controls/dom.js';
 import { showValue } from '../controls/fields.js';
-import { ORDER } from '../shell/panel.js';
 import { joinLink, saidOfLink } from '../session/people.js';
 import { shortBytes } from '../status/status.js';
 
@@ -27,11 +26,8 @@ const option = (value, text) => make('option', { value, text });
 const toggle = (id, isOn = false) => make('input', { id, type: 'checkbox', role: 'switch', checked: isOn });
 
 export function install(app) {
-  const body = app.panel.section({ id: 'capture', title: t('capture.section'), order: ORDER.capture });
-  app.capture = new Capture(app, body);
-  app.toolbar.button({
-    id: 'tool-capture', icon: 'camera', label: t('capture.save'), key: 's', group: 'capture', press: () => app.capture.save(),
-  });
+  app.capture = new Capture(app, app.panel.section({ id: 'capture' }));
+  app.toolbar.button({ id: 'tool-capture', press: () => app.capture.save() });
 }
 
 class Capture {

@@ -10,18 +10,15 @@ import { Companion } from './companion.js';
 import { Divider } from './compare_divider.js';
 import { byId, make, setText } from '../controls/dom.js';
 import { Cube, namesOf } from '../camera/orientation.js';
-import { ORDER } from '../shell/panel.js';
 import { attachPointers, attachWheel } from '../camera/pointer.js';
 
 const COPY = 'copy';
 
 export function install(app) {
-  const body = app.panel.section({ id: 'compare', title: t('compare.section'), order: ORDER.compare });
+  const body = app.panel.section({ id: 'compare' });
   app.layout.add('compare');
   const compare = new Compare(app, body);
-  const button = app.toolbar.button({
-    id: 'tool-compare', icon: 'columns-2', label: t('compare.tool'), group: 'compare', isToggle: true, press: () => compare.toggle(),
-  });
+  const button = app.toolbar.button({ id: 'tool-compare', press: () => compare.toggle() });
   compare.onChange(() => button.setAttribute('aria-pressed', String(compare.isOn)));
   app.compare = compare;
 }

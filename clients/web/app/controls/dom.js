@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Helpers for elements.
-import { t } from '../../core/text.js';
+import { hasText, t } from '../../core/text.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
 
@@ -62,10 +62,10 @@ const PLACES = {
   placeholder: (element, text) => { element.placeholder = text; },
 };
 
-/** Writes the texts of the elements of index.html. Their keys are in data-text, data-title, data-placeholder and data-label (aria-label, or the name of a group of options). */
+/** Writes the texts of the elements of index.html that are known; more may come (useTexts()). Their keys are in data-text, data-title, data-placeholder and data-label (aria-label, or the name of a group of options). */
 export function showTexts(root) {
   for (const [name, set] of Object.entries(PLACES)) {
-    for (const element of root.querySelectorAll(`[data-${name}]`)) set(element, t(element.dataset[name]));
+    for (const element of root.querySelectorAll(`[data-${name}]`)) if (hasText(element.dataset[name])) set(element, t(element.dataset[name]));
   }
   for (const template of root.querySelectorAll('template')) showTexts(template.content);
 }

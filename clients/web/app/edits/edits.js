@@ -11,7 +11,6 @@ import { icon, make, setAttribute, setText } from '../controls/dom.js';
 import { installEditHandles } from './edit_handles.js';
 import { pickAt } from '../measure/measure_tools.js';
 import { tellIfNothing } from '../rendering/nothing_visible.js';
-import { ORDER } from '../shell/panel.js';
 
 const RADIUS = 0.08; // of a new sphere, in diagonals of the volume
 const RADIUS_MAX = 0.5;
@@ -147,7 +146,7 @@ class EditSection {
   constructor(app, edits) {
     this.#app = app;
     this.#edits = edits;
-    this.#body = app.panel.section({ id: 'edit', title: t('edits.section'), order: ORDER.edit, needs: 'grid' });
+    this.#body = app.panel.section({ id: 'edit' });
     this.#body.dataset.pointer = '/edits';
     this.#list = make('ol', { id: 'edit-list', 'aria-label': t('edits.list') });
     this.#empty = make('p', { class: 'about', text: t('edits.empty') });

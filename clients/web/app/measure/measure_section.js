@@ -8,7 +8,6 @@ import { add, cross, normalize, rotate, scale, subtract } from '../../core/vecto
 import { icon, make, setText } from '../controls/dom.js';
 import { histogramPlot, numbersTable, profilePlot } from './measure_plot.js';
 import { panesOf } from './measure_tools.js';
-import { ORDER } from '../shell/panel.js';
 
 const ICONS = {
   distance: () => icon('ruler'), angle: () => icon('triangle-right'), profile: () => icon('chart-line'), rectangle: () => icon('square-dashed'),
@@ -42,7 +41,7 @@ class Section {
   constructor(app, measures) {
     this.#app = app;
     this.#measures = measures;
-    const body = app.panel.section({ id: 'measure', title: t('measure.section'), order: ORDER.measure });
+    const body = app.panel.section({ id: 'measure' });
     this.#empty = make('p', { class: 'about', text: t('measure.empty') });
     this.#list = make('ul', { id: 'measures', 'aria-label': t('measure.list') });
     this.#noUnit = make('p', { class: 'about', id: 'measure-nounit', text: t('measure.nounit'), hidden: true });

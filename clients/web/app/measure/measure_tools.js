@@ -6,13 +6,8 @@ import { namedValue } from '../../core/measure_text.js';
 import { KINDS, pointsFromCorners, quickValue, unitOf } from '../../core/measures.js';
 import { rangeOfPart } from '../../core/edits.js';
 import { t } from '../../core/text.js';
+import { TOOLS } from './measure_buttons.js';
 
-const TOOLS = [
-  { kind: 'distance', icon: 'ruler', key: 'd' }, { kind: 'angle', icon: 'triangle-right', key: 'a' },
-  { kind: 'profile', icon: 'chart-line', key: 'i', needs: 'grid' }, { kind: 'rectangle', icon: 'square-dashed', key: 'r', needs: 'grid' },
-  { kind: 'ellipse', icon: 'circle-dashed', key: 'e', needs: 'grid' }, { kind: 'marker', icon: 'map-pin', key: 'm' },
-  { kind: 'part', icon: 'cuboid', key: 'b', needs: 'grid' }, { kind: 'path', icon: 'spline', key: 'n', needs: 'grid' },
-];
 const DRAG_PX = 6;
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const STEP_PX = 8;
@@ -23,12 +18,9 @@ const modeOf = (kind) => `measure-${kind}`;
 export function installTools(app, measures) {
   const { modes, toolbar, viewer, connection } = app;
   const tools = new Map(TOOLS.map(({ kind }) => [modeOf(kind), new Tool(app, measures, kind)]));
-  const buttons = TOOLS.map(({ kind, icon, key, needs }) => {
+  const buttons = TOOLS.map(({ kind }) => {
     modes.add(modeOf(kind), tools.get(modeOf(kind)).mode);
-    const button = toolbar.button({
-      id: `tool-${kind}`, icon, key, label: t(`measure.${kind}`), group: 'measure', isToggle: true, needs,
-      press: () => measures.canEdit && modes.toggle(modeOf(kind)),
-    });
+    const button = toolbar.button({ id: `tool-${kind}`, press: () => measures.canEdit && modes.toggle(modeOf(kind)) });
     return { kind, button };
   });
   const show = () => {

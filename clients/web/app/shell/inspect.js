@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // window.splatd for tests and the console: read-only and not an interface. frame, seq: of the last drawn frame; count: frames drawn since
 // the page opened; videos: how many of them were video; sent: seq of the newest update;
-// compared: the second picture of a comparison; isDrawn: nothing (labels, scale bar, controls) waits for the next animation frame.
+// compared: the second picture of a comparison; isDrawn: nothing (labels, scale bar, controls) waits for the next animation frame; isComplete: the
+// features of ../later.js are there.
 import { plannedFrames } from '../frames/animation.js';
 
-export function install({ connection, frames, screen, viewer, warp, participants, status, errors, modes, layout, measures, compare, statusPanel }) {
+export function install(app) {
+  const { connection, frames, screen, viewer, warp, participants, status, errors, modes, layout, statusPanel } = app;
   const { drawn } = frames;
   Object.defineProperty(window, 'splatd', {
     value: Object.freeze({
@@ -22,6 +24,7 @@ export function install({ connection, frames, screen, viewer, warp, participants
       get sent() { return viewer.updates.sent; },
       get isIdle() { return viewer.updates.isIdle; },
       get isDrawn() { return plannedFrames() === 0; },
+      get isComplete() { return app.later.isComplete; },
       get isWarped() { return warp.isVisible; },
       get camera() { return structuredClone(viewer.camera); },
       get view() { return structuredClone(viewer.view); },
@@ -35,13 +38,13 @@ export function install({ connection, frames, screen, viewer, warp, participants
       get latencyMs() { return status.latencyMs; },
       get latency() { return statusPanel.latency; },
       get compared() {
-        const other = compare.companion;
+        const other = app.compare?.companion;
         return other && { id: other.id, isAtRest: other.isAtRest, view: structuredClone(other.view) };
       },
       get stats() { return structuredClone(status.stats); },
       get mode() { return modes.current; },
       get layout() { return layout.current; },
-      get measures() { return structuredClone(measures.items); },
+      get measures() { return structuredClone(app.measures?.items ?? []); },
       get errors() { return [...errors]; },
     }),
   });

@@ -13,6 +13,7 @@ export const NARROW = '(max-width: 640px), (max-height: 480px)';
 
 export class Panel {
   #root; #body; #complaints; #storage;
+  #announced = new Map(); // id → body
   #height = 'closed';
 
   constructor(storage) {
@@ -50,9 +51,12 @@ export class Panel {
 
   /**
    * Makes a fold of the panel and returns its body. id: of the <details>; order: see ORDER; isOpen: at the first visit, later the tab
-   * remembers it. needs: the fold appears only where this has a meaning (core/kinds.js).
+   * remembers it. needs: the fold appears only where this has a meaning (core/kinds.js). For an announced section the id is enough.
    */
-  section({ id, title, order, isOpen = false, needs = null }) {
+  section({ id, title = '', order = 0, isOpen = false, needs = null }) {
+    const known = this.#announced.get(id);
+    this.#announced.delete(id);
+    if (known) return known;
     const body = make('div', { class: 'fold-body' });
     const fold = make('details', { class: 'fold', id, 'data-order': order, 'data-needs': needs ?? false, open: isOpen }, make('summary', {}, make('h2', { text: title })), body);
     const next = [...this.#body.children].find((other) => Number(other.dataset.order) > order);
@@ -60,6 +64,9 @@ export class Panel {
     this.#follow(fold);
     return body;
   }
+
+  /** Makes the fold of a feature that comes later and calls section() with the same id. */
+  announce(options) { this.#announced.set(options.id, this.section(options)); }
 
   /** Opens the panel and the section with this id, and shows it. */
   reveal(id) {

@@ -11,6 +11,7 @@ const GROUPS = Object.freeze(['layout', 'view', 'tools', 'measure', 'compare', '
 export class Toolbar {
   #root; #menu; #more; #shortcuts;
   #groups = new Map(); // name → element
+  #announced = new Map(); // id → {button, press(event)}
   #isPlanned = false;
 
   constructor(root, shortcuts) {
@@ -35,7 +36,22 @@ export class Toolbar {
    * group: one of GROUPS or a new one; isToggle: it has aria-pressed, which the caller sets; press(event). order: its place in the group
    * (default: last). needs: it appears only where this has a meaning (core/kinds.js).
    */
-  button({ id, icon: name, label, key = null, group = 'tools', isToggle = false, order = 1000, needs = null, press }) {
+  button({ id, press, ...options }) {
+    const known = this.#announced.get(id);
+    if (!known) return this.#make({ id, press, ...options });
+    this.#announced.delete(id);
+    known.press = press;
+    return known.button;
+  }
+
+  /** Adds a button whose feature comes later: button() with its id sets what it does. ask(act) calls act() as soon as the feature is there. */
+  announce(options, ask) {
+    const known = { press: (event) => ask(() => known.press(event)) };
+    known.button = this.button({ ...options, press: (event) => known.press(event) });
+    this.#announced.set(options.id, known);
+  }
+
+  #make({ id, icon: name, label, key = null, group = 'tools', isToggle = false, order = 1000, needs = null, press }) {
     const button = make('button', {
       id, class: 'tool', 'aria-label': label, title: key ? t('toolbar.tip', { label, key: key.toUpperCase() }) : label, tabindex: '-1',
       'data-order': order, 'data-needs': needs ?? false, ...(isToggle ? { 'aria-pressed': 'false' } : {}), press,

@@ -463,7 +463,4 @@ export function install(app) {
   const dialog = new OpenDialog(app);
   /** Shows the dialog. use: see app.openVolume(). */
   app.open = (use) => { if (app.mayOpen) dialog.show(use); };
-  byId('open-button').addEventListener('click', () => app.open());
-  byId('banner-open').addEventListener('click', () => app.open());
-  app.shortcuts.add('o', () => app.open(), t('open.shortcut'));
 }

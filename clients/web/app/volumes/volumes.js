@@ -202,7 +202,7 @@ class VolumeList {
     const { api, compare, participants } = this.#app;
     if (state !== 'ready') return false;
     if (id === this.#current && participants.count > 1) return true;
-    const own = [this.#current, compare.volume].filter((shown) => shown === id).length;
+    const own = [this.#current, compare?.volume].filter((shown) => shown === id).length;
     try {
       return (await api.volume(id)).sessions > own;
     } catch {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The texts in English that the page shares with <splat-view>. The element contains only these; text/en.js has all others.
+// The texts in English that the page shares with <splat-view>. The element contains only these.
 export default {
   'element.label': 'The volume. Arrow keys turn it, plus and minus zoom.',
   'banner.connecting': 'Connecting …',
