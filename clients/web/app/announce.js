@@ -11,8 +11,9 @@ export function install(app) {
   app.later = later;
 
   for (const { kind, icon, key, needs } of TOOLS) {
-    later.button({ id: `tool-${kind}`, icon, key, label: t(`measure.${kind}`), group: 'measure', isToggle: true, needs });
+    later.button({ id: `tool-${kind}`, icon, key, label: t(`measure.tool.${kind}`), group: 'measure', isToggle: true, needs });
   }
+  app.shortcuts.add('Delete', () => app.measures?.removeSelected() ?? false, t('measure.remove.key'));
   later.section({ id: 'measure', title: t('measure.section'), order: ORDER.measure });
   later.notifications('session.measures');
 

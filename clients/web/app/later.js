@@ -3,6 +3,7 @@
 // the list, and announce its button, its keys and its section in announce.js.
 import { useTexts } from '../core/text.js';
 import english from '../text/en/later.js';
+import { showTexts } from './controls/dom.js';
 import * as capture from './capture/capture.js';
 import * as compare from './compare/compare.js';
 import * as edits from './edits/edits.js';
@@ -20,5 +21,6 @@ const FEATURES = [transferFiles, measures, edits, open, uploads, paths, keyframe
 
 export function install(app) {
   useTexts(english);
+  showTexts(document, (key) => Object.hasOwn(english, key)); // others have changed since the page began
   for (const feature of FEATURES) feature.install(app);
 }

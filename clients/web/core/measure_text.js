@@ -4,7 +4,7 @@ import { KINDS, shortNumber, unitText, valueText } from './measures.js';
 import { t } from './text.js';
 
 const NAMES = {
-  distance: 'measure.length', profile: 'measure.length', angle: 'measure.angle', rectangle: 'measure.area', ellipse: 'measure.area', marker: 'measure.value', part: 'measure.volume', path: 'measure.length',
+  distance: 'measure.length', profile: 'measure.length', angle: 'measure.tool.angle', rectangle: 'measure.area', ellipse: 'measure.area', marker: 'measure.value', part: 'measure.volume', path: 'measure.length',
 };
 const STATISTICS = [['count', 'measure.count'], ['mean', 'measure.mean.short'], ['deviation', 'measure.deviation'], ['min', 'measure.min'], ['max', 'measure.max']];
 // Blanks and characters without a width that spreadsheets skip, and the signs that begin a formula, full-width ones too.
@@ -41,7 +41,7 @@ function moreOf(item, digits = 4) {
 }
 
 /** Why a part or a path has no value: the daemon measures it, or there is none. */
-const withoutValue = ({ kind, note }) => t(note === undefined ? 'measure.waiting' : `measure.${kind}.none`);
+const withoutValue = ({ kind, note }) => t(note === undefined ? 'measure.waiting' : `measure.none.${kind}`);
 
 /** The value with its name: "Area 12.5 mm²", or "No value". */
 export function namedValue(item) {
@@ -91,7 +91,7 @@ const cell = (text) => (FORMULA.test(text) ? `'${text}` : text).replace(/[\t\r\n
 /** The table of a list for the clipboard: a heading and a line per measurement, with tabs. */
 export function tableText(items, nameOf) {
   const headings = ['measure.table.name', 'measure.table.kind', 'measure.value', 'measure.table.unit', ...STATISTICS.map(([, name]) => name), 'measure.table.data', 'measure.outside', 'measure.surface', 'measure.straight'];
-  const rows = items.map((item) => [cell(nameOf(item)), t(`measure.${item.kind}`), item.value ?? '', cell(unitText(item.unit ?? '')),
+  const rows = items.map((item) => [cell(nameOf(item)), t(`measure.tool.${item.kind}`), item.value ?? '', cell(unitText(item.unit ?? '')),
     ...STATISTICS.map(([key]) => item.statistics?.[key] ?? ''), cell(item.data_unit ?? ''), item.outside ?? '', item.area ?? '', item.straight ?? '']);
   return [headings.map((key) => t(key)), ...rows].map((row) => row.join('\t')).join('\n');
 }

@@ -62,10 +62,10 @@ const PLACES = {
   placeholder: (element, text) => { element.placeholder = text; },
 };
 
-/** Writes the texts of the elements of index.html that are known; more may come (useTexts()). Their keys are in data-text, data-title, data-placeholder and data-label (aria-label, or the name of a group of options). */
-export function showTexts(root) {
+/** Writes the texts of the elements of index.html with wanted keys, by default those of all texts that are there. The keys are in data-text, data-title, data-placeholder and data-label (aria-label, or the name of a group of options). */
+export function showTexts(root, isWanted = hasText) {
   for (const [name, set] of Object.entries(PLACES)) {
-    for (const element of root.querySelectorAll(`[data-${name}]`)) if (hasText(element.dataset[name])) set(element, t(element.dataset[name]));
+    for (const element of root.querySelectorAll(`[data-${name}]`)) if (isWanted(element.dataset[name])) set(element, t(element.dataset[name]));
   }
-  for (const template of root.querySelectorAll('template')) showTexts(template.content);
+  for (const template of root.querySelectorAll('template')) showTexts(template.content, isWanted);
 }

@@ -61,11 +61,6 @@ class Section {
       this.#show();
       setTimeout(() => this.#fields?.text.focus()); // after the press, which focuses the picture
     });
-    app.shortcuts.add('Delete', () => {
-      if (!measures.selected || !measures.canEdit) return false;
-      measures.remove(measures.selected.id);
-      return true;
-    }, t('measure.remove.key'));
     window.addEventListener('keydown', (event) => this.#undoKey(event), true);
     let { steps } = app.transfer;
     app.transfer.onShow(() => {

@@ -116,7 +116,7 @@ class Tool {
       cancel: () => { this.#waiting = this.#waiting.then(() => this.#removeLast()); },
     };
     return {
-      label: t(`measure.${this.#kind}`), hint: this.#hint, ...pointer, panes: pointer, isForPanes: this.#hasPlane,
+      label: t(`measure.tool.${this.#kind}`), hint: this.#hint, ...pointer, panes: pointer, isForPanes: this.#hasPlane,
       enter: () => this.#enter(), leave: () => this.#leave(), key: (event) => this.#press(event),
     };
   }
@@ -248,7 +248,7 @@ class Tool {
 
   #show() {
     this.#measures.draft = this.#draft;
-    if (this.#draft) this.#app.modes.say(this.#valueText || t(`measure.${this.#kind}`), this.#hint);
+    if (this.#draft) this.#app.modes.say(this.#valueText || t(`measure.tool.${this.#kind}`), this.#hint);
     this.#measures.emit('change');
   }
 

@@ -77,6 +77,13 @@ export class Measures extends Emitter {
   }
 
   get selected() { return this.items.find(({ id }) => id === this.#selected) ?? null; }
+  /** False if none is selected, or this client may not. */
+  removeSelected() {
+    if (!this.selected || !this.canEdit) return false;
+    this.remove(this.selected.id);
+    return true;
+  }
+
   get canUndo() { return this.canEdit && this.#changes.canUndo; }
   get canRedo() { return this.canEdit && this.#changes.canRedo; }
 

@@ -3,7 +3,7 @@
 // at once, so that nothing moves when they arrive, and loads them after the first image, or earlier when the user comes near them. What the
 // user asks of them before that happens as soon as they are there.
 import { t } from '../../core/text.js';
-import { byId, showTexts } from '../controls/dom.js';
+import { byId } from '../controls/dom.js';
 
 /** The first of these events loads the features: [element, events]. */
 const signs = () => [[window, ['pointerdown', 'keydown', 'dragenter']], [byId('tools'), ['pointerover', 'focusin']], [byId('panel'), ['pointerover', 'focusin']]];
@@ -99,7 +99,6 @@ export class Announcer {
     const { connection, viewer, transfer } = this.#app;
     const [toNewOnes, ofView] = [connection.late(), viewer.late()];
     install(this.#app);
-    showTexts(document);
     this.#isComplete = true;
     for (const act of this.#waiting.splice(0)) act();
     if (connection.volumes.length > 0) toNewOnes('volumes', connection.volumes);
