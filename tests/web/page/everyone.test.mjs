@@ -75,6 +75,7 @@ test('the page loads nothing but these files for the first image, and the other 
   assert.ok(before, 'app/later.js was loaded');
   assert.deepEqual(before.filter((name) => !name.startsWith('api/') && !FIRST.includes(name)), []);
   assert.deepEqual(FIRST.filter((name) => !asked.includes(name)), []);
+  assert.match(await page.innerText('#status'), /^\s*live\b/, 'texts that changed since the beginning stay');
 });
 
 for (const colorScheme of ['dark', 'light']) {

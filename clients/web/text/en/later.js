@@ -332,6 +332,7 @@ export default {
   // Measure.
   'measure.angle.hint': 'Click the end of one arm, the vertex, and the end of the other arm',
   'measure.angle.number': 'Angle {number}',
+  'measure.area': 'Area',
   'measure.at': '{place}: {value}',
   'measure.author': 'by {name}',
   'measure.axis.nounit': 'no unit',
@@ -356,6 +357,7 @@ export default {
   'measure.json.title': 'Saves all measurements of the session with all details',
   'measure.keys.picture': 'Keys: arrows turn, Enter sets a point in the middle, Esc ends',
   'measure.keys.slice': 'Keys: arrows move (Shift: finer), Enter sets a point, PageUp and PageDown change the slice, Esc ends',
+  'measure.length': 'Length',
   'measure.list': 'Measurements',
   'measure.marker.hint': 'Click a place',
   'measure.marker.number': 'Marker {number}',
@@ -393,5 +395,7 @@ export default {
   'measure.undo': 'Undo',
   'measure.undo.title': 'Undo (Ctrl+Z)',
   'measure.unhide': 'Show {name}',
+  'measure.value': 'Value',
   'measure.value.unit': 'Value ({unit})',
+  'measure.volume': 'Volume',
 };

@@ -385,9 +385,7 @@ export default {
   'clip.tilt': 'Turn {name}',
   'clip.tool': 'Clip with handles',
   // Measure.
-  'measure.area': 'Area',
   'measure.count': 'Samples',
-  'measure.length': 'Length',
   'measure.mean': 'Mean ± SD {mean} ± {deviation}',
   'measure.named': '{name} {value}',
   'measure.none.part': 'There is no part here',
@@ -413,7 +411,5 @@ export default {
   'measure.tool.path': 'Path on a surface',
   'measure.tool.profile': 'Profile',
   'measure.tool.rectangle': 'Rectangle',
-  'measure.value': 'Value',
-  'measure.volume': 'Volume',
   'measure.waiting': 'Measuring …',
 };
