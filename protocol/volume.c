@@ -161,8 +161,8 @@ proto_json *proto_visible_part_encode(const struct sp_visible_part *part, const 
     return object;
 }
 
-static proto_json *field(const struct sp_volume_info *info, const char *name, int components,
-                         enum sp_type type, const double range[2]) {
+static proto_json *field_to_json(const struct sp_volume_info *info, const char *name,
+                                 int components, enum sp_type type, const double range[2]) {
     proto_json *object = proto_json_object();
     bool ok = proto_json_set_string(object, "name", name) &&
               proto_json_set_integer(object, "components", components) &&
@@ -177,10 +177,11 @@ static proto_json *field(const struct sp_volume_info *info, const char *name, in
 /* The samples, then the vectors if there are any. */
 static proto_json *fields(const struct sp_volume_info *info) {
     proto_json *array = proto_json_array();
-    bool ok = proto_json_append(array, field(info, info->value_name, 1, info->type, info->range));
+    bool ok =
+        proto_json_append(array, field_to_json(info, info->value_name, 1, info->type, info->range));
     if (info->vector_bytes)
-        ok = ok && proto_json_append(array, field(info, info->vector_name, 3, SP_FLOAT32,
-                                                  (const double[]){ 0, info->longest }));
+        ok = ok && proto_json_append(array, field_to_json(info, info->vector_name, 3, SP_FLOAT32,
+                                                          (const double[]){ 0, info->longest }));
     if (!ok)
         proto_json_free(&array);
     return array;

@@ -8,7 +8,7 @@
 #include "draw/light/light.h"
 #include "draw/resample/resample.h"
 #include "draw/working_set/channels.h"
-#include "draw/working_set/shown.h"
+#include "draw/working_set/frame_source.h"
 #include "renderer/renderer_private.h"
 #include "sp/edit.h"
 
@@ -35,7 +35,7 @@ static enum sp_tf_order choose_order(const struct sp_renderer *r, const struct s
 }
 
 /* Replaces the volumes of channels by what the view's edits leave of them. */
-static bool edit_channels(const struct sp_view *view, struct sp_others *others,
+static bool edit_channels(const struct sp_view *view, struct sp_layer_volumes *others,
                           struct sp_error *err) {
     for (uint32_t i = 0; i < view->layer_count && view->edit_count > 0; i++) {
         struct sp_view own;
@@ -71,18 +71,18 @@ static void choose_layers(struct sp_renderer_frame *f) {
 /* Finds what the frame shows, and gives it the volume without what the edits remove. NULL on
  * failure; the others of the frame then have no references. */
 static struct sp_volume *find_volume(struct sp_renderer_frame *f, struct sp_volume *volume,
-                                     const struct sp_shown_job *job, struct sp_shown *shown,
-                                     struct sp_error *err) {
+                                     const struct sp_frame_source_job *job,
+                                     struct sp_frame_source *shown, struct sp_error *err) {
     struct sp_volume *edited = NULL;
-    if (sp_others_find(job->view, volume, job->options, &f->others, err) &&
-        sp_shown_find(volume, job, shown, err) &&
-        sp_channels_show(volume, job, shown, f->others.shown, err) &&
-        sp_shown_find_colors(job->view, job->options, shown, f->others.colors, err) &&
+    if (sp_layer_volumes_find(job->view, volume, job->options, &f->others, err) &&
+        sp_frame_source_find(volume, job, shown, err) &&
+        sp_channels_find_sources(volume, job, shown, f->others.shown, err) &&
+        sp_frame_source_find_colors(job->view, job->options, shown, f->others.colors, err) &&
         edit_channels(&shown->view, &f->others, err))
         edited = sp_edit_volume(shown->volume, &shown->view, err);
     sp_volume_unref(&shown->volume);
     if (!edited)
-        sp_others_finish(&f->others);
+        sp_layer_volumes_finish(&f->others);
     return edited;
 }
 
@@ -105,17 +105,17 @@ bool sp_renderer_prepare(const struct sp_renderer *r, struct sp_renderer_frame *
                          struct sp_frame_pool *pool, const struct sp_render_options *o,
                          struct sp_error *err) {
     const struct sp_backend *backend = atomic_load(&r->backend);
-    struct sp_shown shown = { .volume = NULL };
-    const struct sp_shown_job job = { .view = view,
-                                      .options = o,
-                                      .reads_blocks = backend->capabilities.blocks };
+    struct sp_frame_source shown = { .volume = NULL };
+    const struct sp_frame_source_job job = { .view = view,
+                                             .options = o,
+                                             .reads_blocks = backend->capabilities.blocks };
     struct sp_volume *edited = find_volume(f, volume, &job, &shown, err);
     if (!edited)
         return false;
     struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
     if (!frame) {
         sp_volume_unref(&edited);
-        sp_others_finish(&f->others);
+        sp_layer_volumes_finish(&f->others);
         return false;
     }
     frame->is_opaque = view->background[3] == 1; /* frame/resolve.h */

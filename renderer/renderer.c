@@ -80,7 +80,7 @@ static void pop_oldest(struct sp_renderer *r) {
     struct sp_renderer_frame *f = sp_renderer_frame_at(r, 0);
     sp_volume_unref(&f->job.volume);
     sp_volume_unref(&f->original);
-    sp_others_finish(&f->others);
+    sp_layer_volumes_finish(&f->others);
     sp_frame_unref(&f->job.frame);
     r->oldest = (r->oldest + 1) % SP_IN_FLIGHT_MAX;
     r->begun--;

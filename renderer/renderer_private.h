@@ -12,15 +12,15 @@
 #include <stdatomic.h>
 
 #include "backend/backend.h"
-#include "draw/layers/others.h"
+#include "draw/layers/layer_volumes.h"
 #include "sp/inflight.h"
 #include "sp/renderer.h"
 
 /* A frame in flight. */
 struct sp_renderer_frame {
-    struct sp_backend_job job;  /* with references to volume and frame */
-    struct sp_volume *original; /* a reference: the volume without the view's edits */
-    struct sp_others others;    /* with references */
+    struct sp_backend_job job;      /* with references to volume and frame */
+    struct sp_volume *original;     /* a reference: the volume without the view's edits */
+    struct sp_layer_volumes others; /* with references */
     struct sp_view view;
     struct sp_frame_bricks bricks;
     bool is_begun;       /* the backend works on it */

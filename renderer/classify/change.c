@@ -63,7 +63,7 @@ void sp_change_finish(struct sp_change *change) {
     *change = (struct sp_change){ 0 };
 }
 
-bool sp_change_meets(const struct sp_change *change, const struct sp_range *range) {
+bool sp_change_affects(const struct sp_change *change, const struct sp_range *range) {
     if (!(range->low <= range->high))
         return false;
     if (change->before) /* keys of these types are exact in single precision */

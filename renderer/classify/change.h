@@ -31,6 +31,6 @@ bool sp_change_init(struct sp_change *change, const struct sp_transfer *from, co
 void sp_change_finish(struct sp_change *change);
 
 /* True if any value of the range changes. */
-bool sp_change_meets(const struct sp_change *change, const struct sp_range *range);
+bool sp_change_affects(const struct sp_change *change, const struct sp_range *range);
 
 #endif

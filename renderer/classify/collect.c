@@ -245,7 +245,7 @@ static void load_brick(const struct collect *c, const struct part *part, struct 
 
 /* True if the entries of the brick equal those of the source. */
 static bool is_unchanged(const struct collect *c, uint32_t brick) {
-    return c->from && !sp_change_meets(c->change, &c->ranges[brick]);
+    return c->from && !sp_change_affects(c->change, &c->ranges[brick]);
 }
 
 static uint32_t count_brick(const struct collect *c, struct sp_dense *dense, uint32_t brick) {

@@ -199,7 +199,7 @@ static bool weights_init(struct weights *w, const struct lattice *l, const struc
     return true;
 }
 
-static inline float weight_of(const struct weights *w, double value) {
+static inline float weight_at(const struct weights *w, double value) {
     double bin = (value - w->low) * w->scale;
     if (!(bin >= 0)) /* also NaN */
         return 0;
@@ -251,7 +251,7 @@ static void read_samples(struct lattice *l, const struct weights *w, enum source
             uint64_t row = row_of(l, at);
             for (at[0] = 0; at[0] < l->count[0]; at[0]++) {
                 float weight =
-                    weight_of(w, sp_sample(l->voxels, l->info->type, row + l->voxel[0][at[0]]));
+                    weight_at(w, sp_sample(l->voxels, l->info->type, row + l->voxel[0][at[0]]));
                 if (weight > 0 && (weight = remaining(l, at, weight)) > 0)
                     see(l, source, at, (double)weight);
             }

@@ -32,7 +32,7 @@ static void ignore(png_structp png, png_const_charp warning) {
     (void)warning;
 }
 
-static png_voidp take(png_structp png, png_alloc_size_t size) {
+static png_voidp allocate(png_structp png, png_alloc_size_t size) {
     struct job *job = png_get_mem_ptr(png);
     void *memory = malloc(size);
     job->is_short = job->is_short || !memory;
@@ -91,8 +91,8 @@ bool sp_encode_png(struct sp_encoder *encoder, const struct sp_raster *raster,
                        .why = "this program was built for another libpng" };
     if (!sp_buffer_reserve(&encoder->output, (size_t)raster->width * raster->height, err))
         return false;
-    png_structp png =
-        png_create_write_struct_2(PNG_LIBPNG_VER_STRING, &job, fail, ignore, &job, take, give_back);
+    png_structp png = png_create_write_struct_2(PNG_LIBPNG_VER_STRING, &job, fail, ignore, &job,
+                                                allocate, give_back);
     png_infop info = png ? png_create_info_struct(png) : NULL;
     if (png)
         png_set_write_fn(png, &job, append, flush);

@@ -44,7 +44,7 @@ static struct srv_work *take_next(struct srv_work_queue *queue) {
 }
 
 /* Takes the next work, waiting for it. NULL: the queue is empty and stopped. */
-static struct srv_work *take(struct srv_work_queue *queue) {
+static struct srv_work *wait_for_work(struct srv_work_queue *queue) {
     pthread_mutex_lock(&queue->mutex);
     while (!queue->first && !queue->stop)
         pthread_cond_wait(&queue->changed, &queue->mutex);
@@ -62,7 +62,7 @@ static void *run(void *user) {
     struct srv_work_queue *queue = user;
     if (queue->niceness > 0)
         srv_background_thread_enter(queue->name, queue->niceness);
-    for (struct srv_work *work; (work = take(queue));) {
+    for (struct srv_work *work; (work = wait_for_work(queue));) {
         const double start_ms = srv_clock_ms();
         work->run(work);
         pthread_mutex_lock(&queue->mutex);

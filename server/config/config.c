@@ -182,7 +182,7 @@ static const struct setting settings[] = {
 };
 enum { SETTINGS = sizeof settings / sizeof *settings };
 
-static void *field(struct srv_config *config, const struct setting *setting) {
+static void *value_of(struct srv_config *config, const struct setting *setting) {
     return (char *)config + setting->offset;
 }
 
@@ -292,16 +292,16 @@ static bool set(struct srv_config *config, const struct setting *setting, const 
     case TEXT:
         if (!*value)
             return sp_fail(err, SP_ERR_INVALID, place, "the value must not be empty");
-        return set_text(field(config, setting), value, place, err);
+        return set_text(value_of(config, setting), value, place, err);
     case COUNT:
     case SIZE:
     case PIXELS:
     case SECONDS:
-        return parse_number(setting, value, field(config, setting), place, err);
+        return parse_number(setting, value, value_of(config, setting), place, err);
     case YES_NO:
         if (strcmp(value, "yes") != 0 && strcmp(value, "no") != 0)
             return sp_fail(err, SP_ERR_INVALID, place, "'%.64s' is not yes or no", value);
-        *(bool *)field(config, setting) = value[0] == 'y';
+        *(bool *)value_of(config, setting) = value[0] == 'y';
         return true;
     case VOLUME:
         if (!*value)
@@ -316,7 +316,7 @@ static bool set(struct srv_config *config, const struct setting *setting, const 
     case FILE_TO_READ:
         return read_file(config, value, err);
     case SWITCH:
-        *(bool *)field(config, setting) = true;
+        *(bool *)value_of(config, setting) = true;
         return true;
     }
     return false;
@@ -406,7 +406,7 @@ bool srv_config_init(struct srv_config *config, struct sp_error *err) {
 void srv_config_finish(struct srv_config *config) {
     for (size_t i = 0; i < SETTINGS; i++)
         if (settings[i].kind == TEXT)
-            free(*(char **)field(config, &settings[i]));
+            free(*(char **)value_of(config, &settings[i]));
     for (unsigned i = 0; i < config->volume_count; i++)
         free(config->volumes[i]);
     memset(config, 0, sizeof *config);

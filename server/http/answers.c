@@ -68,8 +68,8 @@ static void remove_if_empty(struct srv_answers *answers, struct srv_answer_accou
 }
 
 /* With the mutex held. */
-static bool take(struct srv_answers *answers, const struct srv_answer_account *account,
-                 bool is_limited, uint64_t bytes, bool is_made, struct sp_error *err) {
+static bool reserve(struct srv_answers *answers, const struct srv_answer_account *account,
+                    bool is_limited, uint64_t bytes, bool is_made, struct sp_error *err) {
     struct sp_budget *budget = answers->budget;
     const struct srv_pool pool = { sp_budget_limit(budget) / SRV_ANSWERS_PART, answers->used,
                                    account->bytes };
@@ -97,7 +97,7 @@ bool srv_answers_take(struct srv_answers *answers, const struct srv_answer_owner
     pthread_mutex_lock(&answers->mutex);
     struct srv_answer_account *account = find_or_add(answers, owner->name);
     const bool ok =
-        account ? take(answers, account, owner->is_limited, bytes, is_made, err)
+        account ? reserve(answers, account, owner->is_limited, bytes, is_made, err)
                 : sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the account of an answer");
     if (ok) {
         account->bytes += bytes;

@@ -269,7 +269,7 @@ bool srv_request_check(struct srv_request *request) {
     enum srv_right unknown = is_api ? SRV_RIGHT_VIEW : SRV_RIGHT_NONE;
     if (!srv_request_check_right(request, request->route ? request->route->needs : unknown))
         return false;
-    unsigned method = srv_method_from(request->method);
+    unsigned method = srv_method_bit(request->method);
     if (!request->route && (allowed || method != SRV_GET) && !(is_api && !allowed)) {
         refuse_method(request, allowed ? allowed : SRV_GET);
         return false;

@@ -36,7 +36,7 @@ static const struct {
 };
 enum { NAMES = sizeof names / sizeof *names };
 
-unsigned srv_method_from(const char *name) {
+unsigned srv_method_bit(const char *name) {
     for (size_t i = 0; i < NAMES; i++)
         if (strcmp(names[i].name, name) == 0)
             return names[i].method;
@@ -46,7 +46,7 @@ unsigned srv_method_from(const char *name) {
 const struct srv_route *srv_route_find(const struct srv_route *routes, size_t count,
                                        const char *method, const char *path,
                                        char param[SRV_PARAM_BYTES], unsigned *allowed) {
-    unsigned wanted = srv_method_from(method);
+    unsigned wanted = srv_method_bit(method);
     *allowed = 0;
     for (size_t i = 0; i < count; i++) {
         if (!srv_route_matches(routes[i].pattern, path, param))

@@ -39,7 +39,7 @@ struct srv_route {
 bool srv_route_matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]);
 
 /* Returns the bit of the method; HEAD counts as GET; 0 = unknown. */
-unsigned srv_method_from(const char *name);
+unsigned srv_method_bit(const char *name);
 
 /* Returns the route, or NULL. Then *allowed is the set of methods of that path; 0 = no such path.
  */

@@ -178,8 +178,8 @@ static bool is_within_rate(struct srv_tls *tls, const struct sockaddr_storage *h
     return false;
 }
 
-static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *address,
-                 socklen_t size, double now_ms) {
+static void accept_connection(struct srv_tls *tls, int fd, const struct sockaddr_storage *address,
+                              socklen_t size, double now_ms) {
     int on = 1, unsent = UNSENT_BYTES;
     char peer[SRV_ADDRESS_TEXT];
     srv_address_to_text((const struct sockaddr *)address, peer);
@@ -242,7 +242,7 @@ static void accept_all(struct srv_tls *tls, double now_ms) {
         int fd = accept4(tls->options.socket, (struct sockaddr *)&address, &size,
                          SOCK_NONBLOCK | SOCK_CLOEXEC);
         if (fd >= 0) {
-            take(tls, fd, &address, size, now_ms);
+            accept_connection(tls, fd, &address, size, now_ms);
             continue;
         }
         if (is_exhausted(errno) && refuse_one(tls, errno))

@@ -110,7 +110,7 @@ static ssize_t on_send(wslay_event_context_ptr context, const uint8_t *bytes, si
 }
 
 /* Counts the end of a stream once, with the first reason. */
-static void count_end(struct srv_ws *ws, enum srv_counter reason) {
+static void count_stream_end(struct srv_ws *ws, enum srv_counter reason) {
     if (!ws->is_ended)
         srv_metrics_add(ws->options.metrics, reason, 1);
     ws->is_ended = true;
@@ -127,7 +127,7 @@ void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double n
         return;
     ws->closing = true;
     ws->close_ms = now_ms;
-    count_end(ws, reason_of(code));
+    count_stream_end(ws, reason_of(code));
     sp_log_with(code == 1000 || code == 1001 ? SP_LOG_DEBUG : SP_LOG_WARN,
                 SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
                 "stream of %s closed with %u: %s", ws->peer, code, reason);
@@ -247,7 +247,7 @@ void srv_ws_destroy(struct srv_ws **ws_pointer, double now_ms) {
     if (!ws)
         return;
     if (ws->participant)
-        count_end(ws, SRV_COUNT_END_LOST);
+        count_stream_end(ws, SRV_COUNT_END_LOST);
     srv_hub_leave(ws->options.hub, &ws->participant, now_ms);
     srv_ingress_close(&ws->ingress);
     wslay_event_context_free(ws->context);
@@ -274,7 +274,7 @@ static void refuse_frame(struct srv_ws *ws) {
                                      WSLAY_CODE_PROTOCOL_ERROR & 255 };
     ws->closing = true;
     ws->close_ms = ws->now_ms;
-    count_end(ws, SRV_COUNT_END_PROTOCOL);
+    count_stream_end(ws, SRV_COUNT_END_PROTOCOL);
     sp_log_with(SP_LOG_WARN,
                 SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
                 "stream of %s closed: a frame violates RFC 6455", ws->peer);
@@ -300,9 +300,9 @@ void srv_ws_read(struct srv_ws *ws, double now_ms) {
     if (!ws->closing && !wslay_event_want_read(ws->context)) {
         ws->closing = true;
         ws->close_ms = ws->now_ms;
-        count_end(ws, wslay_event_get_close_received(ws->context) ? SRV_COUNT_END_CLOSED
-                      : ws->end_of_file                           ? SRV_COUNT_END_LOST
-                                                                  : SRV_COUNT_END_PROTOCOL);
+        count_stream_end(ws, wslay_event_get_close_received(ws->context) ? SRV_COUNT_END_CLOSED
+                             : ws->end_of_file                           ? SRV_COUNT_END_LOST
+                                                                         : SRV_COUNT_END_PROTOCOL);
         sp_log_with(SP_LOG_DEBUG,
                     SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
                     "stream of %s ends with %u", ws->peer,
@@ -419,7 +419,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
                     SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
                     "stream of %s dropped: it took no data for %.1f s (--stall-time)", ws->peer,
                     ws->options.stall_ms / 1000);
-        count_end(ws, SRV_COUNT_END_STALLED);
+        count_stream_end(ws, SRV_COUNT_END_STALLED);
         ws->broken = true;
     } else if (oldest_ms > 0 && now_ms - oldest_ms > ws->options.stall_ms) {
         srv_ws_close(ws, WSLAY_CODE_POLICY_VIOLATION,
@@ -429,7 +429,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
                     SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
                     "stream of %s dropped: silent for %.1f s (3 times --ping-time)", ws->peer,
                     3 * ws->options.ping_ms / 1000);
-        count_end(ws, SRV_COUNT_END_SILENT);
+        count_stream_end(ws, SRV_COUNT_END_SILENT);
         ws->broken = true;
     } else if (now_ms - fmax(ws->heard_ms, ws->pinged_ms) > ws->options.ping_ms) {
         ping(ws, NULL, 0);

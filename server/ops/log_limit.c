@@ -22,7 +22,7 @@ static struct srv_log_kind *kind_of(struct srv_log_limit *limit, const char *nam
     return &limit->kinds[i];
 }
 
-static bool take(struct srv_log_kind *kind, double now_ms, unsigned *suppressed) {
+static bool admit(struct srv_log_kind *kind, double now_ms, unsigned *suppressed) {
     if (kind->full_ms - now_ms > (SRV_LOG_BURST - 1) * LINE_MS)
         return false;
     kind->full_ms = fmax(kind->full_ms, now_ms) + LINE_MS;
@@ -36,7 +36,7 @@ bool srv_log_limit_allow(struct srv_log_limit *limit, const char *name, double n
     *suppressed = 0;
     pthread_mutex_lock(&limit->mutex);
     struct srv_log_kind *kind = kind_of(limit, name);
-    bool may = take(kind, now_ms, suppressed);
+    bool may = admit(kind, now_ms, suppressed);
     kind->suppressed += !may;
     pthread_mutex_unlock(&limit->mutex);
     return may;
@@ -46,7 +46,7 @@ const char *srv_log_limit_next(struct srv_log_limit *limit, double now_ms, unsig
     const char *name = NULL;
     pthread_mutex_lock(&limit->mutex);
     for (unsigned i = 0; i < limit->count && !name; i++)
-        if (limit->kinds[i].suppressed > 0 && take(&limit->kinds[i], now_ms, suppressed))
+        if (limit->kinds[i].suppressed > 0 && admit(&limit->kinds[i], now_ms, suppressed))
             name = limit->kinds[i].name;
     pthread_mutex_unlock(&limit->mutex);
     return name;

@@ -23,7 +23,7 @@ static void append(struct srv_log_ring *ring, const void *from, size_t size) {
     ring->used += size;
 }
 
-static void take(struct srv_log_ring *ring, void *to, size_t size) {
+static void pop(struct srv_log_ring *ring, void *to, size_t size) {
     size_t first = size < SRV_LOG_RING - ring->start ? size : SRV_LOG_RING - ring->start;
     memcpy(to, ring->bytes + ring->start, first);
     memcpy((char *)to + first, ring->bytes, size - first);
@@ -60,8 +60,8 @@ static void *write_lines(void *user) {
             break;
         struct record record;
         char line[SRV_LOG_LINE];
-        take(ring, &record, sizeof record);
-        take(ring, line, record.size);
+        pop(ring, &record, sizeof record);
+        pop(ring, line, record.size);
         ring->is_writing = true;
         pthread_mutex_unlock(&ring->mutex);
         bool ok = write_out(ring->fd, line, record.size);

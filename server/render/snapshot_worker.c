@@ -116,7 +116,7 @@ static void render(struct srv_render_pool *pool, struct srv_snapshot_entry *entr
 }
 
 /* Takes the next entry, and frees memory for it if that is what it waits for. */
-static struct srv_snapshot_entry *take(struct srv_render_pool *pool, double *wait_ms) {
+static struct srv_snapshot_entry *next_entry(struct srv_render_pool *pool, double *wait_ms) {
     bool needs_memory;
     struct srv_snapshot_entry *entry =
         srv_snapshot_queue_take(&pool->snapshots, wait_ms, &needs_memory);
@@ -137,8 +137,9 @@ void *srv_snapshot_worker_main(void *user) {
             break;
         double wait_ms = 1000;
         struct srv_snapshot_entry *entry =
-            srv_encode_pool_has_capacity(pool->encoders, SRV_WORKER_SNAPSHOT) ? take(pool, &wait_ms)
-                                                                              : NULL;
+            srv_encode_pool_has_capacity(pool->encoders, SRV_WORKER_SNAPSHOT)
+                ? next_entry(pool, &wait_ms)
+                : NULL;
         if (entry && entry->is_refused) {
             refuse(pool, entry);
         } else if (entry) {

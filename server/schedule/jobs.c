@@ -57,13 +57,13 @@ static bool has_same_size(const struct srv_session *s, const struct srv_particip
 
 /* The participant that holds control counts as much as all others of its session together. So it
  * keeps half of the session's time, however many others there are. */
-static double weight_of(const struct srv_session *s, const struct srv_participant *p) {
+static double participant_weight(const struct srv_session *s, const struct srv_participant *p) {
     return p == s->holder && s->participant_count > 1 ? s->participant_count - 1 : 1;
 }
 
 double srv_participant_part(const struct srv_session *s, const struct srv_participant *p) {
     const double all = s->holder ? 2 * (s->participant_count - 1.0) : s->participant_count;
-    return weight_of(s, p) / fmax(1, all);
+    return participant_weight(s, p) / fmax(1, all);
 }
 
 /* Charges the expected time to the session and to each participant that gets the frame. */
@@ -81,7 +81,8 @@ static void charge(struct srv_schedule *schedule, struct srv_session *s,
     srv_fair_add_use(&schedule->use, job->charged_ms, schedule->now_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
-        srv_fair_charge(&p->schedule->account, plan->clock_ms, job->charged_ms / weight_of(s, p));
+        srv_fair_charge(&p->schedule->account, plan->clock_ms,
+                        job->charged_ms / participant_weight(s, p));
         srv_fair_add_use(&p->schedule->use, job->charged_ms, schedule->now_ms);
     }
 }
@@ -94,7 +95,8 @@ static void correct_charge(struct srv_schedule *schedule, struct srv_session *s,
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
         if (!p)
             continue;
-        srv_fair_correct(&p->schedule->account, (took_ms - job->charged_ms) / weight_of(s, p));
+        srv_fair_correct(&p->schedule->account,
+                         (took_ms - job->charged_ms) / participant_weight(s, p));
         srv_fair_add_use(&p->schedule->use, took_ms - job->charged_ms, schedule->now_ms);
     }
     job->charged_ms = took_ms;

@@ -104,8 +104,9 @@ static enum sp_code take_from(struct srv_blob_pool *pool, struct srv_blob_accoun
     return SP_ERR_FRAME_BUDGET;
 }
 
-static enum sp_code take(struct srv_blob_pool *pool, const struct srv_blob_owner *owner,
-                         uint64_t bytes, struct srv_blob_account **account, struct sp_error *err) {
+static enum sp_code reserve(struct srv_blob_pool *pool, const struct srv_blob_owner *owner,
+                            uint64_t bytes, struct srv_blob_account **account,
+                            struct sp_error *err) {
     enum sp_code code = SP_ERR_MEMORY;
     pthread_mutex_lock(&pool->mutex);
     *account = find_or_add(pool, owner->name);
@@ -140,10 +141,10 @@ struct srv_blob *srv_blob_create(struct srv_blob_pool *pool, const struct srv_bl
                                  const uint8_t *bytes, size_t size, struct sp_error *err) {
     struct srv_blob_account *account = NULL;
     if (pool) {
-        enum sp_code code = take(pool, owner, bytes_of(size), &account, err);
+        enum sp_code code = reserve(pool, owner, bytes_of(size), &account, err);
         if (code == SP_ERR_FRAME_BUDGET && pool->options.reclaim) {
             pool->options.reclaim(pool->options.user);
-            code = take(pool, owner, bytes_of(size), &account, err);
+            code = reserve(pool, owner, bytes_of(size), &account, err);
         }
         if (code != SP_OK)
             return NULL;

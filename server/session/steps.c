@@ -16,7 +16,7 @@ static void report(struct srv_hub *hub, struct srv_session *session, const struc
 }
 
 /* Takes uses of the steps of the view; step = NULL when out of memory. */
-static void take(struct srv_hub *hub, struct srv_session *session) {
+static void use_steps(struct srv_hub *hub, struct srv_session *session) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct srv_view_state *shared = &session->shared;
     shared->step = source->step(source->user, shared->volume, shared->view.time.step);
@@ -49,7 +49,7 @@ static bool free_memory(struct srv_hub *hub, struct srv_session *session) {
         return false;
     srv_steps_release(hub, session);
     shared->shown = source->ref(source->user, shared->volume);
-    take(hub, session);
+    use_steps(hub, session);
     return shared->step != NULL;
 }
 
@@ -91,7 +91,7 @@ void srv_steps_follow(struct srv_hub *hub, struct srv_session *session) {
     shared->other_count = 0;
     shared->steps = source->steps ? source->steps(source->user, shared->volume) : 1;
     if (source->step) {
-        take(hub, session);
+        use_steps(hub, session);
         shared->is_waiting = !is_ready(hub, session);
         shared->shown = shared->is_waiting
                             ? source->nearest_step(source->user, shared->volume, number)

@@ -86,7 +86,7 @@ static void measure_rate(struct srv_window *window, const struct srv_window_fram
 }
 
 /* The frames before the unacknowledged ones had passed the link by `passed_ms`. */
-static void expect_again(struct srv_window *window, double passed_ms) {
+static void predict_arrivals(struct srv_window *window, double passed_ms) {
     window->free_ms = passed_ms;
     for (unsigned i = 0; i < window->count; i++)
         expect(window, at(window, i));
@@ -114,7 +114,7 @@ bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms) 
     }
     if (is_new) {
         window->last_ack_ms = now_ms;
-        expect_again(window, now_ms - srv_window_rtt_ms(window));
+        predict_arrivals(window, now_ms - srv_window_rtt_ms(window));
     }
     return true;
 }

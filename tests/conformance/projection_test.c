@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Projections (draw/resample/reduction.h): every backend and instruction set against brute force,
+ * Projections (draw/resample/projection.h): every backend and instruction set against brute force,
  * and against the scalar reference; what is left out where samples are not finite.
  */
 #include <math.h>

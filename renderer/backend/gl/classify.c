@@ -16,7 +16,7 @@
 #include "data/volume/grid.h"
 
 enum {
-    BRICKS_MOST = 8192,        /* bricks per dispatch: about 10 ms */
+    BRICKS_MAX = 8192,         /* bricks per dispatch: about 10 ms */
     BRICKS_SOFTWARE = 64,      /* the same for software GL */
     UPLOAD_BYTES = 1 << 26,    /* bytes between two checks of the cancel flag */
     LISTED_WORDS = 65536 / 32, /* one bit per key */
@@ -37,7 +37,7 @@ static unsigned open_pass(const char *names, int pass, struct sp_error *err) {
 bool gl_classify_init(struct gl_classify *c, bool software, struct sp_error *err) {
     static const char finest[] = "samples gradient post compact classify";
     static const char coarse[] = "gradient compact make_level";
-    c->bricks = software ? BRICKS_SOFTWARE : BRICKS_MOST;
+    c->bricks = software ? BRICKS_SOFTWARE : BRICKS_MAX;
     return (c->range = open_pass(finest, 0, err)) && (c->count = open_pass(finest, 1, err)) &&
            (c->fill = open_pass(finest, 2, err)) && (c->histogram = open_pass(finest, 3, err)) &&
            (c->classes = open_pass(finest, 4, err)) && (c->mip_count = open_pass(coarse, 0, err)) &&

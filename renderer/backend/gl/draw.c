@@ -15,8 +15,8 @@
 #include "draw/resample/resample.h"
 
 enum {
-    GROUPS_MOST = 65535, /* along an axis of a dispatch; every GPU supports this many */
-    CHUNKS_SHARE = 8     /* memory for records over memory for their chunks */
+    GROUPS_MAX = 65535, /* along an axis of a dispatch; every GPU supports this many */
+    CHUNKS_SHARE = 8    /* memory for records over memory for their chunks */
 };
 
 struct draw {
@@ -66,7 +66,7 @@ static void project(struct draw *d, const struct gl_batch *batch) {
         glUniform4ui(2, list->has_keys, list->normal_bytes, list->first_class, list->has_scales);
         for (uint32_t done = 0, n; done < batch->chunks[l]; done += n) {
             uint32_t left = batch->chunks[l] - done;
-            n = left < GROUPS_MOST ? left : GROUPS_MOST;
+            n = left < GROUPS_MAX ? left : GROUPS_MAX;
             glUniform2ui(1, batch->chunk[l] - s->upload.chunk_first + done, batch->first);
             glDispatchCompute(n, 1, 1);
         }
@@ -224,7 +224,7 @@ static bool is_out_of_memory(const struct sp_error *why) {
 }
 
 /* Plans the band in smaller and smaller pieces until they fit into memory. */
-static bool plan_smaller(struct draw *d, struct sp_error *why) {
+static bool plan_within_memory(struct draw *d, struct sp_error *why) {
     struct gl_state *s = d->band.state;
     unsigned halvings = s->workload.halvings;
     bool ok = plan_band(d, why);
@@ -242,9 +242,9 @@ static bool plan_smaller(struct draw *d, struct sp_error *why) {
  * complete. */
 static bool plan_in_capacity(struct draw *d, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
-    if (plan_smaller(d, &why) ||
+    if (plan_within_memory(d, &why) ||
         (is_out_of_memory(&why) && gl_residency_drop_samples(&d->band.state->residency) &&
-         plan_smaller(d, &why)))
+         plan_within_memory(d, &why)))
         return true;
     return sp_fail(err, why.code, why.place, "%s", why.text);
 }

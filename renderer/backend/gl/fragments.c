@@ -5,7 +5,7 @@
 
 enum {
     COUNT_BITS = 5, /* of a pixel's word: how many fragments it has; the rest: where they begin */
-    COUNT_MOST = 1 << (32 - COUNT_BITS),
+    COUNT_MAX = 1 << (32 - COUNT_BITS),
     WORD_OF_FOUR = 16 /* bytes */
 };
 #define PER_PIXEL_LEAST 2.0 /* fragments per pixel that surfaces make */
@@ -64,9 +64,9 @@ bool gl_fragments_reserve(const struct gl_fragments_part *part, struct sp_error 
         s->surfaces.per_pixel > PER_PIXEL_LEAST ? s->surfaces.per_pixel : PER_PIXEL_LEAST;
     uint64_t pixels = count_pixels(part);
     uint64_t count = f->grows ? (uint64_t)(s->surfaces.per_pixel * (double)pixels) : 0;
-    if (count >= COUNT_MOST)
+    if (count >= COUNT_MAX)
         return sp_fail(err, SP_ERR_BUDGET, "", "a band has %llu fragments and at most %d fit",
-                       (unsigned long long)count, COUNT_MOST);
+                       (unsigned long long)count, COUNT_MAX);
     return gl_buffer_reserve(&s->buffers.fragments, "fragments",
                              head_bytes(part) + count * sizeof(struct sp_fragment), s->block_bytes,
                              GL_USE_SCRATCH, err) &&
@@ -107,7 +107,7 @@ bool gl_fragments_start(const struct gl_fragments_part *part, uint32_t *most,
         return true;
     const struct gl_buffer *buffer = &part->state->buffers.fragments;
     uint64_t fit = (buffer->bytes - head_bytes(part)) / sizeof(struct sp_fragment);
-    *most = fit < COUNT_MOST ? (uint32_t)fit : COUNT_MOST;
+    *most = fit < COUNT_MAX ? (uint32_t)fit : COUNT_MAX;
     if (!upload_planes(part, err))
         return false;
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);

@@ -67,7 +67,7 @@ struct starting {
     const struct sp_backend_options *options; /* NULL = the state passed the checks before */
 };
 
-static bool take(void *user, struct gl_context *context, struct sp_error *err) {
+static bool start_with(void *user, struct gl_context *context, struct sp_error *err) {
     const struct starting *s = user;
     const struct sp_backend_options *o = s->options;
     s->state->context = context;
@@ -82,7 +82,7 @@ static bool start(struct gl_state *state, const struct sp_backend_options *optio
                   struct sp_error *err) {
     const struct gl_options wanted = state->options;
     struct starting starting = { state, options };
-    bool ok = gl_contexts_try(&wanted, take, &starting, err);
+    bool ok = gl_contexts_try(&wanted, start_with, &starting, err);
     if (!ok)
         state->options = wanted;
     return ok;
@@ -128,7 +128,7 @@ bool gl_works(struct gl_context **context, const struct sp_backend_options *opti
     if (!state)
         return false;
     struct starting starting = { state, &own };
-    bool ok = take(&starting, *context, err);
+    bool ok = start_with(&starting, *context, err);
     *context = NULL;
     gl_destroy(state);
     return ok;

@@ -6,14 +6,14 @@
 #include "base/minmax.h"
 
 enum {
-    PAIRS_MOST = 1 << 25,
-    RECORDS_MOST = 4000000, /* a pair has 22 bits for it; the count of GL_SCAN_BLOCK bins fits
+    PAIRS_MAX = 1 << 25,
+    RECORDS_MAX = 4000000, /* a pair has 22 bits for it; the count of GL_SCAN_BLOCK bins fits
                                a word */
-    BINS_MOST = 1 << 25,
-    TILES_MOST = 1 << 17, /* 8 million px */
-    LOOPS_MOST = 1 << 19, /* per work group: about 10 ms without waits for memory */
-    STALL_FACTOR = 8,     /* times as long if each round waits for memory */
-    DISPATCH_MS = 25,     /* half of what is acceptable: the next frame may cost twice as much */
+    BINS_MAX = 1 << 25,
+    TILES_MAX = 1 << 17, /* 8 million px */
+    LOOPS_MAX = 1 << 19, /* per work group: about 10 ms without waits for memory */
+    STALL_FACTOR = 8,    /* times as long if each round waits for memory */
+    DISPATCH_MS = 25,    /* half of what is acceptable: the next frame may cost twice as much */
     BINS_SOFTWARE = 1 << 22,
     TILES_SOFTWARE = 1 << 15,
     LOOPS_SOFTWARE = 30000, /* llvmpipe ends loops after 65535 rounds without an error; an
@@ -33,13 +33,13 @@ void gl_memory_limit(struct gl_state *s) {
     bool software = gl_context_info(s->context)->software;
     struct gl_limits *limits = &s->workload.limits;
     *limits =
-        (struct gl_limits){ .records = RECORDS_MOST,
+        (struct gl_limits){ .records = RECORDS_MAX,
                             .record_bytes = part,
-                            .bins = (uint32_t)sp_minu(software ? BINS_SOFTWARE : BINS_MOST, words),
-                            .tiles = (uint32_t)sp_minu(software ? TILES_SOFTWARE : TILES_MOST,
+                            .bins = (uint32_t)sp_minu(software ? BINS_SOFTWARE : BINS_MAX, words),
+                            .tiles = (uint32_t)sp_minu(software ? TILES_SOFTWARE : TILES_MAX,
                                                        px / (GL_TILE * GL_TILE)),
-                            .pairs = sp_minu(PAIRS_MOST, words),
-                            .loops = software ? LOOPS_SOFTWARE : LOOPS_MOST,
+                            .pairs = sp_minu(PAIRS_MAX, words),
+                            .loops = software ? LOOPS_SOFTWARE : LOOPS_MAX,
                             .stall_factor = software ? 1 : STALL_FACTOR,
                             .dispatch_ms = software ? INFINITY : DISPATCH_MS };
 }

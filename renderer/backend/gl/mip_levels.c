@@ -75,7 +75,7 @@ bool gl_mip_levels_get(struct gl_mip_levels *levels, struct gl_residency *reside
     if (w.voxels && !(is_out_of_memory && !residency->tries_again))
         return sp_fail(err, why.code, why.place, "%s", why.text);
     if (w.voxels)
-        gl_residency_refuse(w.voxels, &why);
+        gl_residency_leave_to_cpu(w.voxels, &why);
     w.voxels = NULL;
     return get(levels, &w, cache, volume, err);
 }

@@ -7,7 +7,7 @@
 #include "backend/gl/program.h"
 #include "draw/resample/resample.h"
 
-enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MOST = 1 << 24 };
+enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MAX = 1 << 24 };
 
 /* Short: below 1/5 of the limit, so that twice as much is not long. */
 static const double shortness = 5;
@@ -53,7 +53,7 @@ void gl_resample_adapt(struct gl_resample *resample, double longest_ms, double l
         work /= 2;
     else if (longest_ms < limit_ms / shortness)
         work *= 2;
-    resample->work = work < WORK_LEAST ? WORK_LEAST : work < WORK_MOST ? work : WORK_MOST;
+    resample->work = work < WORK_LEAST ? WORK_LEAST : work < WORK_MAX ? work : WORK_MAX;
 }
 
 void gl_resample_next(struct gl_resample *resample) {

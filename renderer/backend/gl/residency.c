@@ -189,7 +189,7 @@ struct gl_voxels *gl_residency_voxels(struct gl_residency *residency, struct sp_
     return NULL;
 }
 
-void gl_residency_refuse(struct gl_voxels *voxels, const struct sp_error *why) {
+void gl_residency_leave_to_cpu(struct gl_voxels *voxels, const struct sp_error *why) {
     enum { DOUBLINGS = 8 };
     if (voxels->refusals == 0)
         sp_log(SP_LOG_WARN, "volume %s is classified by the processor: %s",

@@ -99,7 +99,7 @@ bool gl_residency_load(struct gl_residency *residency, struct gl_voxels *voxels,
                        enum sp_tf_order order, const atomic_bool *cancel, struct sp_error *err);
 
 /* From now on the processor classifies the volume; logs the reason the first time. */
-void gl_residency_refuse(struct gl_voxels *voxels, const struct sp_error *why);
+void gl_residency_leave_to_cpu(struct gl_voxels *voxels, const struct sp_error *why);
 
 /* Returns the level's list, up to date and valid until the next frame begins. NULL with
  * *err set: SP_ERR_BUDGET, SP_ERR_MEMORY, SP_ERR_CANCELLED, SP_ERR_BACKEND. */

@@ -16,7 +16,7 @@ enum {
     PLAIN_RECORD_BYTES = 48, /* of a splat without streaks */
     BLOCK_LEAST = 64,        /* records of a batch that are in one layer of the bins */
     PAIRS_PER_BIN = 4,       /* about, if a splat lies on a few tiles */
-    LAYERS_MOST = 1 << 14,   /* a span has 14 bits for a layer */
+    LAYERS_MAX = 1 << 14,    /* a span has 14 bits for a layer */
     /* Bits of shaders/passes/draw_splats.glsl. */
     BEGINS = 1,
     ENDS = 2
@@ -368,7 +368,7 @@ static struct batch make_batch(const struct gl_band *band, uint32_t first, uint3
     const uint32_t sorted = band->slot->pieces.bin_pairs; /* a splat is in a bin once */
     uint32_t block = tiles / PAIRS_PER_BIN, most = bins / tiles;
     block = block < BLOCK_LEAST ? BLOCK_LEAST : block < sorted ? block : sorted;
-    most = most < 1 ? 1 : most < LAYERS_MOST ? most : LAYERS_MOST;
+    most = most < 1 ? 1 : most < LAYERS_MAX ? most : LAYERS_MAX;
     if (gl_divide_up(count, block) > most)
         block = gl_divide_up(count, most);
     return (struct batch){ first, count, block, gl_divide_up(count, block) };

@@ -6,8 +6,8 @@
 #include "classify/visible.h"
 
 enum {
-    LAYERS_MOST = 1 << 14, /* per batch: a span has 14 bits for a layer */
-    HALVINGS_MOST = 6,
+    LAYERS_MAX = 1 << 14, /* per batch: a span has 14 bits for a layer */
+    HALVINGS_MAX = 6,
     SPAN_ROUNDS = 3,   /* loop rounds of a splat in one layer of one tile */
     ORDER_ROUNDS = 24, /* loop rounds per pair while its bin is sorted */
     SHORT = 5          /* short: below 1/5 of the limit, so that twice as much is not long */
@@ -60,7 +60,7 @@ struct gl_pieces gl_workload_plan(const struct gl_workload *workload,
 }
 
 bool gl_workload_halve(struct gl_workload *workload) {
-    if (workload->halvings == HALVINGS_MOST)
+    if (workload->halvings == HALVINGS_MAX)
         return false;
     workload->halvings++;
     workload->short_bands = 0;
@@ -89,7 +89,7 @@ void gl_workload_init(struct gl_workload *workload) {
     const struct gl_limits *limits = &workload->limits;
     workload->pairs = limits->pairs < GL_PAIRS_MIN ? limits->pairs : GL_PAIRS_MIN;
     workload->records = limits->records;
-    workload->layers = LAYERS_MOST;
+    workload->layers = LAYERS_MAX;
     workload->rows = limits->tiles;
     workload->passes = workload->element_passes = 1;
     workload->halvings = workload->short_bands = 0;
@@ -106,7 +106,7 @@ bool gl_workload_fits(const struct gl_pieces *was, const struct gl_bins_head *he
 }
 
 /* Shrinks a size by this factor, < 1, with some margin. */
-static uint32_t shrink(uint32_t size, double factor) {
+static uint32_t scaled_size(uint32_t size, double factor) {
     uint32_t less = (uint32_t)(0.9 * factor * size);
     return less > 1 ? less : 1;
 }
@@ -130,7 +130,7 @@ static bool fail_order(const struct gl_pieces *was, const struct gl_bins_head *h
 
 static void shrink_records(struct gl_workload *workload, const struct gl_pieces *was,
                            double factor) {
-    uint32_t less = shrink(was->records, factor);
+    uint32_t less = scaled_size(was->records, factor);
     workload->records = less > SP_BRICK_VOXELS ? less : SP_BRICK_VOXELS;
 }
 
@@ -147,11 +147,11 @@ static bool make_room_for_pairs(struct gl_workload *workload, const struct gl_pi
     if (head->needed <= wanted)
         grow_pairs(workload, head, wanted);
     else if (was->layers > 1)
-        workload->layers = shrink(was->layers, factor);
+        workload->layers = scaled_size(was->layers, factor);
     else if (was->records > SP_BRICK_VOXELS)
         shrink_records(workload, was, factor);
     else if (was->rows > 1)
-        workload->rows = shrink(was->rows, factor);
+        workload->rows = scaled_size(was->rows, factor);
     else if (head->needed <= workload->limits.pairs) /* a long dispatch is better than no image */
         grow_pairs(workload, head, workload->limits.pairs);
     else
@@ -164,9 +164,9 @@ static void make_narrower(struct gl_workload *workload, const struct gl_pieces *
                           const struct gl_bins_head *head) {
     double factor = (double)was->splat_rounds / head->widest;
     if (was->rows > 1)
-        workload->rows = shrink(was->rows, factor);
+        workload->rows = scaled_size(was->rows, factor);
     else
-        workload->layers = shrink(was->layers, factor);
+        workload->layers = scaled_size(was->layers, factor);
 }
 
 /* Allows as many pairs of a tile, with some margin. */
@@ -207,7 +207,7 @@ void gl_workload_grow(struct gl_workload *workload, const struct gl_pieces *was,
     if (head->needed > gl_workload_limits(workload).pairs / 4 ||
         head->crowded > was->bin_pairs / 4 || head->widest > was->splat_rounds / 4)
         return;
-    workload->layers = workload->layers < LAYERS_MOST / 2 ? 2 * workload->layers : LAYERS_MOST;
+    workload->layers = workload->layers < LAYERS_MAX / 2 ? 2 * workload->layers : LAYERS_MAX;
     workload->records =
         workload->records < limits->records / 2 ? 2 * workload->records : limits->records;
     workload->rows = workload->rows < limits->tiles / 2 ? 2 * workload->rows : limits->tiles;

@@ -46,7 +46,7 @@ struct sp_blocks *sp_brick_blocks_share(const struct sp_brick_file *file,
                                         const struct sp_blocks *from, const uint8_t *has,
                                         struct sp_error *err);
 
-/* Releases them (sp_voxels_release). */
+/* Releases them (sp_voxel_source_release). */
 void sp_brick_blocks_release(void *blocks, size_t bytes);
 
 /* Memory for samples, all 0; NULL with *err set. sp_brick_unmap() releases it. */

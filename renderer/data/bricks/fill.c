@@ -125,7 +125,7 @@ static void end(struct fill *f) {
 }
 
 /* Array n of a brick cannot be read. Without a coarse level its vectors stay 0. */
-static void put_lost(const struct fill *f, unsigned n, uint64_t i) {
+static void fill_unreadable(const struct fill *f, unsigned n, uint64_t i) {
     if (f->job->coarse.samples)
         put_coarse(f, n, i);
     else if (n == 0)
@@ -157,7 +157,7 @@ static void put_read(struct fill *f, unsigned n, uint64_t i, unsigned worker) {
     }
     if (read_array(f, n, i, worker, &err))
         return;
-    put_lost(f, n, i);
+    fill_unreadable(f, n, i);
     pthread_mutex_lock(&f->mutex);
     *f->why = err;
     pthread_mutex_unlock(&f->mutex);
@@ -220,7 +220,7 @@ static bool gather(struct fill *f, struct sp_error *err) {
         return false;
     for (uint64_t i = 0; i < sp_brick_need_count(job->need); i++)
         if (f->failed[i])
-            put_lost(f, 0, i);
+            fill_unreadable(f, 0, i);
     return true;
 }
 

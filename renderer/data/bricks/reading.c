@@ -98,7 +98,7 @@ static bool derive(const struct reading *r, struct sp_brick_store_window *w, voi
     const struct sp_brick_store *store = r->store;
     const struct sp_whole_part part = sp_brick_store_part(store, &w->need);
     const bool is_mixed = sp_brick_need_coarse(&w->need) > 0;
-    sp_voxels_release *release = w->need.is_sparse ? sp_brick_blocks_release : sp_brick_unmap;
+    sp_voxel_source_release *release = w->need.is_sparse ? sp_brick_blocks_release : sp_brick_unmap;
     struct sp_grid grid;
     double *numbers;
     w->coarsest = is_mixed ? r->coarser->coarsest : w->need.level;

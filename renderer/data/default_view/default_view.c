@@ -36,7 +36,7 @@ static bool find_box(const struct sp_volume *volume, double least, struct box *b
     return box->low[0] <= box->high[0];
 }
 
-static bool is_missed(const struct sp_first_samples *samples, const double extinction[]) {
+static bool is_missed(const struct sp_default_samples *samples, const double extinction[]) {
     const uint32_t *dims = samples->info->grid.dims, *count = samples->count;
     uint64_t seen = 0;
     for (int b = 0; b < SP_FIRST_BINS; b++)
@@ -45,7 +45,7 @@ static bool is_missed(const struct sp_first_samples *samples, const double extin
 }
 
 /* Takes samples again, in the box of an object that fell between them, with a margin. */
-static bool take_closer(struct sp_first_samples *samples, const struct sp_volume *volume,
+static bool take_closer(struct sp_default_samples *samples, const struct sp_volume *volume,
                         double least) {
     const uint32_t *dims = samples->info->grid.dims;
     struct box box;
@@ -56,49 +56,49 @@ static bool take_closer(struct sp_first_samples *samples, const struct sp_volume
         box.high[a] += box.high[a] + 1 < dims[a];
         box.high[a] -= box.low[a] - 1; /* now its size */
     }
-    sp_first_samples_finish(samples);
-    return sp_first_samples_take(samples, volume, box.low, box.high);
+    sp_default_samples_finish(samples);
+    return sp_default_samples_take(samples, volume, box.low, box.high);
 }
 
 /* Chooses what is visible. True if values matter more than light. */
 static bool show(struct sp_view *view, const struct sp_volume *volume,
-                 const struct sp_first_samples *samples) {
-    if (sp_first_are_labels(volume) && sp_first_show_labels(volume, view))
+                 const struct sp_default_samples *samples) {
+    if (sp_default_are_labels(volume) && sp_default_show_labels(volume, view))
         return false;
-    const bool values_matter = sp_first_transfer(samples, &view->transfer_function);
+    const bool values_matter = sp_default_transfer(samples, &view->transfer_function);
     double per_voxel;
-    if (!sp_first_is_distance(volume, samples, &per_voxel))
+    if (!sp_default_is_distance(volume, samples, &per_voxel))
         return values_matter;
-    sp_first_show_distance(samples, per_voxel, view);
+    sp_default_show_distance(samples, per_voxel, view);
     return false;
 }
 
 void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const char *id) {
-    struct sp_first_samples samples;
+    struct sp_default_samples samples;
     struct sp_transfer_function *tf = &view->transfer_function;
     double extinction[SP_FIRST_BINS];
     sp_view_init(view, sp_volume_info(volume), id);
     if (sp_volume_elements(volume)) {
-        sp_first_elements(volume, view);
+        sp_default_elements(volume, view);
         return;
     }
-    if (!sp_first_samples_take(&samples, volume, NULL, NULL))
+    if (!sp_default_samples_take(&samples, volume, NULL, NULL))
         return;
     bool values_matter = show(view, volume, &samples);
-    sp_first_extinction(&samples, tf, extinction);
+    sp_default_extinction(&samples, tf, extinction);
     if (tf->order != SP_TF_PRE && is_missed(&samples, extinction)) {
         if (!take_closer(&samples, volume, tf->points[0].value))
             return;
         values_matter = show(view, volume, &samples);
-        sp_first_extinction(&samples, tf, extinction);
+        sp_default_extinction(&samples, tf, extinction);
     }
     if (values_matter) {
         view->shading.ambient = 0.5;
         view->shading.diffuse = 0.65;
     }
-    struct sp_first_orientation orientation = sp_first_orient(&samples, extinction);
-    sp_first_frame(&samples, extinction, &orientation, &view->camera);
-    sp_first_samples_finish(&samples);
+    struct sp_default_orientation orientation = sp_default_orient(&samples, extinction);
+    sp_default_frame(&samples, extinction, &orientation, &view->camera);
+    sp_default_samples_finish(&samples);
     if (!sp_view_validate(view, NULL)) /* a grid that is nearly singular */
         sp_view_init(view, sp_volume_info(volume), id);
 }

@@ -64,8 +64,8 @@ static int compare(const void *a, const void *b) {
 
 /* The places of some visible elements along the axes of the camera, sorted along each; returns how
  * many. */
-static size_t take(const struct sp_elements *e, const struct sp_transfer_function *tf,
-                   const struct sp_vec3 axes[3], float *places[3]) {
+static size_t project_visible(const struct sp_elements *e, const struct sp_transfer_function *tf,
+                              const struct sp_vec3 axes[3], float *places[3]) {
     const uint32_t n = e->shape.kind == SP_KIND_MESH ? e->shape.vertex_count : e->shape.count;
     const uint32_t step = (n + SAMPLES - 1) / SAMPLES;
     size_t taken = 0;
@@ -153,7 +153,7 @@ static double show_few(const struct sp_elements *e, float *const places[3], size
     return size * reach;
 }
 
-void sp_first_elements(const struct sp_volume *volume, struct sp_view *view) {
+void sp_default_elements(const struct sp_volume *volume, struct sp_view *view) {
     const struct sp_elements *elements = sp_volume_elements(volume);
     const struct stand stand = stand_of(elements);
     struct sp_vec3 away = sp_vec3_normalize(stand.away);
@@ -166,7 +166,8 @@ void sp_first_elements(const struct sp_volume *volume, struct sp_view *view) {
     if (!memory)
         return;
     float *places[3] = { memory, memory + SAMPLES, memory + 2 * SAMPLES };
-    size_t count = take(elements, are_few ? &every : &view->transfer_function, axes, places);
+    size_t count =
+        project_visible(elements, are_few ? &every : &view->transfer_function, axes, places);
     size_t cut = (size_t)(sp_elements_tail(elements->shape.kind) * (double)count);
     double beside = are_few && count > 0 ? show_few(elements, places, count, view) : 0;
     if (count > 0)

@@ -15,6 +15,6 @@
  *
  * Of points and Gaussians, the few that lie far away do not count. The camera stays as it is if
  * there is nothing to see or memory is short. */
-void sp_first_elements(const struct sp_volume *volume, struct sp_view *view);
+void sp_default_elements(const struct sp_volume *volume, struct sp_view *view);
 
 #endif

@@ -11,7 +11,7 @@
 
 enum { BINS = SP_FIRST_BINS };
 
-void sp_first_field_color(double share, float color[3]) {
+void sp_default_field_color(double share, float color[3]) {
     static const float map[][3] = { { 0.28f, 0.17f, 0.49f }, { 0.24f, 0.29f, 0.54f },
                                     { 0.19f, 0.41f, 0.56f }, { 0.15f, 0.51f, 0.56f },
                                     { 0.12f, 0.62f, 0.54f }, { 0.21f, 0.72f, 0.47f },
@@ -25,22 +25,22 @@ void sp_first_field_color(double share, float color[3]) {
 }
 
 /* The largest distance of the values from 0, on either side. */
-static double reach_of(const struct sp_first_samples *s) {
+static double reach_of(const struct sp_default_samples *s) {
     return fmax(fabs(s->low), fabs(s->high));
 }
 
 /* The share of the counts whose values lie within `reach` of 0. */
-static double share_near_zero(const struct sp_first_samples *s, const uint64_t counts[BINS],
+static double share_near_zero(const struct sp_default_samples *s, const uint64_t counts[BINS],
                               double reach) {
     double near = 0, all = 0;
     for (int b = 0; b < BINS; b++) {
         all += (double)counts[b];
-        near += fabs(sp_first_value(s, b + 0.5)) <= reach ? (double)counts[b] : 0;
+        near += fabs(sp_default_value(s, b + 0.5)) <= reach ? (double)counts[b] : 0;
     }
     return all > 0 ? near / all : 1;
 }
 
-bool sp_first_is_signed(const struct sp_first_samples *s) {
+bool sp_default_is_signed(const struct sp_default_samples *s) {
     const bool is_real = s->info->type == SP_FLOAT32 || s->info->type == SP_FLOAT64;
     const double reach = reach_of(s), other = fmin(-s->low, s->high);
     if (s->info->meaning == SP_MEANING_STATISTIC)
@@ -64,16 +64,16 @@ static void add_point(struct sp_transfer_function *tf, double value, float red, 
 
 /* The opacity of values from `share` of the reach on: a line of sight through a sphere of all of
  * these samples has this optical depth. */
-static float opacity_beyond(const struct sp_first_samples *s, double least, double depth,
+static float opacity_beyond(const struct sp_default_samples *s, double least, double depth,
                             double reference) {
     double count = 0;
     for (int b = 0; b < BINS; b++)
-        count += fabs(sp_first_value(s, b + 0.5)) >= least ? (double)s->histogram[b] : 0;
+        count += fabs(sp_default_value(s, b + 0.5)) >= least ? (double)s->histogram[b] : 0;
     const double width = cbrt(fmax(count, 8) * s->cell[0] * s->cell[1] * s->cell[2]);
     return (float)fmin(1 - exp(-depth * reference / width), 0.9);
 }
 
-void sp_first_show_signed(const struct sp_first_samples *s, struct sp_transfer_function *tf) {
+void sp_default_show_signed(const struct sp_default_samples *s, struct sp_transfer_function *tf) {
     const double reach = reach_of(s), length = tf->reference_length;
     double least = 0.5;
     while (least > 0.06 && /* what shows is some hundredth of the samples, as far as possible */
@@ -137,18 +137,18 @@ static bool are_even(const double *slopes, size_t n) {
 }
 
 /* The share of the border that has values above 0. Nearly 0 or 1: the surface is closed. */
-static double share_outside(const struct sp_first_samples *s) {
+static double share_outside(const struct sp_default_samples *s) {
     double outside = 0, all = 0;
     for (int f = 0; f < 6; f++)
         for (int b = 0; b < BINS; b++) {
             all += (double)s->faces[f][b];
-            outside += sp_first_value(s, b + 0.5) > 0 ? (double)s->faces[f][b] : 0;
+            outside += sp_default_value(s, b + 0.5) > 0 ? (double)s->faces[f][b] : 0;
         }
     return all > 0 ? outside / all : 0.5;
 }
 
-bool sp_first_is_distance(const struct sp_volume *volume, const struct sp_first_samples *s,
-                          double *per_voxel) {
+bool sp_default_is_distance(const struct sp_volume *volume, const struct sp_default_samples *s,
+                            double *per_voxel) {
     enum { SLOPES = 1 << 14, SLOPES_MIN = 64 };
     const struct sp_volume_info *info = s->info;
     const bool is_known = info->meaning != SP_MEANING_UNKNOWN;
@@ -172,8 +172,8 @@ bool sp_first_is_distance(const struct sp_volume *volume, const struct sp_first_
     return is_known || is_even;
 }
 
-void sp_first_show_distance(const struct sp_first_samples *s, double per_voxel,
-                            struct sp_view *view) {
+void sp_default_show_distance(const struct sp_default_samples *s, double per_voxel,
+                              struct sp_view *view) {
     struct sp_transfer_function *tf = &view->transfer_function;
     const struct sp_volume_info *info = s->info;
     const double step = fmin(per_voxel, 0.25 * fmin(info->range[1], -info->range[0]));

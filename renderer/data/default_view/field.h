@@ -10,24 +10,25 @@
 
 /* The colour of a share of the range, in [0, 1]: viridis, in which equal differences of the value
  * look alike (Smith and van der Walt 2015), without its darkest part. */
-void sp_first_field_color(double share, float color[3]);
+void sp_default_field_color(double share, float color[3]);
 
 /* True if values of both signs lie around 0, and 0 is the usual one: a wind along an axis, an
  * orbital, the result of a test. */
-bool sp_first_is_signed(const struct sp_first_samples *samples);
+bool sp_default_is_signed(const struct sp_default_samples *samples);
 
 /* Blue below 0, red above, alike on both sides; values near 0 are transparent. Fills points and
  * point_count of *tf, whose reference length is set. */
-void sp_first_show_signed(const struct sp_first_samples *samples, struct sp_transfer_function *tf);
+void sp_default_show_signed(const struct sp_default_samples *samples,
+                            struct sp_transfer_function *tf);
 
 /* True if the samples are distances from a closed surface at 0, in any unit: the file says so, or
  * their slope is the same nearly everywhere, per world unit or per voxel. *per_voxel is the
  * usual slope, > 0. */
-bool sp_first_is_distance(const struct sp_volume *volume, const struct sp_first_samples *samples,
-                          double *per_voxel);
+bool sp_default_is_distance(const struct sp_volume *volume,
+                            const struct sp_default_samples *samples, double *per_voxel);
 
 /* The surface at 0 as a layer, and a transfer function that shows what lies inside. */
-void sp_first_show_distance(const struct sp_first_samples *samples, double per_voxel,
-                            struct sp_view *view);
+void sp_default_show_distance(const struct sp_default_samples *samples, double per_voxel,
+                              struct sp_view *view);
 
 #endif

@@ -21,7 +21,7 @@ static void cloud_finish(struct cloud *c) {
         free(c->at[i]);
 }
 
-static bool place_axes(const struct sp_first_samples *s, const struct sp_vec3 axes[3],
+static bool place_axes(const struct sp_default_samples *s, const struct sp_vec3 axes[3],
                        struct sp_vec3 middle, float *along[3][3]) {
     const struct sp_grid *grid = &s->info->grid;
     struct sp_vec3 from = sp_vec3_sub(sp_vec3_from(grid->origin), middle);
@@ -38,7 +38,7 @@ static bool place_axes(const struct sp_first_samples *s, const struct sp_vec3 ax
     return true;
 }
 
-static void add_samples(const struct sp_first_samples *s, const float weight[SP_FIRST_BINS],
+static void add_samples(const struct sp_default_samples *s, const float weight[SP_FIRST_BINS],
                         float *along[3][3], struct cloud *c) {
     const uint16_t *bin = s->bins;
     for (uint32_t k = 0; k < s->count[2]; k++)
@@ -53,7 +53,7 @@ static void add_samples(const struct sp_first_samples *s, const float weight[SP_
             }
 }
 
-static bool cloud_init(struct cloud *c, const struct sp_first_samples *s,
+static bool cloud_init(struct cloud *c, const struct sp_default_samples *s,
                        const double extinction[SP_FIRST_BINS], const struct sp_vec3 axes[3],
                        struct sp_vec3 middle) {
     double cell = cbrt(s->cell[0] * s->cell[1] * s->cell[2]);
@@ -122,16 +122,16 @@ static double find_front(const struct cloud *c) {
     return low + (last + 1) * (high - low) / (STEPS - 1);
 }
 
-static struct sp_vec3 middle_of(const struct sp_first_samples *s) {
+static struct sp_vec3 middle_of(const struct sp_default_samples *s) {
     double a[3], b[3];
-    sp_first_position(s, (const uint32_t[3]){ 0, 0, 0 }, a);
-    sp_first_position(s, (const uint32_t[3]){ s->count[0] - 1, s->count[1] - 1, s->count[2] - 1 },
-                      b);
+    sp_default_position(s, (const uint32_t[3]){ 0, 0, 0 }, a);
+    sp_default_position(s, (const uint32_t[3]){ s->count[0] - 1, s->count[1] - 1, s->count[2] - 1 },
+                        b);
     return sp_vec3_scale(sp_vec3_add(sp_vec3_from(a), sp_vec3_from(b)), 0.5);
 }
 
-void sp_first_frame(const struct sp_first_samples *s, const double extinction[SP_FIRST_BINS],
-                    const struct sp_first_orientation *o, struct sp_camera *camera) {
+void sp_default_frame(const struct sp_default_samples *s, const double extinction[SP_FIRST_BINS],
+                      const struct sp_default_orientation *o, struct sp_camera *camera) {
     struct sp_vec3 axes[3], middle = middle_of(s);
     axes[2] = o->away;
     axes[0] = sp_vec3_normalize(sp_vec3_cross(o->up, o->away));

@@ -10,7 +10,8 @@
 
 /* Sets position, target, up and height for camera->fov_y. The camera stays as it is if nothing is
  * visible or memory is short. */
-void sp_first_frame(const struct sp_first_samples *samples, const double extinction[SP_FIRST_BINS],
-                    const struct sp_first_orientation *orientation, struct sp_camera *camera);
+void sp_default_frame(const struct sp_default_samples *samples,
+                      const double extinction[SP_FIRST_BINS],
+                      const struct sp_default_orientation *orientation, struct sp_camera *camera);
 
 #endif

@@ -80,7 +80,7 @@ static bool are_numbers_of_labels(const struct table *t, const struct sp_volume_
            (t->used >= MANY || (t->used >= 2 && info->range[1] <= t->used + GAPS));
 }
 
-bool sp_first_are_labels(const struct sp_volume *volume) {
+bool sp_default_are_labels(const struct sp_volume *volume) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     enum { PAIRS_MIN = 8 };
     const double alike = 0.6, most = 0.9;
@@ -174,7 +174,7 @@ static void add_labels(const struct label *labels, uint32_t n, const struct sp_v
         add_point(tf, -half, none, 0);
 }
 
-bool sp_first_show_labels(const struct sp_volume *volume, struct sp_view *view) {
+bool sp_default_show_labels(const struct sp_volume *volume, struct sp_view *view) {
     struct sp_transfer_function *tf = &view->transfer_function;
     struct table *t = calloc(1, sizeof *t);
     const bool ok = t && count(volume, LOOKS_MAX, t);

@@ -9,11 +9,11 @@
 
 /* True if the file says so, or if the samples look like it: whole numbers, few of them or many, and
  * nearly all neighbours of a sample have its number. */
-bool sp_first_are_labels(const struct sp_volume *volume);
+bool sp_default_are_labels(const struct sp_volume *volume);
 
 /* A colour for each label, which depends on its number alone; 0 is transparent. The transfer
  * function classifies voxels, because between two labels there is no third. False without memory,
  * or if there is no label; the view is unchanged then. */
-bool sp_first_show_labels(const struct sp_volume *volume, struct sp_view *view);
+bool sp_default_show_labels(const struct sp_volume *volume, struct sp_view *view);
 
 #endif

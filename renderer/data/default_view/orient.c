@@ -8,7 +8,7 @@
 #include "data/volume/grid.h"
 
 /* Opacity of one taken sample, by bin. */
-static void find_opacity(const struct sp_first_samples *s, const double extinction[SP_FIRST_BINS],
+static void find_opacity(const struct sp_default_samples *s, const double extinction[SP_FIRST_BINS],
                          float opacity[SP_FIRST_BINS]) {
     double cell = cbrt(s->cell[0] * s->cell[1] * s->cell[2]);
     for (int b = 0; b < SP_FIRST_BINS; b++)
@@ -21,7 +21,7 @@ struct profiles {
     double total;
 };
 
-static void add_profiles(const struct sp_first_samples *s, const float opacity[SP_FIRST_BINS],
+static void add_profiles(const struct sp_default_samples *s, const float opacity[SP_FIRST_BINS],
                          struct profiles *p) {
     const uint16_t *bin = s->bins;
     memset(p, 0, sizeof *p);
@@ -41,7 +41,7 @@ static void add_profiles(const struct sp_first_samples *s, const float opacity[S
 
 /* The first and last layer of an axis between which all but 0.5 % of the opacity lies on each
  * side. */
-static void find_ends(const struct sp_first_samples *s, const struct profiles *p, unsigned axis,
+static void find_ends(const struct sp_default_samples *s, const struct profiles *p, unsigned axis,
                       uint32_t ends[2]) {
     double sum = 0;
     ends[0] = 0;
@@ -58,7 +58,7 @@ static void find_ends(const struct sp_first_samples *s, const struct profiles *p
 }
 
 /* A world axis as a unit vector; the column of the grid's direction, with a sign. */
-static struct sp_vec3 grid_axis(const struct sp_first_samples *s, unsigned axis, double sign) {
+static struct sp_vec3 grid_axis(const struct sp_default_samples *s, unsigned axis, double sign) {
     struct sp_vec3 v;
     for (int r = 0; r < 3; r++)
         v.v[r] = sign * s->info->grid.direction[r][axis];
@@ -83,8 +83,8 @@ struct shape {
     double size[3], end[3][2];
 };
 
-static void measure_shape(const struct sp_first_samples *s, const double extinction[SP_FIRST_BINS],
-                          struct shape *shape) {
+static void measure_shape(const struct sp_default_samples *s,
+                          const double extinction[SP_FIRST_BINS], struct shape *shape) {
     float opacity[SP_FIRST_BINS];
     struct profiles p;
     find_opacity(s, extinction, opacity);
@@ -161,7 +161,7 @@ static int least_seen(const double extinction[SP_FIRST_BINS]) {
 }
 
 /* True if the object is cut by one face across an axis, and not by the opposite one. */
-static bool is_cut(const struct sp_first_samples *s, const double extinction[SP_FIRST_BINS],
+static bool is_cut(const struct sp_default_samples *s, const double extinction[SP_FIRST_BINS],
                    unsigned axis, int side) {
     const int least = least_seen(extinction);
     const double seen = seen_on_face(s->faces[2 * axis + (unsigned)side], least);
@@ -170,7 +170,7 @@ static bool is_cut(const struct sp_first_samples *s, const double extinction[SP_
 
 /* A scan that ends inside a body shows it on its last slice: a neck, a thigh. There is down. If
  * both ends show it, or none does, the broader end may tell: a skull ends in a dome. */
-static bool find_cut(const struct sp_first_samples *s, const double extinction[SP_FIRST_BINS],
+static bool find_cut(const struct sp_default_samples *s, const double extinction[SP_FIRST_BINS],
                      const struct shape *shape, unsigned axis, int *side) {
     const double dome = 0.25, broad = 0.4;
     double seen[2];
@@ -191,8 +191,8 @@ static bool find_cut(const struct sp_first_samples *s, const double extinction[S
 
 /* From the front, a little from the left and above. A few axial slices are seen from below, as
  * radiologists do, with the front above; a few sagittal slices from the left. */
-static bool orient_patient(const struct sp_first_samples *s, unsigned flat,
-                           struct sp_first_orientation *o) {
+static bool orient_patient(const struct sp_default_samples *s, unsigned flat,
+                           struct sp_default_orientation *o) {
     static const char letters[3] = { 'L', 'A', 'S' };
     struct sp_vec3 to[3];
     for (int i = 0; i < 3; i++)
@@ -215,13 +215,14 @@ static bool orient_patient(const struct sp_first_samples *s, unsigned flat,
 /* A flat object is seen from its broad side. Integers are images: the first slice is in front, and
  * the first row above. Real numbers are maps: the last axis points to the camera, the second one
  * up. */
-static struct sp_first_orientation orient_flat(const struct sp_first_samples *s, unsigned axis) {
+static struct sp_default_orientation orient_flat(const struct sp_default_samples *s,
+                                                 unsigned axis) {
     bool is_image = sp_anatomy_is_plain_stack(s->info) && !is_real(s->info->type);
     unsigned right = axis == 0 ? 1 : 0, up = axis == 2 ? 1 : 2;
     double towards = axis == 0 ? 1 : axis == 1 || is_image ? -1 : 1;
     double rise =
         axis == 2 && !is_image ? -0.55 : 0.4; /* a map lies and is seen from its lower edge */
-    struct sp_first_orientation o = { .up = grid_axis(s, up, axis == 2 && is_image ? -1 : 1) };
+    struct sp_default_orientation o = { .up = grid_axis(s, up, axis == 2 && is_image ? -1 : 1) };
     o.away = mix(grid_axis(s, right, 1), grid_axis(s, axis, towards), o.up,
                  (double[]){ 0.3, 0.85, rise });
     return o;
@@ -229,10 +230,10 @@ static struct sp_first_orientation orient_flat(const struct sp_first_samples *s,
 
 /* Up along an axis of the grid, and in front of it. A face that cuts the object is not shown: it is
  * seen from its side, and a little from behind. */
-static struct sp_first_orientation orient_upright(const struct sp_first_samples *s,
-                                                  const double extinction[SP_FIRST_BINS],
-                                                  const struct shape *shape, unsigned axis,
-                                                  int foot) {
+static struct sp_default_orientation orient_upright(const struct sp_default_samples *s,
+                                                    const double extinction[SP_FIRST_BINS],
+                                                    const struct shape *shape, unsigned axis,
+                                                    int foot) {
     unsigned right = axis == 0 ? 1 : 0, front = 3 - axis - right;
     double towards = axis == 2 ? -1 : 1; /* low y is in front where z is up, high z else */
     if (shape->size[front] > 1.8 * shape->size[right]) { /* see the broader side */
@@ -240,7 +241,7 @@ static struct sp_first_orientation orient_upright(const struct sp_first_samples 
         right = front;
         front = swap;
     }
-    struct sp_first_orientation o = { .up = grid_axis(s, axis, foot ? -1 : 1) };
+    struct sp_default_orientation o = { .up = grid_axis(s, axis, foot ? -1 : 1) };
     const double aside = is_cut(s, extinction, right, 1) ? -1 : 1;
     const bool is_turned = is_cut(s, extinction, front, towards > 0);
     o.away = mix(grid_axis(s, right, aside), grid_axis(s, front, is_turned ? -towards : towards),
@@ -249,15 +250,15 @@ static struct sp_first_orientation orient_upright(const struct sp_first_samples 
 }
 
 /* The default of a world whose axes say nothing: z is up, low y is in front. */
-static struct sp_first_orientation orient_world(void) {
-    return (struct sp_first_orientation){
+static struct sp_default_orientation orient_world(void) {
+    return (struct sp_default_orientation){
         { { 0, 0, 1 } }, sp_vec3_normalize((struct sp_vec3){ { 0.45, -0.82, 0.35 } })
     };
 }
 
-struct sp_first_orientation sp_first_orient(const struct sp_first_samples *s,
-                                            const double extinction[SP_FIRST_BINS]) {
-    struct sp_first_orientation o;
+struct sp_default_orientation sp_default_orient(const struct sp_default_samples *s,
+                                                const double extinction[SP_FIRST_BINS]) {
+    struct sp_default_orientation o;
     struct shape shape;
     bool has_fields = s->info->others[0][0] != 0; /* the same camera shows each of them */
     if (has_fields)

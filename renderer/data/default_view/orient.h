@@ -8,11 +8,11 @@
 #include "base/vec.h"
 #include "data/default_view/samples.h"
 
-struct sp_first_orientation {
+struct sp_default_orientation {
     struct sp_vec3 up, away; /* unit vectors: up; from the target to the camera */
 };
 
-struct sp_first_orientation sp_first_orient(const struct sp_first_samples *samples,
-                                            const double extinction[SP_FIRST_BINS]);
+struct sp_default_orientation sp_default_orient(const struct sp_default_samples *samples,
+                                                const double extinction[SP_FIRST_BINS]);
 
 #endif

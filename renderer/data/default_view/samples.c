@@ -19,11 +19,11 @@ static uint64_t choose(uint64_t dim, uint64_t n, uint64_t i) {
 }
 
 /* The index in the volume of sample i of an axis. */
-static uint64_t index_of(const struct sp_first_samples *s, unsigned axis, uint32_t i) {
+static uint64_t index_of(const struct sp_default_samples *s, unsigned axis, uint32_t i) {
     return s->begin[axis] + choose(s->dims[axis], s->count[axis], i);
 }
 
-static bool place_samples(struct sp_first_samples *s) {
+static bool place_samples(struct sp_default_samples *s) {
     const struct sp_grid *grid = &s->info->grid;
     for (unsigned a = 0; a < 3; a++) {
         uint32_t dim = s->dims[a], first = s->begin[a], last = first + dim - 1,
@@ -41,11 +41,11 @@ static bool place_samples(struct sp_first_samples *s) {
 }
 
 /* False for values that stand for missing data, too. */
-static bool is_data(const struct sp_first_samples *s, double value) {
+static bool is_data(const struct sp_default_samples *s, double value) {
     return value >= s->info->data[0] && value <= s->info->data[1];
 }
 
-static void read_values(const struct sp_first_samples *s, const void *voxels, double *values) {
+static void read_values(const struct sp_default_samples *s, const void *voxels, double *values) {
     const uint32_t *dims = s->info->grid.dims;
     for (uint32_t k = 0; k < s->count[2]; k++)
         for (uint32_t j = 0; j < s->count[1]; j++) {
@@ -74,7 +74,7 @@ static uint64_t count_fine(const double *values, size_t n, double low, double hi
 /* Narrows [low, high] while nearly all samples lie in a small part of it: a few wild samples, or a
  * value that stands for "no data", must not take the whole scale. The surroundings are often one
  * constant value; they do not count. */
-static void find_range(struct sp_first_samples *s, const double *values, size_t n) {
+static void find_range(struct sp_default_samples *s, const double *values, size_t n) {
     uint64_t fine[FINE_BINS], lowest = 0;
     s->low = s->info->data[0];
     s->high = s->info->data[1];
@@ -108,7 +108,7 @@ static void find_range(struct sp_first_samples *s, const double *values, size_t 
 /* Real numbers that are never negative and span many powers of ten, such as densities of galaxies
  * and orbitals, have most of their structure in a small part of a linear range. Their bins have
  * equal ratios, from the highest value down to where little more is to be seen. */
-static void find_log_range(struct sp_first_samples *s, const double *values, size_t n) {
+static void find_log_range(struct sp_default_samples *s, const double *values, size_t n) {
     const bool is_real = s->info->type == SP_FLOAT32 || s->info->type == SP_FLOAT64;
     const double steep = 300, decades = 1e4;
     const size_t few = 1024;
@@ -132,7 +132,7 @@ static void find_log_range(struct sp_first_samples *s, const double *values, siz
 /* A scanner leaves the corners outside of its circle at the lowest value. That is no measurement,
  * so it becomes NaN: true if every line along the last axis has that value throughout or not at
  * all, and most lines do not have it. */
-static bool drop_padding(const struct sp_first_samples *s, double *values) {
+static bool drop_padding(const struct sp_default_samples *s, double *values) {
     size_t area = (size_t)s->count[0] * s->count[1], empty = 0, mixed = 0;
     double lowest = s->info->data[0];
     for (size_t at = 0; at < area; at++) {
@@ -150,7 +150,7 @@ static bool drop_padding(const struct sp_first_samples *s, double *values) {
     return true;
 }
 
-static uint16_t bin_of(const struct sp_first_samples *s, double value) {
+static uint16_t bin_of(const struct sp_default_samples *s, double value) {
     if (!isfinite(value))
         return SP_FIRST_NONE;
     double t = s->is_log ? log(fmax(value, s->low) / s->low) / log(s->high / s->low)
@@ -159,7 +159,7 @@ static uint16_t bin_of(const struct sp_first_samples *s, double value) {
     return t < 0 ? 0 : t < SP_FIRST_BINS ? (uint16_t)t : SP_FIRST_BINS - 1;
 }
 
-static void read_faces(struct sp_first_samples *s, const void *voxels, double padding) {
+static void read_faces(struct sp_default_samples *s, const void *voxels, double padding) {
     enum { SIDE = SP_FIRST_SIDE };
     const uint32_t *dims = s->info->grid.dims;
     const uint64_t stride[3] = { 1, dims[0], (uint64_t)dims[0] * dims[1] };
@@ -179,7 +179,7 @@ static void read_faces(struct sp_first_samples *s, const void *voxels, double pa
     }
 }
 
-static bool take(struct sp_first_samples *s, const void *voxels) {
+static bool sample_volume(struct sp_default_samples *s, const void *voxels) {
     if (!(s->info->data[1] > s->info->data[0]) || !place_samples(s))
         return false;
     size_t n = (size_t)s->count[0] * s->count[1] * s->count[2];
@@ -202,34 +202,34 @@ static bool take(struct sp_first_samples *s, const void *voxels) {
     return ok;
 }
 
-bool sp_first_samples_take(struct sp_first_samples *samples, const struct sp_volume *volume,
-                           const uint32_t begin[3], const uint32_t dims[3]) {
-    *samples = (struct sp_first_samples){ .info = sp_volume_info(volume) };
+bool sp_default_samples_take(struct sp_default_samples *samples, const struct sp_volume *volume,
+                             const uint32_t begin[3], const uint32_t dims[3]) {
+    *samples = (struct sp_default_samples){ .info = sp_volume_info(volume) };
     for (int a = 0; a < 3; a++) {
         samples->begin[a] = begin ? begin[a] : 0;
         samples->dims[a] = begin ? dims[a] : samples->info->grid.dims[a];
     }
-    if (take(samples, sp_volume_voxels(volume)))
+    if (sample_volume(samples, sp_volume_voxels(volume)))
         return true;
-    sp_first_samples_finish(samples);
+    sp_default_samples_finish(samples);
     return false;
 }
 
-void sp_first_samples_finish(struct sp_first_samples *samples) {
+void sp_default_samples_finish(struct sp_default_samples *samples) {
     for (int a = 0; a < 3; a++)
         free(samples->along[a]);
     free(samples->bins);
-    *samples = (struct sp_first_samples){ 0 };
+    *samples = (struct sp_default_samples){ 0 };
 }
 
-double sp_first_value(const struct sp_first_samples *samples, double bin) {
+double sp_default_value(const struct sp_default_samples *samples, double bin) {
     if (samples->is_log)
         return samples->low * pow(samples->high / samples->low, bin / SP_FIRST_BINS);
     return samples->low + (samples->high - samples->low) * bin / SP_FIRST_BINS;
 }
 
-void sp_first_position(const struct sp_first_samples *samples, const uint32_t at[3],
-                       double position[3]) {
+void sp_default_position(const struct sp_default_samples *samples, const uint32_t at[3],
+                         double position[3]) {
     const struct sp_grid *grid = &samples->info->grid;
     for (int r = 0; r < 3; r++) {
         position[r] = grid->origin[r];

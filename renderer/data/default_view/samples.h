@@ -22,7 +22,7 @@ enum {
     SP_FIRST_NONE = UINT16_MAX, /* the bin of a sample that is not finite */
 };
 
-struct sp_first_samples {
+struct sp_default_samples {
     const struct sp_volume_info *info; /* borrowed */
     uint32_t begin[3], dims[3];        /* the box of voxels that the samples come from */
     uint32_t count[3];                 /* [1, SP_FIRST_SIDE] samples along each axis */
@@ -39,15 +39,15 @@ struct sp_first_samples {
 
 /* Takes samples of a box of voxels; `begin` NULL = of the whole volume. False when memory is short,
  * or when the volume has no two different finite samples; nothing is left to finish then. */
-bool sp_first_samples_take(struct sp_first_samples *samples, const struct sp_volume *volume,
-                           const uint32_t begin[3], const uint32_t dims[3]);
-void sp_first_samples_finish(struct sp_first_samples *samples);
+bool sp_default_samples_take(struct sp_default_samples *samples, const struct sp_volume *volume,
+                             const uint32_t begin[3], const uint32_t dims[3]);
+void sp_default_samples_finish(struct sp_default_samples *samples);
 
 /* The value at the lower end of a bin; bin may be SP_FIRST_BINS. */
-double sp_first_value(const struct sp_first_samples *samples, double bin);
+double sp_default_value(const struct sp_default_samples *samples, double bin);
 
 /* World position of a taken sample. */
-void sp_first_position(const struct sp_first_samples *samples, const uint32_t at[3],
-                       double position[3]);
+void sp_default_position(const struct sp_default_samples *samples, const uint32_t at[3],
+                         double position[3]);
 
 #endif

@@ -47,7 +47,7 @@ enum { FULL = -1, MASKED = -2 };
 /* The surroundings are what most of the volume's faces show. An object may be cut by some faces, so
  * the second darkest of them decides. Returns the highest bin of the surroundings; FULL if the
  * faces show many values, as the object fills the volume; MASKED if they show no number. */
-static int find_surroundings(const struct sp_first_samples *s) {
+static int find_surroundings(const struct sp_default_samples *s) {
     int tops[6], faces = 0;
     for (int f = 0; f < 6; f++)
         if (total_of(s->faces[f])) {
@@ -133,7 +133,7 @@ static void measure_line(const uint16_t *bin, size_t stride, uint32_t n,
     }
 }
 
-static void measure_lines(const struct sp_first_samples *s, unsigned axis,
+static void measure_lines(const struct sp_default_samples *s, unsigned axis,
                           const uint8_t class_of[BINS], struct classes *c, struct lines *lines) {
     const size_t stride[3] = { 1, s->count[0], (size_t)s->count[0] * s->count[1] };
     unsigned b = (axis + 1) % 3, d = (axis + 2) % 3;
@@ -150,7 +150,7 @@ static void measure_lines(const struct sp_first_samples *s, unsigned axis,
         }
 }
 
-static void measure_classes(const struct sp_first_samples *s, struct classes *c) {
+static void measure_classes(const struct sp_default_samples *s, struct classes *c) {
     memset(c->depth, 0, sizeof c->depth);
     uint8_t class_of[BINS];
     struct lines lines = { 0 };
@@ -197,7 +197,7 @@ static const double floor_share = 0.15, floor_excess = 5;
 
 /* The first bin above the values of a floor, a slab or table along a face. `bin` if there is no
  * floor, or if its values reach `limit`, where the values of the object begin. */
-static unsigned leave_floor(const struct sp_first_samples *s, unsigned bin, unsigned limit) {
+static unsigned leave_floor(const struct sp_default_samples *s, unsigned bin, unsigned limit) {
     double volume = (double)total_of(s->histogram);
     unsigned end = bin;
     for (int f = 0; f < 6; f++) {
@@ -231,7 +231,7 @@ static unsigned leave_edges(const uint64_t histogram[BINS], unsigned bin, unsign
     return bin;
 }
 
-static void find_classes(const struct sp_first_samples *s, struct classes *c) {
+static void find_classes(const struct sp_default_samples *s, struct classes *c) {
     *c = (struct classes){ 0 };
     int top = find_surroundings(s);
     c->has_surroundings = top != FULL;
@@ -260,9 +260,9 @@ static float opacity_for(double optical_depth, double depth, double reference) {
 }
 
 /* Values rise, or fall if the samples are mirrored. */
-static void add_point(const struct sp_first_samples *s, struct sp_transfer_function *tf, double bin,
-                      const float color[3], float opacity) {
-    const double value = sp_first_value(s, bin);
+static void add_point(const struct sp_default_samples *s, struct sp_transfer_function *tf,
+                      double bin, const float color[3], float opacity) {
+    const double value = sp_default_value(s, bin);
     const double last = tf->point_count ? tf->points[tf->point_count - 1].value : NAN;
     if (s->low < s->high ? value <= last : value >= last)
         return;
@@ -306,7 +306,7 @@ static struct look choose_look(const struct classes *c) {
 
 /* Makes the densest class, which encloses all else, a thin veil, and splits what is inside. The
  * middle class is either inside as well, or the blurred edge of the shell. */
-static void look_inside(const struct sp_first_samples *s, struct classes *c, struct look *look) {
+static void look_inside(const struct sp_default_samples *s, struct classes *c, struct look *look) {
     unsigned end = c->hidden_middle > 0.9 ? c->cut[3] : c->cut[2], most = c->cut[1];
     for (unsigned b = most; b < end; b++)
         most = s->histogram[b] > s->histogram[most] ? b : most;
@@ -318,7 +318,7 @@ static void look_inside(const struct sp_first_samples *s, struct classes *c, str
     measure_classes(s, c);
 }
 
-static void add_points(const struct sp_first_samples *s, const struct classes *c,
+static void add_points(const struct sp_default_samples *s, const struct classes *c,
                        const struct look *look, struct sp_transfer_function *tf) {
     static const float least[CLASSES] = { 0, 0.002f, 0.005f, 0.01f };
     /* The blurred edge of a shell has all values of the inside: they must not be opaque there. */
@@ -357,8 +357,8 @@ static float opacity_at(const double bins[], const float opacity[], int n, doubl
 
 /* A smooth field: colours tell equal steps of the value, and opacity rises with it. If the field
  * fills the volume, all of it shows, the lowest class as a haze. */
-static void add_field(const struct sp_first_samples *s, struct classes *c, const struct look *look,
-                      struct sp_transfer_function *tf) {
+static void add_field(const struct sp_default_samples *s, struct classes *c,
+                      const struct look *look, struct sp_transfer_function *tf) {
     const double length = tf->reference_length, haze = 0.35;
     double depth[CLASSES];
     float o[CLASSES];
@@ -388,7 +388,7 @@ static void add_field(const struct sp_first_samples *s, struct classes *c, const
     for (int i = 0; i < FIELD_POINTS; i++) {
         const double share = (double)i / (FIELD_POINTS - 1), bin = first + share * (BINS - first);
         float color[3];
-        sp_first_field_color(share, color);
+        sp_default_field_color(share, color);
         add_point(s, tf, bin, color, opacity_at(bins, opacity, 6, bin));
     }
 }
@@ -416,7 +416,7 @@ static void hide_missing(const struct sp_volume_info *info, struct sp_transfer_f
 
 /* True if nearly all faces show the highest values alone: the background of a microscope in bright
  * field, or a mark for missing data that is not far from the others. */
-static bool are_surroundings_bright(const struct sp_first_samples *s) {
+static bool are_surroundings_bright(const struct sp_default_samples *s) {
     int faces = 0, bright = 0;
     for (int f = 0; f < 6; f++)
         if (total_of(s->faces[f])) {
@@ -437,7 +437,7 @@ static void reverse(uint64_t counts[BINS]) {
 
 /* Makes the highest values the lowest ones. False if there is no memory for the bins, which the
  * caller frees. */
-static bool mirror(const struct sp_first_samples *s, struct sp_first_samples *mirrored) {
+static bool mirror(const struct sp_default_samples *s, struct sp_default_samples *mirrored) {
     const size_t n = (size_t)s->count[0] * s->count[1] * s->count[2];
     *mirrored = *s;
     mirrored->low = s->high;
@@ -461,7 +461,7 @@ static void reverse_points(struct sp_transfer_function *tf) {
 }
 
 /* Fills the points. True if values matter more than light. */
-static bool choose_points(const struct sp_first_samples *s, struct sp_transfer_function *tf) {
+static bool choose_points(const struct sp_default_samples *s, struct sp_transfer_function *tf) {
     const bool is_coarse = s->info->whole.dims[0] > 0;
     const double *spacing = is_coarse ? s->info->whole.spacing : s->info->grid.spacing;
     struct classes c;
@@ -474,8 +474,8 @@ static bool choose_points(const struct sp_first_samples *s, struct sp_transfer_f
     const bool is_field = !look.colors;
     if (is_field && c.are_faint)
         c.has_surroundings = false;
-    if (sp_first_is_signed(s))
-        sp_first_show_signed(s, tf);
+    if (sp_default_is_signed(s))
+        sp_default_show_signed(s, tf);
     else if (is_field)
         add_field(s, &c, &look, tf);
     else
@@ -483,10 +483,10 @@ static bool choose_points(const struct sp_first_samples *s, struct sp_transfer_f
     return look.colors != warm;
 }
 
-bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_function *tf) {
-    struct sp_first_samples mirrored;
+bool sp_default_transfer(const struct sp_default_samples *s, struct sp_transfer_function *tf) {
+    struct sp_default_samples mirrored;
     bool values_matter;
-    if (!sp_first_is_signed(s) && are_surroundings_bright(s) && mirror(s, &mirrored)) {
+    if (!sp_default_is_signed(s) && are_surroundings_bright(s) && mirror(s, &mirrored)) {
         values_matter = choose_points(&mirrored, tf);
         reverse_points(tf);
         free(mirrored.bins);
@@ -497,10 +497,11 @@ bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_func
     return values_matter;
 }
 
-void sp_first_extinction(const struct sp_first_samples *samples,
-                         const struct sp_transfer_function *tf, double extinction[SP_FIRST_BINS]) {
+void sp_default_extinction(const struct sp_default_samples *samples,
+                           const struct sp_transfer_function *tf,
+                           double extinction[SP_FIRST_BINS]) {
     for (int b = 0; b < BINS; b++) {
-        double value = sp_first_value(samples, b + 0.5), opacity;
+        double value = sp_default_value(samples, b + 0.5), opacity;
         const struct sp_tf_point *p = tf->points, *end = p + tf->point_count;
         while (p < end && p->value <= value)
             p++;

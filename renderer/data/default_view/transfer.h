@@ -10,10 +10,10 @@
 
 /* Fills points, point_count and reference_length of *tf; the rest stays. True if the volume is a
  * smooth field, or if its inside is shown through a shell: then light matters less than values. */
-bool sp_first_transfer(const struct sp_first_samples *samples, struct sp_transfer_function *tf);
+bool sp_default_transfer(const struct sp_default_samples *samples, struct sp_transfer_function *tf);
 
 /* Extinction in the middle of each bin, per world unit. */
-void sp_first_extinction(const struct sp_first_samples *samples,
-                         const struct sp_transfer_function *tf, double extinction[SP_FIRST_BINS]);
+void sp_default_extinction(const struct sp_default_samples *samples,
+                           const struct sp_transfer_function *tf, double extinction[SP_FIRST_BINS]);
 
 #endif

@@ -384,7 +384,7 @@ static bool place_axes(struct amira *a, struct sp_grid *grid, struct sp_error *e
         return false;
     double *positions = a->positions;
     for (unsigned axis = 0; axis < 3; positions += a->dims[axis++])
-        import_grid_place(grid, axis, positions);
+        import_grid_set_positions(grid, axis, positions);
     return true;
 }
 

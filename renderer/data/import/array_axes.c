@@ -315,7 +315,7 @@ static void place_axis(struct arrays *a, struct coordinates *c, int axis, double
     if (!is_even) {
         a->positions[axis] = values;
         c[d].values = NULL;
-        import_grid_place(grid, (unsigned)axis, values);
+        import_grid_set_positions(grid, (unsigned)axis, values);
         return;
     }
     grid->spacing[axis] = fabs(step);

@@ -134,7 +134,7 @@ static bool is_wanted(const struct arrays *a, const char *field, const char *nam
         return false;
     if (!field[length])
         return true;
-    if (are_vectors(a) && import_derived_names(field, own))
+    if (are_vectors(a) && import_is_derived_from(field, own))
         return true;
     const unsigned long number = strtoul(field + length, &end, 10);
     *channel = (uint32_t)(number - 1);
@@ -319,7 +319,7 @@ static void name_vectors(const struct arrays *a, struct import_header *header) {
 }
 
 /* Lists the arrays that could be read in place of this one, and says what the numbers are. */
-static void list_others(const struct arrays *a, struct import_header *header) {
+static void list_other_arrays(const struct arrays *a, struct import_header *header) {
     char flags[8];
     const unsigned least = a->info.rank < 3 ? a->info.rank : 3;
     struct array_info info;
@@ -338,7 +338,7 @@ bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp
     if (a->axes.are_vectors) {
         a->channels = 1;
         name_vectors(a, header);
-        list_others(a, header);
+        list_other_arrays(a, header);
         return true;
     }
     a->channels = a->axes.channel < 0 ? 1 : (uint32_t)fmin(a->info.shape[a->axes.channel], 1e9);
@@ -358,7 +358,7 @@ bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp
         if (i != a->channel)
             import_header_add_other(header, name);
     }
-    list_others(a, header);
+    list_other_arrays(a, header);
     return true;
 }
 

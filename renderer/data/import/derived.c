@@ -17,7 +17,7 @@ static void name_derived(char out[SP_FIELD_BYTES], const char *vectors, enum imp
     import_name(out, name);
 }
 
-bool import_derived_names(const char *field, const char *vectors) {
+bool import_is_derived_from(const char *field, const char *vectors) {
     return *vectors && strcmp(field, endings[IMPORT_LENGTH]) != 0 &&
            import_derived_of(field, vectors) != IMPORT_NOT_DERIVED;
 }

@@ -13,7 +13,7 @@
 enum import_derived import_derived_of(const char *field, const char *vectors);
 
 /* True if the field is one of these vectors, and not of any others. */
-bool import_derived_names(const char *field, const char *vectors);
+bool import_is_derived_from(const char *field, const char *vectors);
 
 /* Makes the lengths of header->vector_name the samples, or the component that `field` names. */
 void import_header_derive(struct import_header *header, const char *field);

@@ -288,8 +288,8 @@ static bool add_slices(const struct dicom_source *source, struct dicom_scan *sca
     return ok;
 }
 
-static bool take(struct dicom_source *source, struct dicom_scan *scan, struct dicom_slices *slices,
-                 struct sp_error *err) {
+static bool read_stack(struct dicom_source *source, struct dicom_scan *scan,
+                       struct dicom_slices *slices, struct sp_error *err) {
     uint32_t chosen;
     if (!choose(source, scan, &chosen, err))
         return false;
@@ -310,7 +310,7 @@ static bool take(struct dicom_source *source, struct dicom_scan *scan, struct di
 bool dicom_folder_list(struct dicom_source *source, struct dicom_slices *slices,
                        struct sp_error *err) {
     struct dicom_scan scan = { .count = 0 };
-    const bool ok = dicom_scan_read(source, &scan, err) && take(source, &scan, slices, err);
+    const bool ok = dicom_scan_read(source, &scan, err) && read_stack(source, &scan, slices, err);
     dicom_scan_finish(&scan);
     return ok;
 }

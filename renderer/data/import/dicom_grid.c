@@ -116,7 +116,7 @@ static bool place_slices(const struct dicom_slices *slices, struct import_warnin
                         off, 100 * off / step, step);
         if (off > EVEN_SHARE * step) {
             warn_of_gaps(slices, places, gaps, warnings);
-            import_grid_place(grid, 2, places);
+            import_grid_set_positions(grid, 2, places);
         }
     }
     const bool ok = places && gaps;

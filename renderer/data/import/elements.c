@@ -186,7 +186,7 @@ static void unpack_colors(const struct sp_elements *e, const float *values) {
 }
 
 /* Opaque points need less overlap than transparent ones, so that single ones can be told apart. */
-static void shrink(const struct sp_elements *e) {
+static void shrink_kernels(const struct sp_elements *e) {
     for (size_t i = 0; i < e->shape.count; i++)
         for (int k = 0; k < 6; k++)
             e->factors[i][k] *= 0.5F;
@@ -211,7 +211,7 @@ static bool finish_colors(const struct import_file *file, const struct import_he
     if (ok) {
         unpack_colors(e, points.values);
         if (!header->has_factors)
-            shrink(e);
+            shrink_kernels(e);
         if (e->shape.count > 0 && !header->has_factors)
             warn_of_one_place(file->warnings, &points);
     }

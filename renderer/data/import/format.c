@@ -187,7 +187,7 @@ void import_grid_normalize(struct sp_grid *grid) {
     }
 }
 
-void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions) {
+void import_grid_set_positions(struct sp_grid *grid, unsigned axis, double *positions) {
     uint32_t last = grid->dims[axis] - 1;
     double first = positions[0], sign = positions[last] < first ? -1 : 1;
     for (int row = 0; row < 3; row++) {

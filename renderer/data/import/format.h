@@ -268,7 +268,7 @@ void import_report(const struct import_progress *progress, uint64_t bytes);
  * caller keeps owning them. The origin moves to the first sample. Falling positions reverse the
  * direction of the axis. A single sample only moves the origin. sp_grid_check() checks the result.
  */
-void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions);
+void import_grid_set_positions(struct sp_grid *grid, unsigned axis, double *positions);
 
 /* Moves the lengths of the directions into the spacing, so that the grid stays where it is and each
  * direction has the length 1. A length within 1e-5 of 1 is the rounding of written digits and

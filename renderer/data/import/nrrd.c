@@ -274,7 +274,7 @@ static enum nrrd_field field_at_fault(const struct parsing *p) {
                               : value[NRRD_SPACINGS]  ? NRRD_SPACINGS
                               : value[NRRD_AXIS_MAXS] ? NRRD_AXIS_MAXS
                                                       : NRRD_SIZES;
-    switch (sp_grid_bad_part(&p->header->grid)) {
+    switch (sp_grid_invalid_field(&p->header->grid)) {
     case SP_GRID_SPACING:
         return spacing;
     case SP_GRID_DIRECTION:

@@ -36,8 +36,8 @@ static bool cut_off(const struct ply_rows *r, const char *property, struct sp_er
 }
 
 /* Returns the next n ≤ 8 bytes; NULL with *err set if there are fewer. */
-static const uint8_t *take(struct ply_rows *r, size_t n, const char *property,
-                           struct sp_error *err) {
+static const uint8_t *next_bytes(struct ply_rows *r, size_t n, const char *property,
+                                 struct sp_error *err) {
     while (r->end - r->begin < n) {
         memmove(r->buffer, r->buffer + r->begin, r->end - r->begin);
         r->end -= r->begin;
@@ -63,7 +63,7 @@ static const uint8_t *take(struct ply_rows *r, size_t n, const char *property,
 
 static bool take_bytes(struct ply_rows *r, struct import_number number, const char *property,
                        double *value, struct sp_error *err) {
-    const uint8_t *bytes = take(r, number.size, property, err);
+    const uint8_t *bytes = next_bytes(r, number.size, property, err);
     if (!bytes)
         return false;
     bool is_big = r->ply->form == PLY_BIG;

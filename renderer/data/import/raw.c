@@ -128,7 +128,7 @@ static bool read_axis(const struct sidecar *s, size_t axis, const json_t *array)
             return refuse(s, pointer, "element %zu must be a number", i);
         positions[i] = json_number_value(n);
     }
-    import_grid_place(&s->header->grid, (unsigned)axis, positions);
+    import_grid_set_positions(&s->header->grid, (unsigned)axis, positions);
     return true;
 }
 
@@ -284,7 +284,7 @@ static bool check_samples(const struct sidecar *s) {
     };
     char place[SP_ERROR_PLACE];
     snprintf(place, sizeof place, "%.180s: /%s", s->file->shown,
-             members[sp_grid_bad_part(&s->header->grid)]);
+             members[sp_grid_invalid_field(&s->header->grid)]);
     if (!sp_grid_check(&s->header->grid, s->header->type, place, &s->header->bytes, s->err))
         return false;
     s->samples->bytes = s->header->bytes / sp_type_size(s->header->type) *

@@ -69,7 +69,7 @@ static bool has_field(const struct names *n, const struct vtk_entry *e, const ch
     if (e->components == 1)
         return strcmp(name, wanted) == 0;
     if (is_vectors(e))
-        return strcmp(wanted, "magnitude") == 0 || import_derived_names(wanted, name);
+        return strcmp(wanted, "magnitude") == 0 || import_is_derived_from(wanted, name);
     for (; *component < e->components; ++*component) {
         name_component(n, e, *component, name);
         if (strcmp(name, wanted) == 0)
@@ -128,8 +128,8 @@ static unsigned rank_vectors(const struct names *n, const struct vtk_entry *e) {
     const struct import_file *file = n->v->file;
     char name[SP_FIELD_BYTES];
     name_array(n, e, name);
-    const bool is_named =
-        *file->vectors ? strcmp(file->vectors, name) == 0 : import_derived_names(file->field, name);
+    const bool is_named = *file->vectors ? strcmp(file->vectors, name) == 0
+                                         : import_is_derived_from(file->field, name);
     const bool is_usual = e->role == VTK_VECTORS;
     return !is_vectors(e) ? 0 : is_named ? 3 : is_usual ? 2 : 1;
 }

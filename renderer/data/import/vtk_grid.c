@@ -122,7 +122,7 @@ static bool place_rectilinear(struct vtk_volume *v, struct sp_grid *grid, struct
             for (uint32_t i = 0; i < v->dims[axis]; i++)
                 at[i] = (at[i] + at[i + 1]) / 2;
         }
-        import_grid_place(grid, axis, at);
+        import_grid_set_positions(grid, axis, at);
     }
     for (int axis = 0; axis < 3; axis++)
         if (!grid->coordinates[axis])

@@ -30,7 +30,7 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
  * empty line, says nothing about samples, and is skipped. */
 static bool next_keyword(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]) {
     for (;;) {
-        if (!vtk_legacy_word(l, word))
+        if (!vtk_legacy_read_word(l, word))
             return false;
         if (strcasecmp(word, "METADATA") != 0)
             return true;
@@ -58,7 +58,7 @@ static bool take_dataset(struct vtk_legacy *l, const char *keyword) {
     char kind[IMPORT_WORD_MAX + 1];
     if (l->set)
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
-    if (!vtk_legacy_word(l, kind))
+    if (!vtk_legacy_read_word(l, kind))
         return false;
     for (size_t i = 0; i < sizeof sets / sizeof *sets; i++)
         if (strcasecmp(kind, sets[i].name) == 0)
@@ -93,7 +93,7 @@ static bool take_triple(struct vtk_legacy *l, const char *keyword, double out[3]
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "belongs to STRUCTURED_POINTS only");
     for (int axis = 0; axis < 3; axis++) {
         char word[IMPORT_WORD_MAX + 1], *end;
-        if (!vtk_legacy_word(l, word))
+        if (!vtk_legacy_read_word(l, word))
             return false;
         out[axis] = strtod(word, &end);
         if (end == word || *end)
@@ -278,12 +278,12 @@ static bool take_scalars(struct vtk_legacy *l, const char *keyword) {
     if (components < 1 || components > COMPONENTS_MAX) /* SimpleITK writes more than 4 */
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "%d components, outside [1, %d]",
                                  components, COMPONENTS_MAX);
-    if (!vtk_legacy_word(l, word))
+    if (!vtk_legacy_read_word(l, word))
         return false;
     if (strcasecmp(word, "LOOKUP_TABLE") != 0)
         return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
                                  "is followed by \"%.40s\"; its LOOKUP_TABLE must follow", word);
-    if (!vtk_legacy_word(l, word) || !vtk_legacy_end_line(l))
+    if (!vtk_legacy_read_word(l, word) || !vtk_legacy_end_line(l))
         return false;
     return add_field(l, keyword, name, type, (unsigned)components, VTK_SCALARS) &&
            vtk_legacy_skip(l, keyword, type, l->tuples * (unsigned)components);
@@ -302,7 +302,7 @@ static bool take_attribute(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     const struct vtk_type *type;
     size_t i = 0;
-    if (!check_section(l, keyword) || !vtk_legacy_word(l, name) ||
+    if (!check_section(l, keyword) || !vtk_legacy_read_word(l, name) ||
         !vtk_legacy_type(l, keyword, &type) || !vtk_legacy_end_line(l))
         return false;
     while (strcasecmp(keyword, known[i].keyword) != 0)
@@ -315,7 +315,7 @@ static bool take_texture(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
     const struct vtk_type *type;
-    return check_section(l, keyword) && vtk_legacy_word(l, name) &&
+    return check_section(l, keyword) && vtk_legacy_read_word(l, name) &&
            vtk_legacy_count(l, keyword, 3, &components) && vtk_legacy_type(l, keyword, &type) &&
            vtk_legacy_end_line(l) && add_field(l, keyword, name, type, components, VTK_IDS) &&
            vtk_legacy_skip(l, keyword, type, l->tuples * components);
@@ -326,7 +326,7 @@ static bool take_color_scalars(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
     const struct vtk_type *type = vtk_find_type(l->words ? "float" : "unsigned_char", false);
-    return check_section(l, keyword) && vtk_legacy_word(l, name) &&
+    return check_section(l, keyword) && vtk_legacy_read_word(l, name) &&
            vtk_legacy_count(l, keyword, COMPONENTS_MAX, &components) && vtk_legacy_end_line(l) &&
            add_field(l, keyword, name, type, components, VTK_COLORS) &&
            vtk_legacy_skip(l, keyword, type, l->tuples * components);
@@ -335,7 +335,7 @@ static bool take_color_scalars(struct vtk_legacy *l, const char *keyword) {
 static bool skip_table(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t count;
-    return vtk_legacy_word(l, name) && vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count) &&
+    return vtk_legacy_read_word(l, name) && vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count) &&
            vtk_legacy_end_line(l) &&
            vtk_legacy_skip(l, keyword, vtk_find_type("unsigned_char", false), 4 * count);
 }
@@ -358,7 +358,7 @@ static bool take_array(struct vtk_legacy *l, const char *keyword, const char *na
     uint64_t components, tuples;
     char word[IMPORT_WORD_MAX + 1];
     if (!vtk_legacy_count(l, name, COMPONENTS_MAX, &components) ||
-        !vtk_legacy_count(l, name, VTK_COUNT_MAX, &tuples) || !vtk_legacy_word(l, word))
+        !vtk_legacy_count(l, name, VTK_COUNT_MAX, &tuples) || !vtk_legacy_read_word(l, word))
         return false;
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++)
         if (strcasecmp(word, texts[i]) == 0)
@@ -380,7 +380,7 @@ static bool take_array(struct vtk_legacy *l, const char *keyword, const char *na
 static bool take_field(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t arrays;
-    if (!vtk_legacy_word(l, name) || !vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &arrays))
+    if (!vtk_legacy_read_word(l, name) || !vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &arrays))
         return false;
     for (uint64_t i = 0; i < arrays; i++) {
         if (!next_keyword(l, name))
@@ -454,7 +454,7 @@ static bool take_preamble(struct vtk_legacy *l) {
             l, SP_ERR_UNSUPPORTED, NULL,
             "version %d of legacy VTK files is not supported; supported are 1 to 5", major);
     l->new_cells = major == 5;
-    if (!import_text_line(&l->text, line, sizeof line, l->err) || !vtk_legacy_word(l, word))
+    if (!import_text_line(&l->text, line, sizeof line, l->err) || !vtk_legacy_read_word(l, word))
         return false;
     l->words = strcasecmp(word, "ASCII") == 0;
     return l->words || strcasecmp(word, "BINARY") == 0 ||

@@ -17,13 +17,13 @@ bool vtk_legacy_refuse(const struct vtk_legacy *l, enum sp_code code, const char
     return import_fail(l->err, code, l->file->shown, l->byte, field, "%s", text);
 }
 
-bool vtk_legacy_word(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]) {
+bool vtk_legacy_read_word(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]) {
     return import_text_word(&l->text, word, &l->byte, l->err);
 }
 
 bool vtk_legacy_count(struct vtk_legacy *l, const char *field, uint64_t limit, uint64_t *count) {
     char word[IMPORT_WORD_MAX + 1], *end;
-    if (!vtk_legacy_word(l, word))
+    if (!vtk_legacy_read_word(l, word))
         return false;
     *count = strtoull(word, &end, 10);
     if (word[0] >= '0' && word[0] <= '9' && !*end && *count <= limit)
@@ -34,7 +34,7 @@ bool vtk_legacy_count(struct vtk_legacy *l, const char *field, uint64_t limit, u
 
 bool vtk_legacy_type(struct vtk_legacy *l, const char *field, const struct vtk_type **type) {
     char word[IMPORT_WORD_MAX + 1];
-    if (!vtk_legacy_word(l, word))
+    if (!vtk_legacy_read_word(l, word))
         return false;
     *type = vtk_find_type(word, false);
     return *type || vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, field,
@@ -147,7 +147,7 @@ bool vtk_legacy_cells(struct vtk_legacy *l, const char *keyword) {
         return false;
     for (int i = 0; l->new_cells && i < 2; i++) {
         struct vtk_array *array = i ? &found.points : &found.ends;
-        if (!vtk_legacy_word(l, word))
+        if (!vtk_legacy_read_word(l, word))
             return false;
         if (strcasecmp(word, arrays[i]) != 0)
             return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" instead of %s", word,

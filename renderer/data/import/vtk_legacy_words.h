@@ -32,7 +32,7 @@ __attribute__((format(printf, 4, 5))) bool vtk_legacy_refuse(const struct vtk_le
                                                              enum sp_code code, const char *field,
                                                              const char *format, ...);
 
-bool vtk_legacy_word(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]);
+bool vtk_legacy_read_word(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]);
 bool vtk_legacy_count(struct vtk_legacy *l, const char *field, uint64_t limit, uint64_t *count);
 bool vtk_legacy_type(struct vtk_legacy *l, const char *field, const struct vtk_type **type);
 

@@ -84,7 +84,7 @@ static void put_in_grid(const struct placing *p, uint64_t first, const char *val
     }
 }
 
-static void take(void *user, uint64_t first, const void *values, size_t n) {
+static void place_values(void *user, uint64_t first, const void *values, size_t n) {
     struct placing *p = user;
     const unsigned components = p->entry->components;
     const size_t tuple_bytes = components * p->entry->array.type->number.size;
@@ -237,7 +237,7 @@ static bool read_piece(struct vtk_volume *v, const struct vtk_piece *piece, stru
     a.tuple = p->entry->components;
     a.count = tuples_of(p, piece) * p->entry->components;
     const struct import_file *file = vtk_open_file(v, piece->file, err);
-    const struct vtk_sink sink = { take, p };
+    const struct vtk_sink sink = { place_values, p };
     if (!file)
         return false;
     if (!is_direct(p))

@@ -90,7 +90,7 @@ static void read_line(const struct sp_blocks *b, unsigned axis, const uint32_t a
     else
         copy((const char *)c->samples + (at[0] + at[1] * strides[1] + at[2] * strides[2]) * size,
              strides[axis], size, n, samples);
-    sp_samples_widen(samples, b->type, 0, n, out);
+    sp_samples_to_doubles(samples, b->type, 0, n, out);
 }
 
 /* A run inside of a block, linear between eight samples. */

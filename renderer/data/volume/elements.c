@@ -34,7 +34,7 @@ const char *sp_elements_shape_problem(const struct sp_elements_shape *shape) {
 }
 
 /* Takes an array of `count` items from the memory; NULL memory only counts bytes. */
-static void *take(char *memory, uint64_t *at, uint64_t count, size_t item) {
+static void *carve(char *memory, uint64_t *at, uint64_t count, size_t item) {
     const uint64_t line = 64;
     void *array = memory ? memory + *at : NULL;
     *at += (count * item + line - 1) / line * line;
@@ -47,23 +47,23 @@ static struct sp_elements lay_out(const struct sp_elements_shape *shape, char *m
     const uint64_t n = shape->count, vertices = shape->vertex_count;
     const bool is_mesh = shape->kind == SP_KIND_MESH;
     *at = 0;
-    (void)take(memory, at, 1, sizeof(float)); /* the sample */
-    e.positions = take(memory, at, is_mesh ? vertices : n, sizeof *e.positions);
+    (void)carve(memory, at, 1, sizeof(float)); /* the sample */
+    e.positions = carve(memory, at, is_mesh ? vertices : n, sizeof *e.positions);
     if (is_mesh) {
-        e.normals = take(memory, at, vertices, sizeof *e.normals);
-        e.colors = take(memory, at, vertices, sizeof *e.colors);
-        e.triangles = take(memory, at, n, sizeof *e.triangles);
+        e.normals = carve(memory, at, vertices, sizeof *e.normals);
+        e.colors = carve(memory, at, vertices, sizeof *e.colors);
+        e.triangles = carve(memory, at, n, sizeof *e.triangles);
         return e;
     }
-    e.factors = take(memory, at, n, sizeof *e.factors);
+    e.factors = carve(memory, at, n, sizeof *e.factors);
     if (shape->kind == SP_KIND_POINTS) {
-        e.values = take(memory, at, n, sizeof *e.values);
-        e.volumes = take(memory, at, n, sizeof *e.volumes);
+        e.values = carve(memory, at, n, sizeof *e.values);
+        e.volumes = carve(memory, at, n, sizeof *e.volumes);
         if (shape->has_vectors)
-            e.vectors = take(memory, at, n, sizeof *e.vectors);
+            e.vectors = carve(memory, at, n, sizeof *e.vectors);
     } else {
-        e.opacities = take(memory, at, n, sizeof *e.opacities);
-        e.harmonics = take(memory, at, n, 3 * sizeof(float) * sp_harmonics_count(shape->degree));
+        e.opacities = carve(memory, at, n, sizeof *e.opacities);
+        e.harmonics = carve(memory, at, n, 3 * sizeof(float) * sp_harmonics_count(shape->degree));
     }
     return e;
 }

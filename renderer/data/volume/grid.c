@@ -138,7 +138,7 @@ void sp_grid_coarsen(const double *places, uint32_t count, double *coarse) {
     }
 }
 
-enum sp_grid_part sp_grid_bad_part(const struct sp_grid *grid) {
+enum sp_grid_field sp_grid_invalid_field(const struct sp_grid *grid) {
     struct sp_error unused;
     double least;
     return !check_dims(grid, "", &unused)                   ? SP_GRID_DIMS

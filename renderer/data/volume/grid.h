@@ -68,7 +68,7 @@ bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *pl
                    uint64_t *bytes, struct sp_error *err);
 
 /* The part of a grid that sp_grid_check() refuses, for readers whose places name fields. */
-enum sp_grid_part {
+enum sp_grid_field {
     SP_GRID_GOOD,
     SP_GRID_DIMS,
     SP_GRID_SPACING,
@@ -76,6 +76,6 @@ enum sp_grid_part {
     SP_GRID_ORIGIN,
     SP_GRID_DIRECTION
 };
-enum sp_grid_part sp_grid_bad_part(const struct sp_grid *grid);
+enum sp_grid_field sp_grid_invalid_field(const struct sp_grid *grid);
 
 #endif

@@ -51,7 +51,7 @@ void sp_interpolate_run(const struct sp_interpolator *self, size_t n, const doub
                         double *values);
 
 /* Returns the grey of a value in a window {centre, width}, [0, 1]. The value is not NaN. */
-static inline double sp_window_grey(double value, const double window[2]) {
+static inline double sp_grey_level(double value, const double window[2]) {
     double grey = (value - window[0]) / window[1] + 0.5;
     return grey < 0 ? 0 : grey > 1 ? 1 : grey;
 }

@@ -46,7 +46,8 @@ unsigned sp_volume_threads(void) {
     for (size_t i = 0; i < n; i++)                                                                 \
     out[i] = ((const T *)voxels)[begin + i]
 
-void sp_samples_widen(const void *voxels, enum sp_type type, size_t begin, size_t n, double *out) {
+void sp_samples_to_doubles(const void *voxels, enum sp_type type, size_t begin, size_t n,
+                           double *out) {
     switch (type) {
     case SP_UINT8:
         WIDEN(uint8_t);
@@ -80,7 +81,7 @@ static void find_range(void *user, size_t begin, size_t end, unsigned worker) {
     uint64_t finite = 0;
     for (size_t at = begin; at < end; at += RUN) {
         size_t n = end - at < RUN ? end - at : RUN;
-        sp_samples_widen(m->voxels, m->type, at, n, run);
+        sp_samples_to_doubles(m->voxels, m->type, at, n, run);
         for (size_t i = 0; i < n; i++) {
             if (!isfinite(run[i]))
                 continue;
@@ -101,7 +102,7 @@ static void fill_bins(void *user, size_t begin, size_t end, unsigned worker) {
     double run[RUN];
     for (size_t at = begin; at < end; at += RUN) {
         size_t n = end - at < RUN ? end - at : RUN;
-        sp_samples_widen(m->voxels, m->type, at, n, run);
+        sp_samples_to_doubles(m->voxels, m->type, at, n, run);
         for (size_t i = 0; i < n; i++)
             if (run[i] >= m->low && run[i] <= m->high)
                 bins[sp_bin_of(&range, run[i])]++;
@@ -117,7 +118,7 @@ static void find_extreme(void *user, size_t begin, size_t end, unsigned worker) 
     uint64_t count = 0;
     for (size_t at = begin; at < end; at += RUN) {
         size_t n = end - at < RUN ? end - at : RUN;
-        sp_samples_widen(m->voxels, m->type, at, n, run);
+        sp_samples_to_doubles(m->voxels, m->type, at, n, run);
         for (size_t i = 0; i < n; i++) {
             const double value = sign * run[i];
             count += value == least;

@@ -62,6 +62,7 @@ static inline void sp_sample_set(void *voxels, enum sp_type type, uint64_t at, d
 
 /* Writes samples [begin, begin + n) of an array of that type as doubles, which hold them exactly.
  */
-void sp_samples_widen(const void *voxels, enum sp_type type, size_t begin, size_t n, double *out);
+void sp_samples_to_doubles(const void *voxels, enum sp_type type, size_t begin, size_t n,
+                           double *out);
 
 #endif

@@ -212,7 +212,7 @@ static void draw_pixel(double value, const double window[2],
     if (!isnan(value) && colors)
         sp_points_color(colors, value, rgb);
     else if (!isnan(value))
-        rgb[0] = rgb[1] = rgb[2] = sp_window_grey(value, window);
+        rgb[0] = rgb[1] = rgb[2] = sp_grey_level(value, window);
     for (int c = 0; c < 3; c++)
         px[c] = (uint8_t)(255 * rgb[c] + 0.5);
     px[3] = isnan(value) ? 0 : 255;

@@ -70,12 +70,12 @@ void sp_slice_color(const struct sp_view *view, double value, double rgb[3]) {
     const double window[2] = { slices->center, slices->width };
     switch (slices->colors) {
     case SP_SLICE_GREY:
-        rgb[0] = rgb[1] = rgb[2] = sp_window_grey(value, window);
+        rgb[0] = rgb[1] = rgb[2] = sp_grey_level(value, window);
         break;
     case SP_SLICE_TRANSFER_FUNCTION:
         sp_points_color(&view->transfer_function, value, rgb);
         break;
     default:
-        find_map_color(maps[slices->colors], sp_window_grey(value, window), rgb);
+        find_map_color(maps[slices->colors], sp_grey_level(value, window), rgb);
     }
 }

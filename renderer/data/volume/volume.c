@@ -17,7 +17,7 @@ struct memory {
     atomic_uint references;
     void *voxels;
     size_t bytes;
-    sp_voxels_release *release;
+    sp_voxel_source_release *release;
     struct memory *coarser; /* that blocks here lead to, a reference; NULL = none */
 };
 
@@ -103,7 +103,7 @@ static void share_vectors(struct sp_volume *volume, struct memory *memory,
 
 /* Creates a volume that owns the samples, without coordinates. Releases them if it fails. */
 static struct sp_volume *create(const struct sp_volume_info *info, void *voxels, size_t bytes,
-                                sp_voxels_release *release, struct sp_error *err) {
+                                sp_voxel_source_release *release, struct sp_error *err) {
     assert((uintptr_t)voxels % 64 == 0);
     struct sp_volume *volume = calloc(1, sizeof *volume);
     struct memory *memory = calloc(1, sizeof *memory);
@@ -140,7 +140,7 @@ uint64_t sp_volume_layout(uint64_t voxel_bytes, uint64_t voxels, bool has_vector
 
 struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels,
                                   const float (*vectors)[3], size_t bytes,
-                                  sp_voxels_release *release, struct sp_error *err) {
+                                  sp_voxel_source_release *release, struct sp_error *err) {
     struct sp_volume *volume = create(info, voxels, bytes, release, err);
     if (!volume)
         return NULL;
@@ -158,7 +158,7 @@ struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxel
 }
 
 struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, void *memory,
-                                           size_t bytes, sp_voxels_release *release,
+                                           size_t bytes, sp_voxel_source_release *release,
                                            struct sp_error *err) {
     struct sp_volume *volume = create(info, memory, bytes, release, err);
     if (!volume)
@@ -186,7 +186,7 @@ struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, vo
 
 struct sp_volume *sp_volume_derive(const struct sp_volume *original, enum sp_type type,
                                    uint64_t nonfinite, void *voxels, size_t bytes,
-                                   sp_voxels_release *release, struct sp_error *err) {
+                                   sp_voxel_source_release *release, struct sp_error *err) {
     struct sp_volume *volume = create(&original->info, voxels, bytes, release, err);
     if (!volume)
         return NULL;
@@ -204,7 +204,7 @@ struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
                                         const struct sp_grid *grid,
                                         const struct sp_whole_part *part, void *voxels,
                                         const float (*vectors)[3], size_t bytes,
-                                        sp_voxels_release *release, struct sp_error *err) {
+                                        sp_voxel_source_release *release, struct sp_error *err) {
     struct sp_volume_info info = original->info;
     info.grid = *grid;
     info.whole.part = *part;
@@ -219,7 +219,7 @@ struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
                                           const struct sp_grid *grid,
                                           const struct sp_whole_part *part,
                                           struct sp_blocks *blocks, const struct sp_volume *coarser,
-                                          size_t bytes, sp_voxels_release *release,
+                                          size_t bytes, sp_voxel_source_release *release,
                                           struct sp_error *err) {
     struct sp_volume_info info = original->info;
     info.grid = *grid;
@@ -244,7 +244,7 @@ const struct sp_blocks *sp_volume_blocks(const struct sp_volume *volume) {
 
 struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, void *voxels,
                                            const float (*vectors)[3], size_t bytes,
-                                           sp_voxels_release *release, struct sp_error *err) {
+                                           sp_voxel_source_release *release, struct sp_error *err) {
     struct sp_volume *volume = create(info, voxels, bytes, release, err);
     if (volume) {
         volume->info.components = 1;

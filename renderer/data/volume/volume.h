@@ -13,7 +13,7 @@
 #include "data/volume/grid.h"
 
 /* Releases the samples when the last reference is gone. Called once, from any thread. */
-typedef void sp_voxels_release(void *voxels, size_t bytes);
+typedef void sp_voxel_source_release(void *voxels, size_t bytes);
 
 /* Where the vectors lie in the memory of samples: after them, 64-byte aligned. Returns the size of
  * the memory, a multiple of 64, with vectors or without. */
@@ -27,13 +27,13 @@ uint64_t sp_volume_layout(uint64_t voxel_bytes, uint64_t voxels, bool has_vector
  * once). `vectors` lies in the same memory; NULL = none. One reference, or NULL with *err set. */
 struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels,
                                   const float (*vectors)[3], size_t bytes,
-                                  sp_voxels_release *release, struct sp_error *err);
+                                  sp_voxel_source_release *release, struct sp_error *err);
 
 /* The same for elements in memory of sp_elements_bytes(): `info` gives their shape, unit, names and
  * source; the grid, and of points range and histogram, are filled in. SP_ERR_FORMAT if a triangle
  * names a vertex that does not exist. */
 struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, void *memory,
-                                           size_t bytes, sp_voxels_release *release,
+                                           size_t bytes, sp_voxel_source_release *release,
                                            struct sp_error *err);
 
 /* Creates a volume with other samples on the grid of `original`, for the same readers: of its
@@ -41,7 +41,7 @@ struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, vo
  * vectors are the original's. Samples as above. */
 struct sp_volume *sp_volume_derive(const struct sp_volume *original, enum sp_type type,
                                    uint64_t nonfinite, void *voxels, size_t bytes,
-                                   sp_voxels_release *release, struct sp_error *err);
+                                   sp_voxel_source_release *release, struct sp_error *err);
 
 /* The same on another grid, which shows a part of the original at another resolution: `part` says
  * where. The range, the histogram, the longest vector and what projections show are those of the
@@ -50,7 +50,7 @@ struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
                                         const struct sp_grid *grid,
                                         const struct sp_whole_part *part, void *voxels,
                                         const float (*vectors)[3], size_t bytes,
-                                        sp_voxels_release *release, struct sp_error *err);
+                                        sp_voxel_source_release *release, struct sp_error *err);
 
 /* The same without vectors, and with blocks, which lie at the beginning of their memory. `bytes`
  * counts that memory and the samples that its pointers name. `coarser` has the coarser grid, whose
@@ -60,7 +60,7 @@ struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
                                           const struct sp_grid *grid,
                                           const struct sp_whole_part *part,
                                           struct sp_blocks *blocks, const struct sp_volume *coarser,
-                                          size_t bytes, sp_voxels_release *release,
+                                          size_t bytes, sp_voxel_source_release *release,
                                           struct sp_error *err);
 /* NULL = the samples are an array. */
 const struct sp_blocks *sp_volume_blocks(const struct sp_volume *volume);
@@ -74,7 +74,7 @@ void *sp_volume_source(const struct sp_volume *volume);
  * above. */
 struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, void *voxels,
                                            const float (*vectors)[3], size_t bytes,
-                                           sp_voxels_release *release, struct sp_error *err);
+                                           sp_voxel_source_release *release, struct sp_error *err);
 
 /* True if `volume`, which may be NULL, is `original` or derived from it, or if `original` is NULL.
  * Caches evict by this rule. */

@@ -83,8 +83,9 @@ void sp_resample_open_fragments(const struct sp_resample_open_tile *t,
 
 /* Composites the next fragment of some of the rays. Returns true if one of those behind them lies
  * before until[ray] as well. */
-static inline bool take(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                        struct rays *rays, sp_wide_mask which, const float until[SP_WIDE]) {
+static inline bool composite_next(const struct sp_resample_open_tile *t,
+                                  struct sp_resample_block *block, struct rays *rays,
+                                  sp_wide_mask which, const float until[SP_WIDE]) {
     bool is_again = false;
     for (int c = 0; c < 3; c++) {
         sp_wide color = sp_wide_load(block->next_color[c] + rays->pixel);
@@ -140,7 +141,7 @@ void sp_resample_insert(const struct sp_resample_open_tile *t, struct sp_resampl
             part->color);
         left -= share;
         at = sp_wide_select(before, next, at);
-        is_again = take(t, block, &rays, before, until);
+        is_again = composite_next(t, block, &rays, before, until);
         if (is_again)
             before = find_before(block, pixel, to);
     }
@@ -160,7 +161,7 @@ void sp_resample_insert_before(const struct sp_resample_open_tile *t,
         if (!sp_wide_any(before))
             continue;
         load_rays(block, i, &rays);
-        while (take(t, block, &rays, before, until))
+        while (composite_next(t, block, &rays, before, until))
             before = find_before(block, i, sp_wide_all(s));
         store_rays(block, &rays);
     }

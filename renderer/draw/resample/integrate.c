@@ -8,7 +8,7 @@
  */
 #include "draw/light/read.h"
 #include "draw/resample/insert.h"
-#include "draw/resample/sample.h"
+#include "draw/resample/sheet_sample.h"
 #include "frame/resolve.h"
 #include "splat/exp2.h"
 

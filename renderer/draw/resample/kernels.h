@@ -73,7 +73,7 @@ uint64_t sp_resample_near_visible(const struct sp_resample_open_tile *t, int num
 bool sp_resample_integrate(const struct sp_resample_open_tile *t,
                            const struct sp_resample_batch *batches, int b);
 
-/* The same for a projection (reduction.h) of one channel. Returns false if nothing can change any
+/* The same for a projection (projection.h) of one channel. Returns false if nothing can change any
  * pixel. */
 bool sp_resample_reduce(const struct sp_resample_open_tile *t,
                         const struct sp_resample_batch *batch, int b);

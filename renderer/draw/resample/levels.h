@@ -14,8 +14,8 @@
 #ifndef SP_RESAMPLE_LEVELS_H
 #define SP_RESAMPLE_LEVELS_H
 
+#include "draw/resample/mip_samples.h"
 #include "draw/resample/ranges.h"
-#include "draw/resample/samples.h"
 
 enum { SAMPLES_LEVELS = 8, SAMPLES_SLOTS = 8 };
 

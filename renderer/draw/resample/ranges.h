@@ -5,7 +5,7 @@
 #include <math.h>
 
 #include "base/isa.h"
-#include "draw/resample/samples.h"
+#include "draw/resample/mip_samples.h"
 
 /* Fills samples->range: what interpolation inside of each region may give. Incomplete after a
  * cancellation. */

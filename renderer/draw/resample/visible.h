@@ -2,7 +2,7 @@
 #ifndef SP_RESAMPLE_VISIBLE_H
 #define SP_RESAMPLE_VISIBLE_H
 
-#include "draw/resample/samples.h"
+#include "draw/resample/mip_samples.h"
 
 /* Fills class->visible and visible_count from the ranges of the samples, for its transfer function
  * and axis. False: cancelled, and not whole. */

@@ -42,8 +42,8 @@ static bool find_need(const struct sp_brick_file *file, const double (*points)[3
 }
 
 /* Takes the window of a need; NULL with *err set if it is not complete in time. */
-static struct sp_volume *take(struct sp_brick_store *store, const struct sp_brick_need *need,
-                              double wait_ms, struct sp_error *err) {
+static struct sp_volume *get_window(struct sp_brick_store *store, const struct sp_brick_need *need,
+                                    double wait_ms, struct sp_error *err) {
     struct sp_brick_window window;
     if (!sp_brick_store_get(store, need, wait_ms, false, NULL, NULL, &window, err))
         return NULL;
@@ -71,7 +71,7 @@ struct sp_volume *sp_bricks_around(struct sp_volume *volume, const double (*poin
             return NULL;
         }
         const bool fits = sp_brick_need_cost(file, &need) <= sp_brick_store_window_max(store);
-        struct sp_volume *part = fits ? take(store, &need, wait_ms, err) : NULL;
+        struct sp_volume *part = fits ? get_window(store, &need, wait_ms, err) : NULL;
         free(need.wanted);
         if (fits)
             return part;

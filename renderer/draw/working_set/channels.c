@@ -52,13 +52,13 @@ static void finish(struct found *found) {
 }
 
 /* Finds what the frame draws of each channel. */
-static bool find(const struct sp_shown_job *job, struct sp_volume *const *channels,
+static bool find(const struct sp_frame_source_job *job, struct sp_volume *const *channels,
                  struct found *found, struct sp_error *err) {
-    struct sp_shown shown;
+    struct sp_frame_source shown;
     for (uint32_t i = 0; i < job->view->layer_count; i++) {
         if (!is_shown_channel(job->view, i))
             continue;
-        if (!sp_shown_find(channels[i], job, &shown, err))
+        if (!sp_frame_source_find(channels[i], job, &shown, err))
             return false;
         found->volumes[i] = shown.volume;
         found->bricks[i] = shown.bricks;
@@ -69,7 +69,8 @@ static bool find(const struct sp_shown_job *job, struct sp_volume *const *channe
 /* True if all that are shown from bricks have one level. Else *coarsest is the coarsest of theirs.
  * Volumes in memory have all levels. */
 static bool is_common(struct sp_volume *volume, struct sp_volume *const *channels,
-                      const struct sp_shown *shown, const struct found *found, unsigned *coarsest) {
+                      const struct sp_frame_source *shown, const struct found *found,
+                      unsigned *coarsest) {
     const bool is_brick = sp_brick_store_of(volume) != NULL;
     unsigned finest = is_brick ? shown->bricks.level : UINT_MAX;
     *coarsest = is_brick ? finest : 0;
@@ -84,16 +85,16 @@ static bool is_common(struct sp_volume *volume, struct sp_volume *const *channel
 }
 
 /* Coarsens what is shown until all have one level; each round ends at a coarser one. */
-static bool find_common(struct sp_volume *volume, const struct sp_shown_job *job,
-                        struct sp_volume *const *channels, struct sp_shown *shown,
+static bool find_common(struct sp_volume *volume, const struct sp_frame_source_job *job,
+                        struct sp_volume *const *channels, struct sp_frame_source *shown,
                         struct found *found, struct sp_error *err) {
-    struct sp_shown_job next = *job;
+    struct sp_frame_source_job next = *job;
     if (!find(job, channels, found, err))
         return false;
     while (!is_common(volume, channels, shown, found, &next.least)) {
         sp_volume_unref(&shown->volume);
         finish(found);
-        if (!sp_shown_find(volume, &next, shown, err) || !find(&next, channels, found, err))
+        if (!sp_frame_source_find(volume, &next, shown, err) || !find(&next, channels, found, err))
             return false;
     }
     return true;
@@ -133,9 +134,9 @@ static bool check_grids(struct sp_volume *volume, const struct sp_view *view,
     return true;
 }
 
-bool sp_channels_show(struct sp_volume *volume, const struct sp_shown_job *job,
-                      struct sp_shown *shown, struct sp_volume *channels[SP_LAYERS_MAX],
-                      struct sp_error *err) {
+bool sp_channels_find_sources(struct sp_volume *volume, const struct sp_frame_source_job *job,
+                              struct sp_frame_source *shown,
+                              struct sp_volume *channels[SP_LAYERS_MAX], struct sp_error *err) {
     const struct sp_view *view = job->view;
     struct found found = { .volumes = { NULL } };
     if (!sp_view_has_channels(view))

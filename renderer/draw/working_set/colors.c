@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "data/bricks/store.h"
-#include "draw/working_set/shown.h"
+#include "draw/working_set/frame_source.h"
 
 /* The level of a file that has the samples of a part. False if there is none: other levels. */
 static bool find_level(const struct sp_brick_header *header, const uint32_t dims[3],
@@ -74,7 +74,7 @@ static bool is_cancelled(void *user) {
 
 /* Replaces a volume by its samples around those that the frame shows. */
 static bool replace(struct sp_volume **colors, const struct sp_render_options *options,
-                    unsigned level, struct sp_shown *shown, struct sp_error *err) {
+                    unsigned level, struct sp_frame_source *shown, struct sp_error *err) {
     struct sp_brick_store *store = sp_brick_store_of(*colors);
     const double wait_ms = options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0);
     struct sp_brick_window window;
@@ -97,9 +97,10 @@ static bool replace(struct sp_volume **colors, const struct sp_render_options *o
     return true;
 }
 
-bool sp_shown_find_colors(const struct sp_view *view, const struct sp_render_options *options,
-                          struct sp_shown *shown, struct sp_volume *colors[SP_LAYERS_MAX],
-                          struct sp_error *err) {
+bool sp_frame_source_find_colors(const struct sp_view *view,
+                                 const struct sp_render_options *options,
+                                 struct sp_frame_source *shown,
+                                 struct sp_volume *colors[SP_LAYERS_MAX], struct sp_error *err) {
     const unsigned level = shown->bricks.level;
     for (uint32_t i = 0; i < view->layer_count; i++) {
         const struct sp_layer *layer = &view->layers[i];

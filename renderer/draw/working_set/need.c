@@ -253,12 +253,12 @@ static bool find_box(const struct sp_brick_level *level, const uint16_t *marks, 
     return any;
 }
 
-bool sp_window_needs_vectors(const struct sp_brick_file *file, const struct sp_view *view) {
+bool sp_working_set_needs_vectors(const struct sp_brick_file *file, const struct sp_view *view) {
     return find_reach(view) > 0 && sp_brick_file_header(file)->info.vector_bytes > 0;
 }
 
-bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view, unsigned level,
-                    bool is_whole, struct sp_brick_need *need) {
+bool sp_working_set_need(const struct sp_brick_file *file, const struct sp_view *view,
+                         unsigned level, bool is_whole, struct sp_brick_need *need) {
     struct search s = { .header = sp_brick_file_header(file),
                         .entries = sp_brick_file_entries(file, level),
                         .view = view,
@@ -269,7 +269,7 @@ bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view
     const uint64_t count = sp_brick_count(own);
     uint16_t *marks = malloc(count * sizeof *marks);
     *need = (struct sp_brick_need){ .level = level,
-                                    .has_vectors = sp_window_needs_vectors(file, view) };
+                                    .has_vectors = sp_working_set_needs_vectors(file, view) };
     s.margin = fmax(find_reach(view), 1);
     if (!marks)
         return false;

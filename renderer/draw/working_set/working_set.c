@@ -19,8 +19,8 @@ static double convert(const struct sp_brick_header *header, const struct sp_bric
     return (distance - first - own[0]) / (own[1] - own[0]);
 }
 
-void sp_window_view(const struct sp_brick_header *header, const struct sp_brick_window *window,
-                    const struct sp_view *view, struct sp_view *out) {
+void sp_working_set_view(const struct sp_brick_header *header, const struct sp_brick_window *window,
+                         const struct sp_view *view, struct sp_view *out) {
     *out = *view;
     for (int a = 0; a < 3; a++)
         for (int side = 0; side < 2; side++) {
@@ -34,14 +34,15 @@ void sp_window_view(const struct sp_brick_header *header, const struct sp_brick_
         }
 }
 
-bool sp_window_needs_whole(const struct sp_view *view) {
+bool sp_working_set_needs_whole(const struct sp_view *view) {
     return view->edit_count > 0 || (view->shading.mode != SP_SHADING_NONE &&
                                     (view->shading.occlusion > 0 || view->shading.shadow > 0));
 }
 
 /* True if a need fits into a window: as an array, which is read faster, or only as blocks. Chunks
  * may come slowly, and blocks show what is there, so that they are preferred then. */
-static bool fits(const struct sp_window_job *job, struct sp_brick_need *need, uint64_t bytes_max) {
+static bool fits(const struct sp_working_set_job *job, struct sp_brick_need *need,
+                 uint64_t bytes_max) {
     const struct sp_brick_file *file = sp_brick_store_file(job->store);
     const bool prefers_blocks = job->reads_blocks && sp_brick_file_chunks(file);
     need->is_sparse = prefers_blocks;
@@ -54,7 +55,7 @@ static bool fits(const struct sp_window_job *job, struct sp_brick_need *need, ui
 /* Leaves the least important bricks of a need that does not fit to the next coarser level. False if
  * fewer than a quarter of them would be left: then the coarser level is shown alone. False, too,
  * without memory. */
-static bool shorten(const struct sp_window_job *job, struct sp_brick_need *need,
+static bool shorten(const struct sp_working_set_job *job, struct sp_brick_need *need,
                     uint64_t bytes_max) {
     const struct sp_brick_file *file = sp_brick_store_file(job->store);
     struct sp_brick_need coarser = { .count = { 0 } };
@@ -77,7 +78,7 @@ static bool shorten(const struct sp_window_job *job, struct sp_brick_need *need,
 
 /* Finds the need of the finest level, from `level` on, that fits into a window. The bricks of all
  * the volume are taken where they fit, so that turning it needs no others. False without memory. */
-static bool find_need(const struct sp_window_job *job, struct sp_brick_need *need) {
+static bool find_need(const struct sp_working_set_job *job, struct sp_brick_need *need) {
     const struct sp_brick_file *file = sp_brick_store_file(job->store);
     const uint64_t bytes_max = sp_brick_store_window_max(job->store);
     const unsigned base = sp_brick_store_base(job->store);
@@ -90,9 +91,9 @@ static bool find_need(const struct sp_window_job *job, struct sp_brick_need *nee
     for (unsigned level = job->level; level < end; level++)
         for (int turn = 0; turn < 2; turn++) {
             const bool is_whole = (turn == 0) == prefers_whole;
-            if (!is_whole && sp_window_needs_whole(job->view))
+            if (!is_whole && sp_working_set_needs_whole(job->view))
                 continue;
-            if (!sp_window_need(file, job->view, level, is_whole, need))
+            if (!sp_working_set_need(file, job->view, level, is_whole, need))
                 return false;
             if (!need->count[0] || fits(job, need, bytes_max))
                 return true;
@@ -104,8 +105,8 @@ static bool find_need(const struct sp_window_job *job, struct sp_brick_need *nee
     return true;
 }
 
-bool sp_window_find(const struct sp_window_job *job, struct sp_window *window,
-                    struct sp_brick_window *place, struct sp_error *err) {
+bool sp_working_set_find(const struct sp_working_set_job *job, struct sp_window *window,
+                         struct sp_brick_window *place, struct sp_error *err) {
     struct sp_brick_need need;
     *window = (struct sp_window){ .volume = NULL };
     if (!find_need(job, &need))
@@ -114,7 +115,7 @@ bool sp_window_find(const struct sp_window_job *job, struct sp_window *window,
     window->is_empty = !need.count[0] && need.level < sp_brick_store_base(job->store);
     if (!need.count[0]) { /* the volume that was opened has all, or nothing is seen */
         const struct sp_brick_file *file = sp_brick_store_file(job->store);
-        sp_brick_store_get_base(job->store, sp_window_needs_vectors(file, job->view), place);
+        sp_brick_store_get_base(job->store, sp_working_set_needs_vectors(file, job->view), place);
         place->is_wanted = true;
         place->lost = window->is_empty ? 0 : place->lost;
     } else {

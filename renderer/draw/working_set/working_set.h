@@ -11,7 +11,7 @@
 #include "data/bricks/store.h"
 #include "splat/camera.h"
 
-struct sp_window_job {
+struct sp_working_set_job {
     struct sp_brick_store *store;
     const struct sp_view *view;
     unsigned level;    /* the finest one that the frame asks for */
@@ -35,24 +35,24 @@ struct sp_window {
 };
 
 /* Finds what to draw, and its place in the whole volume. SP_ERR_CANCELLED, SP_ERR_MEMORY. */
-bool sp_window_find(const struct sp_window_job *job, struct sp_window *window,
-                    struct sp_brick_window *place, struct sp_error *err);
+bool sp_working_set_find(const struct sp_working_set_job *job, struct sp_window *window,
+                         struct sp_brick_window *place, struct sp_error *err);
 
 /* Writes the view for the window's volume: what a view gives in fractions of the whole volume, its
  * clip box and boxes of edits, becomes fractions of the window. */
-void sp_window_view(const struct sp_brick_header *header, const struct sp_brick_window *window,
-                    const struct sp_view *view, struct sp_view *out);
+void sp_working_set_view(const struct sp_brick_header *header, const struct sp_brick_window *window,
+                         const struct sp_view *view, struct sp_view *out);
 
 /* True if a frame needs the whole level: light comes through what lies beside the image, and parts
  * are connected there. */
-bool sp_window_needs_whole(const struct sp_view *view);
+bool sp_working_set_needs_whole(const struct sp_view *view);
 
 /* True if a frame reads the vectors of the file. (need.c) */
-bool sp_window_needs_vectors(const struct sp_brick_file *file, const struct sp_view *view);
+bool sp_working_set_needs_vectors(const struct sp_brick_file *file, const struct sp_view *view);
 
 /* Finds the bricks of a level that the view may show. False without memory. `need->count` is 0 if
  * it shows none. (need.c) */
-bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view, unsigned level,
-                    bool is_whole, struct sp_brick_need *need);
+bool sp_working_set_need(const struct sp_brick_file *file, const struct sp_view *view,
+                         unsigned level, bool is_whole, struct sp_brick_need *need);
 
 #endif

@@ -187,12 +187,12 @@ static void only_ranges_with_changed_values_meet_the_change(void **state) {
         assert_true(sp_change_init(&change, &from, from.is_visible, &to, to.is_visible, NULL));
         double base = sp_transfer_base(&from);
         float first = (float)((type ? 40 : 51) - base), last = (float)((type ? 150 : 60) - base);
-        assert_true(sp_change_meets(&change, &(struct sp_range){ first, first }));
-        assert_true(sp_change_meets(&change, &(struct sp_range){ last, last }));
-        assert_true(sp_change_meets(&change, &(struct sp_range){ first - 10, last + 10 }));
-        assert_false(sp_change_meets(&change, &(struct sp_range){ first - 5, first - 1 }));
-        assert_false(sp_change_meets(&change, &(struct sp_range){ last + 1, last + 9 }));
-        assert_false(sp_change_meets(&change, &(struct sp_range){ INFINITY, -INFINITY }));
+        assert_true(sp_change_affects(&change, &(struct sp_range){ first, first }));
+        assert_true(sp_change_affects(&change, &(struct sp_range){ last, last }));
+        assert_true(sp_change_affects(&change, &(struct sp_range){ first - 10, last + 10 }));
+        assert_false(sp_change_affects(&change, &(struct sp_range){ first - 5, first - 1 }));
+        assert_false(sp_change_affects(&change, &(struct sp_range){ last + 1, last + 9 }));
+        assert_false(sp_change_affects(&change, &(struct sp_range){ INFINITY, -INFINITY }));
         sp_change_finish(&change);
         sp_transfer_finish(&from);
         sp_transfer_finish(&to);

@@ -25,7 +25,7 @@ layout(std140, binding = 1) uniform Resample {
     vec4 level_scale; // levels per unit, base as two floats, lowest level
     vec4 bin_scale;   // bins per level, first bin; levels between which something is visible
     vec4 above_bins;
-    vec4 numbers[2];  // of a projection (draw/resample/reduction.h): sign, start, full, zero; absorption, gain, offset
+    vec4 numbers[2];  // of a projection (draw/resample/projection.h): sign, start, full, zero; absorption, gain, offset
     ivec4 choices;    // maximum or minimum; mean; leaves samples out
     ivec4 base;       // integers: the base's integer; linear attenuation; half spaces; points of the gradient axis
     uvec4 regions;    // per axis; axis of the bits of Visible

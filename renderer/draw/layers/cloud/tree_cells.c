@@ -75,7 +75,7 @@ static uint32_t add_cells(struct list *list, uint32_t count) {
 }
 
 /* Item i of the sort; false if it is not drawn. */
-static inline bool take(const struct build *b, uint32_t i, struct item *item) {
+static inline bool read_item(const struct build *b, uint32_t i, struct item *item) {
     if (b->from) {
         *item = b->from[i];
         return true;
@@ -114,7 +114,7 @@ static void count_keys(void *user, size_t begin, size_t end, unsigned worker) {
         uint32_t *counts = b->counts[chunk];
         memset(counts, 0, sizeof b->counts[chunk]);
         for (uint32_t i = chunk_begin(b, chunk); i < chunk_begin(b, chunk + 1); i++)
-            if (take(b, i, &item))
+            if (read_item(b, i, &item))
                 counts[key_of(&item, b->level)]++;
     }
 }
@@ -126,7 +126,7 @@ static void move_items(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t chunk = begin; chunk < end; chunk++) {
         uint32_t *next = b->counts[chunk];
         for (uint32_t i = chunk_begin(b, chunk); i < chunk_begin(b, chunk + 1); i++)
-            if (take(b, i, &item))
+            if (read_item(b, i, &item))
                 b->to[next[key_of(&item, b->level)]++] = item;
     }
 }

@@ -56,8 +56,8 @@ static struct sp_surface_list *find_old_list(struct sp_surface_cache *cache) {
 }
 
 /* Evicts lists, then ranges of other volumes, until at most `bytes` are used, as far as it can. */
-static void shrink(struct sp_surface_cache *cache, uint64_t bytes,
-                   const struct sp_surface_volume *keep) {
+static void evict_until(struct sp_surface_cache *cache, uint64_t bytes,
+                        const struct sp_surface_volume *keep) {
     struct sp_surface_list *list;
     while (sp_surface_cache_bytes(cache, NULL) > bytes && (list = find_old_list(cache)))
         finish_list(list);
@@ -130,7 +130,7 @@ static const struct sp_surface_points *add_list(struct sp_surface_cache *cache,
                 *err = why;
             return NULL;
         }
-        shrink(cache, 0, volume); /* what the frame uses stays */
+        evict_until(cache, 0, volume); /* what the frame uses stays */
     }
     *slot =
         (struct sp_surface_list){ sp_volume_ref(job->volume), job->value, points, ++cache->clock };

@@ -331,7 +331,7 @@ static void bad_coordinates_are_refused(void **state) {
             fail_msg("case %zu: %s", i, err.text);
         if (cases[i].text) {
             assert_int_equal(err.code, SP_ERR_FORMAT);
-            assert_int_equal(sp_grid_bad_part(&grid), SP_GRID_COORDINATES);
+            assert_int_equal(sp_grid_invalid_field(&grid), SP_GRID_COORDINATES);
         }
         sp_volume_unref(&volume);
     }
@@ -340,9 +340,9 @@ static void bad_coordinates_are_refused(void **state) {
     struct sp_grid grid = grid_of(2, 4, 1);
     grid.coordinates[1] = x;
     grid.origin[0] = 0x1p31;
-    assert_int_equal(sp_grid_bad_part(&grid), SP_GRID_ORIGIN);
+    assert_int_equal(sp_grid_invalid_field(&grid), SP_GRID_ORIGIN);
     grid.origin[0] = 0x1p30;
-    assert_int_equal(sp_grid_bad_part(&grid), SP_GRID_GOOD);
+    assert_int_equal(sp_grid_invalid_field(&grid), SP_GRID_GOOD);
 }
 
 static void *ref_and_unref_often(void *arg) {

@@ -34,7 +34,7 @@ static struct sp_view make_view(const struct rig *rig) {
 
 static void find_need(const struct sp_brick_file *file, const struct sp_view *view, bool is_whole,
                       struct sp_brick_need *need) {
-    assert_true(sp_window_need(file, view, 0, is_whole, need));
+    assert_true(sp_working_set_need(file, view, 0, is_whole, need));
     assert_compare(sp_brick_need_wanted(need), >, 8);
     assert_compare(sp_brick_need_count(need), <=, BRICKS_MAX);
 }

@@ -135,7 +135,7 @@ static void what_is_read_is_shown_meanwhile(void **state) {
     struct sp_volume *volume = open_source(&source);
     struct sp_brick_store *store = sp_brick_store_of(volume);
     const struct sp_view view = make_view(rig);
-    assert_true(sp_window_need(sp_brick_store_file(store), &view, 0, false, &need));
+    assert_true(sp_working_set_need(sp_brick_store_file(store), &view, 0, false, &need));
     need.is_sparse = true;
     assert_compare(sp_brick_need_wanted(&need), >, GATE);
     struct sp_frame *truth = rig_render(rig, rig->whole, &view, 0),
@@ -210,12 +210,12 @@ static void without_memory_for_all_the_most_important_are_fine(void **state) {
     struct sp_volume *volume = rig_open_file(rig, budget);
     struct sp_brick_store *store = sp_brick_store_of(volume);
     const struct sp_view view = make_view(rig);
-    const struct sp_window_job job = {
+    const struct sp_working_set_job job = {
         .store = store, .view = &view, .wait_ms = INFINITY, .reads_blocks = true
     };
     assert_int_equal(sp_bricks_base(volume), 1);
-    assert_true(sp_window_need(sp_brick_store_file(store), &view, 0, false, &need));
-    if (!sp_window_find(&job, &window, &place, &err))
+    assert_true(sp_working_set_need(sp_brick_store_file(store), &view, 0, false, &need));
+    if (!sp_working_set_find(&job, &window, &place, &err))
         fail_msg("%s", err.text);
     const unsigned dropped = expect_most_important(&need, sp_volume_blocks(window.volume));
     assert_compare(dropped, >, 0);

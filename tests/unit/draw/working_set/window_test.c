@@ -233,7 +233,7 @@ static void *visit(void *user) {
         rig_zoom(&view, 3);
         view.camera.target[0] += 30 * cos(v->angle + i);
         view.camera.target[1] += 30 * sin(v->angle + i);
-        assert_true(sp_window_need(file, &view, 1, false, &need));
+        assert_true(sp_working_set_need(file, &view, 1, false, &need));
         if (need.count[0]) {
             if (!sp_brick_store_get(sp_brick_store_of(v->volume), &need, INFINITY, false, NULL,
                                     NULL, &window, &err))

@@ -468,7 +468,7 @@ void integrate(int n, vec3 value[4]) {
     composite(s, width, 1.0 - light, color);
 }
 #else
-// Adds the interval between sheets n and n + 1 to the pixel's number (draw/resample/reduce.c).
+// Adds the interval between sheets n and n + 1 to the pixel's number (draw/resample/accumulate.c).
 void integrate(int n, vec3 value[4]) {
     float s = s_of(slice_of(n)), width = s_of(slice_of(n + 1)) - s, sign = numbers[0].x;
     float middle = (9.0 / 16.0) * (value[1].x + value[2].x) - (1.0 / 16.0) * (value[0].x + value[3].x);

@@ -6,8 +6,8 @@
  * it may give, so that a transfer function which shows nothing of the range shows nothing of the
  * region. Where it may show something, the four intervals between slices are looked at one by one.
  */
-#ifndef SP_RESAMPLE_SAMPLES_H
-#define SP_RESAMPLE_SAMPLES_H
+#ifndef SP_RESAMPLE_MIP_SAMPLES_H
+#define SP_RESAMPLE_MIP_SAMPLES_H
 
 #include "base/interrupt.h"
 #include "base/parallel_for.h"

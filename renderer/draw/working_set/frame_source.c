@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "draw/working_set/shown.h"
+#include "draw/working_set/frame_source.h"
 
 #include <math.h>
 #include <stdatomic.h>
@@ -39,7 +39,7 @@ static unsigned choose_level(const struct sp_brick_header *header, const struct 
 static bool may_read_blocks(const struct sp_view *v) {
     const enum sp_tf_order order = v->transfer_function.order;
     const bool is_sheet = v->compositing.mode == SP_COMPOSITE_SHEET;
-    if (sp_window_needs_whole(v) || sp_view_draws_slices(v))
+    if (sp_working_set_needs_whole(v) || sp_view_draws_slices(v))
         return false;
     for (uint32_t i = 0; i < v->layer_count; i++)
         if (v->layers[i].visible && v->layers[i].type != SP_LAYER_VOLUME &&
@@ -60,15 +60,15 @@ static double wait_for(const struct sp_render_options *options, bool is_coarse) 
     return is_coarse || options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0);
 }
 
-bool sp_shown_find(struct sp_volume *volume, const struct sp_shown_job *wanted,
-                   struct sp_shown *shown, struct sp_error *err) {
+bool sp_frame_source_find(struct sp_volume *volume, const struct sp_frame_source_job *wanted,
+                          struct sp_frame_source *shown, struct sp_error *err) {
     const struct sp_view *view = wanted->view;
     const struct sp_render_options *options = wanted->options;
     const unsigned least = wanted->least;
     struct sp_brick_store *store = sp_brick_store_of(volume);
     struct sp_window window;
     struct sp_brick_window place;
-    *shown = (struct sp_shown){ .view = *view, .mip_level = options->mip_level };
+    *shown = (struct sp_frame_source){ .view = *view, .mip_level = options->mip_level };
     if (!store) {
         shown->volume = sp_volume_ref(volume);
         return true;
@@ -76,7 +76,7 @@ bool sp_shown_find(struct sp_volume *volume, const struct sp_shown_job *wanted,
     const struct sp_brick_header *header = sp_brick_file_header(sp_brick_store_file(store));
     const unsigned asked = choose_level(header, view, options->mip_level);
     const unsigned base = sp_brick_store_base(store);
-    const struct sp_window_job job = {
+    const struct sp_working_set_job job = {
         .store = store,
         .view = view,
         .level = asked > least ? asked : least,
@@ -87,9 +87,9 @@ bool sp_shown_find(struct sp_volume *volume, const struct sp_shown_job *wanted,
         .is_cancelled = is_cancelled,
         .user = (void *)options, /* only read */
     };
-    if (!sp_window_find(&job, &window, &place, err))
+    if (!sp_working_set_find(&job, &window, &place, err))
         return false;
-    sp_window_view(header, &place, view, &shown->view);
+    sp_working_set_view(header, &place, view, &shown->view);
     shown->volume = window.volume;
     const double left = options->mip_level - sp_brick_level_width(&header->level[window.level]);
     shown->mip_level = left > 0 ? (unsigned)lround(left) : 0;

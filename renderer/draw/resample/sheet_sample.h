@@ -3,8 +3,8 @@
  * Reads a refined sheet at pixels: linear between refined samples, which are half a sample apart.
  * Gradients are differences of two such values one sample apart, so they change continuously.
  */
-#ifndef SP_RESAMPLE_SAMPLE_H
-#define SP_RESAMPLE_SAMPLE_H
+#ifndef SP_RESAMPLE_SHEET_SAMPLE_H
+#define SP_RESAMPLE_SHEET_SAMPLE_H
 
 #include "draw/resample/fetch.h"
 #include "draw/resample/kernels.h"

@@ -4,7 +4,7 @@
  * The value in an interval is the polynomial of degree 2 through its ends and its middle
  * (integrate.c): the largest value is that of its vertex, the integral is Simpson's.
  */
-#include "draw/resample/sample.h"
+#include "draw/resample/sheet_sample.h"
 #include "frame/resolve.h"
 #include "splat/exp2.h"
 

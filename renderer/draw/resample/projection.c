@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "draw/resample/reduction.h"
+#include "draw/resample/projection.h"
 
 #include <float.h>
 #include <math.h>

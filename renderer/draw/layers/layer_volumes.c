@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "draw/layers/others.h"
+#include "draw/layers/layer_volumes.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -41,9 +41,9 @@ static bool find_colors(const struct sp_view *view, uint32_t i, const struct sp_
                    layer->color_by);
 }
 
-bool sp_others_find(const struct sp_view *view, const struct sp_volume *volume,
-                    const struct sp_render_options *o, struct sp_others *others,
-                    struct sp_error *err) {
+bool sp_layer_volumes_find(const struct sp_view *view, const struct sp_volume *volume,
+                           const struct sp_render_options *o, struct sp_layer_volumes *others,
+                           struct sp_error *err) {
     for (uint32_t i = 0; i < view->layer_count; i++) {
         const struct sp_layer *layer = &view->layers[i];
         char place[32];
@@ -63,7 +63,7 @@ bool sp_others_find(const struct sp_view *view, const struct sp_volume *volume,
     return true;
 }
 
-void sp_others_finish(struct sp_others *others) {
+void sp_layer_volumes_finish(struct sp_layer_volumes *others) {
     for (int i = 0; i < SP_LAYERS_MAX; i++) {
         sp_volume_unref(&others->shown[i]);
         sp_volume_unref(&others->colors[i]);

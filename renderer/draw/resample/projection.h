@@ -2,16 +2,17 @@
  *
  * Projections: a ray's values are reduced to one number, and the number becomes a colour.
  *
- *   maximum, minimum   the largest of sign·level                        ──►  ·gain + offset  ──►  0
- *   mean               ∫ max(level − zero, 0) / length of the ray       ──►     by mode           …
- * colour sum                ∫ max(level − zero, 0)                           ──► 1 sum, absorption
- * 1 − 2^(−absorption · the same)                   ──►
+ *   mode               number of the ray
+ *   maximum, minimum   the largest of sign · level            ─┐
+ *   mean               ∫ max(level − zero, 0) / length         ├─► · gain + offset ─► colour
+ *   sum                ∫ max(level − zero, 0)                  │   (0 … 1)
+ *   sum, absorption    1 − 2^(−absorption · the same)         ─┘
  *
  * What cannot change the image is skipped by the machinery of transfer functions: reduction.tf is
  * transparent where values count as nothing.
  */
-#ifndef SP_RESAMPLE_REDUCTION_H
-#define SP_RESAMPLE_REDUCTION_H
+#ifndef SP_RESAMPLE_PROJECTION_H
+#define SP_RESAMPLE_PROJECTION_H
 
 #include "draw/resample/curve.h"
 #include "sp/view.h"

@@ -2,12 +2,12 @@
  *
  * What a frame draws: the volume, or of a volume that is larger than memory, a window of it.
  */
-#ifndef SP_WORKING_SET_SHOWN_H
-#define SP_WORKING_SET_SHOWN_H
+#ifndef SP_WORKING_SET_FRAME_SOURCE_H
+#define SP_WORKING_SET_FRAME_SOURCE_H
 
 #include "sp/renderer.h"
 
-struct sp_shown {
+struct sp_frame_source {
     struct sp_volume *volume; /* a reference */
     struct sp_view view;      /* for this volume */
     unsigned mip_level;       /* to draw it with */
@@ -15,7 +15,7 @@ struct sp_shown {
 };
 
 /* What is asked for. */
-struct sp_shown_job {
+struct sp_frame_source_job {
     const struct sp_view *view;
     const struct sp_render_options *options; /* say how long to wait for bricks */
     bool reads_blocks;                       /* the backend does, if the view needs nothing else */
@@ -23,14 +23,15 @@ struct sp_shown_job {
 };
 
 /* SP_ERR_CANCELLED, SP_ERR_MEMORY. */
-bool sp_shown_find(struct sp_volume *volume, const struct sp_shown_job *job, struct sp_shown *shown,
-                   struct sp_error *err);
+bool sp_frame_source_find(struct sp_volume *volume, const struct sp_frame_source_job *job,
+                          struct sp_frame_source *shown, struct sp_error *err);
 
 /* Replaces volumes that are larger than memory, and that give streaks of shown->volume their
  * colours, by their samples around it, perhaps of a coarser level; colors: by layer. The same
  * errors. */
-bool sp_shown_find_colors(const struct sp_view *view, const struct sp_render_options *options,
-                          struct sp_shown *shown, struct sp_volume *colors[SP_LAYERS_MAX],
-                          struct sp_error *err);
+bool sp_frame_source_find_colors(const struct sp_view *view,
+                                 const struct sp_render_options *options,
+                                 struct sp_frame_source *shown,
+                                 struct sp_volume *colors[SP_LAYERS_MAX], struct sp_error *err);
 
 #endif
