@@ -33,7 +33,7 @@ function ask(target, { method = 'GET', headers = {}, token = daemon.token, body 
 const GZIP = { 'Accept-Encoding': 'br, gzip' };
 
 test('text is compressed for a client that accepts gzip, and decompresses to the same text', async () => {
-  for (const target of ['/api/v1/volumes/engine/view', '/api/v1/openapi.yaml', '/api/v1/view.schema.json', '/', '/app/main.js']) {
+  for (const target of ['/api/v1/volumes/engine/view', '/api/v1/openapi.yaml', '/api/v1/view.schema.json', '/', '/app/chunks/page.js']) {
     const plain = await ask(target);
     assert.equal(plain.headers['content-encoding'], undefined);
     assert.match(plain.headers.vary ?? '', /Accept-Encoding/, target);
