@@ -64,16 +64,18 @@ note() {
     [[ $6 == 0 ]] || failed+=("$1 $2")
 }
 
-# fuzz_target NAME SECONDS: mutates the corpus on all cores, then adds the inputs that reach new code to it.
+# fuzz_target NAME SECONDS: mutates the corpus on all cores, then adds the inputs that reach new code to it. The corpus of
+# `files` stays as it is: it holds sound files, and the replay checks that they load.
 fuzz_target() {
     local name=$1 seconds=$2 begun=$SECONDS corpus=$root/tests/fuzz/corpus/$1 found=$out/fuzz/$1 program=$root/build/asan/tests/fuzz_$1
-    local words=() status=0 runs
+    local words=() status=0 runs into=$corpus
     [[ ! -e $root/tests/fuzz/$name.dict ]] || words=(-dict="$root/tests/fuzz/$name.dict")
     mkdir -p "$found/new"
+    [[ $name != files ]] || { into=$found/corpus; cp -r "$corpus" "$into"; }
     (cd "$found" && ASAN_OPTIONS=allocator_may_return_null=1 "$program" -fork="$(nproc)" -ignore_crashes=1 -ignore_timeouts=1 -ignore_ooms=1 \
         -max_total_time="$seconds" -rss_limit_mb=1024 -timeout=20 -artifact_prefix="$found/" "${words[@]}" new "$corpus") >"$found/log" 2>&1 || status=$?
     runs=$(grep -oE '^#[0-9]+' "$found/log" | tail -n 1 | tr -d '#' || true)
-    (cd "$found" && ASAN_OPTIONS=allocator_may_return_null=1 "$program" -merge=1 -rss_limit_mb=1024 -timeout=20 "${words[@]}" "$corpus" new) >>"$found/log" 2>&1 || status=$?
+    (cd "$found" && ASAN_OPTIONS=allocator_may_return_null=1 "$program" -merge=1 -rss_limit_mb=1024 -timeout=20 "${words[@]}" "$into" new) >>"$found/log" 2>&1 || status=$?
     # Crashes, timeouts and memory are what the fuzzer keeps beside its log.
     local faults
     faults=$(find "$found" -maxdepth 1 -type f ! -name log | wc -l)
