@@ -353,12 +353,21 @@ struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, doubl
     return none;
 }
 
+/* A first frame is drawn at once, even if its session is in debt: sessions that are behind it do
+ * not preempt it as long as it takes no longer than expected. */
+static bool is_first_in_time(const struct srv_running_job *running) {
+    return running->is_first && isfinite(running->expected_ms) &&
+           running->drawn_ms < running->expected_ms;
+}
+
 struct srv_choice srv_choose_short(struct srv_schedule *schedule,
                                    const struct srv_running_job *running, double now_ms,
                                    double *wait_ms) {
     int count = 0;
     schedule->now_ms = now_ms;
     srv_count_owners(schedule, now_ms);
+    if (is_first_in_time(running))
+        return (struct srv_choice){ .participant = NULL };
     for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
         struct srv_candidate *candidate = &schedule->candidates[count];
         if (!choose_participant(schedule, s, now_ms, running, &schedule->choices[count], candidate,

@@ -110,6 +110,7 @@ struct srv_running_job {
     uint64_t session, order; /* these six as in the job */
     double start_ms, part_start_ms, expected_ms, price;
     double drawn_ms; /* for how long it has been drawn */
+    bool is_first;   /* as in the job */
 };
 /* Gets a short job that preempts the running one (decide.h). False as above. */
 bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_running_job *running,

@@ -166,9 +166,9 @@ void sim_turn(struct simulation *s, struct sim_client *c) {
 }
 
 struct srv_running_job sim_running_job(const struct srv_render_job *job, double drawn_ms) {
-    return (
-        struct srv_running_job){ job->session,     job->order, job->start_ms, job->part_start_ms,
-                                 job->expected_ms, job->price, drawn_ms };
+    return (struct srv_running_job){ job->session,       job->order,       job->start_ms,
+                                     job->part_start_ms, job->expected_ms, job->price,
+                                     drawn_ms,           job->is_first };
 }
 
 /* Renders a short frame that preempts the running one, if there is one. */

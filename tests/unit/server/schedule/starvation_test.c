@@ -145,7 +145,7 @@ static uint32_t random_number(uint32_t *state, uint32_t below) {
  * or want final frames only. Whenever a client joins one of their sessions, it gets a frame within
  * FIRST_MS: whatever is running, and although the times of its frames are not known. */
 static void whoever_joins_gets_a_frame_soon(void **state) {
-    enum { HISTORIES = 20, STEPS = 12, FIRST_MS = 400 };
+    enum { HISTORIES = 40, STEPS = 12, FIRST_MS = 400 };
     struct simulation *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     uint32_t random = 7;
