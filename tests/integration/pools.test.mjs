@@ -78,7 +78,9 @@ test('uploads: places and bytes', async () => {
 /** Sessions with a participant each, which cannot hibernate. */
 const hold = async (who) => {
   const made = await who.ask('POST', 'sessions', {});
-  if (made.status === 201) made.stream = await daemon.stream({ session: made.json, token: made.json.tokens.control });
+  if (made.status !== 201) return made;
+  made.stream = await daemon.stream({ session: made.json, token: made.json.tokens.control });
+  await made.stream.note('session.participants', (p) => p.you > 0); // from now on it has a participant
   return made;
 };
 
