@@ -49,7 +49,7 @@ struct srv_moving_detail {
     unsigned mip_level;    /* as in sp/renderer.h */
     double budget_ms;      /* time that the frame had */
     double sharp_ms;       /* expected time of a sharp frame; 0 = not known */
-    bool is_shared;        /* other sessions moved too and took their part of the time */
+    bool is_shared;        /* others took a part of the time */
     unsigned rate_step;    /* of the rate control (session/rate_control.h) */
     bool is_video;         /* the rate control replaces images by video */
 };

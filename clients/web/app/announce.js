@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the features of later.js announce: their buttons, keys and sections, which are there from the start.
+// Announces the features that later.js loads: their buttons, keys and sections exist from the start.
 import { t } from '../core/text.js';
 import { byId } from './controls/dom.js';
 import { TOOLS } from './measure/measure_buttons.js';

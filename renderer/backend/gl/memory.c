@@ -13,7 +13,7 @@ enum {
     TILES_MAX = 1 << 17, /* 8 million px */
     LOOPS_MAX = 1 << 19, /* per work group: about 10 ms without waits for memory */
     STALL_FACTOR = 8,    /* times as long if each round waits for memory */
-    DISPATCH_MS = 25,    /* half of what is acceptable: the next frame may cost twice as much */
+    DISPATCH_MS = 25,    /* half of the acceptable time: the next frame may take twice as long */
     BINS_SOFTWARE = 1 << 22,
     TILES_SOFTWARE = 1 << 15,
     LOOPS_SOFTWARE = 30000, /* llvmpipe ends loops after 65535 rounds without an error; an

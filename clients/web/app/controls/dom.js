@@ -62,7 +62,8 @@ const PLACES = {
   placeholder: (element, text) => { element.placeholder = text; },
 };
 
-/** Writes the texts of the elements of index.html with wanted keys, by default those of all texts that are there. The keys are in data-text, data-title, data-placeholder and data-label (aria-label, or the name of a group of options). */
+/** Writes texts into the elements of index.html. An element names its keys in data-text, data-title, data-placeholder and data-label (aria-label, or the
+ * name of a group of options). `isWanted` chooses the keys; by default all keys whose texts are loaded. */
 export function showTexts(root, isWanted = hasText) {
   for (const [name, set] of Object.entries(PLACES)) {
     for (const element of root.querySelectorAll(`[data-${name}]`)) if (isWanted(element.dataset[name])) set(element, t(element.dataset[name]));

@@ -81,7 +81,7 @@ export default {
   'transfer.file.large': 'The file has {bytes} bytes; a transfer function has at most {most}.',
   'transfer.file.locked': 'not imported, because another participant has control. Ask for it under People.',
   'transfer.file.map': 'Took the colours “{map}” from {file}.',
-  'transfer.file.stretched': 'Took the transfer function from {file}, and stretched its values, 0 to 1, over those of the volume.',
+  'transfer.file.stretched': 'Loaded the transfer function from {file}. Its values 0 to 1 now cover the values of the volume.',
   'transfer.file.whole': 'Took the transfer function from {file}.',
   'transfer.file.wrong': '{file}: {reason}',
   'file.gradient': '"gradient" must be a list.',

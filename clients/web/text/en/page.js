@@ -221,7 +221,7 @@ export default {
   'info.range': 'Values',
   'info.range.value': '{low} to {high}',
   'info.section': 'About this volume',
-  'info.size.value': '{size}, from the centre of the first voxel to that of the last',
+  'info.size.value': '{size}, from the centre of the first voxel to the centre of the last voxel',
   'info.source': 'Source',
   'info.spacing': 'Spacing',
   'info.type': 'Type',

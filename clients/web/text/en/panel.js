@@ -154,7 +154,7 @@ export default {
   'layers.color_low': 'Number of the first colour',
   'layers.color_range': 'Range',
   'layers.color_range.label': 'Range of the colours',
-  'layers.color_range.order': 'The number of the last colour must be above that of the first one.',
+  'layers.color_range.order': 'The number of the last colour must be above the number of the first colour.',
   'layers.color_range.title': 'The numbers that have the first and the last colour of the transfer function. Empty: the range of the data',
   'layers.colors': 'Colours',
   'layers.colors.layer': 'one colour',
