@@ -52,10 +52,6 @@
 #define cpu_table SP_ISA_NAME(cpu_table)
 /* draw/postconv/ */
 #define sp_postconv_tile SP_ISA_NAME(sp_postconv_tile)
-#define sp_postconv_draw_slabs SP_ISA_NAME(sp_postconv_draw_slabs)
-#define sp_postconv_find_wanted SP_ISA_NAME(sp_postconv_find_wanted)
-#define sp_postconv_sift SP_ISA_NAME(sp_postconv_sift)
-#define sp_postconv_start_filters SP_ISA_NAME(sp_postconv_start_filters)
 #define sp_postconv_start_group SP_ISA_NAME(sp_postconv_start_group)
 #define sp_postconv_add_run SP_ISA_NAME(sp_postconv_add_run)
 #define sp_postconv_add_footprints SP_ISA_NAME(sp_postconv_add_footprints)

@@ -27,22 +27,16 @@ static struct sp_vec3 forward(const struct sp_camera_transform *camera) {
     return sp_vec3_from(camera->w.m[2]);
 }
 
-void sp_slices_facing(const struct sp_camera_transform *camera, const struct sp_grid *grid,
-                      double facing[3]) {
-    struct sp_mat3 d = directions(grid);
-    for (unsigned a = 0; a < 3; a++)
-        facing[a] = fabs(sp_vec3_dot(slice_normal(&d, a), forward(camera)));
-}
-
 unsigned sp_slices_major_axis(const struct sp_camera_transform *camera,
                               const struct sp_grid *grid) {
-    double best = -1, facing[3];
-    sp_slices_facing(camera, grid, facing);
+    struct sp_mat3 d = directions(grid);
+    double best = -1;
     unsigned axis = 2;
-    for (int a = 2; a >= 0; a--) {
-        if (facing[a] > best) {
-            best = facing[a];
-            axis = (unsigned)a;
+    for (unsigned a = 3; a-- > 0;) {
+        double facing = fabs(sp_vec3_dot(slice_normal(&d, a), forward(camera)));
+        if (facing > best) {
+            best = facing;
+            axis = a;
         }
     }
     return axis;

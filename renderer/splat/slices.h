@@ -23,10 +23,6 @@
 /* Returns the major axis, 0 … 2; the highest one if several are equal. */
 unsigned sp_slices_major_axis(const struct sp_camera_transform *camera, const struct sp_grid *grid);
 
-/* Fills the cosines between the view direction and the normals of each axis's slices, >= 0. */
-void sp_slices_facing(const struct sp_camera_transform *camera, const struct sp_grid *grid,
-                      double facing[3]);
-
 /* Fills slices[dims[axis]]: element k is the index of the k-th slice, front to back. */
 void sp_slices_sort(const struct sp_camera_transform *camera, const struct sp_grid *grid,
                     unsigned axis, uint32_t *slices);

@@ -22,14 +22,9 @@
 #include "support/sanitized.h"
 
 /* Measured lowest PSNR of sheets: 51.55 dB, with filter adaptive 61.66 dB. Over the seeds 0 … 5999
- * it is 42.06 and 38.88 dB, both for a volume of 2×2×2 voxels. Of slabs: 59.62 and 54.43 dB. */
-enum {
-    SCENES = TEST_SANITIZED ? 80 : 240,
-    SLAB_SCENES = TEST_SANITIZED ? 50 : 150,
-    CUTOFF_FAR = 6,
-    VARIANTS = 8
-};
-static const double floors[2][2] = { { 51, 58 }, { 59, 54 } };
+ * it is 42.06 and 38.88 dB, both for a volume of 2×2×2 voxels. */
+enum { SCENES = TEST_SANITIZED ? 80 : 240, CUTOFF_FAR = 6, VARIANTS = 8 };
+static const double floors[2] = { 51, 58 }; /* dB; adaptive */
 
 /* Images that are drawn only with footprints have a higher PSNR than this [dB]. */
 #define FOOTPRINTS 110
@@ -171,11 +166,11 @@ struct tally {
     unsigned failed, ran;
 };
 
-/* An instruction set with its results for sheets and for slabs. */
+/* An instruction set with its results. */
 struct variant {
     struct test_renderer renderer;
     const char *isa;
-    struct tally tallies[2];
+    struct tally tally;
 };
 
 /* Returns the PSNR between the image of `r` and the nearest wanted one [dB]; NAN on failure. */
@@ -194,45 +189,39 @@ static double compare(const struct test_renderer *r, const struct test_scene *sc
 }
 
 static void check_variant(struct variant *variant, const struct test_scene *scene,
-                          struct wanted *wanted, unsigned seed, bool is_slab) {
-    struct tally *t = &variant->tallies[is_slab];
+                          struct wanted *wanted, unsigned seed) {
+    struct tally *t = &variant->tally;
     const struct sp_view *v = &scene->view;
     const uint32_t *dims = scene->info.grid.dims;
     bool is_adaptive = v->filter.mode == SP_FILTER_ADAPTIVE;
     double psnr = compare(&variant->renderer, scene, wanted);
-    bool ok = psnr >= floors[is_slab][is_adaptive];
+    bool ok = psnr >= floors[is_adaptive];
     t->lowest[is_adaptive] = fmin(t->lowest[is_adaptive], psnr);
     t->filtered += psnr < FOOTPRINTS;
     t->failed += !ok;
     t->ran++;
     if (!ok)
-        printf("FAILED %s %s seed %u: %.2f dB; %u×%u×%u voxels, %u×%u px, filter %d, sigma %g, "
+        printf("FAILED %s seed %u: %.2f dB; %u×%u×%u voxels, %u×%u px, filter %d, sigma %g, "
                "low-pass "
                "%g, cutoff %g\n",
-               variant->isa, is_slab ? "slabs" : "sheets", seed, psnr, dims[0], dims[1], dims[2],
-               v->size[0], v->size[1], (int)v->filter.mode, v->filter.sigma, v->filter.lowpass,
-               v->filter.cutoff);
+               variant->isa, seed, psnr, dims[0], dims[1], dims[2], v->size[0], v->size[1],
+               (int)v->filter.mode, v->filter.sigma, v->filter.lowpass, v->filter.cutoff);
 }
 
 /* Renders the scene `seed` once with the reference and once with each instruction set. */
 static void check(const struct test_renderer *reference, struct variant *variants, unsigned count,
-                  unsigned seed, bool is_slab) {
+                  unsigned seed) {
     struct test_scene scene;
     struct wanted wanted = { .reference = reference };
     struct sp_error err;
     if (!make_scene(&scene, seed))
         exit(EXIT_FAILURE);
-    if (is_slab) {
-        scene.view.compositing.mode = SP_COMPOSITE_SLAB;
-        scene.view.compositing.attenuation = SP_ATTENUATION_EXPONENTIAL;
-        scene.view.compositing.slab = seed % 3 ? 1 : 0.5;
-    }
     if (!test_render_scene(reference, &scene, &wanted.near, &err)) {
         printf("FAILED scalar seed %u: %s\n", seed, err.text);
         exit(EXIT_FAILURE);
     }
     for (unsigned i = 0; i < count; i++)
-        check_variant(&variants[i], &scene, &wanted, seed, is_slab);
+        check_variant(&variants[i], &scene, &wanted, seed);
     test_image_finish(&wanted.near);
     if (wanted.far.rgba)
         test_image_finish(&wanted.far);
@@ -253,8 +242,7 @@ static unsigned open_variants(struct variant *variants) {
             continue;
         }
         variant->isa = target.isa;
-        for (int is_slab = 0; is_slab < 2; is_slab++)
-            variant->tallies[is_slab] = (struct tally){ .lowest = { INFINITY, INFINITY } };
+        variant->tally = (struct tally){ .lowest = { INFINITY, INFINITY } };
         count++;
     }
     return count;
@@ -276,20 +264,14 @@ int main(int argc, char **argv) {
     unsigned count = open_variants(variants);
     if (TEST_SANITIZED)
         printf("reduced: a third of the scenes under a sanitizer\n");
-    for (int is_slab = 0; is_slab < 2; is_slab++) {
-        unsigned last = argc == 1 && is_slab ? SLAB_SCENES : end;
-        for (unsigned seed = first; seed < last; seed++)
-            check(&reference, variants, count, seed, is_slab);
-    }
+    for (unsigned seed = first; seed < end; seed++)
+        check(&reference, variants, count, seed);
     for (unsigned i = 0; i < count; i++) {
-        for (int is_slab = 0; is_slab < 2; is_slab++) {
-            const struct tally *t = &variants[i].tallies[is_slab];
-            printf("%s, %s: lowest PSNR %.2f dB, adaptive %.2f dB; %u images without footprints\n",
-                   variants[i].isa, is_slab ? "slabs" : "sheets", t->lowest[0], t->lowest[1],
-                   t->filtered);
-            failed += t->failed + (argc == 1 && !is_slab && t->filtered < SCENES / 8);
-            ran += t->ran;
-        }
+        const struct tally *t = &variants[i].tally;
+        printf("%s: lowest PSNR %.2f dB, adaptive %.2f dB; %u images without footprints\n",
+               variants[i].isa, t->lowest[0], t->lowest[1], t->filtered);
+        failed += t->failed + (argc == 1 && t->filtered < SCENES / 8);
+        ran += t->ran;
         test_renderer_close(&variants[i].renderer);
     }
     test_renderer_close(&reference);

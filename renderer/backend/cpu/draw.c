@@ -4,8 +4,6 @@
 #include "backend/cpu/caches.h"
 #include "backend/cpu/general.h"
 #include "backend/cpu/layers.h"
-#include "draw/resample/axes.h"
-#include "splat/slices.h"
 
 /* Draws the frame by the fast path if that is worthwhile; *is_drawn says whether it did. */
 static bool draw_fast(struct cpu_frame *f, bool *is_drawn, struct sp_error *err) {
@@ -118,72 +116,18 @@ static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job 
     return true;
 }
 
-static void add_stats(struct sp_frame_stats *stats, const struct sp_frame_stats *second) {
-    stats->splats += second->splats;
-    stats->fragments += second->fragments;
-    for (unsigned i = 0; i < stats->stage_count; i++)
-        stats->stages[i].ms += second->stages[i].ms;
-}
-
-/* Draws the slabs of another axis and mixes them into the frame, unless the fast path cannot draw
- * them. */
-static bool add_axis(struct cpu_frame *f, unsigned axis, double share, struct sp_error *err) {
-    struct sp_frame *frame = f->job->frame, second = *frame;
-    struct sp_backend_job job = *f->job;
-    struct sp_arena *arena = &f->state->arena;
-    bool is_drawn = false;
-    second.stats = (struct sp_frame_stats){ 0 };
-    second.pixels = sp_arena_alloc(arena, "second image", second.height, second.stride_bytes);
-    if (!second.pixels)
-        return sp_arena_fail(arena, "data", err);
-    job.frame = &second;
-    f->job = &job;
-    f->stage_ms[CPU_CLASSIFY] = 0;
-    if (!cpu_frame_turn(f, axis, err) || !draw_fast(f, &is_drawn, err))
-        return false;
-    if (is_drawn) {
-        sp_axes_mix(frame, second.pixels, share, f->state->pool);
-        add_stats(&frame->stats, &second.stats);
-    }
-    return true;
-}
-
-/* Where the major axis is about to change, mixes the slabs of two or three axes. */
-static bool mix_axes(struct cpu_frame *f, struct sp_error *err) {
-    const struct sp_backend_job *job = f->job;
-    const unsigned best = f->axis;
-    double facing[3], share[3], sum;
-    sp_slices_facing(&f->camera, &f->levels[0].grid, facing);
-    sp_axes_choose(facing, share);
-    sum = share[best];
-    for (unsigned a = 0; a < 3; a++) {
-        if (a == best || !(share[a] > 0))
-            continue;
-        sum += share[a];
-        if (!add_axis(f, a, share[a] / sum, err))
-            return false;
-        f->job = job;
-    }
-    return true;
-}
-
 static bool draw_classified(struct cpu_state *state, const struct sp_backend_job *job,
                             struct sp_fragments *fragments, struct sp_error *err) {
     struct cpu_frame frame;
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
-    const bool is_slab = job->view->compositing.mode == SP_COMPOSITE_SLAB;
     bool can_be_fast = state->kernels.has_fast_path && sp_postconv_can_draw(job->view, grid);
     bool is_drawn = false;
     state->cache.limit_bytes = cpu_cache_rest(state, CPU_CACHE_LISTS);
     if (!cpu_frame_init(&frame, state, job, err))
         return false;
     frame.fragments = fragments;
-    if (is_slab) /* slabs do not mix mip levels */
-        can_be_fast = can_be_fast && frame.detail.levels == 1;
     if (can_be_fast && !draw_fast(&frame, &is_drawn, err))
         return false;
-    if (is_drawn && is_slab)
-        return mix_axes(&frame, err);
     return is_drawn || cpu_general_draw(&frame, err);
 }
 

@@ -19,14 +19,10 @@
  * Other frames take the fast path if all of these hold, or else the general path:
  *   1. the instruction set uses it (cpu_kernels.has_fast_path: every set except scalar);
  *   2. sp_postconv_can_draw(): sheets of Gaussians with a cutoff of at least 3, classified before
- *      splatting, on an evenly spaced grid, with nothing clipped; or slabs of them with a cutoff
- *      below 4, exponential attenuation and filter ewa or adaptive;
+ *      splatting, on an evenly spaced grid, with nothing clipped;
  *   3. sp_postconv_is_worthwhile(): filters serve at least three quarters of the voxels that the
- *      tiles look at, which is not so if the eye is close to the voxels. For slabs they must
- *      serve all of them, on the finest mip level;
+ *      tiles look at, which is not so if the eye is close to the voxels;
  *   4. among other layers the eye is not between slices.
- *
- * Slabs on the fast path are mixed from those of two or three axes near a switch of the major axis.
  *
  * sp_backend.render(); `state` is a struct cpu_state. SP_ERR_MEMORY, SP_ERR_BUDGET,
  * SP_ERR_CANCELLED. */

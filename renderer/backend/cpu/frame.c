@@ -122,10 +122,7 @@ bool cpu_frame_init(struct cpu_frame *f, struct cpu_state *state, const struct s
     bool is_post = view->transfer_function.order == SP_TF_POST;
     f->mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level;
     sp_camera_transform_init(&f->camera, &view->camera, view->size);
-    bool is_fast_slab = view->compositing.mode == SP_COMPOSITE_SLAB &&
-                        state->kernels.has_fast_path &&
-                        sp_postconv_can_draw(view, &sp_volume_info(job->volume)->grid);
-    if (view->compositing.mode == SP_COMPOSITE_SHEET || is_fast_slab)
+    if (view->compositing.mode == SP_COMPOSITE_SHEET)
         f->axis = sp_slices_major_axis(&f->camera, &sp_volume_info(job->volume)->grid);
     if (view->shading.mode == SP_SHADING_PHONG) {
         sp_shade_init(&f->shade, &f->camera, &view->shading);
@@ -134,15 +131,6 @@ bool cpu_frame_init(struct cpu_frame *f, struct cpu_state *state, const struct s
     if (!choose_levels(f, err) || !classify(f, err) || !init_parts(f, err))
         return false;
     drop_clipped(f);
-    cpu_frame_add_time(f, CPU_CLASSIFY, clock);
-    return true;
-}
-
-bool cpu_frame_turn(struct cpu_frame *f, unsigned axis, struct sp_error *err) {
-    double clock = sp_job_clock_ms(f->job);
-    f->axis = axis;
-    if (!classify(f, err) || !init_parts(f, err))
-        return false;
     cpu_frame_add_time(f, CPU_CLASSIFY, clock);
     return true;
 }

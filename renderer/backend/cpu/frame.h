@@ -62,9 +62,6 @@ struct cpu_frame {
 bool cpu_frame_init(struct cpu_frame *frame, struct cpu_state *state,
                     const struct sp_backend_job *job, struct sp_error *err);
 
-/* Prepares the same frame with slices of another axis. Errors as above. */
-bool cpu_frame_turn(struct cpu_frame *frame, unsigned axis, struct sp_error *err);
-
 static inline bool cpu_frame_is_cancelled(const struct cpu_frame *frame) {
     return sp_job_is_cancelled(frame->job);
 }

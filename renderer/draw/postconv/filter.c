@@ -4,43 +4,28 @@
 #include "frame/resolve.h"
 #include "splat/exp2.h"
 
-/* Quadratic B-spline. */
-static float quadratic(float x) {
-    x = x < 0 ? -x : x;
-    if (x < 0.5f)
-        return 0.75f - x * x;
-    return x < 1.5f ? 0.5f * (1.5f - x) * (1.5f - x) : 0;
-}
-
-/* Weights of the samples from ⌊x/2^scale⌋ − before − filter->taps on, for pixel x. */
+/* Weights of the samples from ⌊x/2^scale⌋ − 1 − filter->taps on, for pixel x. */
 static void make_zoom(const struct sp_postconv_tables *tables, const struct sp_postconv_filter *f,
-                      int scale, float part, struct zoom *z) {
-    if (z->filter == f && z->scale == scale && z->part == part)
+                      int scale, struct zoom *z) {
+    if (z->filter == f && z->scale == scale)
         return;
     int n = 2 * f->taps + 1, period = 1 << scale;
     z->filter = f;
     z->scale = scale;
-    z->part = part;
-    z->before = part > 0 ? 2 : 1;
-    z->taps = n + z->before + 2;
+    z->taps = n + 3;
     memset(z->down, 0, sizeof z->down[0] * (size_t)period);
     for (int p = 0; p < period; p++)
-        for (int i = 0; i < z->before + 3; i++) {
-            float middle = ((float)p + 0.5f) / (float)period;
-            float between = part > 0 ? quadratic((float)(i - z->before) + part - middle)
-                                     : tables->between[scale][p][i];
+        for (int i = 0; i < 4; i++)
             for (int k = 0; k < n; k++)
-                z->down[p][i + k] += between * f->weight[k];
-        }
+                z->down[p][i + k] += tables->between[scale][p][i] * f->weight[k];
 }
 
 /* The same for vectors of pixels; one more sample if a vector spans two. */
 static void make_wide_zoom(const struct sp_postconv_tables *tables,
-                           const struct sp_postconv_filter *f, int scale, float part,
-                           struct zoom *z) {
-    if (z->filter == f && z->scale == scale && z->part == part)
+                           const struct sp_postconv_filter *f, int scale, struct zoom *z) {
+    if (z->filter == f && z->scale == scale)
         return;
-    make_zoom(tables, f, scale, part, z);
+    make_zoom(tables, f, scale, z);
     int extra = (PX - 1) >> scale, vectors = (1 << scale) / PX;
     for (int v = 0; v < (vectors ? vectors : 1); v++) {
         memset(z->across[v], 0, sizeof z->across[v][0] * (size_t)(z->taps + extra));
@@ -58,7 +43,7 @@ static void make_wide_zoom(const struct sp_postconv_tables *tables,
 static void find_needs(struct sp_postconv_open_tile *t) {
     int scale = t->group.scale[0], reach = t->group.filter[0]->taps;
     for (int b = 0; b < POSTCONV_TILE / BLOCK; b++) {
-        int first = (b * BLOCK >> scale) - (t->group.part[0] > 0 ? 2 : 1) - reach + ORIGIN;
+        int first = (b * BLOCK >> scale) - 1 - reach + ORIGIN;
         int last = ((b * BLOCK + BLOCK - 1) >> scale) + 2 + reach + ORIGIN;
         t->needs[b] = (UINT32_C(2) << last / BLOCK) - (UINT32_C(1) << first / BLOCK);
     }
@@ -72,7 +57,8 @@ static void find_span(const struct sp_postconv_group *g, int axis, int block, in
     span[1] = (int)(start + BLOCK * g->per_px[axis] + before) / BLOCK;
 }
 
-void sp_postconv_find_wanted(struct sp_postconv_open_tile *t) {
+/* Finds the blocks of samples that matter to pixels that are not opaque. */
+static void find_wanted(struct sp_postconv_open_tile *t) {
     if (!t->has_dead)
         return;
     uint32_t columns[POSTCONV_TILE / BLOCK];
@@ -92,6 +78,17 @@ void sp_postconv_find_wanted(struct sp_postconv_open_tile *t) {
     }
 }
 
+/* Finds the blocks of samples that are needed, and makes the tables of the filters. */
+static void start_filters(struct sp_postconv_open_tile *t) {
+    const struct sp_postconv_group *g = &t->group;
+    if (g->scale[0]) {
+        find_needs(t);
+        make_wide_zoom(t->postconv->tables, g->filter[0], g->scale[0], t->zoom[0]);
+    }
+    if (g->scale[1])
+        make_zoom(t->postconv->tables, g->filter[1], g->scale[1], t->zoom[1]);
+}
+
 bool sp_postconv_start_group(struct sp_postconv_open_tile *t, const struct sp_postconv_run *runs,
                              uint32_t count) {
     struct sp_postconv_group *g = &t->group;
@@ -100,19 +97,9 @@ bool sp_postconv_start_group(struct sp_postconv_open_tile *t, const struct sp_po
         range[1] = runs[i].range[1] > range[1] ? runs[i].range[1] : range[1];
     if (!sp_postconv_group_init(t->postconv, &t->postconv->bricks[runs[0].brick], range, g))
         return false;
-    sp_postconv_find_wanted(t);
-    sp_postconv_start_filters(t);
+    find_wanted(t);
+    start_filters(t);
     return true;
-}
-
-void sp_postconv_start_filters(struct sp_postconv_open_tile *t) {
-    const struct sp_postconv_group *g = &t->group;
-    if (g->scale[0])
-        find_needs(t);
-    if (g->scale[0])
-        make_wide_zoom(t->postconv->tables, g->filter[0], g->scale[0], g->part[0], t->zoom[0]);
-    if (g->scale[1])
-        make_zoom(t->postconv->tables, g->filter[1], g->scale[1], g->part[1], t->zoom[1]);
 }
 
 /* dilated[y] = the blocks of rows y − n … y + n, for rows [r0, r1). */
@@ -229,7 +216,7 @@ static void filter_across(struct sp_postconv_open_tile *t, const float (*from)[P
             WITH_TAPS(2 * f->taps + 1, filter_row(row, f->weight, N, reached, to));
         } else {
             reached = blocks_reached(blocks[y], t->needs);
-            const float *row = from[y][ORIGIN - z->before - f->taps];
+            const float *row = from[y][ORIGIN - 1 - f->taps];
             WITH_TAPS(z->taps, zoom_row(row, z, N, reached, to));
         }
         t->crossed[y] = reached;
@@ -394,7 +381,7 @@ static void filter_down(struct sp_postconv_open_tile *t, bool last) {
     join_rows(t->crossed, t->row0, t->row1, f->taps + 2, begin, end, blocks);
     for (int y = 0; y < POSTCONV_TILE; y++) {
         int row = (y >> j) + ORIGIN;
-        finish_row(t, y, t->scratch->across[row - t->zoom[1]->before - f->taps][0],
+        finish_row(t, y, t->scratch->across[row - 1 - f->taps][0],
                    t->zoom[1]->down[y & ((1 << j) - 1)], t->zoom[1]->taps,
                    blocks[row] & t->live[y / BLOCK], last);
     }

@@ -44,14 +44,11 @@ const struct sp_postconv_insert *sp_postconv_insert_create(const struct sp_postc
     double normal[3], offset;
     struct sp_postconv_insert *insert =
         sp_arena_alloc(input->arena, "fragments of sheets", 1, sizeof *insert);
-    float(*begin)[2] = NULL;
-    if (!postconv->slab_parts)
-        begin = sp_arena_alloc(input->arena, "places of slices", count, sizeof *begin);
+    float(*begin)[2] = sp_arena_alloc(input->arena, "places of slices", count, sizeof *begin);
     if (input->arena->failed)
         return NULL;
     find_normal(camera, input->grid, postconv->axis, normal, &offset);
-    if (begin)
-        fill_begins(postconv, count, begin);
+    fill_begins(postconv, count, begin);
     *insert = (struct sp_postconv_insert){
         .fragments = input->fragments,
         .offset = postconv->is_backwards ? count - offset : offset,
@@ -62,7 +59,6 @@ const struct sp_postconv_insert *sp_postconv_insert_create(const struct sp_postc
         .is_perspective = camera->projection == SP_PERSPECTIVE,
         .slices = count,
         .begin = (const float(*)[2])begin,
-        .slabs = begin ? 0 : (double)postconv->slab_parts / postconv->slab_slices,
     };
     return insert;
 }

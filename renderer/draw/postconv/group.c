@@ -124,19 +124,6 @@ static bool find_filters(const struct sp_postconv *postconv, const float v[3],
     return true;
 }
 
-bool sp_postconv_group_find(const struct sp_postconv *postconv, const float v[3], int farther,
-                            struct sp_postconv_group *g) {
-    if (!find_filters(postconv, v, g))
-        return false;
-    for (int a = 0; a < 2; a++) {
-        g->low[a] -= (float)farther;
-        g->high[a] += (float)farther;
-        if (g->low[a] < 2 || g->high[a] > POSTCONV_GRID - 3)
-            return false;
-    }
-    return true;
-}
-
 /* Returns the variance of footprints from which samples of 2^(scale + 1) px suffice [px²]. */
 static float variance_to_widen(const struct sp_postconv *postconv, int scale) {
     return postconv->smooth[scale > 0] * (float)(4 << 2 * scale);

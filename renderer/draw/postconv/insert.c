@@ -12,8 +12,6 @@ static float find_place(const struct sp_postconv_insert *insert, int x, int y, f
                    insert->down * (y + 0.5 - insert->centre[1]);
     double slice =
         insert->offset + u2 * insert->depth + aside * (insert->is_perspective ? u2 : 1.0);
-    if (!insert->begin)
-        return (float)(slice * insert->slabs);
     if (!(slice > 0))
         return 0;
     if (slice >= insert->slices)

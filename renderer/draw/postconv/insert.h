@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Fragments of other layers (frame/fragments.h) inside of sheets and slabs. As in
+ * Fragments of other layers (frame/fragments.h) inside of sheets. As in
  * draw/footprints/insert.h, a fragment divides the one that it lies in: each part has its share of
  * the optical depth, by length.
  *
@@ -22,10 +22,7 @@ struct sp_postconv_insert {
     double offset, depth, right, down, centre[2];
     bool is_perspective;
     uint32_t slices;
-    /* Sheets, by number of a slice: place where it begins, and places per slice. NULL = slabs,
-     * which begin before the volume (a negative place) and end behind it. */
-    const float (*begin)[2];
-    double slabs; /* per slice */
+    const float (*begin)[2]; /* by slice: the place where it begins, and its part of a layer */
 };
 
 /* The fragments of a tile that are not composited yet; pixels in the kernels' order. */

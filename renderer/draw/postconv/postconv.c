@@ -48,11 +48,10 @@ static bool is_cut(const struct sp_view *view, const struct sp_grid *grid) {
 static const double least_cutoff = 3;
 
 bool sp_postconv_can_draw(const struct sp_view *view, const struct sp_grid *grid) {
-    bool is_layered = view->compositing.mode == SP_COMPOSITE_SHEET || sp_slab_can_draw(view);
-    return is_layered && view->filter.kernel == SP_KERNEL_GAUSSIAN &&
-           view->filter.mode != SP_FILTER_NONE && view->filter.cutoff >= least_cutoff &&
-           view->transfer_function.order == SP_TF_PRE && !sp_grid_is_rectilinear(grid) &&
-           !is_cut(view, grid);
+    return view->compositing.mode == SP_COMPOSITE_SHEET &&
+           view->filter.kernel == SP_KERNEL_GAUSSIAN && view->filter.mode != SP_FILTER_NONE &&
+           view->filter.cutoff >= least_cutoff && view->transfer_function.order == SP_TF_PRE &&
+           !sp_grid_is_rectilinear(grid) && !is_cut(view, grid);
 }
 
 struct prepare {
@@ -207,15 +206,6 @@ static float layer_length(const struct sp_postconv_input *input) {
     return (float)(1 / (crossed * input->view->transfer_function.reference_length));
 }
 
-/* Returns the length of a ray in one layer over the smallest spacing, in the middle of the image.
- */
-static double layer_distance(const struct sp_postconv_input *input) {
-    const double *spacing = input->grid->spacing;
-    double smallest = fmin(spacing[0], fmin(spacing[1], spacing[2]));
-    double unit = input->view->transfer_function.reference_length;
-    return (double)layer_length(input) * unit / smallest;
-}
-
 /* Computes the position of the brick's first voxel, the distance of its last voxel in voxels, and u
  * of its middle, moved behind the near plane if necessary. */
 static void place_brick(const struct sp_postconv *postconv, struct sp_postconv_brick *b,
@@ -343,7 +333,8 @@ static uint32_t most_met(const struct sp_postconv *postconv) {
     return most;
 }
 
-float (*sp_postconv_grid_create(struct sp_arena *arena))[POSTCONV_PITCH][4] {
+/* Returns an empty grid of samples, or NULL if the arena cannot allocate. */
+static float (*create_grid(struct sp_arena *arena))[POSTCONV_PITCH][4] {
     float(*grid)[POSTCONV_PITCH][4] = sp_arena_alloc(arena, "tiles", POSTCONV_GRID, sizeof *grid);
     if (grid)
         memset(grid, 0, POSTCONV_GRID * sizeof *grid);
@@ -356,12 +347,10 @@ static bool allocate_scratch(struct sp_postconv *postconv, unsigned workers,
     postconv->scratch = sp_arena_alloc(arena, "tiles", workers, sizeof *postconv->scratch);
     for (unsigned w = 0; postconv->scratch && w < workers; w++) {
         struct sp_postconv_scratch *scratch = &postconv->scratch[w];
-        scratch->grid = sp_postconv_grid_create(arena);
+        scratch->grid = create_grid(arena);
         memset(scratch->skew, 0, sizeof scratch->skew);
         memset(scratch->across, 0, sizeof scratch->across);
         memset(scratch->sum, 0, sizeof scratch->sum);
-        if (postconv->slab_parts)
-            scratch->sheets = sp_slab_sheets_create(arena);
         scratch->inserted = postconv->insert ? sp_postconv_inserted_create(arena) : NULL;
         scratch->splats = 0;
         scratch->fragments = 0;
@@ -539,11 +528,8 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
         if (p.sight[i])
             postconv->bricks[postconv->brick_count++] = postconv->bricks[i];
     }
-    if (view->compositing.mode == SP_COMPOSITE_SLAB)
-        sp_slab_choose(postconv, layer_distance(input),
-                       !exact && count_joined(input, postconv, p.deepest) > 1);
-    else if (!exact && !linear &&
-             !join_layers(postconv, count_joined(input, postconv, p.deepest), input->arena))
+    if (!exact && !linear &&
+        !join_layers(postconv, count_joined(input, postconv, p.deepest), input->arena))
         return sp_arena_fail(input->arena, "data", err);
     if (!meet_tiles(postconv, input->arena) || !order_tiles(postconv, input->arena))
         return sp_arena_fail(input->arena, "data", err);
@@ -559,9 +545,6 @@ static const double most_unfit = 1.0 / 4;
 
 bool sp_postconv_is_worthwhile(const struct sp_postconv *postconv) {
     if (postconv->insert && !postconv->is_ordered)
-        return false;
-    if (postconv->view->compositing.mode == SP_COMPOSITE_SLAB &&
-        !(postconv->slab_parts && sp_slab_fits(postconv)))
         return false;
     return postconv->work[1] <= most_unfit * (postconv->work[0] + postconv->work[1]);
 }

@@ -81,7 +81,6 @@ struct sp_postconv_group {
     int sign;                                              /* of the diagonal's slope */
     float end[2];   /* sample number of the tile's other corner */
     float area;     /* of one footprint [px²] */
-    float part[2];  /* samples wider than a pixel lie this part of a sample farther on, [0, 1) */
     float cross;    /* covariance xy that the diagonal filter adds [samples²] */
     bool has_cross; /* deposits add the remaining covariance */
 };
@@ -135,8 +134,6 @@ struct sp_postconv {
     /* Variance from which samples become two pixels wide, and wider [samples²]. */
     float smooth[2];
     unsigned axis;                      /* of the sheets */
-    int slab_parts;                     /* slabs per slice (slab.h); 0 = sheets are composited */
-    int slab_slices;                    /* slices that share a layer of slabs: 1, or 2 */
     bool is_backwards;                  /* layers begin with the last slice */
     bool is_ordered;                    /* the eye is not between slices */
     uint32_t layers;                    /* composited front to back */
@@ -162,7 +159,6 @@ struct sp_postconv_scratch {
     _Alignas(64) float sum[POSTCONV_TILE][POSTCONV_ROW][4];    /* of several groups of a layer */
     /* Composited so far: red, green, blue, transmittance; pixels in the kernels' order. */
     _Alignas(64) float done[4][POSTCONV_TILE][POSTCONV_TILE];
-    struct sp_slab_sheet *sheets;          /* [SLAB_SLOTS]; NULL without slabs */
     struct sp_postconv_inserted *inserted; /* NULL without fragments */
     struct sp_postconv_run *runs;          /* of the tile, by layer */
     uint32_t *starts;                      /* [layers + 1]: where a layer's runs begin */
@@ -204,31 +200,10 @@ bool sp_postconv_group_init(const struct sp_postconv *postconv,
                             const struct sp_postconv_brick *brick, const float range[2],
                             struct sp_postconv_group *group);
 
-/* Finds filters for footprints of this variance [px²] and the group's scale and sign. Voxels matter
- * `farther` samples farther to each side. False if there are none. */
-bool sp_postconv_group_find(const struct sp_postconv *postconv, const float variance[3],
-                            int farther, struct sp_postconv_group *group);
-
 /* How many of a brick's voxels with 1/u2 in `range` the group's filters serve: 0 = none, 1 = some,
  * 2 = all. */
 int sp_postconv_group_fits(const struct sp_postconv_group *group,
                            const struct sp_postconv_brick *brick, const float range[2]);
-
-/* slab.c: true if the fast path may draw the view's slabs. */
-bool sp_slab_can_draw(const struct sp_view *view);
-
-/* Chooses slab_parts and slab_slices. `apart`: distance of slices along a ray, in smallest
- * spacings. pairs: slabs may be twice as thick. slab_parts 0 = the fast path cannot draw them. */
-void sp_slab_choose(struct sp_postconv *postconv, double apart, bool pairs);
-
-/* True if there are filters for the slabs of all tiles. */
-bool sp_slab_fits(const struct sp_postconv *postconv);
-
-/* Samples of the layers that are open at once; NULL if the arena cannot allocate. */
-struct sp_slab_sheet *sp_slab_sheets_create(struct sp_arena *arena);
-
-/* An empty grid of samples; NULL if the arena cannot allocate. */
-float (*sp_postconv_grid_create(struct sp_arena *arena))[POSTCONV_PITCH][4];
 
 /* What a frame is made from. */
 struct sp_postconv_input {
@@ -258,8 +233,7 @@ const struct sp_postconv_insert *sp_postconv_insert_create(const struct sp_postc
 struct sp_postconv_inserted *sp_postconv_inserted_create(struct sp_arena *arena);
 
 /* True if this stage can draw the view: sheets of Gaussians on an evenly spaced grid, classified
- * before splatting, with a cutoff of at least 3 and nothing clipped; or such slabs, if
- * sp_slab_can_draw(). */
+ * before splatting, with a cutoff of at least 3 and nothing clipped. */
 bool sp_postconv_can_draw(const struct sp_view *view, const struct sp_grid *grid);
 
 /* Finds the visible bricks and the tiles that they meet. SP_ERR_MEMORY, SP_ERR_CANCELLED. */

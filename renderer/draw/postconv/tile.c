@@ -122,8 +122,10 @@ static int fit_part(const struct sp_postconv_open_tile *t, const struct sp_postc
                : 0;
 }
 
-uint32_t sp_postconv_sift(const struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
-                          uint32_t count) {
+/* Drops the runs that meet only opaque cells, and moves the run with the farthest voxels to the
+ * front. Returns how many are left. */
+static uint32_t sift(const struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
+                     uint32_t count) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < count; i++) {
         if (!(runs[i].cells & t->alive))
@@ -177,7 +179,7 @@ static void prefetch_run(const struct sp_postconv_open_tile *t, const struct sp_
 /* Composites the runs of a layer group by group, the farthest voxels first. Overwrites `runs`. */
 static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
                        uint32_t count) {
-    count = sp_postconv_sift(t, runs, count);
+    count = sift(t, runs, count);
     bool several = add_unfit(t, runs, &count);
     while (count) {
         uint32_t left = 0;
@@ -206,7 +208,7 @@ static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *
         several |= left > 0;
         sp_postconv_close_group(t, !several);
         t->is_open = false;
-        count = sp_postconv_sift(t, runs, left);
+        count = sift(t, runs, left);
     }
     if (several)
         sp_postconv_close_sum(t);
@@ -240,9 +242,7 @@ void sp_postconv_tile(const struct sp_postconv *postconv, struct sp_postconv_scr
     sp_postconv_open_fragments(&t);
     sp_postconv_check_cells(&t);
     sort_runs(&t, number);
-    if (postconv->slab_parts)
-        sp_postconv_draw_slabs(&t, number);
-    for (uint32_t l = 0; l < postconv->layers && t.alive && !postconv->slab_parts; l++) {
+    for (uint32_t l = 0; l < postconv->layers && t.alive; l++) {
         uint32_t begin = scratch->starts[l], end = scratch->ends[l];
         if (begin == end)
             continue;

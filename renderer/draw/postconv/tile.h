@@ -119,8 +119,6 @@ enum { MOST_TAPS = 2 * POSTCONV_TAPS + 6 };
 struct zoom {
     const struct sp_postconv_filter *filter; /* NULL = not made */
     int scale, taps;                         /* samples of a pixel, or of a vector of them */
-    int before;                              /* samples before that of the pixel, but for taps */
-    float part;                              /* as in sp_postconv_group */
     float down[1 << (POSTCONV_SCALES - 1)][MOST_TAPS]; /* by pixel modulo 2^scale */
     _Alignas(64) float across[1 << (POSTCONV_SCALES - 1)][MOST_TAPS][W]; /* by vector likewise */
 };
@@ -132,7 +130,7 @@ struct sp_postconv_open_tile {
     uint32_t alive;                       /* bit per cell that is not opaque */
     uint32_t live[POSTCONV_TILE / BLOCK]; /* the same per block of 4 × 4 pixels */
     bool has_dead;                        /* some blocks are opaque */
-    int layer; /* sheet or slab that is drawn, counted from where the volume begins */
+    int layer; /* the sheet that is drawn, counted from where the volume begins */
     struct sp_postconv_inserted *inserted; /* NULL = no fragments */
     uint32_t closed;
     bool is_open; /* `group` has deposits */
@@ -152,18 +150,6 @@ struct sp_postconv_open_tile {
  * False if there are no filters. */
 bool sp_postconv_start_group(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *runs,
                              uint32_t count);
-
-/* The parts of that: where voxels of the group matter, and the tables of its filters. */
-void sp_postconv_find_wanted(struct sp_postconv_open_tile *tile);
-void sp_postconv_start_filters(struct sp_postconv_open_tile *tile);
-
-/* Drops the runs that meet only opaque cells, and moves the run with the farthest voxels to the
- * front. Returns how many are left. */
-uint32_t sp_postconv_sift(const struct sp_postconv_open_tile *tile, struct sp_postconv_run *runs,
-                          uint32_t count);
-
-/* Draws the layers of a tile as slabs. */
-void sp_postconv_draw_slabs(struct sp_postconv_open_tile *tile, uint32_t number);
 
 /* Deposits all voxels of a run, or only those in the group's range. */
 void sp_postconv_add_run(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *run,
