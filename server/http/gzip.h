@@ -9,9 +9,9 @@
  * `mime` may be NULL. */
 bool srv_gzip_is_for(const char *mime, size_t size);
 
-/* Compression levels of zlib. FAST is for answers that are compressed for each request, SMALL for
- * files of the page, which are compressed once. */
-enum srv_gzip_level { SRV_GZIP_FAST = 6, SRV_GZIP_SMALL = 9 };
+/* Compression levels of libdeflate. FAST is for answers that are compressed for each request, SMALL
+ * for files of the page, which are compressed once. */
+enum srv_gzip_level { SRV_GZIP_FAST = 6, SRV_GZIP_SMALL = 12 };
 
 /* Compresses to a gzip member (RFC 1952), which the caller frees. NULL when out of memory, or if
  * the result would not be shorter. */
