@@ -2,6 +2,7 @@
 // The words of a measurement: each number with its name and unit, in labels, in the list, and in the table for the clipboard.
 import { KINDS, shortNumber, unitText, valueText } from './measures.js';
 import { t } from './text.js';
+import { withUnit } from './unit_text.js';
 
 const NAMES = {
   distance: 'measure.length', profile: 'measure.length', angle: 'measure.tool.angle', rectangle: 'measure.area', ellipse: 'measure.area', marker: 'measure.value', part: 'measure.volume', path: 'measure.length',
@@ -15,9 +16,6 @@ const valueName = (kind) => t(NAMES[kind]);
 
 /** True if the value is a length or an area and the file does not name its unit. */
 export const lacksUnit = ({ kind, value, unit }) => kind !== 'angle' && kind !== 'marker' && !unit && value !== null && value !== undefined;
-
-/** A length or an area; says so if the file names no unit. */
-export const withUnit = (text, unit) => (unit ? text : t('unit.none', { value: text }));
 
 /** The value with its unit: "12.5 mm²", "90°", "12.5 (no unit)". */
 function resultText(item) {

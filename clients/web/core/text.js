@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The texts of the page by key, in the language of the user. Each language has a folder text/LANGUAGE/ with files whose default exports are
-// flat objects. English is complete and loads in parts: shared.js with <splat-view>, page.js and panel.js with the page, later.js with the
-// features of app/later.js. Other languages load index.js; a text that they lack appears in English.
+// flat objects. English is complete and loads in parts: shared.js with <splat-view>, page.js and panel.js with the page, the others each with
+// the part of app/parts/ of the same name. Other languages load index.js; a text that they lack appears in English.
 import shared from '../text/en/shared.js';
 
 /** The languages with a folder in text/. */

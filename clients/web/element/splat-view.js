@@ -40,7 +40,7 @@ function styles() {
  * Events: ready {session, view}, viewchange {view}, frame {frame, seq, width, height, isFinal, latency}, error {error}.
  */
 export class SplatView extends HTMLElement {
-  static observedAttributes = [...PLACE, 'volume', 'controls', 'label'];
+  static get observedAttributes() { return [...PLACE, 'volume', 'controls', 'label']; } // esbuild writes a class with static fields without #names
 
   #canvas = document.createElement('canvas');
   #note = document.createElement('p');

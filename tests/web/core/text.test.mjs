@@ -6,16 +6,12 @@ import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { test } from 'node:test';
 import { LANGUAGES, chooseLanguage, hasText, t } from '../../../clients/web/core/text.js';
-import LATER from '../../../clients/web/text/en/later.js';
-import PAGE_TEXTS from '../../../clients/web/text/en/page.js';
-import PANEL from '../../../clients/web/text/en/panel.js';
-import SHARED from '../../../clients/web/text/en/shared.js';
 import { storedIcons, usedIcons } from '../../../clients/web/icons.mjs';
 import { literals } from '../support/literals.mjs';
-import '../support/texts.mjs';
+import { ENGLISH } from '../support/texts.mjs';
 
-const PARTS = [SHARED, PAGE_TEXTS, PANEL, LATER];
-const english = Object.assign({}, ...PARTS);
+const { page: PAGE_TEXTS, panel: PANEL, shared: SHARED, ...PARTS } = ENGLISH;
+const english = Object.assign({}, ...Object.values(ENGLISH));
 
 const ROOT = fileURLToPath(new URL('../../../clients/web/', import.meta.url));
 const scripts = (folder, recursive) => readdirSync(ROOT + folder, { recursive }).filter((name) => name.endsWith('.js')).map((name) => `${folder}/${name}`);
@@ -84,7 +80,7 @@ test('every key that the page uses exists', () => {
 });
 
 test('the texts are in order: keys with one beginning stand together, sorted; none is in two files', () => {
-  for (const texts of PARTS) {
+  for (const texts of Object.values(ENGLISH)) {
     const last = new Map();
     let before = '';
     for (const key of Object.keys(texts)) {
@@ -94,7 +90,7 @@ test('the texts are in order: keys with one beginning stand together, sorted; no
       before = start;
     }
   }
-  assert.equal(Object.keys(english).length, PARTS.reduce((sum, texts) => sum + Object.keys(texts).length, 0));
+  assert.equal(Object.keys(english).length, Object.values(ENGLISH).reduce((sum, texts) => sum + Object.keys(texts).length, 0));
 });
 
 /** The modules that `name` imports, itself included; without those that it loads later. */
@@ -105,16 +101,31 @@ function imported(name, modules = new Set()) {
   return modules;
 }
 
-test('the page and the features that come later each have their own texts', () => {
+test('the page and its parts each have their own texts', () => {
   const page = imported('app/main.js');
-  assert.ok(page.has('app/announce.js') && !page.has('app/later.js') && !page.has('app/measure/measures.js'));
+  assert.ok(page.has('app/announce.js') && !page.has('app/parts/measure.js') && !page.has('app/measure/measures.js'));
   const isUsed = (name, { key, start }) => (key === undefined ? start && name.startsWith(start) : key === name);
-  const first = uses().filter(({ where }) => page.has(where.split(':')[0]));
-  assert.deepEqual(Object.keys(LATER).filter((name) => first.some((use) => isUsed(name, use))), []);
-  const later = imported('app/later.js');
-  const inPage = uses().filter(({ where }) => where === 'index.html' || !later.has(where.split(':')[0]) || page.has(where.split(':')[0]));
-  const own = Object.keys({ ...PAGE_TEXTS, ...PANEL }).filter((name) => !inPage.some((use) => isUsed(name, use)));
-  assert.deepEqual(own, []);
+  const usedBy = (name, found) => found.some((use) => isUsed(name, use));
+  const all = uses();
+  const first = all.filter(({ where }) => page.has(where.split(':')[0]));
+  const later = new Set(); // the modules of all parts
+  for (const [part, texts] of Object.entries(PARTS)) {
+    assert.deepEqual(Object.keys(texts).filter((name) => usedBy(name, first)), [], `${part}: the page uses them`);
+    const own = [...imported(`app/parts/${part}.js`)].filter((name) => !page.has(name));
+    const wanted = all.filter(({ where }) => where === 'index.html' || own.includes(where.split(':')[0]));
+    assert.deepEqual(Object.keys(texts).filter((name) => !usedBy(name, wanted)), [], `${part}: it uses none of them`);
+    const known = { ...SHARED, ...PAGE_TEXTS, ...PANEL, ...texts };
+    const missing = all.filter(({ where, key }) => own.includes(where.split(':')[0]) && key && !Object.hasOwn(known, key));
+    assert.deepEqual(missing, [], `${part}: it lacks them`);
+    for (const name of own) later.add(name);
+  }
+  const inPage = all.filter(({ where }) => where === 'index.html' || !later.has(where.split(':')[0]));
+  const inParts = Object.keys(PARTS).map((part) => {
+    const modules = imported(`app/parts/${part}.js`);
+    return all.filter(({ where }) => later.has(where.split(':')[0]) && modules.has(where.split(':')[0]));
+  });
+  const lone = Object.keys({ ...PAGE_TEXTS, ...PANEL }).filter((name) => !usedBy(name, inPage) && inParts.filter((found) => usedBy(name, found)).length < 2);
+  assert.deepEqual(lone, []);
 });
 
 test('the element carries its own texts and no others', () => {

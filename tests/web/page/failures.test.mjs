@@ -315,3 +315,66 @@ test('volumes of the same name are told apart, and long names stay inside of the
     assert.deepEqual(wide, []);
   }
 });
+
+const PARTS = (name) => `**/app/parts/${name}.js`;
+
+/** A page whose part `name` is answered by `answer`, with a frame and all other parts. */
+async function setUpPart(context, name, answer) {
+  const daemon = await MockDaemon.start();
+  const opened = await openPage(browser, { viewport: { width: 1400, height: 800 } });
+  context.after(async () => {
+    await opened.context.close();
+    await daemon.kill().catch(() => {});
+  });
+  await opened.page.route(PARTS(name), answer);
+  await opened.page.goto(daemon.url);
+  await until(opened.page, 'a frame', (s) => s.state === 'live' && s.count > 0);
+  return { ...opened, prompt: opened.page.locator('.prompt[data-id^="part-"]'), fold: (id) => opened.page.locator(`#${id}`) };
+}
+
+test('a part that cannot be loaded says so where it is missing, and loads when the user tries again', async (context) => {
+  const { page, prompt, fold } = await setUpPart(context, 'compare', (route) => route.abort());
+  await page.evaluate(() => { document.getElementById('compare').open = true; });
+  await fold('compare').locator('.part-note', { hasText: 'A part of the page could not be loaded' }).waitFor();
+  assert.equal(await fold('compare').getAttribute('aria-busy'), 'true');
+  await shot(page, 'part-missing');
+  await page.click('#tool-compare');
+  await prompt.filter({ hasText: 'A part of the page could not be loaded' }).waitFor();
+  assert.equal(await prompt.getAttribute('role'), 'alert');
+  await page.unroute(PARTS('compare'));
+  await prompt.getByRole('button', { name: 'Try again' }).click();
+  await until(page, 'the comparison', (s) => s.isComplete && s.compared);
+  assert.equal(await prompt.count(), 0);
+  assert.equal(await fold('compare').locator('.part-note').count(), 0);
+  assert.equal(await fold('compare').getAttribute('aria-busy'), null);
+});
+
+test('a part that takes long says that it loads; what the user pressed happens when it is there', async (context) => {
+  let go;
+  const held = new Promise((resolve) => { go = resolve; });
+  const { page, prompt, fold, said } = await setUpPart(context, 'compare', async (route) => {
+    await held;
+    await route.continue();
+  });
+  await page.evaluate(() => { document.getElementById('compare').open = true; });
+  await fold('compare').locator('.part-note[role="status"]', { hasText: 'Loading …' }).waitFor();
+  await page.click('#tool-compare');
+  await prompt.filter({ hasText: 'Loading …' }).waitFor();
+  await shot(page, 'part-loading');
+  go();
+  await until(page, 'the comparison', (s) => s.isComplete && s.compared);
+  assert.equal(await prompt.count(), 0);
+  assert.deepEqual(said, []);
+});
+
+test('a part of another build is refused, and the page can be loaded again', async (context) => {
+  const { page, prompt } = await setUpPart(context, 'compare', (route) => route.fulfill({
+    contentType: 'text/javascript', body: "export const texts = {}, features = [], build = 'another';",
+  }));
+  await page.click('#tool-compare');
+  await prompt.filter({ hasText: 'the daemon serves another version of the page now' }).waitFor();
+  assert.equal(await prompt.getByRole('button', { name: 'Try again' }).count(), 0);
+  await page.unroute(PARTS('compare'));
+  await prompt.getByRole('button', { name: 'Load the page again' }).click();
+  await firstFrame(page);
+});

@@ -43,7 +43,7 @@ export function install(app) {
 const { browser } = await share();
 
 const MAIN = readFileSync(path.join(SOURCES, 'app/main.js'), 'utf8')
-  .replace('inspect,\n];', 'inspect, probe,\n];').replace('import * as clip', "import * as probe from './probe.js';\nimport * as clip");
+  .replace('inspect,\n];', 'inspect, probe,\n];').replace('import { install as colorBar', "import { install as probe } from './probe.js';\nimport { install as colorBar");
 
 async function setUp(context, options) {
   const opened = await visitMock(context, browser, { options, change: { page: SOURCES, files: { '/app/main.js': MAIN, '/app/probe.js': PROBE } } });

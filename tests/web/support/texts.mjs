@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gives the modules of core/ the texts of the page, as app/main.js does.
+// Gives the modules of core/ the texts of the page, as app/main.js and the parts do.
+import { readdirSync } from 'node:fs';
 import { useTexts } from '../../../clients/web/core/text.js';
-import later from '../../../clients/web/text/en/later.js';
-import page from '../../../clients/web/text/en/page.js';
-import panel from '../../../clients/web/text/en/panel.js';
 
-for (const texts of [page, panel, later]) useTexts(texts);
+const FOLDER = new URL('../../../clients/web/text/en/', import.meta.url);
+
+/** The texts in English by file: page, panel, shared, and one for each part of the page. */
+export const ENGLISH = {};
+for (const file of readdirSync(FOLDER)) ENGLISH[file.replace('.js', '')] = (await import(new URL(file, FOLDER))).default;
+for (const texts of Object.values(ENGLISH)) useTexts(texts);

@@ -52,7 +52,7 @@ class ColorBar {
     viewer.on('view', () => this.#plan());
     connection.on('volumes', () => this.#plan());
     transfer.onShow(() => this.#plan());
-    later.whenComplete(() => app.compare.onChange(() => this.#plan()));
+    later.whenInstalled('compare', () => app.compare.onChange(() => this.#plan()));
     onCovers(() => this.#plan());
     overlay.layer((project, { width, height }) => {
       const size = `${width} ${height}`;

@@ -2,8 +2,8 @@
 // The scale bar: a round length at the depth of the target.
 import { worldPerPixel } from '../../core/camera.js';
 import { scaleBar } from '../../core/lengths.js';
-import { withUnit } from '../../core/measure_text.js';
 import { t } from '../../core/text.js';
+import { withUnit } from '../../core/unit_text.js';
 import { byId, make, setText } from '../controls/dom.js';
 
 const WIDEST_PX = 140;

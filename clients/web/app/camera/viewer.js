@@ -11,6 +11,7 @@ import { applyPatch, patchBetween } from '../../core/merge.js';
 import { turnUpright } from '../../core/orientation.js';
 import { UpdateQueue } from '../../core/update_queue.js';
 import { BALL_RADIUS, drag } from '../../core/trackball.js';
+import { length } from '../../core/vector.js';
 import { nextFrame } from '../frames/animation.js';
 
 /** The camera of a view as a rig; null if there is no view or its camera cannot be moved. */
@@ -85,6 +86,8 @@ export class Viewer extends Emitter {
   get offers() { return offersOf(this.kind, this.#view); }
   /** The box {center, half} of the volume as far as it is known; null without a view. */
   get box() { return this.#box; }
+  /** The length of the diagonal of the volume. */
+  get extent() { return 2 * length(this.#box?.half.map(length) ?? [1, 0, 0]); }
   /** The size of the canvas in CSS px; points in the functions below are relative to it. */
   get viewport() { return this.#viewport(); }
   /** What covers its edges, in CSS px: {left, right, top, bottom}. */

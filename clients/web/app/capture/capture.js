@@ -119,7 +119,7 @@ class Capture {
   get #token() { return this.#withToken.checked ? this.#app.api.token : ''; }
 
   /** True if the picture of all panes is saved, as the layout shows them; it has the size of the window. */
-  get #isComposed() { return this.#app.slices.areShown && this.#what.value === 'panes'; }
+  get #isComposed() { return this.#app.layout.showsSlices && this.#what.value === 'panes'; }
 
   /** The chosen [width, height] in px. */
   get size() {
@@ -136,7 +136,7 @@ class Capture {
   }
 
   #show() {
-    this.#what.closest('.row').hidden = !this.#app.slices.areShown;
+    this.#what.closest('.row').hidden = !this.#app.layout.showsSlices;
     for (const control of [this.#size, this.#alpha, this.#burn]) control.closest('.row').hidden = this.#isComposed;
     [...this.#format.options].find(({ value }) => value === 'exr').disabled = this.#isComposed;
     const isCustom = this.#size.value === 'custom';

@@ -6,7 +6,6 @@ import { t } from '../../core/text.js';
 import { installClipHandles } from './clip_handles.js';
 import { ClipState } from './clip_state.js';
 import { byId, icon, make, setText } from '../controls/dom.js';
-import { ORDER } from '../shell/panel.js';
 
 const AXES = ['x', 'y', 'z'];
 
@@ -14,7 +13,7 @@ export function install(app) {
   const { viewer, panel, toolbar } = app;
   const state = new ClipState(app);
   app.clip = state;
-  const body = panel.section({ id: 'clip', title: t('clip.section'), order: ORDER.clip });
+  const body = panel.section({ id: 'clip' });
   const handles = switchRow('clip-handles-on', t('clip.handles'), t('clip.handles.title'));
   const box = new BoxRows(state, { id: 'clip-box', class: 'box-rows', 'data-pointer': '/clip/box' });
   const planes = new PlaneList(state);
@@ -27,9 +26,7 @@ export function install(app) {
     if (isOn && byId('panel').dataset.open === 'true') byId('clip').open = true;
   };
   handles.input.addEventListener('change', () => toggle(handles.input.checked));
-  const button = toolbar.button({
-    id: 'clip-tool', icon: 'scissors', label: t('clip.tool'), key: 'c', group: 'tools', order: 50, isToggle: true, press: () => toggle(),
-  });
+  const button = toolbar.button({ id: 'clip-tool', press: () => toggle() });
   installClipHandles(app, state, () => toggle(false));
 
   state.on('change', () => {

@@ -36,7 +36,7 @@ export class ClipState extends Emitter {
   get volumeBox() { return this.#viewer.box; }
   get unit() { return unitName(this.#viewer.volume?.unit); }
   /** The length of the diagonal of the volume. */
-  get extent() { return 2 * length(this.volumeBox?.half.map(length) ?? [1, 0, 0]); }
+  get extent() { return this.#viewer.extent; }
 
   get hasHandles() { return this.#hasHandles; }
   set hasHandles(isOn) {

@@ -9,8 +9,8 @@ import { placeOf } from '../../core/vertical.js';
 import { BoxRows } from '../clip/clip.js';
 import { icon, make, setAttribute, setText } from '../controls/dom.js';
 import { installEditHandles } from './edit_handles.js';
-import { pickAt } from '../measure/measure_tools.js';
 import { tellIfNothing } from '../rendering/nothing_visible.js';
+import { pickAt } from '../rendering/pick.js';
 
 const RADIUS = 0.08; // of a new sphere, in diagonals of the volume
 const RADIUS_MAX = 0.5;

@@ -284,7 +284,7 @@ export function installLayers(app, measures) {
   let sheet = null;
   const layer = overlay.layer((project, { group, width, height }) => {
     sheet ??= new Sheet(group);
-    const share = app.compare.freeShare;
+    const share = app.compare?.freeShare ?? 1;
     group.style.clipPath = share < 1 ? `inset(0 ${100 * (1 - share)}% 0 0) view-box` : '';
     sheet.size = [width * share, height];
     drawAll(sheet, app, measures, { canvas: screen.element, toScreen: project });

@@ -6,6 +6,7 @@ import { namedValue } from '../../core/measure_text.js';
 import { KINDS, pointsFromCorners, quickValue, unitOf } from '../../core/measures.js';
 import { rangeOfPart } from '../../core/edits.js';
 import { t } from '../../core/text.js';
+import { pickAt } from '../rendering/pick.js';
 import { TOOLS } from './measure_buttons.js';
 
 const DRAG_PX = 6;
@@ -44,18 +45,6 @@ export function installTools(app, measures) {
 
 /** The surface below a point of the 3-D picture, or null. */
 export const surfaceAt = async (app, at) => (await pickAt(app, at))?.position ?? null;
-
-/** {position, value} below a point of the 3-D picture, or null. */
-export async function pickAt({ connection, screen, notice }, at) {
-  try {
-    const found = await connection.call('pick', screen.pickAt(at));
-    if (!found.position) notice.show(t('measure.nothing'));
-    return found.position ? found : null;
-  } catch (error) {
-    notice.show(error.message, 'error');
-    return null;
-  }
-}
 
 /** {position, value} at a place of a pane with slices. */
 function foundIn(pane, at) {

@@ -20,8 +20,8 @@ export function install(app) {
       notice.show(t('pick.nothing', { percent: Math.round(opacity * 100) }), 'info', 'pick');
       return;
     }
-    const { clip, transfer } = app;
-    const where = placeOf(viewer.volume, position, clip.extent);
+    const { transfer } = app;
+    const where = placeOf(viewer.volume, position, viewer.extent);
     const hasValue = Number.isFinite(value);
     const text = (hasValue ? t('pick.value', { value: dataText(value, transfer.range, transfer.unit), ...where }) : t('pick.place', where)).trim();
     const { layers } = app;
@@ -70,4 +70,16 @@ export function install(app) {
   };
   viewer.on('camera', forget);
   viewer.on('view', forget);
+}
+
+/** {position, value} below a point of the 3-D picture, or null. */
+export async function pickAt({ connection, screen, notice }, at) {
+  try {
+    const found = await connection.call('pick', screen.pickAt(at));
+    if (!found.position) notice.show(t('measure.nothing'));
+    return found.position ? found : null;
+  } catch (error) {
+    notice.show(error.message, 'error');
+    return null;
+  }
 }

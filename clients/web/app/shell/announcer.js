@@ -1,111 +1,79 @@
 // SPDX-License-Identifier: Apache-2.0
-// Features that the first image does not need are in a part of their own, ../later.js. The page announces their buttons, keys and sections
-// at once, so that nothing moves when they arrive, and loads them after the first image, or earlier when the user comes near them. What the
-// user asks of them before that happens as soon as they are there.
-import { t } from '../../core/text.js';
+// Features that the first image does not need are in parts of their own (part.js). The page announces their buttons, keys and sections at once,
+// so that nothing moves when they arrive. It loads a part when the user asks for it, and the others one after another after the first image, or
+// earlier when the user comes near them.
 import { byId } from '../controls/dom.js';
+import { Part } from './part.js';
 
-/** The first of these events loads the features: [element, events]. */
+/** The first of these events loads the parts: [element, events]. */
 const signs = () => [[window, ['pointerdown', 'keydown', 'dragenter']], [byId('tools'), ['pointerover', 'focusin']], [byId('panel'), ['pointerover', 'focusin']]];
 
 export class Announcer {
-  #app; #import;
-  #loading = null;
-  #waiting = [];
-  #heard = []; // the notifications of this stream that a feature needs, in their order
-  #isComplete = false;
+  #app;
+  #parts = new Map(); // by name
+  #hasTried = false; // on this stream, to load all parts
+  #heard = []; // the notifications of this stream that parts need
 
-  /** load() resolves to the module with install(app). */
-  constructor(app, load) {
+  constructor(app) {
     this.#app = app;
-    this.#import = load;
-    const begin = () => this.#load().catch(() => {}); // ask() tells
+    const begin = () => this.#loadAll();
     for (const [element, names] of signs()) for (const name of names) element.addEventListener(name, begin, { capture: true, passive: true, once: true });
-    const ends = [
-      app.frames.on('drawn', begin), app.connection.on('missing', begin), app.connection.on('state', ({ state }) => { if (state === 'live') this.#heard = []; }),
-    ];
-    this.whenComplete(() => ends.forEach((end) => end()));
-    this.#intercept();
+    const { connection, frames } = app;
+    frames.on('drawn', begin);
+    connection.on('missing', begin);
+    connection.on('state', ({ state }) => {
+      if (state !== 'live') return;
+      this.#hasTried = false;
+      this.#heard = [];
+    });
+    connection.on('notification', (notification) => {
+      if (this.#missing.some(({ methods }) => methods.includes(notification.method))) this.#heard.push(notification);
+    });
+    document.addEventListener('click', (event) => this.#intercept(event), true);
   }
 
-  /** True when all features are installed. */
-  get isComplete() { return this.#isComplete; }
+  get #missing() { return [...this.#parts.values()].filter(({ isInstalled }) => !isInstalled); }
 
-  /** Announces a button of the toolbar, see Toolbar.button(). The feature calls button() with the same id. */
-  button(options) { this.#app.toolbar.announce(options, (act) => this.#ask(act)); }
+  /** True when all parts are installed. */
+  get isComplete() { return this.#missing.length === 0; }
 
-  /** Announces a section, see Panel.section(). The feature calls section() with the same id. */
-  section(options) {
-    this.#app.panel.announce(options);
-    this.fold(options.id);
+  /** Announces a part and returns it; see Part. */
+  part(name, load, { styles = [], after = [] } = {}) {
+    const part = new Part(this.#app, name, { load, styles, after, install: (features) => this.#install(features, part.methods) });
+    this.#parts.set(name, part);
+    return part;
   }
 
-  /** Announces what a fold of the panel contains. */
-  fold(id) {
-    const fold = byId(id);
-    const look = () => fold.open && this.#ask(() => {});
-    fold.addEventListener('toggle', look);
-    look();
-  }
-
-  /** Announces a function of `app`, which the feature replaces. */
-  call(name) { this.#app[name] = (...values) => this.#ask(() => this.#app[name](...values)); }
-
-  /** Remembers the notifications of a method until the feature is there. */
-  notifications(method) {
-    const end = this.#app.connection.on('notification', (notification) => { if (notification.method === method) this.#heard.push(notification); });
-    this.whenComplete(end);
-  }
-
-  /** Calls act() when all features are installed. */
-  whenComplete(act) {
-    if (this.#isComplete) act();
-    else this.#waiting.push(act);
-  }
+  /** Calls act() when a part is installed. */
+  whenInstalled(name, act) { this.#parts.get(name).whenInstalled(act); }
 
   // A press on a control of index.html whose feature is missing counts when the feature is there.
-  #intercept() {
-    document.addEventListener('click', (event) => {
-      const control = this.#isComplete ? null : event.target.closest?.('[data-later]');
-      if (!control) return;
-      event.preventDefault();
-      event.stopImmediatePropagation();
-      this.#ask(() => control.click());
-    }, true);
+  #intercept(event) {
+    const control = event.target.closest?.('[data-later]');
+    const part = this.#parts.get(control?.dataset.later);
+    if (!part || part.isInstalled) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    part.ask(() => control.click());
   }
 
-  /** Does what the user asked of a feature; says so if the features cannot be loaded. The next request tries again. */
-  async #ask(act) {
-    try {
-      await this.#load();
-    } catch (error) {
-      this.#app.notice.show(t('page.incomplete', { reason: error.message }), 'error');
-      return;
-    }
-    act();
+  /** Loads all parts one after another, once per stream: a part that fails loads when the user asks for it or the stream is new. */
+  async #loadAll() {
+    if (this.#hasTried) return;
+    this.#hasTried = true;
+    for (const part of this.#missing) await part.load().catch(() => {}); // Part tells the user
   }
 
-  /** Resolves when all features are installed. */
-  #load() {
-    this.#loading ??= this.#start().catch((error) => {
-      this.#loading = null;
-      throw error;
-    });
-    return this.#loading;
-  }
-
-  async #start() {
-    const { install } = await this.#import();
+  /** Installs features and tells them what they missed. */
+  #install(features, methods) {
     const { connection, viewer, transfer } = this.#app;
     const [toNewOnes, ofView] = [connection.late(), viewer.late()];
-    install(this.#app);
-    this.#isComplete = true;
-    for (const act of this.#waiting.splice(0)) act();
+    for (const install of features) install(this.#app);
     if (connection.volumes.length > 0) toNewOnes('volumes', connection.volumes);
     if (connection.session) toNewOnes('session', { ...connection.session, replaced: null });
     if (viewer.view) ofView('view', viewer.view);
     if (connection.isLive) toNewOnes('state', { state: connection.state, reason: '', retryMs: 0, error: null });
-    for (const notification of this.#heard) toNewOnes('notification', notification);
+    for (const notification of this.#heard) if (methods.includes(notification.method)) toNewOnes('notification', notification);
     transfer.plan();
   }
 }

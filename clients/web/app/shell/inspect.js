@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // window.splatd for tests and the console: read-only and not an interface. frame, seq: of the last drawn frame; count: frames drawn since
 // the page opened; videos: how many of them were video; sent: seq of the newest update;
-// compared: the second picture of a comparison; isDrawn: nothing (labels, scale bar, controls) waits for the next animation frame; isComplete: the
-// features of ../later.js are there.
+// compared: the second picture of a comparison; isDrawn: nothing (labels, scale bar, controls) waits for the next animation frame; isComplete: all
+// parts that load on demand are there.
 import { plannedFrames } from '../frames/animation.js';
 
 export function install(app) {

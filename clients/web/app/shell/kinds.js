@@ -2,13 +2,11 @@
 // Fits the page to the kind of the volume: elements with data-needs appear only where they have a meaning (core/kinds.js), and so do
 // layouts with slices.
 
-const SLICES = ['four', 'slices'];
-
 export function install({ viewer, connection, layout, modes, toolbar }) {
   let left = null; // the layout of before, which this volume does not have
 
   function fitLayout(hasSlices) {
-    if (!hasSlices && SLICES.includes(layout.current)) {
+    if (!hasSlices && layout.showsSlices) {
       left = layout.current;
       layout.set('3d');
     } else if (hasSlices && left) {

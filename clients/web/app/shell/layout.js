@@ -5,6 +5,7 @@ import { Emitter } from '../../core/emitter.js';
 import { make } from '../controls/dom.js';
 
 const PICTURE = '3d';
+const SLICES = ['four', 'slices'];
 
 /** Events: change (the name of the new layout). */
 export class Layout extends Emitter {
@@ -27,7 +28,7 @@ export class Layout extends Emitter {
    * Adds a pane and returns the element to fill; its title stands in the upper left corner. layouts: the layouts that show the pane. Panes
    * stand in the order in which they were added, after the picture.
    */
-  pane(id, title, { layouts = ['four', 'slices'] } = {}) {
+  pane(id, title, { layouts = SLICES } = {}) {
     if (this.#panes.has(id)) throw new Error(`there is a pane ${id} already`);
     const body = make('div', { class: 'pane-body' });
     const element = make('section', { class: 'pane', id: `pane-${id}`, 'aria-label': title },
@@ -42,6 +43,12 @@ export class Layout extends Emitter {
   add(name, { hasPicture = true } = {}) {
     this.#layouts.set(name, { hasPicture });
   }
+
+  /** The element that fills a pane. */
+  body(id) { return this.#panes.get(id).element.querySelector('.pane-body'); }
+
+  /** True if the current layout has panes with slices. */
+  get showsSlices() { return SLICES.includes(this.#name); }
 
   set(name) {
     if (!this.#layouts.has(name)) throw new Error(`there is no layout ${name}`);

@@ -12,13 +12,12 @@ import { finestGrid, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from 
 import { t } from '../../core/text.js';
 import { add, dot, length, normalize, rotate, scale, subtract } from '../../core/vector.js';
 import { placeOf, roundedAlong, unitAlong, worldFrom } from '../../core/vertical.js';
-import { layoutButton } from '../shell/layout.js';
 import { Pane } from './pane.js';
 import { SliceLines } from './slice_lines.js';
+import { PANES } from './slices_layouts.js';
 import { installSection } from './slices_panel.js';
 import { SlicesPicture } from './slices_picture.js';
 
-const IDS = ['axial', 'coronal', 'sagittal'];
 const BEGUN = 'slices-first'; // key in storage: a volume has chosen this layout, not the user
 const FLAGS = ['i', 'j', 'k']; // of view.slices.planes, by axis of the grid
 
@@ -46,22 +45,10 @@ class Slices extends Emitter {
   }
 
   start() {
-    const { layout, modes, viewer, storage, connection, shortcuts } = this.#app;
-    for (const id of IDS) this.panes.set(id, new Pane(id, layout.pane(id, t(`slices.${id}`)), { slices: this, modes, cache: this.#cache }));
-    const kinds = [
-      { name: '3d', icon: 'box', label: t('slices.layout.3d') },
-      { name: 'four', icon: 'grid-2x2', label: t('slices.layout.four') },
-      { name: 'slices', icon: 'columns-3', label: t('slices.layout.slices') },
-    ];
-    kinds.forEach((kind, order) => layoutButton(this.#app, { ...kind, order, needs: 'grid' }));
-    const names = kinds.map(({ name }) => name);
-    shortcuts.add('l', () => layout.set(names[(names.indexOf(layout.current) + 1) % names.length]), t('slices.layout.next'), 'grid');
-    if (names.includes(storage.recall('layout'))) layout.set(storage.recall('layout'));
+    const { layout, modes, viewer, connection } = this.#app;
+    for (const id of PANES) this.panes.set(id, new Pane(id, layout.body(id), { slices: this, modes, cache: this.#cache }));
     this.#app.transfer.onShow(() => this.update());
-    layout.on('change', (name) => {
-      storage.remember('layout', name);
-      this.update();
-    });
+    layout.on('change', () => this.update());
     viewer.on('view', () => this.#follow());
     connection.on('volumes', () => this.#follow());
     connection.on('session', () => this.#forget());
@@ -113,7 +100,7 @@ class Slices extends Emitter {
     return step === undefined ? {} : { step };
   }
   /** True if the layout has panes with slices. */
-  get areShown() { return ['four', 'slices'].includes(this.#app.layout.current); }
+  get areShown() { return this.#app.layout.showsSlices; }
 
   change(patch, time) {
     const { viewer } = this.#app;

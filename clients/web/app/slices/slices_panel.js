@@ -4,7 +4,6 @@ import { MAP_NAMES } from '../../core/color_maps.js';
 import { mainAxis } from '../../core/slices.js';
 import { t } from '../../core/text.js';
 import { make, setText } from '../controls/dom.js';
-import { ORDER } from '../shell/panel.js';
 
 const KINDS = ['axial', 'coronal', 'sagittal'];
 const MODES = ['none', 'orthogonal', 'oblique'];
@@ -32,7 +31,7 @@ function namePlaces({ anatomy }, fields) {
 }
 
 export function installSection({ panel, slices, viewer, layout }) {
-  const body = panel.section({ id: 'slices', title: t('slices.section'), order: ORDER.slices, needs: 'grid' });
+  const body = panel.section({ id: 'slices' });
   const mode = make('select', { id: 'slices-mode' }, ...MODES.map((name) => make('option', { value: name, text: t(`slices.mode.${name}`) })));
   const inPicture = make('input', { id: 'slices-in-3d', type: 'checkbox', role: 'switch' });
   const shown = KINDS.map((kind) => make('button', {

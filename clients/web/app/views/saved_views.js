@@ -51,7 +51,7 @@ class Thumbnails {
 export function install(app) {
   const body = byId('capture').querySelector('.fold-body');
   app.saved = new SavedViews(app, body);
-  app.saved.onChange(() => app.compare.listSources());
+  app.saved.onChange(() => app.compare?.listSources());
 }
 
 class SavedViews {

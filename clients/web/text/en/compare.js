@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// The texts in English that only the comparison need; page.js describes the form.
+export default {
+  'compare.a': 'A',
+  'compare.b': 'B',
+  'compare.copy': 'Copy to B',
+  'compare.copy.title': 'B gets the settings of A, to change A and see the difference',
+  'compare.divider': 'Divider between A and B',
+  'compare.divider.title': 'Moves by dragging or by the arrow keys',
+  'compare.end': 'End',
+  'compare.ended': 'The second picture has ended, because its session or its volume is gone.',
+  'compare.fit': 'Fit B to A',
+  'compare.fit.title': 'Shows the other volume from the same direction and equally large; otherwise both share the camera in world units',
+  'compare.label.b': 'The second picture of the comparison',
+  'compare.limit': 'The daemon cannot show a second picture now: {reason}.',
+  'compare.lost': 'The camera shows nothing of {name}: it lies elsewhere or has another size.',
+  'compare.mode': 'Show',
+  'compare.mode.divider': 'with a divider',
+  'compare.mode.side': 'side by side',
+  'compare.source': 'B is',
+  'compare.source.copy': 'a copy of A',
+  'compare.source.volumes': 'Volumes',
+  'compare.start': 'Compare',
+  'compare.swap': 'Swap',
+  'compare.swap.title': 'A gets the settings of B, and B those of A',
+  'compare.watching': 'A comparison needs a link to control, or a token of the daemon.',
+};
