@@ -31,11 +31,8 @@ static proto_json *encode_array(const struct proto_field *field, unsigned rows, 
     if (!rows)
         step /= field->columns;
     for (size_t i = 0; i < count; i++)
-        if (!proto_json_append(array, rows ? encode_array(field, 0, from + i * step)
-                                           : encode_number(field->kind, from + i * step))) {
-            proto_json_free(&array);
-            break;
-        }
+        proto_json_append(&array, rows ? encode_array(field, 0, from + i * step)
+                                       : encode_number(field->kind, from + i * step));
     return array;
 }
 
@@ -46,10 +43,7 @@ static proto_json *encode_list(const struct proto_field *field, const char *from
     uint32_t count = *(const uint32_t *)(from + field->count_offset);
     for (uint32_t i = 0; i < count; i++) {
         const char *item = from + field->offset + i * field->item_bytes;
-        if (!proto_json_append(list, encode_members(field->group, item))) {
-            proto_json_free(&list);
-            break;
-        }
+        proto_json_append(&list, encode_members(field->group, item));
     }
     return list;
 }
@@ -86,10 +80,8 @@ static proto_json *encode_members(const struct proto_group *group, const char *f
         bool is_written =
             field->kind != PROTO_FIELD_ORBIT && field->kind != PROTO_FIELD_PRIMITIVE &&
             (!field->only || field->only >> *(const int *)(from + group->fields[0].offset) & 1);
-        if (is_written && !proto_json_set(object, field->name, encode_field(field, from))) {
-            proto_json_free(&object);
-            break;
-        }
+        if (is_written)
+            proto_json_set(&object, field->name, encode_field(field, from));
     }
     return object;
 }

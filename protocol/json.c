@@ -317,44 +317,60 @@ proto_json *proto_json_new_null(void) {
     return json_null();
 }
 
-bool proto_json_set(proto_json *object, const char *key, proto_json *value) {
-    return json_object_set_new(object, key, value) == 0;
+void proto_json_set(proto_json **object, const char *key, proto_json *value) {
+    if (json_object_set_new(*object, key, value) != 0)
+        proto_json_free(object);
 }
 
-bool proto_json_set_string(proto_json *object, const char *key, const char *text) {
-    return proto_json_set(object, key, proto_json_new_string(text));
+void proto_json_set_string(proto_json **object, const char *key, const char *text) {
+    proto_json_set(object, key, proto_json_new_string(text));
 }
 
-bool proto_json_set_number(proto_json *object, const char *key, double value) {
-    return proto_json_set(object, key, json_real(value));
+void proto_json_set_number(proto_json **object, const char *key, double value) {
+    proto_json_set(object, key, json_real(value));
 }
 
-bool proto_json_set_integer(proto_json *object, const char *key, int64_t value) {
-    return proto_json_set(object, key, json_integer(value));
+void proto_json_set_integer(proto_json **object, const char *key, int64_t value) {
+    proto_json_set(object, key, json_integer(value));
 }
 
-bool proto_json_set_bool(proto_json *object, const char *key, bool value) {
-    return proto_json_set(object, key, json_boolean(value));
+void proto_json_set_bool(proto_json **object, const char *key, bool value) {
+    proto_json_set(object, key, json_boolean(value));
 }
 
-bool proto_json_set_null(proto_json *object, const char *key) {
-    return proto_json_set(object, key, json_null());
+void proto_json_set_null(proto_json **object, const char *key) {
+    proto_json_set(object, key, json_null());
 }
 
-bool proto_json_append(proto_json *array, proto_json *value) {
-    return json_array_append_new(array, value) == 0;
+void proto_json_append(proto_json **array, proto_json *value) {
+    if (json_array_append_new(*array, value) != 0)
+        proto_json_free(array);
 }
 
-bool proto_json_append_string(proto_json *array, const char *text) {
-    return proto_json_append(array, proto_json_new_string(text));
+void proto_json_append_string(proto_json **array, const char *text) {
+    proto_json_append(array, proto_json_new_string(text));
 }
 
-bool proto_json_append_number(proto_json *array, double value) {
-    return proto_json_append(array, json_real(value));
+void proto_json_append_number(proto_json **array, double value) {
+    proto_json_append(array, json_real(value));
 }
 
-bool proto_json_append_integer(proto_json *array, int64_t value) {
-    return proto_json_append(array, json_integer(value));
+void proto_json_append_integer(proto_json **array, int64_t value) {
+    proto_json_append(array, json_integer(value));
+}
+
+proto_json *proto_json_numbers(const double *values, size_t count) {
+    proto_json *array = proto_json_array();
+    for (size_t i = 0; i < count; i++)
+        proto_json_append_number(&array, values[i]);
+    return array;
+}
+
+proto_json *proto_json_integers(const uint32_t *values, size_t count) {
+    proto_json *array = proto_json_array();
+    for (size_t i = 0; i < count; i++)
+        proto_json_append_integer(&array, values[i]);
+    return array;
 }
 
 /* Writing. */

@@ -63,9 +63,9 @@ bool proto_json_number(const proto_json *json, double *out);
 bool proto_json_integer(const proto_json *json, int64_t *out);
 bool proto_json_bool(const proto_json *json, bool *out);
 
-/* Build a document. NULL or false means out of memory; the document stays valid, and a value that
- * the call should own is freed. `object`, `array` and `value` may be NULL because an earlier call
- * failed; the result is then false. */
+/* Build a document. NULL means out of memory. What adds to a document then frees it and sets it to
+ * NULL, as it does if `value` is NULL, and frees a value that it should own. NULL stays NULL, so a
+ * builder checks the document once, at its end. */
 proto_json *proto_json_object(void);
 proto_json *proto_json_array(void);
 proto_json *proto_json_new_string(const char *text); /* replaces invalid UTF-8 by '?' */
@@ -75,16 +75,18 @@ proto_json *proto_json_new_float(float value);       /* finite; the shortest dec
 proto_json *proto_json_new_integer(int64_t value);
 proto_json *proto_json_new_bool(bool value);
 proto_json *proto_json_new_null(void);
-bool proto_json_set(proto_json *object, const char *key, proto_json *value); /* takes ownership */
-bool proto_json_set_string(proto_json *object, const char *key, const char *text);
-bool proto_json_set_number(proto_json *object, const char *key, double value);
-bool proto_json_set_integer(proto_json *object, const char *key, int64_t value);
-bool proto_json_set_bool(proto_json *object, const char *key, bool value);
-bool proto_json_set_null(proto_json *object, const char *key);
-bool proto_json_append(proto_json *array, proto_json *value); /* takes ownership */
-bool proto_json_append_string(proto_json *array, const char *text);
-bool proto_json_append_number(proto_json *array, double value);
-bool proto_json_append_integer(proto_json *array, int64_t value);
+void proto_json_set(proto_json **object, const char *key, proto_json *value); /* takes ownership */
+void proto_json_set_string(proto_json **object, const char *key, const char *text);
+void proto_json_set_number(proto_json **object, const char *key, double value);
+void proto_json_set_integer(proto_json **object, const char *key, int64_t value);
+void proto_json_set_bool(proto_json **object, const char *key, bool value);
+void proto_json_set_null(proto_json **object, const char *key);
+void proto_json_append(proto_json **array, proto_json *value); /* takes ownership */
+void proto_json_append_string(proto_json **array, const char *text);
+void proto_json_append_number(proto_json **array, double value);
+void proto_json_append_integer(proto_json **array, int64_t value);
+proto_json *proto_json_numbers(const double *values, size_t count); /* an array; finite */
+proto_json *proto_json_integers(const uint32_t *values, size_t count);
 
 /* Return the text without spaces, NUL-terminated, to be freed by the caller; *size (may be NULL)
  * excludes the NUL. Numbers have the shortest form that reads back as the same double. NULL if

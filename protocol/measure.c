@@ -144,55 +144,37 @@ void proto_measure_unit(const struct proto_measure_value *value, char unit[SP_UN
 }
 
 /* A number that is not finite has no JSON; it becomes null. */
-static bool set_number(proto_json *object, const char *key, bool has_value, double value) {
-    return has_value && isfinite(value) ? proto_json_set_number(object, key, value)
-                                        : proto_json_set_null(object, key);
+static proto_json *finite_or_null(double value) {
+    return isfinite(value) ? proto_json_new_number(value) : proto_json_new_null();
 }
 
-static proto_json *encode_position(const double position[3]) {
-    proto_json *array = proto_json_array();
-    for (int axis = 0; axis < 3; axis++)
-        if (!proto_json_append_number(array, position[axis])) {
-            proto_json_free(&array);
-            return NULL;
-        }
-    return array;
+static void set_number(proto_json **object, const char *key, bool has_value, double value) {
+    proto_json_set(object, key, finite_or_null(has_value ? value : NAN));
 }
 
 static proto_json *encode_points(const struct sp_measure *measure) {
     proto_json *points = proto_json_array();
     for (unsigned i = 0; i < sp_measure_point_count(measure->kind); i++)
-        if (!proto_json_append(points, encode_position(measure->points[i]))) {
-            proto_json_free(&points);
-            return NULL;
-        }
+        proto_json_append(&points, proto_json_numbers(measure->points[i], 3));
     return points;
 }
 
-static proto_json *encode_pair(const double pair[2]) {
-    proto_json *array = proto_json_array();
-    if (!proto_json_append_number(array, pair[0]) || !proto_json_append_number(array, pair[1]))
-        proto_json_free(&array);
-    return array;
-}
-
 /* Sets "points", and "range" of a part or a path. */
-static bool set_geometry(proto_json *json, const struct sp_measure *measure) {
-    return proto_json_set(json, "points", encode_points(measure)) &&
-           (!sp_measure_has_range(measure->kind) ||
-            proto_json_set(json, "range", encode_pair(measure->range)));
+static void set_geometry(proto_json **json, const struct sp_measure *measure) {
+    proto_json_set(json, "points", encode_points(measure));
+    if (sp_measure_has_range(measure->kind))
+        proto_json_set(json, "range", proto_json_numbers(measure->range, 2));
 }
 
 static proto_json *encode_statistics(const struct sp_statistics *s) {
     const bool has_any = s->count > 0;
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_integer(json, "count", (int64_t)s->count) &&
-              proto_json_set_integer(json, "nonfinite", (int64_t)s->nonfinite) &&
-              set_number(json, "mean", has_any, s->mean) &&
-              set_number(json, "deviation", has_any, s->deviation) &&
-              set_number(json, "min", has_any, s->min) && set_number(json, "max", has_any, s->max);
-    if (!ok)
-        proto_json_free(&json);
+    proto_json_set_integer(&json, "count", (int64_t)s->count);
+    proto_json_set_integer(&json, "nonfinite", (int64_t)s->nonfinite);
+    set_number(&json, "mean", has_any, s->mean);
+    set_number(&json, "deviation", has_any, s->deviation);
+    set_number(&json, "min", has_any, s->min);
+    set_number(&json, "max", has_any, s->max);
     return json;
 }
 
@@ -241,61 +223,57 @@ void proto_measure_note(const struct sp_measure *measure, const struct proto_mea
 }
 
 /* Sets what a part or a path has besides its value. */
-static bool set_part(proto_json *json, const struct sp_measure *measure,
+static void set_part(proto_json **json, const struct sp_measure *measure,
                      const struct sp_measure_result *result) {
-    if (!result->has_value)
-        return true;
-    if (measure->kind == SP_MEASURE_PATH)
-        return proto_json_set_number(json, "straight", result->straight);
-    return measure->kind != SP_MEASURE_PART ||
-           (proto_json_set_number(json, "area", result->area) &&
-            proto_json_set_integer(json, "samples", (int64_t)result->samples) &&
-            (!result->is_open || proto_json_set(json, "open", proto_json_new_bool(true))));
+    if (result->has_value && measure->kind == SP_MEASURE_PATH)
+        proto_json_set_number(json, "straight", result->straight);
+    if (!result->has_value || measure->kind != SP_MEASURE_PART)
+        return;
+    proto_json_set_number(json, "area", result->area);
+    proto_json_set_integer(json, "samples", (int64_t)result->samples);
+    if (result->is_open)
+        proto_json_set_bool(json, "open", true);
 }
 
 /* Sets "value", "unit", "data_unit", "outside", "note", "statistics", and the members of parts and
  * paths. */
-static bool set_value(proto_json *json, const struct sp_measure *measure,
+static void set_value(proto_json **json, const struct sp_measure *measure,
                       const struct proto_measure_value *value) {
     char unit[SP_UNIT_BYTES + 2], note[PROTO_MEASURE_NOTE_MAX + 1];
     proto_measure_unit(value, unit);
     proto_measure_note(measure, value, note);
-    return set_number(json, "value", value->result.has_value, value->result.value) &&
-           proto_json_set_string(json, "unit", unit) &&
-           proto_json_set_string(json, "data_unit", value->data_unit) &&
-           proto_json_set_number(json, "outside", value->result.outside) &&
-           (!note[0] || proto_json_set_string(json, "note", note)) &&
-           set_part(json, measure, &value->result) &&
-           (!value->result.has_statistics ||
-            proto_json_set(json, "statistics", encode_statistics(&value->result.statistics)));
+    set_number(json, "value", value->result.has_value, value->result.value);
+    proto_json_set_string(json, "unit", unit);
+    proto_json_set_string(json, "data_unit", value->data_unit);
+    proto_json_set_number(json, "outside", value->result.outside);
+    if (note[0])
+        proto_json_set_string(json, "note", note);
+    set_part(json, measure, &value->result);
+    if (value->result.has_statistics)
+        proto_json_set(json, "statistics", encode_statistics(&value->result.statistics));
 }
 
 proto_json *proto_measure_encode(const struct proto_measure *measure) {
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "id", measure->id) &&
-              proto_json_set_string(json, "kind", sp_measure_kind_name(measure->geometry.kind)) &&
-              proto_json_set_string(json, "volume", measure->volume) &&
-              set_geometry(json, &measure->geometry) &&
-              proto_json_set_string(json, "text", measure->text) &&
-              proto_json_set_string(json, "color", measure->color) &&
-              proto_json_set_string(json, "author", measure->author) &&
-              proto_json_set_bool(json, "hidden", measure->is_hidden) &&
-              set_value(json, &measure->geometry, &measure->value);
-    if (!ok)
-        proto_json_free(&json);
+    proto_json_set_string(&json, "id", measure->id);
+    proto_json_set_string(&json, "kind", sp_measure_kind_name(measure->geometry.kind));
+    proto_json_set_string(&json, "volume", measure->volume);
+    set_geometry(&json, &measure->geometry);
+    proto_json_set_string(&json, "text", measure->text);
+    proto_json_set_string(&json, "color", measure->color);
+    proto_json_set_string(&json, "author", measure->author);
+    proto_json_set_bool(&json, "hidden", measure->is_hidden);
+    set_value(&json, &measure->geometry, &measure->value);
     return json;
 }
 
 static proto_json *encode_histogram(const struct sp_measure_result *result) {
     const double range[2] = { result->statistics.min, result->statistics.max };
     proto_json *json = proto_json_object(), *counts = proto_json_array();
-    bool ok = true;
-    for (int b = 0; b < SP_MEASURE_BINS && ok; b++)
-        ok = proto_json_append_integer(counts, (int64_t)result->histogram[b]);
-    ok = proto_json_set(json, "range", encode_pair(range)) && ok;
-    ok = proto_json_set(json, "counts", counts) && ok;
-    if (!ok)
-        proto_json_free(&json);
+    for (int b = 0; b < SP_MEASURE_BINS; b++)
+        proto_json_append_integer(&counts, (int64_t)result->histogram[b]);
+    proto_json_set(&json, "range", proto_json_numbers(range, 2));
+    proto_json_set(&json, "counts", counts);
     return json;
 }
 
@@ -303,30 +281,24 @@ static proto_json *encode_profile(const struct sp_measure *line, double length,
                                   const double *values, uint32_t count) {
     proto_json *json = proto_json_object(), *positions = proto_json_array(),
                *array = proto_json_array();
-    bool ok = proto_json_set_number(json, "step", length / (count - 1));
-    for (uint32_t i = 0; i < count && ok; i++) {
+    proto_json_set_number(&json, "step", length / (count - 1));
+    for (uint32_t i = 0; i < count; i++) {
         double position[3];
         for (int axis = 0; axis < 3; axis++)
             position[axis] = line->points[0][axis] +
                              (line->points[1][axis] - line->points[0][axis]) * i / (count - 1);
-        ok = proto_json_append(positions, encode_position(position)) &&
-             (isfinite(values[i]) ? proto_json_append_number(array, values[i])
-                                  : proto_json_append(array, proto_json_new_null()));
+        proto_json_append(&positions, proto_json_numbers(position, 3));
+        proto_json_append(&array, finite_or_null(values[i]));
     }
-    ok = proto_json_set(json, "positions", positions) && ok;
-    ok = proto_json_set(json, "values", array) && ok;
-    if (!ok)
-        proto_json_free(&json);
+    proto_json_set(&json, "positions", positions);
+    proto_json_set(&json, "values", array);
     return json;
 }
 
 static proto_json *encode_path(const struct sp_part_path *path) {
     proto_json *array = proto_json_array();
     for (uint32_t i = 0; i < path->count; i++)
-        if (!proto_json_append(array, encode_position(path->points[i]))) {
-            proto_json_free(&array);
-            return NULL;
-        }
+        proto_json_append(&array, proto_json_numbers(path->points[i], 3));
     return array;
 }
 
@@ -334,19 +306,18 @@ proto_json *proto_measure_answer(const char *volume, const struct sp_measure *me
                                  const struct proto_measure_value *value,
                                  const struct proto_measure_line *line) {
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "volume", volume) &&
-              proto_json_set_string(json, "kind", sp_measure_kind_name(measure->kind)) &&
-              set_geometry(json, measure) && set_value(json, measure, value);
-    if (ok && value->result.has_histogram)
-        ok = proto_json_set(json, "histogram", encode_histogram(&value->result));
-    if (ok && line->profile)
-        ok = proto_json_set(
-            json, "profile",
+    proto_json_set_string(&json, "volume", volume);
+    proto_json_set_string(&json, "kind", sp_measure_kind_name(measure->kind));
+    set_geometry(&json, measure);
+    set_value(&json, measure, value);
+    if (value->result.has_histogram)
+        proto_json_set(&json, "histogram", encode_histogram(&value->result));
+    if (line->profile)
+        proto_json_set(
+            &json, "profile",
             encode_profile(measure, value->result.value, line->profile, line->profile_count));
-    if (ok && line->path && line->path->is_found)
-        ok = proto_json_set(json, "path", encode_path(line->path));
-    if (!ok)
-        proto_json_free(&json);
+    if (line->path && line->path->is_found)
+        proto_json_set(&json, "path", encode_path(line->path));
     return json;
 }
 

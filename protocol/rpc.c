@@ -72,15 +72,13 @@ void proto_rpc_finish(struct proto_rpc_message *message) {
 static char *write_message(const char *key, proto_json *value, bool with_id, proto_json *id,
                            const char *method, size_t *size) {
     proto_json *message = proto_json_object();
-    bool ok = proto_json_set_string(message, "jsonrpc", "2.0");
+    proto_json_set_string(&message, "jsonrpc", "2.0");
     if (with_id)
-        ok = (id ? proto_json_set(message, "id", proto_json_ref(id))
-                 : proto_json_set_null(message, "id")) &&
-             ok;
+        proto_json_set(&message, "id", id ? proto_json_ref(id) : proto_json_new_null());
     if (method)
-        ok = proto_json_set_string(message, "method", method) && ok;
-    ok = proto_json_set(message, key, value) && ok;
-    char *text = ok ? proto_json_to_text(message, size) : NULL;
+        proto_json_set_string(&message, "method", method);
+    proto_json_set(&message, key, value);
+    char *text = proto_json_to_text(message, size);
     proto_json_free(&message);
     return text;
 }
@@ -96,15 +94,13 @@ char *proto_rpc_notification(const char *method, proto_json *params, size_t *siz
 char *proto_rpc_error(proto_json *id, enum proto_rpc_code code, const struct sp_error *err,
                       size_t *size) {
     proto_json *error = proto_json_object();
-    bool ok = proto_json_set_integer(error, "code", code) &&
-              proto_json_set_string(error, "message", err->text);
-    if (ok && err->place[0]) {
+    proto_json_set_integer(&error, "code", code);
+    proto_json_set_string(&error, "message", err->text);
+    if (err->place[0]) {
         proto_json *data = proto_json_object();
-        ok = proto_json_set_string(data, "pointer", err->place);
-        ok = proto_json_set(error, "data", data) && ok;
+        proto_json_set_string(&data, "pointer", err->place);
+        proto_json_set(&error, "data", data);
     }
-    if (!ok)
-        proto_json_free(&error);
     return write_message("error", error, true, id, NULL, size);
 }
 

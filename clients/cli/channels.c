@@ -136,51 +136,39 @@ static const double *choose_color(const struct layer_options *layers,
     return palette[PALETTE_COLORS - 1];
 }
 
-static proto_json *make_color(const double color[3]) {
-    proto_json *json = proto_json_array();
-    bool ok = true;
-    for (int c = 0; c < 3; c++)
-        ok = proto_json_append_number(json, color[c]) && ok;
-    if (!ok)
-        proto_json_free(&json);
-    return json;
-}
-
-static bool append_point(proto_json *points, double value, double opacity, const double color[3]) {
+static void append_point(proto_json **points, double value, double opacity, const double color[3]) {
     proto_json *point = proto_json_object();
-    bool ok = proto_json_set_number(point, "value", value) &&
-              proto_json_set_number(point, "opacity", opacity) &&
-              proto_json_set(point, "color", make_color(color));
-    return proto_json_append(points, point) && ok;
+    proto_json_set_number(&point, "value", value);
+    proto_json_set_number(&point, "opacity", opacity);
+    proto_json_set(&point, "color", proto_json_numbers(color, 3));
+    proto_json_append(points, point);
 }
 
-static bool append_channel(const struct channel_option *channel, const char *id,
-                           const double color[3], proto_json *list) {
+static void append_channel(const struct channel_option *channel, const char *id,
+                           const double color[3], proto_json **list) {
     proto_json *layer = proto_json_object();
-    bool ok = proto_json_set_string(layer, "type", "channel") &&
-              proto_json_set_string(layer, "id", id) &&
-              proto_json_set(layer, "color", make_color(color));
-    if (ok && !isnan(channel->low)) {
+    proto_json_set_string(&layer, "type", "channel");
+    proto_json_set_string(&layer, "id", id);
+    proto_json_set(&layer, "color", proto_json_numbers(color, 3));
+    if (!isnan(channel->low)) {
         proto_json *points = proto_json_array();
-        ok = append_point(points, channel->low, 0, color) &&
-             append_point(points, channel->high, channel->opacity, color);
-        ok = proto_json_set(layer, "points", points) && ok;
+        append_point(&points, channel->low, 0, color);
+        append_point(&points, channel->high, channel->opacity, color);
+        proto_json_set(&layer, "points", points);
     }
-    return proto_json_append(list, layer) && ok;
+    proto_json_append(list, layer);
 }
 
 /* Grey channels cannot be told apart, so a projection of --projection is in colour, unless the view
  * says something else. A sum has no colours. */
-static bool set_colors(const struct options *options, proto_json *view) {
-    proto_json *compositing = (proto_json *)proto_json_get(view, "compositing"); /* ours */
-    if (!options->projection || strcmp(options->projection, "sum") == 0 ||
-        proto_json_get(compositing, "colors"))
-        return true;
-    return proto_json_set_string(compositing, "colors", "transfer_function");
+static void set_colors(const struct options *options, proto_json **view) {
+    if (options->projection && strcmp(options->projection, "sum") != 0 &&
+        !proto_json_get(proto_json_get(*view, "compositing"), "colors"))
+        set_member(view, "compositing", "colors", proto_json_new_string("transfer_function"));
 }
 
-bool channels_append(const struct options *options, struct http *http, proto_json *view,
-                     proto_json *list, struct sp_error *err) {
+bool channels_append(const struct options *options, struct http *http, proto_json **view,
+                     proto_json **list, struct sp_error *err) {
     const struct layer_options *layers = &options->layers;
     for (int i = 0; i < layers->channel_count; i++) {
         const struct channel_option *channel = &layers->channels[i];
@@ -192,12 +180,13 @@ bool channels_append(const struct options *options, struct http *http, proto_jso
             if (!id)
                 return false;
         }
-        bool ok =
-            id && append_channel(channel, id, choose_color(layers, channel, view, list), list);
+        if (id)
+            append_channel(channel, id, choose_color(layers, channel, *view, *list), list);
+        else
+            proto_json_free(list);
         free(id);
-        if (!ok)
-            return sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
     }
-    return layers->channel_count == 0 || set_colors(options, view) ||
-           sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    if (layers->channel_count > 0)
+        set_colors(options, view);
+    return (*list && *view) || sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
 }

@@ -18,29 +18,29 @@ static bool end_output(struct sp_error *err) {
 /* Reads all pages of a list into one document {"`name`": […]}; NULL with *err set on failure. */
 static proto_json *read_pages(struct http *http, const char *name, struct sp_error *err) {
     proto_json *all = proto_json_array(), *whole = proto_json_object();
-    char path[512] = "";
-    bool ok = all && whole;
+    char path[512];
+    bool ok = all && whole, has_next = true;
     snprintf(path, sizeof path, "/%s", name);
-    while (ok && path[0]) {
+    while (ok && has_next) {
         proto_json *page = http_json(http, "GET", path, NULL, err);
         if (!page)
             break;
         const proto_json *list = proto_json_get(page, name);
-        for (size_t i = 0; ok && i < proto_json_size(list); i++)
-            ok = proto_json_append(all, proto_json_ref((proto_json *)proto_json_at(list, i)));
+        for (size_t i = 0; i < proto_json_size(list); i++)
+            proto_json_append(&all, proto_json_ref((proto_json *)proto_json_at(list, i)));
         const char *next = proto_json_string(proto_json_get(page, "next"));
         char *escaped = next ? http_escape(http, next) : NULL;
-        ok = ok && !next == !escaped;
-        path[0] = 0;
+        has_next = next != NULL;
+        ok = all && !next == !escaped;
         if (escaped)
             snprintf(path, sizeof path, "/%s?limit=1000&after=%.400s", name, escaped);
         free(escaped);
         proto_json_free(&page);
     }
-    bool is_whole = ok && !path[0];
     if (!ok)
         sp_fail(err, SP_ERR_MEMORY, name, "out of memory");
-    if (!proto_json_set(whole, name, all) || !is_whole)
+    proto_json_set(&whole, name, all);
+    if (!ok || has_next)
         proto_json_free(&whole);
     return whole;
 }
@@ -166,16 +166,15 @@ static proto_json *get_or_delete(const struct options *options, struct http *htt
 static proto_json *links_of(struct http *http, const proto_json *session) {
     static const char *const roles[] = { "control", "view" };
     proto_json *links = proto_json_object();
-    bool ok = proto_json_set_string(links, "session", text_of(session, "id"));
-    for (int i = 0; ok && i < 2; i++) {
+    proto_json_set_string(&links, "session", text_of(session, "id"));
+    for (int i = 0; i < 2; i++) {
         char *link = NULL;
-        ok = asprintf(&link, "%s/#session=%s&token=%s", http_base(http), text_of(session, "id"),
-                      text_of(proto_json_get(session, "tokens"), roles[i])) >= 0 &&
-             proto_json_set_string(links, roles[i], link);
+        if (asprintf(&link, "%s/#session=%s&token=%s", http_base(http), text_of(session, "id"),
+                     text_of(proto_json_get(session, "tokens"), roles[i])) < 0)
+            link = NULL;
+        proto_json_set(&links, roles[i], link ? proto_json_new_string(link) : NULL);
         free(link);
     }
-    if (!ok)
-        proto_json_free(&links);
     return links;
 }
 
@@ -255,25 +254,21 @@ int command_preset(const struct options *options, struct sp_error *err) {
  * `member`. NULL with *err set on failure. */
 static proto_json *post_view(const struct options *options, struct http *http, const char *path,
                              const char *member, struct sp_error *err) {
-    proto_json *view = read_view(options, http, err), *body = NULL, *answer = NULL;
+    proto_json *view = read_view(options, http, err);
     char *volume = view && options->volume
                        ? resolve_volume(http, options, options->volume, false, true, err)
                        : NULL;
-    if (view && (!options->volume || volume)) {
-        bool ok = !volume || proto_json_set_string(view, "volume", volume);
-        body = member ? proto_json_object() : proto_json_ref(view);
-        ok = (!member || proto_json_set(body, member, proto_json_ref(view))) && ok;
-        char *text = ok ? proto_json_to_text(body, NULL) : NULL;
-        if (text)
-            answer = http_json(http, "POST", path, text, err);
-        else
-            sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
-        free(text);
+    if (!view || (options->volume && !volume)) {
+        proto_json_free(&view);
+        return NULL;
     }
+    if (volume)
+        proto_json_set_string(&view, "volume", volume);
     free(volume);
-    proto_json_free(&body);
-    proto_json_free(&view);
-    return answer;
+    proto_json *body = member ? proto_json_object() : view;
+    if (member)
+        proto_json_set(&body, member, view);
+    return http_post(http, path, body, NULL, NULL, err);
 }
 
 int command_save(const struct options *options, struct sp_error *err) {
@@ -295,15 +290,9 @@ int command_save(const struct options *options, struct sp_error *err) {
 
 /* Creates a session from the view of another session or from a saved view. */
 static proto_json *fork_session(const char *from, struct http *http, struct sp_error *err) {
-    proto_json *body = proto_json_object(), *session = NULL;
-    char *text = proto_json_set_string(body, "from", from) ? proto_json_to_text(body, NULL) : NULL;
-    if (text)
-        session = http_json(http, "POST", "/sessions", text, err);
-    else
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
-    free(text);
-    proto_json_free(&body);
-    return session;
+    proto_json *body = proto_json_object();
+    proto_json_set_string(&body, "from", from);
+    return http_post(http, "/sessions", body, NULL, NULL, err);
 }
 
 int command_share(const struct options *options, struct sp_error *err) {

@@ -21,8 +21,10 @@ const char *text_of(const proto_json *object, const char *key) {
 }
 
 bool print_json(const struct options *options, const proto_json *json, struct sp_error *err) {
-    if (!options->json)
-        return print_indented(json, err);
+    return options->json ? print_line(json, err) : print_indented(json, err);
+}
+
+bool print_line(const proto_json *json, struct sp_error *err) {
     char *text = proto_json_to_text(json, NULL);
     bool ok = text && puts(text) >= 0 && fflush(stdout) == 0;
     free(text);
@@ -145,21 +147,9 @@ static proto_json *wait_until_ready(struct http *http, const struct options *opt
 
 static proto_json *post_volume(struct http *http, const char *source, struct sp_error *err) {
     proto_json *request = proto_json_object();
-    bool uri = strncmp(source, "demo:", 5) == 0;
-    char *body = proto_json_set_string(request, uri ? "uri" : "path", source)
-                     ? proto_json_to_text(request, NULL)
-                     : NULL;
-    proto_json_free(&request);
-    proto_json *volume = NULL;
-    if (body)
-        volume = http_json(http, "POST", "/volumes", body, err);
-    else
-        sp_fail(err, SP_ERR_MEMORY, source, "out of memory");
-    /* The daemon names the member of our request; the user knows its value. */
-    if (!volume && (strcmp(err->place, "/path") == 0 || strcmp(err->place, "/uri") == 0))
-        snprintf(err->place, sizeof err->place, "%s", source);
-    free(body);
-    return volume;
+    bool is_demo = strncmp(source, "demo:", 5) == 0;
+    proto_json_set_string(&request, is_demo ? "uri" : "path", source);
+    return http_post(http, "/volumes", request, is_demo ? "/uri" : "/path", source, err);
 }
 
 /* Returns the volume with this id; NULL if there is none, or with *err set on another failure. */

@@ -30,12 +30,14 @@ int finish_opening(const struct options *options, struct http *http, proto_json 
                    struct sp_error *err);
 /* Prints a JSON document: on one line for programs with --json, else indented. */
 bool print_json(const struct options *options, const proto_json *json, struct sp_error *err);
+/* Prints a JSON document on one line. NULL = memory ran out, which is an error, too. */
+bool print_line(const proto_json *json, struct sp_error *err);
 /* Returns "/COLLECTION/NAME", allocated; NULL with *err set on failure. */
 char *collection_path(struct http *http, const char *collection, const char *name,
                       struct sp_error *err);
 /* Adds the layers of the options to those of the view (layers.c). False with *err set on failure.
  */
-bool layers_apply(const struct options *options, struct http *http, proto_json *view,
+bool layers_apply(const struct options *options, struct http *http, proto_json **view,
                   struct sp_error *err);
 /* Reads a finite number, RRGGBB or #RRGGBB, or a comma; *text then points behind it (layers.c). */
 bool take_number(const char **text, double *out);
@@ -43,8 +45,10 @@ bool take_color(const char **text, double color[3]);
 bool take_comma(const char **text);
 /* Appends the channels of the options to the layers of the view, `list`; their volumes are loaded
  * if necessary (channels.c). False with *err set on failure. */
-bool channels_append(const struct options *options, struct http *http, proto_json *view,
-                     proto_json *list, struct sp_error *err);
+bool channels_append(const struct options *options, struct http *http, proto_json **view,
+                     proto_json **list, struct sp_error *err);
+/* Sets a member of the object `name` of the view, which replaces what is no object (patch.c). */
+void set_member(proto_json **view, const char *name, const char *member, proto_json *value);
 /* Returns the view of the options: --preset, --view over it, then --size and the options of the
  * camera, the projection and the layers (patch.c). `http` is used for --preset alone. NULL with
  * *err set on failure. */

@@ -209,8 +209,8 @@ static struct curl_slist *make_headers(const struct http *http, const char *acce
 }
 
 /* Converts the problem document of an answer to an error. */
-static bool refuse_status(const struct http_response *response, const char *method,
-                          const char *path, struct sp_error *err) {
+static bool refuse_status(struct http_response *response, const char *method, const char *path,
+                          struct sp_error *err) {
     char place[SP_ERROR_PLACE];
     snprintf(place, sizeof place, "%s %s", method, path);
     proto_json *problem =
@@ -220,12 +220,13 @@ static bool refuse_status(const struct http_response *response, const char *meth
     const char *detail = proto_json_string(proto_json_get(problem, "detail"));
     const char *title = proto_json_string(proto_json_get(problem, "title"));
     const char *pointer = proto_json_string(proto_json_get(problem, "pointer"));
+    snprintf(response->pointer, sizeof response->pointer, "%s", pointer ? pointer : "");
     if (!detail)
         detail = title;
     const char *hint =
         response->status == 401 ? "; pass the daemon's token by --token or in the URL" : "";
     if (detail)
-        sp_fail(err, SP_ERR_INVALID, pointer && *pointer ? pointer : place, "%s (HTTP %ld)%s",
+        sp_fail(err, SP_ERR_INVALID, response->pointer[0] ? pointer : place, "%s (HTTP %ld)%s",
                 detail, response->status, hint);
     else
         sp_fail(err, SP_ERR_INVALID, place, "HTTP status %ld%s", response->status, hint);
@@ -381,17 +382,39 @@ bool http_send(struct http *http, const char *path, int64_t offset, int64_t size
     return perform(http, "PATCH", path, "application/json", NULL, &sent, &receiving, err);
 }
 
+/* Requests JSON. The caller finishes the response. */
+static proto_json *request_json(struct http *http, const char *method, const char *path,
+                                const char *body, struct http_response *response,
+                                struct sp_error *err) {
+    if (!http_request(http, method, path, "application/json", body, response, err))
+        return NULL;
+    proto_json *json = proto_json_parse(response->body ? response->body : "", response->size, err);
+    if (!json && err)
+        snprintf(err->place, sizeof err->place, "%s %s", method, path);
+    return json;
+}
+
 proto_json *http_json(struct http *http, const char *method, const char *path, const char *body,
                       struct sp_error *err) {
     struct http_response response;
-    proto_json *json = NULL;
-    if (http_request(http, method, path, "application/json", body, &response, err)) {
-        json = proto_json_parse(response.body ? response.body : "", response.size, err);
-        if (!json && err)
-            snprintf(err->place, sizeof err->place, "%s %s", method, path);
-    }
+    proto_json *json = request_json(http, method, path, body, &response, err);
     http_response_finish(&response);
     return json;
+}
+
+proto_json *http_post(struct http *http, const char *path, proto_json *body, const char *member,
+                      const char *name, struct sp_error *err) {
+    struct http_response response = { 0 };
+    char *text = proto_json_to_text(body, NULL);
+    proto_json *answer = text ? request_json(http, "POST", path, text, &response, err) : NULL;
+    if (!text)
+        sp_fail(err, SP_ERR_MEMORY, path, "out of memory");
+    else if (!answer && member && strcmp(response.pointer, member) == 0)
+        snprintf(err->place, sizeof err->place, "%s", name);
+    http_response_finish(&response);
+    proto_json_free(&body);
+    free(text);
+    return answer;
 }
 
 char *http_escape(struct http *http, const char *text) {

@@ -36,6 +36,7 @@ struct http_response {
     char retry_after[8];               /* Retry-After, in seconds; "" = not sent */
     char backend[64], render_time[32]; /* X-Backend, X-Render-Time; "" = not sent */
     char splats[32];
+    char pointer[SP_ERROR_PLACE]; /* of the problem document; "" = none */
 };
 
 /* Sends one request below /api/v1. `path` begins with "/"; `body` is JSON or NULL. True for a
@@ -61,6 +62,12 @@ bool http_send(struct http *http, const char *path, int64_t offset, int64_t size
 /* Like http_request() for an answer in JSON; NULL with *err set on failure. */
 proto_json *http_json(struct http *http, const char *method, const char *path, const char *body,
                       struct sp_error *err);
+
+/* Posts a document, which it frees; NULL = memory ran out. An error about the member at the JSON
+ * pointer `member` has the place `name`, by which the user knows it; NULL = none is renamed.
+ * Returns the answer; NULL with *err set on failure. */
+proto_json *http_post(struct http *http, const char *path, proto_json *body, const char *member,
+                      const char *name, struct sp_error *err);
 
 /* Returns `text` escaped for a path segment or a query value, allocated; NULL when out of memory.
  */

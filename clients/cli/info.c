@@ -51,27 +51,24 @@ static bool list_series(const struct options *options, const char *source, struc
 
 static proto_json *encode_series(const struct sp_series *series) {
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "uid", series->uid);
+    proto_json_set_string(&json, "uid", series->uid);
     if (series->has_number)
-        ok = proto_json_set_integer(json, "number", series->number) && ok;
-    ok = proto_json_set_string(json, "description", series->description) && ok;
-    ok = proto_json_set_string(json, "modality", series->modality) && ok;
-    ok = proto_json_set_integer(json, "images", series->images) && ok;
-    ok = proto_json_set_integer(json, "columns", series->columns) && ok;
-    ok = proto_json_set_integer(json, "rows", series->rows) && ok;
-    ok = proto_json_set_integer(json, "bytes", (int64_t)series->bytes) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_integer(&json, "number", series->number);
+    proto_json_set_string(&json, "description", series->description);
+    proto_json_set_string(&json, "modality", series->modality);
+    proto_json_set_integer(&json, "images", series->images);
+    proto_json_set_integer(&json, "columns", series->columns);
+    proto_json_set_integer(&json, "rows", series->rows);
+    proto_json_set_integer(&json, "bytes", (int64_t)series->bytes);
     return json;
 }
 
 /* Adds the series of a folder to its description. */
-static bool add_series(proto_json *json, const struct sp_series *list, uint32_t count) {
+static void add_series(proto_json **json, const struct sp_series *list, uint32_t count) {
     proto_json *all = proto_json_array();
-    bool ok = true;
     for (uint32_t i = 0; i < count; i++)
-        ok = proto_json_append(all, encode_series(&list[i])) && ok;
-    return proto_json_set(json, "series", all) && ok;
+        proto_json_append(&all, encode_series(&list[i]));
+    proto_json_set(json, "series", all);
 }
 
 static bool print_series(const struct sp_series *list, uint32_t count, struct sp_error *err) {
@@ -99,15 +96,14 @@ static bool print_series(const struct sp_series *list, uint32_t count, struct sp
 
 /* Prints what is known of the volume; `json` is its description. */
 static bool print_info(const struct options *options, const struct sp_volume_info *info,
-                       proto_json *json, struct sp_error *err) {
+                       proto_json **json, struct sp_error *err) {
     struct sp_series *list = calloc(SP_SERIES_MAX, sizeof *list);
     uint32_t count = 0;
     bool ok = list || sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the series");
     ok = ok && list_series(options, options->argument, list, &count, err);
     if (ok && count > 0 && options->json)
-        ok = add_series(json, list, count) ||
-             sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the series");
-    ok = ok && print_json(options, json, err);
+        add_series(json, list, count);
+    ok = ok && print_json(options, *json, err);
     if (ok && !options->json && info->elements.kind == SP_KIND_GRID)
         ok = print_histogram(info, err);
     if (ok && !options->json && count > 0)
@@ -124,7 +120,7 @@ int command_info(const struct options *options, struct sp_error *err) {
         return 1;
     const struct sp_volume_info *info = sp_volume_info(volume);
     proto_json *json = proto_volume_encode(info, info->name, options->json);
-    const bool ok = json ? print_info(options, info, json, err)
+    const bool ok = json ? print_info(options, info, &json, err)
                          : sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the description");
     proto_json_free(&json);
     sp_volume_unref(&volume);

@@ -117,60 +117,55 @@ static bool is_type(const proto_json *layer, const char *type) {
     return own && strcmp(own, type) == 0;
 }
 
-static bool append_surface(proto_json *list, const struct surface_option *surface) {
+static void append_surface(proto_json **list, const struct surface_option *surface) {
     proto_json *layer = proto_json_object();
-    bool ok = proto_json_set_string(layer, "type", "surface") &&
-              proto_json_set_number(layer, "value", surface->value);
-    if (ok && !isnan(surface->color[0])) {
-        proto_json *color = proto_json_array();
-        for (int c = 0; c < 3; c++)
-            ok = proto_json_append_number(color, surface->color[c]) && ok;
-        ok = proto_json_set(layer, "color", color) && ok;
-    }
-    if (ok && !isnan(surface->opacity))
-        ok = proto_json_set_number(layer, "opacity", surface->opacity);
-    return proto_json_append(list, layer) && ok;
+    proto_json_set_string(&layer, "type", "surface");
+    proto_json_set_number(&layer, "value", surface->value);
+    if (!isnan(surface->color[0]))
+        proto_json_set(&layer, "color", proto_json_numbers(surface->color, 3));
+    if (!isnan(surface->opacity))
+        proto_json_set_number(&layer, "opacity", surface->opacity);
+    proto_json_append(list, layer);
 }
 
-static bool append_shell(proto_json *list, const struct layer_options *options) {
+static void append_shell(proto_json **list, const struct layer_options *options) {
     proto_json *layer = proto_json_object();
-    bool ok = proto_json_set_string(layer, "type", "shell") &&
-              proto_json_set_number(layer, "low", options->low) &&
-              proto_json_set_number(layer, "high", options->high) &&
-              proto_json_set_string(layer, "detail", options->is_fast ? "fast" : "high");
-    return proto_json_append(list, layer) && ok;
+    proto_json_set_string(&layer, "type", "shell");
+    proto_json_set_number(&layer, "low", options->low);
+    proto_json_set_number(&layer, "high", options->high);
+    proto_json_set_string(&layer, "detail", options->is_fast ? "fast" : "high");
+    proto_json_append(list, layer);
 }
 
-static bool append_vectors(proto_json *list, const struct layer_options *options) {
+static void append_vectors(proto_json **list, const struct layer_options *options) {
     proto_json *layer = proto_json_object();
-    bool ok = proto_json_set_string(layer, "type", "vectors") &&
-              proto_json_set_string(layer, "style", options->style);
-    if (ok && !isnan(options->stretch))
-        ok = proto_json_set_number(layer, "stretch", options->stretch);
-    if (ok && !isnan(options->density))
-        ok = proto_json_set_number(layer, "density", options->density);
-    return proto_json_append(list, layer) && ok;
+    proto_json_set_string(&layer, "type", "vectors");
+    proto_json_set_string(&layer, "style", options->style);
+    if (!isnan(options->stretch))
+        proto_json_set_number(&layer, "stretch", options->stretch);
+    if (!isnan(options->density))
+        proto_json_set_number(&layer, "density", options->density);
+    proto_json_append(list, layer);
 }
 
 /* Copies the layers of the view, or the default ones: without the volume for --no-volume, and
  * without the layers that --shell and --vectors replace. */
-static bool copy_layers(const struct layer_options *options, const proto_json *old,
-                        proto_json *list) {
-    bool ok = true;
+static proto_json *copy_layers(const struct layer_options *options, const proto_json *old) {
+    proto_json *list = proto_json_array();
     for (size_t i = 0; i < proto_json_size(old); i++) {
         const proto_json *layer = proto_json_at(old, i);
         bool is_dropped = (options->no_volume && is_type(layer, "volume")) ||
                           (!isnan(options->low) && is_type(layer, "shell")) ||
                           (options->style && is_type(layer, "vectors"));
         if (!is_dropped)
-            ok = proto_json_append(list, proto_json_ref((proto_json *)layer)) && ok; /* only read */
+            proto_json_append(&list, proto_json_ref((proto_json *)layer)); /* only read */
     }
     if (!old && !options->no_volume && !options->style) {
         proto_json *volume = proto_json_object();
-        ok = proto_json_set_string(volume, "type", "volume") && ok;
-        ok = proto_json_append(list, volume) && ok;
+        proto_json_set_string(&volume, "type", "volume");
+        proto_json_append(&list, volume);
     }
-    return ok;
+    return list;
 }
 
 /* Sets what gives the colours of the layers that have them: the volume is loaded if necessary. */
@@ -182,11 +177,13 @@ static bool set_color_by(const struct options *options, struct http *http, proto
     bool is_found = false, ok = true;
     char *id = is_loaded ? strdup(wanted) : resolve_volume(http, options, wanted, false, true, err);
     for (size_t i = 0; id && i < proto_json_size(layers); i++) {
-        proto_json *layer = (proto_json *)proto_json_at(layers, i);
-        if (!is_type(layer, "vectors") && !is_type(layer, "points"))
-            continue;
-        is_found = true;
-        ok = proto_json_set_string(layer, "color_by", id) && ok;
+        proto_json *layer = proto_json_ref((proto_json *)proto_json_at(layers, i)); /* ours */
+        if (is_type(layer, "vectors") || is_type(layer, "points")) {
+            is_found = true;
+            proto_json_set_string(&layer, "color_by", id);
+        }
+        ok = ok && layer;
+        proto_json_free(&layer);
     }
     if (id && !ok)
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
@@ -198,26 +195,10 @@ static bool set_color_by(const struct options *options, struct http *http, proto
     return ok;
 }
 
-/* Appends the layers of the options. */
-static bool append_all(const struct options *options, struct http *http, proto_json *view,
-                       proto_json *list, struct sp_error *err) {
-    const struct layer_options *layers = &options->layers;
-    bool ok = true;
-    for (int i = 0; i < layers->surface_count; i++)
-        ok = append_surface(list, &layers->surfaces[i]) && ok;
-    if (!isnan(layers->low))
-        ok = append_shell(list, layers) && ok;
-    if (layers->style)
-        ok = append_vectors(list, layers) && ok;
-    if (!ok)
-        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
-    return channels_append(options, http, view, list, err);
-}
-
-static bool add_layers(const struct options *options, struct http *http, proto_json *view,
+static bool add_layers(const struct options *options, struct http *http, proto_json **view,
                        struct sp_error *err) {
     const struct layer_options *layers = &options->layers;
-    const proto_json *old = proto_json_get(view, "layers");
+    const proto_json *old = proto_json_get(*view, "layers");
     if (!layers->surface_count && !layers->channel_count && isnan(layers->low) && !layers->style &&
         !layers->no_volume)
         return true;
@@ -226,9 +207,14 @@ static bool add_layers(const struct options *options, struct http *http, proto_j
     if (old && proto_json_type(old) != PROTO_JSON_ARRAY)
         return sp_fail(err, SP_ERR_INVALID, "/layers", "must be an array, not %s",
                        proto_json_type_name(proto_json_type(old)));
-    proto_json *list = proto_json_array();
-    bool ok = copy_layers(layers, old, list) || sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
-    ok = ok && append_all(options, http, view, list, err);
+    proto_json *list = copy_layers(layers, old);
+    for (int i = 0; i < layers->surface_count; i++)
+        append_surface(&list, &layers->surfaces[i]);
+    if (!isnan(layers->low))
+        append_shell(&list, layers);
+    if (layers->style)
+        append_vectors(&list, layers);
+    bool ok = channels_append(options, http, view, &list, err);
     if (ok && proto_json_size(list) == 0)
         ok = sp_fail(err, SP_ERR_INVALID, "--no-volume",
                      "leaves nothing to draw: add --surface, --shell, --vectors or --channel");
@@ -236,11 +222,12 @@ static bool add_layers(const struct options *options, struct http *http, proto_j
         proto_json_free(&list);
         return false;
     }
-    return proto_json_set(view, "layers", list) || sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    proto_json_set(view, "layers", list);
+    return *view || sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
 }
 
-bool layers_apply(const struct options *options, struct http *http, proto_json *view,
+bool layers_apply(const struct options *options, struct http *http, proto_json **view,
                   struct sp_error *err) {
     return add_layers(options, http, view, err) &&
-           (!options->layers.color_by || set_color_by(options, http, view, err));
+           (!options->layers.color_by || set_color_by(options, http, *view, err));
 }

@@ -34,21 +34,20 @@ static proto_json *read_file(const struct options *options, struct sp_error *err
 }
 
 /* Merges the members of `patch` into `into`, object by object. A null stays: it asks the daemon for
- * the default. False when out of memory. */
-static bool merge(proto_json *into, const proto_json *patch) {
+ * the default. */
+static void merge(proto_json **into, const proto_json *patch) {
     void *at = NULL;
     const char *key;
     const proto_json *value;
-    bool ok = true;
-    while (ok && proto_json_next(patch, &at, &key, &value)) {
-        const proto_json *old = proto_json_get(into, key);
-        if (proto_json_type(old) == PROTO_JSON_OBJECT &&
-            proto_json_type(value) == PROTO_JSON_OBJECT)
-            ok = merge((proto_json *)old, value); /* `into` is ours */
-        else
-            ok = proto_json_set(into, key, proto_json_ref((proto_json *)value));
+    while (proto_json_next(patch, &at, &key, &value)) {
+        const proto_json *old = proto_json_get(*into, key);
+        bool is_deep = proto_json_type(old) == PROTO_JSON_OBJECT &&
+                       proto_json_type(value) == PROTO_JSON_OBJECT;
+        proto_json *merged = proto_json_ref((proto_json *)(is_deep ? old : value)); /* old: ours */
+        if (is_deep)
+            merge(&merged, value);
+        proto_json_set(into, key, merged);
     }
-    return ok;
 }
 
 /* Puts the preset under the view. Takes ownership of `view`; NULL with *err set on failure. */
@@ -56,64 +55,60 @@ static proto_json *add_preset(const char *name, struct http *http, proto_json *v
                               struct sp_error *err) {
     char *path = collection_path(http, "presets", name, err);
     proto_json *preset = path ? http_json(http, "GET", path, NULL, err) : NULL;
-    if (preset && !merge(preset, view)) {
-        sp_fail(err, SP_ERR_MEMORY, name, "out of memory");
-        proto_json_free(&preset);
+    if (preset) {
+        merge(&preset, view);
+        if (!preset)
+            sp_fail(err, SP_ERR_MEMORY, name, "out of memory");
     }
     free(path);
     proto_json_free(&view);
     return preset;
 }
 
-/* Returns the object of the view, which replaces what is none. */
-static proto_json *object_of(proto_json *view, const char *name) {
-    if (proto_json_type(proto_json_get(view, name)) != PROTO_JSON_OBJECT &&
-        !proto_json_set(view, name, proto_json_object()))
-        return NULL;
-    return (proto_json *)proto_json_get(view, name); /* `view` is ours */
+void set_member(proto_json **view, const char *name, const char *member, proto_json *value) {
+    const proto_json *old = proto_json_get(*view, name);
+    proto_json *object = proto_json_type(old) == PROTO_JSON_OBJECT
+                             ? proto_json_ref((proto_json *)old) /* ours */
+                             : proto_json_object();
+    proto_json_set(&object, member, value);
+    proto_json_set(view, name, object);
 }
 
 /* A position in the view would contradict the angles; --azimuth and the others replace it. */
-static bool set_camera(const struct options *options, proto_json *view) {
+static void set_camera(const struct options *options, proto_json **view) {
     static const char *const names[CAMERA_OPTIONS] = { "azimuth", "elevation", "distance", "roll" };
-    bool ok = true;
-    for (int i = 0; i < CAMERA_OPTIONS; i++) {
-        if (isnan(options->camera[i]))
-            continue;
-        proto_json *camera = object_of(view, "camera");
-        ok = ok && camera && proto_json_set_number(camera, names[i], options->camera[i]);
-    }
-    return ok;
-}
-
-static bool set_step(const struct options *options, proto_json *view) {
-    proto_json *time = options->has_step ? object_of(view, "time") : NULL;
-    return !options->has_step || (time && proto_json_set_integer(time, "step", options->step));
-}
-
-static bool set_size(const struct options *options, proto_json *view) {
-    if (!options->size[0])
-        return true;
-    proto_json *size = proto_json_array();
-    bool ok = proto_json_append_integer(size, options->size[0]) &&
-              proto_json_append_integer(size, options->size[1]);
-    return proto_json_set(view, "size", size) && ok;
+    for (int i = 0; i < CAMERA_OPTIONS; i++)
+        if (!isnan(options->camera[i]))
+            set_member(view, "camera", names[i], proto_json_new_number(options->camera[i]));
 }
 
 /* A window in the view belongs to its projection; that of --projection has a window of its own. */
-static bool set_projection(const struct options *options, proto_json *view) {
-    if (!options->projection && isnan(options->window[0]))
-        return true;
-    proto_json *compositing = object_of(view, "compositing");
-    bool ok = compositing != NULL;
-    if (ok && options->projection)
-        ok = proto_json_set_string(compositing, "mode", options->projection) &&
-             proto_json_set(compositing, "window", proto_json_object());
-    proto_json *window = ok ? object_of(compositing, "window") : NULL;
-    if (ok && !isnan(options->window[0]))
-        ok = proto_json_set_number(window, "center", options->window[0]) &&
-             proto_json_set_number(window, "width", options->window[1]);
-    return ok && window;
+static void set_projection(const struct options *options, proto_json **view) {
+    const double *center_width = options->window;
+    const proto_json *old = proto_json_get(proto_json_get(*view, "compositing"), "window");
+    bool has_window = !isnan(center_width[0]);
+    if (!options->projection && !has_window)
+        return;
+    if (options->projection)
+        set_member(view, "compositing", "mode", proto_json_new_string(options->projection));
+    proto_json *window = options->projection || proto_json_type(old) != PROTO_JSON_OBJECT
+                             ? proto_json_object()
+                             : proto_json_ref((proto_json *)old); /* ours */
+    if (has_window) {
+        proto_json_set_number(&window, "center", center_width[0]);
+        proto_json_set_number(&window, "width", center_width[1]);
+    }
+    set_member(view, "compositing", "window", window);
+}
+
+/* Sets what single options say of the view. */
+static void set_options(const struct options *options, proto_json **view) {
+    set_camera(options, view);
+    if (options->size[0])
+        proto_json_set(view, "size", proto_json_integers(options->size, 2));
+    if (options->has_step)
+        set_member(view, "time", "step", proto_json_new_integer(options->step));
+    set_projection(options, view);
 }
 
 /* A window does nothing without a projection. */
@@ -133,14 +128,14 @@ proto_json *read_view(const struct options *options, struct http *http, struct s
     proto_json *view = read_file(options, err);
     if (view && options->preset)
         view = add_preset(options->preset, http, view, err);
-    if (view && (!set_camera(options, view) || !set_size(options, view) ||
-                 !set_step(options, view) || !set_projection(options, view))) {
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
-        proto_json_free(&view);
+    if (view) {
+        set_options(options, &view);
+        if (!view)
+            sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
     }
     if (view && !check_window(options, view, err))
         proto_json_free(&view);
-    if (view && !layers_apply(options, http, view, err))
+    if (view && !layers_apply(options, http, &view, err))
         proto_json_free(&view);
     return view;
 }

@@ -277,14 +277,12 @@ static void say_how_to_resume(const struct fetching *f) {
 /* Output for programs. */
 static bool report(const struct fetching *f, struct sp_error *err) {
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "out", f->options->out) &&
-              proto_json_set_string(json, "format", f->format) &&
-              proto_json_set_integer(json, "frames", f->frames);
-    char *text = ok ? proto_json_to_text(json, NULL) : NULL;
-    ok = text && puts(text) >= 0 && fflush(stdout) == 0;
-    free(text);
+    proto_json_set_string(&json, "out", f->options->out);
+    proto_json_set_string(&json, "format", f->format);
+    proto_json_set_integer(&json, "frames", f->frames);
+    bool ok = print_line(json, err);
     proto_json_free(&json);
-    return ok || sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
+    return ok;
 }
 
 static int delete_path(const struct options *options, struct sp_error *err) {

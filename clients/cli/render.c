@@ -29,13 +29,13 @@ static void report_incomplete(const struct options *options, const struct image 
 }
 
 /* What --json tells of a volume that is larger than memory. */
-static bool report_level(const struct image *image, proto_json *report) {
+static void report_level(const struct image *image, proto_json **report) {
     if (!image->level || !image->level[0])
-        return true;
-    return proto_json_set_bool(report, "complete", !image->is_incomplete) &&
-           proto_json_set_integer(report, "level", strtol(image->level, NULL, 10)) &&
-           proto_json_set_integer(report, "asked", strtol(image->asked, NULL, 10)) &&
-           proto_json_set_integer(report, "lost", strtol(image->lost, NULL, 10));
+        return;
+    proto_json_set_bool(report, "complete", !image->is_incomplete);
+    proto_json_set_integer(report, "level", strtol(image->level, NULL, 10));
+    proto_json_set_integer(report, "asked", strtol(image->asked, NULL, 10));
+    proto_json_set_integer(report, "lost", strtol(image->lost, NULL, 10));
 }
 
 bool write_image(const struct options *options, const struct image *image, const char *format,
@@ -47,29 +47,28 @@ bool write_image(const struct options *options, const struct image *image, const
     if (!options->json || strcmp(options->out, "-") == 0)
         return true;
     proto_json *report = proto_json_object();
-    bool ok = proto_json_set_string(report, "out", options->out) &&
-              proto_json_set_string(report, "format", format) &&
-              proto_json_set_integer(report, "bytes", (int64_t)image->size) &&
-              proto_json_set_string(report, "backend", image->backend);
+    proto_json_set_string(&report, "out", options->out);
+    proto_json_set_string(&report, "format", format);
+    proto_json_set_integer(&report, "bytes", (int64_t)image->size);
+    proto_json_set_string(&report, "backend", image->backend);
     char *end;
     double ms = strtod(image->render_time, &end), splats = strtod(image->splats, NULL);
-    if (ok && end != image->render_time)
-        ok = proto_json_set_number(report, "render_ms", ms);
-    if (ok && image->splats[0])
-        ok = proto_json_set_number(report, "splats", splats);
-    ok = ok && report_level(image, report);
-    char *text = ok ? proto_json_to_text(report, NULL) : NULL;
-    ok = text && puts(text) >= 0 && fflush(stdout) == 0;
-    free(text);
+    if (end != image->render_time)
+        proto_json_set_number(&report, "render_ms", ms);
+    if (image->splats[0])
+        proto_json_set_number(&report, "splats", splats);
+    report_level(image, &report);
+    bool ok = print_line(report, err);
     proto_json_free(&report);
-    return ok || sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
+    return ok;
 }
 
 static bool render_remote(const struct options *options, struct http *http, const char *source,
-                          proto_json *view, enum sp_image_format format, struct sp_error *err) {
+                          proto_json **view, enum sp_image_format format, struct sp_error *err) {
     char *id = resolve_volume(http, options, source, false, true, err);
-    char *body =
-        id && proto_json_set_string(view, "volume", id) ? proto_json_to_text(view, NULL) : NULL;
+    if (id)
+        proto_json_set_string(view, "volume", id);
+    char *body = id ? proto_json_to_text(*view, NULL) : NULL;
     struct http_response response = { 0 };
     bool ok = false;
     const struct sp_image_format_info *info = sp_image_format_info(format);
@@ -124,7 +123,7 @@ static int draw(const struct options *options, enum sp_image_format format, stru
     else if (view && options->local)
         status = render_local(options, source, view, format, err);
     else if (view)
-        status = render_remote(options, http, source, view, format, err) ? 0 : 1;
+        status = render_remote(options, http, source, &view, format, err) ? 0 : 1;
     free(source);
     proto_json_free(&view);
     http_destroy(&http);

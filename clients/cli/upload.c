@@ -88,25 +88,19 @@ static bool find_before(struct sending *s, const char *header, struct sp_error *
 
 /* Begins the upload. The place of an error is the file, unless the daemon is not reached. */
 static bool create(struct sending *s, const char *header, struct sp_error *err) {
-    proto_json *request = proto_json_object(), *answer = NULL;
-    bool ok = proto_json_set_string(request, "name", s->name);
-    ok = proto_json_set_integer(request, "bytes", s->bytes) && ok;
+    proto_json *request = proto_json_object();
+    proto_json_set_string(&request, "name", s->name);
+    proto_json_set_integer(&request, "bytes", s->bytes);
     if (s->modified_ms > 0) /* a file from before 1970 is never continued */
-        ok = proto_json_set_integer(request, "modified", s->modified_ms) && ok;
+        proto_json_set_integer(&request, "modified", s->modified_ms);
     if (header)
-        ok = proto_json_set_string(request, "header", header) && ok;
-    char *body = ok ? proto_json_to_text(request, NULL) : NULL;
-    proto_json_free(&request);
-    if (body)
-        answer = http_json(s->http, "POST", "/uploads", body, err);
-    else
-        sp_fail(err, SP_ERR_MEMORY, s->path, "out of memory");
-    free(body);
+        proto_json_set_string(&request, "header", header);
+    proto_json *answer = http_post(s->http, "/uploads", request, NULL, NULL, err);
     if (answer)
         snprintf(s->id, sizeof s->id, "%s", text_of(answer, "id"));
     else if (err->code == SP_ERR_INVALID)
         snprintf(err->place, sizeof err->place, "%s", s->path);
-    ok = answer != NULL;
+    bool ok = answer != NULL;
     proto_json_free(&answer);
     return ok;
 }
@@ -190,19 +184,11 @@ static bool send_file(struct sending *s, const struct options *options, const ch
 /* Opens the uploaded volume. NULL with *err set on failure. */
 static proto_json *open_upload(struct http *http, const struct options *options, const char *upload,
                                struct sp_error *err) {
-    proto_json *request = proto_json_object(), *volume = NULL;
-    bool ok = proto_json_set_string(request, "upload", upload);
+    proto_json *request = proto_json_object();
+    proto_json_set_string(&request, "upload", upload);
     if (options->id)
-        ok = proto_json_set_string(request, "id", options->id) && ok;
-    char *body = ok ? proto_json_to_text(request, NULL) : NULL;
-    proto_json_free(&request);
-    if (body)
-        volume = http_json(http, "POST", "/volumes", body, err);
-    else
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
-    free(body);
-    if (!volume && strcmp(err->place, "/id") == 0)
-        snprintf(err->place, sizeof err->place, "--id");
+        proto_json_set_string(&request, "id", options->id);
+    proto_json *volume = http_post(http, "/volumes", request, "/id", "--id", err);
     return volume && !options->no_wait ? await_volume(http, options, volume, err) : volume;
 }
 

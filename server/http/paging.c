@@ -29,16 +29,14 @@ bool srv_paging_begin(struct srv_request *request, size_t item_bytes, struct srv
 proto_json *srv_paging_json(struct srv_page *page, const char *name,
                             proto_json *(*encode)(void *user, const void *item), void *user) {
     const char *items = page->items;
-    bool has_next = page->count == page->max, ok = true;
+    bool has_next = page->count == page->max;
     unsigned count = has_next ? page->max - 1 : page->count;
     proto_json *json = proto_json_object(), *list = proto_json_array();
-    for (unsigned i = 0; ok && i < count; i++)
-        ok = proto_json_append(list, encode(user, items + i * page->item_bytes));
-    ok = proto_json_set(json, name, list) && ok;
+    for (unsigned i = 0; i < count; i++)
+        proto_json_append(&list, encode(user, items + i * page->item_bytes));
+    proto_json_set(&json, name, list);
     if (has_next)
-        ok = proto_json_set_string(json, "next", items + (count - 1) * page->item_bytes) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_string(&json, "next", items + (count - 1) * page->item_bytes);
     free(page->items);
     return json;
 }

@@ -103,14 +103,12 @@ static void problem(struct srv_reply *reply, unsigned status, const char *pointe
                     const char *detail) {
     proto_json *json = proto_json_object();
     snprintf(reply->detail, sizeof reply->detail, "%s", detail);
-    bool ok = proto_json_set_string(json, "type", "about:blank");
-    ok = proto_json_set_string(json, "title", title_of(status)) && ok;
-    ok = proto_json_set_integer(json, "status", status) && ok;
-    ok = proto_json_set_string(json, "detail", detail) && ok;
+    proto_json_set_string(&json, "type", "about:blank");
+    proto_json_set_string(&json, "title", title_of(status));
+    proto_json_set_integer(&json, "status", status);
+    proto_json_set_string(&json, "detail", detail);
     if (pointer && *pointer)
-        ok = proto_json_set_string(json, "pointer", pointer) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_string(&json, "pointer", pointer);
     set_text(reply, status, "application/problem+json", json);
     if (status == 429 || status == 503)
         srv_reply_header(reply, "Retry-After", "1");

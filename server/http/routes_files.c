@@ -30,26 +30,19 @@ static proto_json *encode_entry(void *user, const void *item) {
     (void)user;
     const struct srv_data_entry *entry = item;
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "name", srv_data_name(entry));
-    ok = proto_json_set_string(json, "kind", entry->is_folder ? "folder" : "volume") && ok;
+    proto_json_set_string(&json, "name", srv_data_name(entry));
+    proto_json_set_string(&json, "kind", entry->is_folder ? "folder" : "volume");
     if (!entry->is_folder) {
-        ok =
-            (entry->is_zarr || proto_json_set_integer(json, "bytes", (int64_t)entry->size_bytes)) &&
-            ok;
-        ok = proto_json_set_string(json, "format", entry->format) && ok;
+        if (!entry->is_zarr)
+            proto_json_set_integer(&json, "bytes", (int64_t)entry->size_bytes);
+        proto_json_set_string(&json, "format", entry->format);
     }
-    if (entry->dims[0]) {
-        proto_json *dims = proto_json_array();
-        for (int axis = 0; axis < 3; axis++)
-            ok = proto_json_append_integer(dims, entry->dims[axis]) && ok;
-        ok = proto_json_set(json, "dims", dims) && ok;
-    }
+    if (entry->dims[0])
+        proto_json_set(&json, "dims", proto_json_integers(entry->dims, 3));
     if (entry->type[0])
-        ok = proto_json_set_string(json, "type", entry->type) && ok;
+        proto_json_set_string(&json, "type", entry->type);
     if (entry->kind != SP_KIND_COUNT)
-        ok = proto_json_set_string(json, "contents", sp_kind_name(entry->kind)) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_string(&json, "contents", sp_kind_name(entry->kind));
     return json;
 }
 
@@ -71,8 +64,7 @@ static void run_listing(struct srv_work *work) {
         for (unsigned i = 0; i < listing->page.count; i++)
             srv_data_describe(data, listing->path, &entries[i]);
         proto_json *json = srv_paging_json(&listing->page, "entries", encode_entry, NULL);
-        if (!proto_json_set_integer(json, "unlisted", unlisted))
-            proto_json_free(&json);
+        proto_json_set_integer(&json, "unlisted", unlisted);
         srv_reply_json(&request->reply, 200, json);
     } else {
         free(listing->page.items);
@@ -85,27 +77,22 @@ static void run_listing(struct srv_work *work) {
 /* An entry with "folder" and, if it stands for several files, "files". */
 static proto_json *encode_hit(const struct srv_data_hit *hit) {
     proto_json *json = encode_entry(NULL, &hit->entry);
-    bool ok = proto_json_set_string(json, "folder", hit->folder);
+    proto_json_set_string(&json, "folder", hit->folder);
     if (hit->files > 1)
-        ok = proto_json_set_integer(json, "files", hit->files) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_integer(&json, "files", hit->files);
     return json;
 }
 
 static proto_json *encode_search(const struct srv_data_search *search) {
     static const char *const cuts[] = { "", "limit", "time", "names" };
     proto_json *json = proto_json_object(), *entries = proto_json_array();
-    bool ok = true;
-    for (unsigned i = 0; ok && i < search->count; i++)
-        ok = proto_json_append(entries, encode_hit(&search->hits[i]));
-    ok = proto_json_set(json, "entries", entries) && ok;
-    ok = proto_json_set_integer(json, "unlisted", search->unlisted) && ok;
-    ok = proto_json_set_integer(json, "unread", search->unread) && ok;
+    for (unsigned i = 0; i < search->count; i++)
+        proto_json_append(&entries, encode_hit(&search->hits[i]));
+    proto_json_set(&json, "entries", entries);
+    proto_json_set_integer(&json, "unlisted", search->unlisted);
+    proto_json_set_integer(&json, "unread", search->unread);
     if (search->cut != SRV_DATA_CUT_NONE)
-        ok = proto_json_set_string(json, "cut", cuts[search->cut]) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_string(&json, "cut", cuts[search->cut]);
     return json;
 }
 

@@ -251,8 +251,7 @@ static void reply_csv(const struct srv_measures *measures, struct srv_reply *rep
 
 static void reply_list(const struct srv_measures *measures, struct srv_reply *reply) {
     proto_json *json = proto_json_object();
-    if (!proto_json_set(json, "measures", srv_measures_encode(measures)))
-        proto_json_free(&json);
+    proto_json_set(&json, "measures", srv_measures_encode(measures));
     srv_reply_json(reply, 200, json);
 }
 

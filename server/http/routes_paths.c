@@ -17,72 +17,60 @@
 /* Creation. */
 
 /* Returns a patch with the members of "view". With has_own_size the view's "size" is left out, and
- * `size`, the body's own, takes its place; NULL = none. NULL: the reply is a problem document. */
-static proto_json *view_patch(const proto_json *view, bool has_own_size, const proto_json *size,
-                              struct srv_reply *reply) {
+ * `size`, the body's own, takes its place; NULL = none. NULL when out of memory. */
+static proto_json *view_patch(const proto_json *view, bool has_own_size, const proto_json *size) {
     const proto_json *value;
     const char *key;
     void *at = NULL;
     proto_json *patch = proto_json_object();
-    bool ok = patch != NULL;
-    while (ok && proto_json_next(view, &at, &key, &value))
+    while (proto_json_next(view, &at, &key, &value))
         if (!has_own_size || strcmp(key, "size") != 0)
-            ok = proto_json_set(patch, key, proto_json_ref((proto_json *)(uintptr_t)value));
-    if (ok && size)
-        ok = proto_json_set(patch, "size", proto_json_ref((proto_json *)(uintptr_t)size));
-    if (!ok) {
-        proto_json_free(&patch);
-        srv_reply_problem(reply, 503, NULL, "out of memory for a path");
-    }
+            proto_json_set(&patch, key, proto_json_ref((proto_json *)(uintptr_t)value));
+    if (size)
+        proto_json_set(&patch, "size", proto_json_ref((proto_json *)(uintptr_t)size));
     return patch;
 }
 
-/* Resolves the patch; errors of the view are reported below the pointer `at`. On success *volume is
- * in use. */
-static bool resolve_patch(struct srv_request *request, proto_json *patch, const char *at,
-                          struct sp_view *view, struct srv_volume **volume,
-                          struct srv_reply *reply) {
-    struct sp_error err;
-    bool ok = patch && srv_hub_resolve_view(request->app->hub, NULL, patch, view, volume, &err);
-    if (patch && !ok) {
-        srv_name_volumes(request, &err);
-        srv_reply_view_error(reply, at, &err);
-    }
+/* Resolves a patch, which it frees. On success view->volume is in use. */
+static bool resolve_patch(struct srv_request *request, proto_json *patch,
+                          struct srv_path_request *view, struct sp_error *err) {
+    bool ok = patch ? srv_hub_resolve_view(request->app->hub, NULL, patch, &view->view,
+                                           &view->volume, err)
+                    : sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a path");
     proto_json_free(&patch);
     return ok;
 }
 
-/* On success view->volume is in use. The view is resolved without the body's own size first, so
- * that errors point to the member that causes them: "/view/…" or "/size". */
+/* On success view->volume is in use. The pointer of an error is "/size" or "/view/…": a view that
+ * is refused with the body's own size is resolved again without it. */
 static bool resolve(struct srv_request *request, const proto_json *body,
                     const struct srv_owner *owner, struct srv_path_request *view,
                     struct srv_reply *reply) {
+    struct srv_catalog *catalog = request->app->catalog;
     const proto_json *base = proto_json_get(body, "view"), *size = proto_json_get(body, "size");
+    const char *at = size ? "" : "/view";
     struct sp_error err;
-    struct srv_volume *volume = NULL;
     if (base && proto_json_type(base) != PROTO_JSON_OBJECT) {
         srv_reply_problem(reply, 422, "/view", "must be an object");
         return false;
     }
-    if (!resolve_patch(request, view_patch(base, size != NULL, NULL, reply), "/view", &view->view,
-                       &volume, reply))
-        return false;
-    if (size) {
-        /* Keeps the volume in use, so that it cannot be unloaded in between. */
-        struct srv_volume *without_size = volume;
-        bool ok = resolve_patch(request, view_patch(base, true, size, reply), "", &view->view,
-                                &volume, reply);
-        srv_catalog_release(request->app->catalog, without_size);
+    bool ok = resolve_patch(request, view_patch(base, size != NULL, size), view, &err);
+    if (ok) {
+        srv_catalog_default_view(catalog, view->volume, &view->defaults);
+        ok = srv_owner_allows_size(owner, view->view.size, &err);
         if (!ok)
-            return false;
+            srv_catalog_release(catalog, view->volume);
+    } else if (size) {
+        if (resolve_patch(request, view_patch(base, true, NULL), view, &err))
+            srv_catalog_release(catalog, view->volume);
+        else
+            at = "/view";
     }
-    srv_catalog_default_view(request->app->catalog, volume, &view->defaults);
-    view->volume = volume;
-    if (srv_owner_allows_size(owner, view->view.size, &err))
-        return true;
-    srv_catalog_release(request->app->catalog, volume);
-    srv_reply_view_error(reply, size ? "" : "/view", &err);
-    return false;
+    if (!ok) {
+        srv_name_volumes(request, &err);
+        srv_reply_view_error(reply, at, &err);
+    }
+    return ok;
 }
 
 /* Replies with the new path. Removes the path if the reply cannot be made. */

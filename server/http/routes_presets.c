@@ -37,12 +37,11 @@ static bool check(const proto_json *patch, struct sp_error *err) {
 void srv_get_presets(struct srv_request *request, struct srv_reply *reply) {
     proto_json *json = proto_json_object(), *list = proto_json_array();
     char *names = srv_store_ids(request->app->store, SRV_KIND_PRESET);
-    bool ok = names != NULL;
-    for (const char *name = names; ok && *name; name += strlen(name) + 1)
-        ok = proto_json_append_string(list, name);
-    ok = proto_json_set(json, "presets", list) && ok;
-    if (!ok)
-        proto_json_free(&json);
+    if (!names)
+        proto_json_free(&list);
+    for (const char *name = names; name && *name; name += strlen(name) + 1)
+        proto_json_append_string(&list, name);
+    proto_json_set(&json, "presets", list);
     free(names);
     srv_reply_json(reply, 200, json);
 }

@@ -319,7 +319,7 @@ void srv_post_render(struct srv_request *request, struct srv_reply *reply) {
 
 /* Adds the query parameter `name`, which is JSON as in a view, to the patch. False: the reply is a
  * problem document. */
-static bool read_member(struct srv_request *request, const char *name, proto_json *patch,
+static bool read_member(struct srv_request *request, const char *name, proto_json **patch,
                         struct srv_reply *reply) {
     const char *text = srv_request_query(request, name);
     struct sp_error err;
@@ -331,14 +331,14 @@ static bool read_member(struct srv_request *request, const char *name, proto_jso
                           err.text);
         return false;
     }
-    if (proto_json_set(patch, name, member))
-        return true;
-    srv_reply_problem(reply, 503, NULL, "out of memory for ?%s=", name);
-    return false;
+    proto_json_set(patch, name, member);
+    if (!*patch)
+        srv_reply_problem(reply, 503, NULL, "out of memory for ?%s=", name);
+    return *patch != NULL;
 }
 
 /* Adds ?size=WIDTH,HEIGHT to the patch. False: the reply is a problem document. */
-static bool read_size(struct srv_request *request, proto_json *patch, struct srv_reply *reply) {
+static bool read_size(struct srv_request *request, proto_json **patch, struct srv_reply *reply) {
     const char *text = srv_request_query(request, "size");
     uint32_t px[2];
     if (!text)
@@ -348,12 +348,10 @@ static bool read_size(struct srv_request *request, proto_json *patch, struct srv
                           "?size= must be WIDTH,HEIGHT: two whole numbers of pixels");
         return false;
     }
-    proto_json *size = proto_json_array();
-    bool ok = proto_json_append_integer(size, px[0]) && proto_json_append_integer(size, px[1]);
-    if (proto_json_set(patch, "size", size) && ok)
-        return true;
-    srv_reply_problem(reply, 503, NULL, "out of memory for a size");
-    return false;
+    proto_json_set(patch, "size", proto_json_integers(px, 2));
+    if (!*patch)
+        srv_reply_problem(reply, 503, NULL, "out of memory for a size");
+    return *patch != NULL;
 }
 
 void srv_get_render(struct srv_request *request, struct srv_reply *reply) {
@@ -362,7 +360,7 @@ void srv_get_render(struct srv_request *request, struct srv_reply *reply) {
     proto_json *patch = proto_json_object();
     if (!view)
         srv_reply_error(reply, &err);
-    else if (read_member(request, "camera", patch, reply) && read_size(request, patch, reply))
+    else if (read_member(request, "camera", &patch, reply) && read_size(request, &patch, reply))
         /* Shared caches may store the image but must revalidate it: the daemon checks the token
          * each time, and renders nothing for a 304. */
         draw(request, view, patch, "public, no-cache", reply);
@@ -391,8 +389,8 @@ void srv_get_session_snapshot(struct srv_request *request, struct srv_reply *rep
     proto_json *patch = proto_json_object();
     if (!session)
         srv_reply_error(reply, &err);
-    else if (read_member(request, "background", patch, reply) && read_size(request, patch, reply) &&
-             charge_owner(request, reply))
+    else if (read_member(request, "background", &patch, reply) &&
+             read_size(request, &patch, reply) && charge_owner(request, reply))
         draw(request, proto_json_get(session, "view"), patch, "private, no-cache", reply);
     proto_json_free(&patch);
     proto_json_free(&session);

@@ -24,41 +24,37 @@ struct series_listing {
 };
 
 /* Adds a text that JSON can carry; leaves out an empty one. */
-static bool set_text(proto_json *json, const char *key, const char *text) {
+static void set_text(proto_json **json, const char *key, const char *text) {
     char clean[80];
     snprintf(clean, sizeof clean, "%s", text);
     proto_text_clean(clean);
-    return !clean[0] || proto_json_set_string(json, key, clean);
+    if (clean[0])
+        proto_json_set_string(json, key, clean);
 }
 
 /* {"source", "images", …}; NULL when out of memory. */
 static proto_json *encode(const char *path, const struct sp_series *series) {
     char source[PATH_MAX + 128];
-    proto_json *json = proto_json_object(), *size = proto_json_array();
+    proto_json *json = proto_json_object();
     snprintf(source, sizeof source, "%s?series=%s", path, series->uid);
-    bool ok = proto_json_set_string(json, "source", series->uid[0] ? source : path);
-    ok = set_text(json, "uid", series->uid) && ok;
-    ok = set_text(json, "description", series->description) && ok;
-    ok = set_text(json, "modality", series->modality) && ok;
+    proto_json_set_string(&json, "source", series->uid[0] ? source : path);
+    set_text(&json, "uid", series->uid);
+    set_text(&json, "description", series->description);
+    set_text(&json, "modality", series->modality);
     if (series->has_number)
-        ok = proto_json_set_integer(json, "number", series->number) && ok;
-    ok = proto_json_set_integer(json, "images", series->images) && ok;
-    ok = proto_json_append_integer(size, series->columns) && ok;
-    ok = proto_json_append_integer(size, series->rows) && ok;
-    ok = proto_json_set(json, "size", size) && ok;
-    ok = proto_json_set_integer(json, "bytes", (int64_t)series->bytes) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_integer(&json, "number", series->number);
+    proto_json_set_integer(&json, "images", series->images);
+    proto_json_set(&json, "size",
+                   proto_json_integers((const uint32_t[]){ series->columns, series->rows }, 2));
+    proto_json_set_integer(&json, "bytes", (int64_t)series->bytes);
     return json;
 }
 
 static proto_json *encode_all(const char *path, const struct sp_series *list, uint32_t count) {
     proto_json *json = proto_json_object(), *all = proto_json_array();
-    bool ok = true;
-    for (uint32_t i = 0; ok && i < count; i++)
-        ok = proto_json_append(all, encode(path, &list[i]));
-    if (!proto_json_set(json, "series", all) || !ok)
-        proto_json_free(&json);
+    for (uint32_t i = 0; i < count; i++)
+        proto_json_append(&all, encode(path, &list[i]));
+    proto_json_set(&json, "series", all);
     return json;
 }
 

@@ -38,19 +38,16 @@ static void reply_volumes(struct srv_request *request, const char *id, const pro
                           struct srv_reply *reply) {
     struct srv_volume_status status;
     proto_json *json = proto_json_object(), *list = proto_json_array();
-    bool ok = true;
     (void)id;
     for (int i = 0; i < PLACES; i++) {
         const char *named = id_at(view, i);
         if (!named || names(view, named, i) ||
             !srv_catalog_find(request->app->catalog, named, &status))
             continue;
-        ok = proto_json_append(list, srv_encode_volume(request, &status, false)) && ok;
+        proto_json_append(&list, srv_encode_volume(request, &status, false));
         sp_volume_unref(&status.volume);
     }
-    ok = proto_json_set(json, "volumes", list) && ok;
-    if (!ok)
-        proto_json_free(&json);
+    proto_json_set(&json, "volumes", list);
     srv_reply_json(reply, 200, json);
 }
 

@@ -142,14 +142,13 @@ static proto_json *encode_item(void *user, const void *item) {
     const struct srv_session_info *info = item;
     (void)user;
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "id", info->id);
-    ok = proto_json_set_string(json, "volume", info->volume) && ok;
-    ok = (!info->owner[0] || proto_json_set_string(json, "owner", info->owner)) && ok;
-    ok = proto_json_set_integer(json, "participants", info->participants) && ok;
-    ok = proto_json_set_bool(json, "hibernated", info->is_hibernated) && ok;
-    ok = proto_json_set_number(json, "idle", info->idle_ms / 1000) && ok;
-    if (!ok)
-        proto_json_free(&json);
+    proto_json_set_string(&json, "id", info->id);
+    proto_json_set_string(&json, "volume", info->volume);
+    if (info->owner[0])
+        proto_json_set_string(&json, "owner", info->owner);
+    proto_json_set_integer(&json, "participants", info->participants);
+    proto_json_set_bool(&json, "hibernated", info->is_hibernated);
+    proto_json_set_number(&json, "idle", info->idle_ms / 1000);
     return json;
 }
 
@@ -251,14 +250,12 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
         proto_json *changed = srv_hub_session_patch(request->app->hub, request->param,
                                                     view ? view : body, srv_clock_ms(), &err);
         proto_json *json = changed ? proto_json_object() : NULL;
-        bool ok = proto_json_set_string(json, "id", request->param);
-        ok = proto_json_set(json, "view", changed) && ok;
+        proto_json_set_string(&json, "id", request->param);
+        proto_json_set(&json, "view", changed);
         if (!changed) {
             srv_name_volumes(request, &err);
             srv_reply_view_error(reply, "/view", &err);
         } else {
-            if (!ok)
-                proto_json_free(&json);
             srv_reply_json(reply, 200, json);
         }
     }

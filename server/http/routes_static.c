@@ -66,8 +66,7 @@ void srv_get_contract(struct srv_request *request, struct srv_reply *reply) {
 void srv_get_healthz(struct srv_request *request, struct srv_reply *reply) {
     (void)request;
     proto_json *json = proto_json_object();
-    if (!proto_json_set_string(json, "status", "ok"))
-        proto_json_free(&json);
+    proto_json_set_string(&json, "status", "ok");
     srv_reply_json(reply, 200, json);
     srv_reply_header(reply, "Cache-Control", "no-store");
 }
@@ -76,15 +75,13 @@ static proto_json *encode_state(struct srv_store *store) {
     struct srv_store_status status;
     srv_store_status(store, &status);
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "status",
-                                    !status.has_folder  ? "memory"
-                                    : status.is_failing ? "failing"
-                                                        : "written");
+    proto_json_set_string(&json, "status",
+                          !status.has_folder  ? "memory"
+                          : status.is_failing ? "failing"
+                                              : "written");
     if (status.is_failing)
-        ok = proto_json_set_string(json, "reason", status.reason) && ok;
-    ok = proto_json_set_integer(json, "waiting", status.waiting) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_string(&json, "reason", status.reason);
+    proto_json_set_integer(&json, "waiting", status.waiting);
     return json;
 }
 
@@ -94,28 +91,26 @@ void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
     srv_render_pool_info(request->app->render_pool, info);
     proto_json *json = proto_json_object(), *refused = proto_json_array();
     proto_json *vectorised = proto_json_array();
-    bool ok = proto_json_set_string(json, "status", "ready");
-    ok = proto_json_set_string(json, "version", SPLATD_VERSION) && ok;
-    ok = proto_json_set_string(json, "backend", backend->backend) && ok;
-    ok = proto_json_set_string(json, "device", backend->device) && ok;
-    ok = proto_json_set_string(json, "isa", backend->isa) && ok;
-    ok = proto_json_set_integer(json, "threads", backend->threads) && ok;
-    ok = proto_json_set_integer(json, "lanes", backend->lanes) && ok;
+    proto_json_set_string(&json, "status", "ready");
+    proto_json_set_string(&json, "version", SPLATD_VERSION);
+    proto_json_set_string(&json, "backend", backend->backend);
+    proto_json_set_string(&json, "device", backend->device);
+    proto_json_set_string(&json, "isa", backend->isa);
+    proto_json_set_integer(&json, "threads", backend->threads);
+    proto_json_set_integer(&json, "lanes", backend->lanes);
     for (unsigned i = 0; backend->vectorised && backend->vectorised[i]; i++)
-        ok = proto_json_append_string(vectorised, backend->vectorised[i]) && ok;
-    ok = proto_json_set(json, "vectorised", vectorised) && ok;
+        proto_json_append_string(&vectorised, backend->vectorised[i]);
+    proto_json_set(&json, "vectorised", vectorised);
     for (unsigned i = 0; i < request->app->refusal_count; i++)
-        ok = proto_json_append_string(refused, request->app->refusals[i]) && ok;
+        proto_json_append_string(&refused, request->app->refusals[i]);
     for (int i = 0; i < 2; i++)
         if (info[i].failover_reason[0])
-            ok = proto_json_append_string(refused, info[i].failover_reason) && ok;
+            proto_json_append_string(&refused, info[i].failover_reason);
     for (int i = 0; i < 2; i++)
         if (info[i].fallback_reason[0])
-            ok = proto_json_append_string(refused, info[i].fallback_reason) && ok;
-    ok = proto_json_set(json, "refused", refused) && ok;
-    ok = proto_json_set(json, "state", encode_state(request->app->store)) && ok;
-    if (!ok)
-        proto_json_free(&json);
+            proto_json_append_string(&refused, info[i].fallback_reason);
+    proto_json_set(&json, "refused", refused);
+    proto_json_set(&json, "state", encode_state(request->app->store));
     srv_reply_json(reply, 200, json);
     srv_reply_header(reply, "Cache-Control", "no-store");
 }

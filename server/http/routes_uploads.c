@@ -79,19 +79,17 @@ static bool check(struct srv_request *request, struct srv_reply *reply) {
 /* Encodes {"id", "name", …}. NULL when out of memory. */
 static proto_json *encode_upload(const struct srv_upload_info *info) {
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "id", info->id);
-    ok = proto_json_set_string(json, "name", info->name) && ok;
-    ok = proto_json_set_string(json, "owner", info->owner) && ok;
+    proto_json_set_string(&json, "id", info->id);
+    proto_json_set_string(&json, "name", info->name);
+    proto_json_set_string(&json, "owner", info->owner);
     if (info->header[0])
-        ok = proto_json_set_string(json, "header", info->header) && ok;
-    ok = proto_json_set_integer(json, "bytes", (int64_t)info->bytes) && ok;
-    ok = proto_json_set_integer(json, "offset", (int64_t)info->offset) && ok;
+        proto_json_set_string(&json, "header", info->header);
+    proto_json_set_integer(&json, "bytes", (int64_t)info->bytes);
+    proto_json_set_integer(&json, "offset", (int64_t)info->offset);
     if (info->modified_ms)
-        ok = proto_json_set_integer(json, "modified", info->modified_ms) && ok;
+        proto_json_set_integer(&json, "modified", info->modified_ms);
     if (isfinite(info->expires_ms))
-        ok = proto_json_set_number(json, "expires", round(info->expires_ms / 1000)) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_number(&json, "expires", round(info->expires_ms / 1000));
     return json;
 }
 
@@ -116,17 +114,14 @@ void srv_get_uploads(struct srv_request *request, struct srv_reply *reply) {
     struct srv_uploads *uploads = request->app->uploads;
     const char *by = srv_request_scope(request);
     proto_json *json = proto_json_object(), *list = proto_json_array();
-    bool ok = true;
     for (unsigned i = 0; srv_uploads_at(uploads, i, by, srv_clock_ms(), &info); i++)
-        ok = proto_json_append(list, encode_upload(&info)) && ok;
+        proto_json_append(&list, encode_upload(&info));
     srv_uploads_numbers(uploads, request->grant.name, &numbers);
-    ok = proto_json_set(json, "uploads", list) && ok;
-    ok = proto_json_set_integer(json, "bytes", (int64_t)numbers.own_bytes) && ok;
-    ok = proto_json_set_integer(json, "bytes_max", (int64_t)numbers.own_bytes_max) && ok;
-    ok = proto_json_set_integer(json, "bytes_free", (int64_t)numbers.free_bytes) && ok;
-    ok = proto_json_set_integer(json, "uploads_free", numbers.free_count) && ok;
-    if (!ok)
-        proto_json_free(&json);
+    proto_json_set(&json, "uploads", list);
+    proto_json_set_integer(&json, "bytes", (int64_t)numbers.own_bytes);
+    proto_json_set_integer(&json, "bytes_max", (int64_t)numbers.own_bytes_max);
+    proto_json_set_integer(&json, "bytes_free", (int64_t)numbers.free_bytes);
+    proto_json_set_integer(&json, "uploads_free", numbers.free_count);
     srv_reply_json(reply, 200, json);
     srv_upload_headers(reply, NULL);
 }

@@ -56,9 +56,11 @@ proto_json *srv_saved_view_get(struct srv_store *store, const char *id, struct s
 static char *record_of(const char *beginning, const char *name, int64_t saved, const char *view,
                        size_t *size) {
     proto_json *about = proto_json_object();
-    bool ok = !name || proto_json_set_string(about, "name", name);
-    ok = (!saved || proto_json_set_integer(about, "saved", saved)) && ok;
-    char *members = ok ? proto_json_to_canonical(about, NULL) : NULL, *record = NULL;
+    if (name)
+        proto_json_set_string(&about, "name", name);
+    if (saved)
+        proto_json_set_integer(&about, "saved", saved);
+    char *members = proto_json_to_canonical(about, NULL), *record = NULL;
     proto_json_free(&about);
     if (!members)
         return NULL;
@@ -114,8 +116,7 @@ static bool add_record(struct srv_request *request, const char *id, const char *
 /* Replies with {"id": id}. False when out of memory: the reply is a problem document. */
 static bool reply_id(const char *id, struct srv_reply *reply) {
     proto_json *answer = proto_json_object();
-    if (!proto_json_set_string(answer, "id", id))
-        proto_json_free(&answer);
+    proto_json_set_string(&answer, "id", id);
     srv_reply_json(reply, 201, answer);
     return reply->status == 201;
 }
@@ -187,23 +188,23 @@ static proto_json *encode_item(void *user, const void *item) {
     const char *volume = proto_view_volume(view);
     const proto_json *size = proto_json_get(view, "size");
     int64_t width, height, saved;
-    bool ok = proto_json_set_string(json, "id", item) && err.code != SP_ERR_MEMORY;
+    proto_json_set_string(&json, "id", item);
     if (owner)
-        ok = proto_json_set_string(json, "owner", owner) && ok;
+        proto_json_set_string(&json, "owner", owner);
     if (name)
-        ok = proto_json_set_string(json, "name", name) && ok;
+        proto_json_set_string(&json, "name", name);
     if (proto_json_integer(proto_json_get(record, "saved"), &saved))
-        ok = proto_json_set_integer(json, "saved", saved) && ok;
+        proto_json_set_integer(&json, "saved", saved);
     if (volume)
-        ok = proto_json_set_string(json, "volume", volume) && ok;
+        proto_json_set_string(&json, "volume", volume);
     if (proto_json_integer(proto_json_at(size, 0), &width) &&
         proto_json_integer(proto_json_at(size, 1), &height)) {
         proto_json *copy = proto_json_array();
-        ok = proto_json_append_integer(copy, width) && ok;
-        ok = proto_json_append_integer(copy, height) && ok;
-        ok = proto_json_set(json, "size", copy) && ok;
+        proto_json_append_integer(&copy, width);
+        proto_json_append_integer(&copy, height);
+        proto_json_set(&json, "size", copy);
     }
-    if (!ok)
+    if (err.code == SP_ERR_MEMORY)
         proto_json_free(&json);
     proto_json_free(&record);
     return json;

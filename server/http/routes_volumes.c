@@ -27,14 +27,10 @@ static proto_json *encode_memory(const struct srv_volume_status *status) {
     const uint32_t *dims = info->grid.dims;
     double samples = (double)dims[0] * dims[1] * dims[2] + info->elements.count;
     proto_json *memory = proto_json_object();
-    bool ok = proto_json_set_integer(memory, "voxels",
-                                     (int64_t)(sp_volume_bytes(info) + status->step_bytes));
-    ok = proto_json_set_integer(memory, "derived", (int64_t)status->cached_bytes) && ok;
-    ok = proto_json_set_number(memory, "derived_per_voxel",
-                               (double)status->cached_bytes / samples) &&
-         ok;
-    if (!ok)
-        proto_json_free(&memory);
+    proto_json_set_integer(&memory, "voxels",
+                           (int64_t)(sp_volume_bytes(info) + status->step_bytes));
+    proto_json_set_integer(&memory, "derived", (int64_t)status->cached_bytes);
+    proto_json_set_number(&memory, "derived_per_voxel", (double)status->cached_bytes / samples);
     return memory;
 }
 
@@ -102,22 +98,20 @@ static proto_json *describe_volume(const struct srv_volume_status *status, bool 
 proto_json *srv_encode_volume(const struct srv_request *request,
                               const struct srv_volume_status *status, bool in_full) {
     proto_json *json = status->volume ? describe_volume(status, in_full) : proto_json_object();
-    bool ok = proto_json_set_string(json, "id", status->id);
-    ok = proto_json_set_string(json, "name", status->name) && ok;
-    ok = proto_json_set_string(json, "source", status->source) && ok;
-    ok = proto_json_set_string(json, "format", format_of(status)) && ok;
-    ok = proto_json_set_string(json, "state", srv_volume_state_name(status->state)) && ok;
-    ok = proto_json_set_number(json, "progress", status->progress) && ok;
-    ok = proto_json_set_bool(json, "may_close", may_close(request, status)) && ok;
+    proto_json_set_string(&json, "id", status->id);
+    proto_json_set_string(&json, "name", status->name);
+    proto_json_set_string(&json, "source", status->source);
+    proto_json_set_string(&json, "format", format_of(status));
+    proto_json_set_string(&json, "state", srv_volume_state_name(status->state));
+    proto_json_set_number(&json, "progress", status->progress);
+    proto_json_set_bool(&json, "may_close", may_close(request, status));
     if (status->state == SRV_VOLUME_FAILED) {
         char reason[SP_ERROR_PLACE + SP_ERROR_TEXT + 4];
         write_reason(&status->error, in_full, reason, sizeof reason);
-        ok = proto_json_set_string(json, "reason", reason) && ok;
+        proto_json_set_string(&json, "reason", reason);
     }
     if (status->volume && in_full)
-        ok = proto_json_set(json, "memory", encode_memory(status)) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set(&json, "memory", encode_memory(status));
     return json;
 }
 
@@ -127,28 +121,22 @@ static proto_json *encode_rights(const struct srv_request *request) {
     const struct srv_http_options *app = request->app;
     bool may_open = request->grant.rights & SRV_RIGHT_CONTROL;
     proto_json *may = proto_json_object();
-    bool ok = proto_json_set_bool(may, "open", may_open);
-    ok = proto_json_set_bool(may, "browse", may_open && srv_catalog_data(app->catalog)) && ok;
-    ok = proto_json_set_bool(may, "upload", may_open && app->uploads) && ok;
-    ok = proto_json_set_bool(may, "remote", may_open && srv_catalog_allows_hosts(app->catalog)) &&
-         ok;
-    if (!ok)
-        proto_json_free(&may);
+    proto_json_set_bool(&may, "open", may_open);
+    proto_json_set_bool(&may, "browse", may_open && srv_catalog_data(app->catalog));
+    proto_json_set_bool(&may, "upload", may_open && app->uploads);
+    proto_json_set_bool(&may, "remote", may_open && srv_catalog_allows_hosts(app->catalog));
     return may;
 }
 
 void srv_get_volumes(struct srv_request *request, struct srv_reply *reply) {
     struct srv_volume_status status;
     proto_json *json = proto_json_object(), *list = proto_json_array();
-    bool ok = true;
     for (unsigned i = 0; srv_catalog_at(request->app->catalog, i, &status); i++) {
-        ok = proto_json_append(list, srv_encode_volume(request, &status, false)) && ok;
+        proto_json_append(&list, srv_encode_volume(request, &status, false));
         sp_volume_unref(&status.volume);
     }
-    ok = proto_json_set(json, "volumes", list) && ok;
-    ok = proto_json_set(json, "may", encode_rights(request)) && ok;
-    if (!ok)
-        proto_json_free(&json);
+    proto_json_set(&json, "volumes", list);
+    proto_json_set(&json, "may", encode_rights(request));
     srv_reply_json(reply, 200, json);
 }
 
@@ -239,15 +227,12 @@ void srv_get_volume(struct srv_request *request, struct srv_reply *reply) {
     if (!srv_find_volume(request, request->param, &status, reply))
         return;
     proto_json *json = srv_encode_volume(request, &status, true);
-    bool ok = true;
     if (status.volume) {
         unsigned sessions = srv_hub_volume_sessions(request->app->hub, status.id);
-        ok = proto_json_set_integer(json, "uses", status.uses);
-        ok = proto_json_set_integer(json, "sessions", sessions) && ok;
+        proto_json_set_integer(&json, "uses", status.uses);
+        proto_json_set_integer(&json, "sessions", sessions);
     }
     sp_volume_unref(&status.volume);
-    if (!ok)
-        proto_json_free(&json);
     srv_reply_json(reply, 200, json);
 }
 

@@ -66,24 +66,20 @@ void srv_path_describe(const struct srv_path *path, struct srv_path_info *info) 
 }
 
 proto_json *srv_path_info_encode(const struct srv_path_info *info) {
-    proto_json *json = proto_json_object(), *size = proto_json_array();
-    bool ok = proto_json_set_string(json, "id", info->id);
+    proto_json *json = proto_json_object();
+    proto_json_set_string(&json, "id", info->id);
     if (info->owner[0])
-        ok = proto_json_set_string(json, "owner", info->owner) && ok;
-    ok = proto_json_set_string(json, "state", info->state) && ok;
+        proto_json_set_string(&json, "owner", info->owner);
+    proto_json_set_string(&json, "state", info->state);
     if (info->reason[0])
-        ok = proto_json_set_string(json, "reason", info->reason) && ok;
-    ok = proto_json_set_string(json, "volume", info->volume) && ok;
-    ok = proto_json_append_integer(size, info->size[0]) &&
-         proto_json_append_integer(size, info->size[1]) && ok;
-    ok = proto_json_set(json, "size", size) && ok;
-    ok = proto_json_set_string(json, "format", srv_path_format_name(&info->output)) && ok;
-    ok = proto_json_set_number(json, "fps", info->output.fps) && ok;
-    ok = proto_json_set_integer(json, "frames", info->output.frames) && ok;
-    ok = proto_json_set_integer(json, "done", info->done) && ok;
-    ok = proto_json_set_integer(json, "bytes", (int64_t)info->bytes) && ok;
-    if (!ok)
-        proto_json_free(&json);
+        proto_json_set_string(&json, "reason", info->reason);
+    proto_json_set_string(&json, "volume", info->volume);
+    proto_json_set(&json, "size", proto_json_integers(info->size, 2));
+    proto_json_set_string(&json, "format", srv_path_format_name(&info->output));
+    proto_json_set_number(&json, "fps", info->output.fps);
+    proto_json_set_integer(&json, "frames", info->output.frames);
+    proto_json_set_integer(&json, "done", info->done);
+    proto_json_set_integer(&json, "bytes", (int64_t)info->bytes);
     return json;
 }
 

@@ -39,20 +39,21 @@ bool srv_path_record_put(struct srv_paths *paths, const struct srv_path *path,
     proto_json *record = proto_json_object();
     proto_json *keys = (proto_json *)(uintptr_t)proto_json_get(body, "keyframes");
     srv_fingerprint_encode(&path->content, content);
-    bool ok = proto_json_set_string(record, "owner", path->owner);
-    ok = proto_json_set(record, "view", proto_view_encode(srv_keyframes_key(keyframes, 0))) && ok;
-    ok = proto_json_set(record, "defaults", proto_view_encode(defaults)) && ok;
-    ok = proto_json_set_string(record, "content", content) && ok;
-    ok = proto_json_set(record, "keyframes", proto_json_ref(keys)) && ok;
-    ok = proto_json_set_integer(record, "frames", output->frames) && ok;
-    ok = proto_json_set_number(record, "fps", output->fps) && ok;
-    ok = proto_json_set_string(record, "format", srv_path_format_name(output)) && ok;
-    ok = proto_json_set_integer(record, "quality", output->quality) && ok;
-    ok = proto_json_set_bool(record, "sealed", output->is_sealed) && ok;
+    proto_json_set_string(&record, "owner", path->owner);
+    proto_json_set(&record, "view", proto_view_encode(srv_keyframes_key(keyframes, 0)));
+    proto_json_set(&record, "defaults", proto_view_encode(defaults));
+    proto_json_set_string(&record, "content", content);
+    proto_json_set(&record, "keyframes", proto_json_ref(keys));
+    proto_json_set_integer(&record, "frames", output->frames);
+    proto_json_set_number(&record, "fps", output->fps);
+    proto_json_set_string(&record, "format", srv_path_format_name(output));
+    proto_json_set_integer(&record, "quality", output->quality);
+    proto_json_set_bool(&record, "sealed", output->is_sealed);
     size_t size = 0;
-    char *text = ok ? proto_json_to_text(record, &size) : NULL;
-    ok = text ? srv_store_put(paths->options.store, SRV_KIND_PATH, path->id, text, size, err)
-              : sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while storing a camera path");
+    char *text = proto_json_to_text(record, &size);
+    const bool ok =
+        text ? srv_store_put(paths->options.store, SRV_KIND_PATH, path->id, text, size, err)
+             : sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while storing a camera path");
     proto_json_free(&record);
     free(text);
     return ok;
@@ -64,7 +65,8 @@ void srv_path_record_fail(struct srv_paths *paths, const char *id, const char *r
     char *text = srv_store_get(paths->options.store, SRV_KIND_PATH, id, &size, &err);
     proto_json *json = text ? proto_json_parse(text, size, &err) : NULL;
     free(text);
-    text = proto_json_set_string(json, "failed", reason) ? proto_json_to_text(json, &size) : NULL;
+    proto_json_set_string(&json, "failed", reason);
+    text = proto_json_to_text(json, &size);
     if (!text || !srv_store_put(paths->options.store, SRV_KIND_PATH, id, text, size, &err))
         sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }), "cannot store that path %s failed",
                     id);

@@ -133,17 +133,19 @@ bool srv_persistence_put_volume(struct srv_store *store, const char *id,
         return true;
     }
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "source", request->source);
-    ok = proto_json_set_string(json, "name", request->name) && ok;
-    ok = proto_json_set_bool(json, "confined", request->confined) && ok;
-    if (request->owner)
-        ok = proto_json_set_string(json, "owner", request->owner) &&
-             proto_json_set_bool(json, "limited", request->is_limited) && ok;
+    proto_json_set_string(&json, "source", request->source);
+    proto_json_set_string(&json, "name", request->name);
+    proto_json_set_bool(&json, "confined", request->confined);
+    if (request->owner) {
+        proto_json_set_string(&json, "owner", request->owner);
+        proto_json_set_bool(&json, "limited", request->is_limited);
+    }
     const char *source = proto_json_string(proto_json_get(json, "source"));
     size_t size = 0;
-    char *text = ok ? proto_json_to_text(json, &size) : NULL;
+    char *text = proto_json_to_text(json, &size);
+    bool ok = text != NULL;
     if (!text)
-        ok = sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory");
+        sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory");
     else if (strcmp(source, request->source) != 0)
         ok = sp_fail(&err, SP_ERR_UNSUPPORTED, NULL, "its path is not UTF-8");
     ok = ok && srv_store_put(store, SRV_KIND_VOLUME, id, text, size, &err);

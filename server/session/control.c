@@ -71,23 +71,19 @@ char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *
                        size_t *size) {
     const struct srv_session *session = to->session;
     proto_json *params = proto_json_object(), *list = proto_json_array();
-    bool ok = session->holder
-                  ? proto_json_set_integer(params, "holder", (int64_t)session->holder->identity.id)
-                  : proto_json_set_null(params, "holder");
+    proto_json_set(&params, "holder", srv_hub_encode_holder(session));
     for (const struct srv_participant *p = session->participants; p; p = p->next) {
         if (!is_asking(p))
             continue;
         proto_json *one = proto_json_object();
         double left_ms = fmax(hub->options.control_ms - (now_ms - p->control.since_ms), 0);
-        ok = proto_json_set_integer(one, "id", (int64_t)p->identity.id) && ok;
-        ok = (may_control(p) ? proto_json_set_number(one, "seconds", left_ms / 1000)
-                             : proto_json_set_null(one, "seconds")) &&
-             ok;
-        ok = proto_json_append(list, one) && ok;
+        proto_json_set_integer(&one, "id", (int64_t)p->identity.id);
+        proto_json_set(&one, "seconds",
+                       may_control(p) ? proto_json_new_number(left_ms / 1000)
+                                      : proto_json_new_null());
+        proto_json_append(&list, one);
     }
-    ok = proto_json_set(params, "requests", list) && ok;
-    if (!ok)
-        proto_json_free(&params);
+    proto_json_set(&params, "requests", list);
     return proto_rpc_notification("session.control", params, size);
 }
 
@@ -96,8 +92,7 @@ char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *
 static bool answer(struct srv_call *call) {
     const struct srv_participant *p = call->participant;
     call->result = proto_json_object();
-    if (!proto_json_set_bool(call->result, "holds", p->session->holder == p))
-        proto_json_free(&call->result);
+    proto_json_set_bool(&call->result, "holds", p->session->holder == p);
     return true;
 }
 

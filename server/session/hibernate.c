@@ -122,20 +122,18 @@ static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
 
 static char *text_of(const struct snapshot *snapshot, size_t *size) {
     proto_json *json = proto_json_object(), *tokens = proto_json_object();
-    bool ok = snapshot->is_complete &&
-              proto_json_set_string(tokens, "control", snapshot->tokens[SRV_ROLE_CONTROL]);
-    ok = proto_json_set_string(tokens, "view", snapshot->tokens[SRV_ROLE_VIEW]) && ok;
-    ok = proto_json_set(json, "tokens", tokens) && ok;
-    ok = proto_json_set(json, "view", proto_view_encode(&snapshot->view)) && ok;
-    ok = proto_json_set_number(json, "used", (snapshot->used_ms + snapshot->past_run_ms) / 1000) &&
-         ok;
+    proto_json_set_string(&tokens, "control", snapshot->tokens[SRV_ROLE_CONTROL]);
+    proto_json_set_string(&tokens, "view", snapshot->tokens[SRV_ROLE_VIEW]);
+    proto_json_set(&json, "tokens", tokens);
+    proto_json_set(&json, "view", proto_view_encode(&snapshot->view));
+    proto_json_set_number(&json, "used", (snapshot->used_ms + snapshot->past_run_ms) / 1000);
     if (snapshot->measures.count > 0)
-        ok = proto_json_set(json, "measures", srv_measures_encode(&snapshot->measures)) && ok;
+        proto_json_set(&json, "measures", srv_measures_encode(&snapshot->measures));
     if (snapshot->is_guests)
-        ok = proto_json_set_bool(json, "guest", true) && ok;
+        proto_json_set_bool(&json, "guest", true);
     if (snapshot->owner.name[0])
-        ok = proto_json_set(json, "owner", srv_owner_encode(&snapshot->owner)) && ok;
-    char *text = ok ? proto_json_to_text(json, size) : NULL;
+        proto_json_set(&json, "owner", srv_owner_encode(&snapshot->owner));
+    char *text = snapshot->is_complete ? proto_json_to_text(json, size) : NULL;
     proto_json_free(&json);
     return text;
 }

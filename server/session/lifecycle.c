@@ -312,8 +312,7 @@ static proto_json *patch_to_first_volume(const struct srv_hub *hub) {
     source->default_view(source->user, volume, &view);
     source->release(source->user, volume);
     proto_json *patch = proto_json_object();
-    if (!proto_json_set_string(patch, "volume", view.volume))
-        proto_json_free(&patch);
+    proto_json_set_string(&patch, "volume", view.volume);
     return patch;
 }
 

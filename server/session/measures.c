@@ -76,10 +76,7 @@ void srv_measures_finish(struct srv_measures *measures) {
 proto_json *srv_measures_encode(const struct srv_measures *measures) {
     proto_json *array = proto_json_array();
     for (size_t i = 0; i < measures->count; i++)
-        if (!proto_json_append(array, proto_measure_encode(&measures->items[i].measure))) {
-            proto_json_free(&array);
-            return NULL;
-        }
+        proto_json_append(&array, proto_measure_encode(&measures->items[i].measure));
     return array;
 }
 

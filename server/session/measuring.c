@@ -70,8 +70,7 @@ bool srv_call_measure_remove(struct srv_call *call) {
         return false;
     }
     call->result = proto_json_object();
-    if (!proto_json_set_string(call->result, "id", id_of(call)))
-        proto_json_free(&call->result);
+    proto_json_set_string(&call->result, "id", id_of(call));
     return true;
 }
 
@@ -80,26 +79,22 @@ bool srv_call_measure_list(struct srv_call *call) {
     if (!srv_call_knows(call, known))
         return false;
     call->result = proto_json_object();
-    if (!proto_json_set(call->result, "measures",
-                        srv_measures_encode(&call->participant->session->measures)))
-        proto_json_free(&call->result);
+    proto_json_set(&call->result, "measures",
+                   srv_measures_encode(&call->participant->session->measures));
     return true;
 }
 
 char *srv_measures_text(struct srv_participant *to, size_t *size) {
     const struct srv_measures *measures = &to->session->measures;
     proto_json *params = proto_json_object(), *ids = proto_json_array(), *news = proto_json_array();
-    bool ok = true;
     for (size_t i = 0; i < measures->count; i++) {
         const struct srv_measure_item *item = &measures->items[i];
-        ok = proto_json_append_string(ids, item->measure.id) && ok;
+        proto_json_append_string(&ids, item->measure.id);
         if (item->clock > to->pending.measures_reported)
-            ok = proto_json_append(news, proto_measure_encode(&item->measure)) && ok;
+            proto_json_append(&news, proto_measure_encode(&item->measure));
     }
-    ok = proto_json_set(params, "ids", ids) && ok;
-    ok = proto_json_set(params, "changed", news) && ok;
-    if (!ok)
-        proto_json_free(&params);
+    proto_json_set(&params, "ids", ids);
+    proto_json_set(&params, "changed", news);
     char *text = proto_rpc_notification("session.measures", params, size);
     if (text)
         to->pending.measures_reported = measures->clock;

@@ -11,19 +11,15 @@
 
 static char *text_of_participants(const struct srv_participant *to, size_t *size) {
     proto_json *params = proto_json_object();
-    bool ok = proto_json_set_integer(params, "you", (int64_t)to->identity.id);
-    ok = proto_json_set(params, "participants", srv_hub_encode_participants(to->session)) && ok;
-    if (!ok)
-        proto_json_free(&params);
+    proto_json_set_integer(&params, "you", (int64_t)to->identity.id);
+    proto_json_set(&params, "participants", srv_hub_encode_participants(to->session));
     return proto_rpc_notification("session.participants", params, size);
 }
 
 static char *encode_view(const struct srv_view_state *shared, size_t *size) {
     proto_json *params = proto_json_object();
-    bool ok = proto_json_set_integer(params, "by", (int64_t)shared->changed_by);
-    ok = proto_json_set(params, "view", proto_view_encode(&shared->view)) && ok;
-    if (!ok)
-        proto_json_free(&params);
+    proto_json_set_integer(&params, "by", (int64_t)shared->changed_by);
+    proto_json_set(&params, "view", proto_view_encode(&shared->view));
     return proto_rpc_notification("view.changed", params, size);
 }
 
@@ -43,33 +39,26 @@ static char *text_of_view(struct srv_session *session, size_t *size) {
 /* Voxels: [[first], [past the last]]. */
 static proto_json *encode_box(const uint32_t box[2][3]) {
     proto_json *json = proto_json_array();
-    bool ok = true;
-    for (int side = 0; side < 2; side++) {
-        proto_json *corner = proto_json_array();
-        for (int a = 0; a < 3; a++)
-            ok = proto_json_append_integer(corner, box[side][a]) && ok;
-        ok = proto_json_append(json, corner) && ok;
-    }
-    if (!ok)
-        proto_json_free(&json);
+    for (int side = 0; side < 2; side++)
+        proto_json_append(&json, proto_json_integers(box[side], 3));
     return json;
 }
 
 /* Of a volume that is larger than memory. */
-static bool set_bricks(proto_json *params, const struct sp_frame_bricks *bricks) {
+static void set_bricks(proto_json **params, const struct sp_frame_bricks *bricks) {
     if (bricks->memory_bytes == 0)
-        return true;
+        return;
     proto_json *numbers = proto_json_object();
-    bool ok = proto_json_set_integer(numbers, "resident", (int64_t)bricks->resident);
-    ok = proto_json_set_integer(numbers, "wanted", (int64_t)bricks->wanted) && ok;
-    ok = proto_json_set_integer(numbers, "level", bricks->level) && ok;
-    ok = proto_json_set_integer(numbers, "asked", bricks->asked) && ok;
-    ok = proto_json_set_integer(numbers, "lost", (int64_t)bricks->lost) && ok;
-    ok = proto_json_set_bool(numbers, "complete", sp_frame_bricks_is_complete(bricks)) && ok;
+    proto_json_set_integer(&numbers, "resident", (int64_t)bricks->resident);
+    proto_json_set_integer(&numbers, "wanted", (int64_t)bricks->wanted);
+    proto_json_set_integer(&numbers, "level", bricks->level);
+    proto_json_set_integer(&numbers, "asked", bricks->asked);
+    proto_json_set_integer(&numbers, "lost", (int64_t)bricks->lost);
+    proto_json_set_bool(&numbers, "complete", sp_frame_bricks_is_complete(bricks));
     if (bricks->lost)
-        ok = proto_json_set(numbers, "lost_at", encode_box(bricks->lost_box)) && ok;
-    ok = proto_json_set(params, "bricks", numbers) && ok;
-    return proto_json_set_integer(params, "memory", (int64_t)bricks->memory_bytes) && ok;
+        proto_json_set(&numbers, "lost_at", encode_box(bricks->lost_box));
+    proto_json_set(params, "bricks", numbers);
+    proto_json_set_integer(params, "memory", (int64_t)bricks->memory_bytes);
 }
 
 static char *text_of_stats(const struct srv_hub *hub, const struct srv_participant *to,
@@ -77,30 +66,24 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     const struct srv_session *session = to->session;
     const struct srv_session_stats *last = &session->stats;
     proto_json *params = proto_json_object();
-    bool ok = proto_json_set_string(params, "backend", hub->backend);
-    ok = proto_json_set_string(params, "device", hub->device) && ok;
-    ok = proto_json_set_number(params, "fps",
-                               last->interval_ms > 0 ? 1000 / last->interval_ms : 0) &&
-         ok;
-    ok = proto_json_set_number(params, "render_ms", last->render_ms) && ok;
-    ok = proto_json_set_number(params, "encode_ms", last->encode_ms) && ok;
-    ok = proto_json_set_integer(params, "width", last->width) && ok;
-    ok = proto_json_set_integer(params, "height", last->height) && ok;
-    ok = proto_json_set_integer(params, "coarse", last->mip_level) && ok;
-    ok = proto_json_set_integer(params, "splats", (int64_t)last->splats) && ok;
-    ok = proto_json_set_integer(params, "visible_voxels", (int64_t)last->visible_voxels) && ok;
-    ok = set_bricks(params, &last->bricks) && ok;
-    ok = proto_json_set_number(params, "rtt_ms", srv_window_rtt_ms(&to->delivery.window)) && ok;
-    ok = proto_json_set_number(params, "bandwidth", srv_window_rate(&to->delivery.window) * 1000) &&
-         ok;
-    ok = proto_json_set_integer(params, "window",
-                                srv_window_frames(&to->delivery.window, to->settings.max_fps)) &&
-         ok;
-    ok = proto_json_set_integer(params, "frames", (int64_t)to->delivery.frames_sent) && ok;
-    ok = proto_json_set_integer(params, "bytes", (int64_t)to->delivery.bytes_sent) && ok;
-    ok = proto_json_set_integer(params, "dropped", (int64_t)to->delivery.outbox.dropped) && ok;
-    if (!ok)
-        proto_json_free(&params);
+    proto_json_set_string(&params, "backend", hub->backend);
+    proto_json_set_string(&params, "device", hub->device);
+    proto_json_set_number(&params, "fps", last->interval_ms > 0 ? 1000 / last->interval_ms : 0);
+    proto_json_set_number(&params, "render_ms", last->render_ms);
+    proto_json_set_number(&params, "encode_ms", last->encode_ms);
+    proto_json_set_integer(&params, "width", last->width);
+    proto_json_set_integer(&params, "height", last->height);
+    proto_json_set_integer(&params, "coarse", last->mip_level);
+    proto_json_set_integer(&params, "splats", (int64_t)last->splats);
+    proto_json_set_integer(&params, "visible_voxels", (int64_t)last->visible_voxels);
+    set_bricks(&params, &last->bricks);
+    proto_json_set_number(&params, "rtt_ms", srv_window_rtt_ms(&to->delivery.window));
+    proto_json_set_number(&params, "bandwidth", srv_window_rate(&to->delivery.window) * 1000);
+    proto_json_set_integer(&params, "window",
+                           srv_window_frames(&to->delivery.window, to->settings.max_fps));
+    proto_json_set_integer(&params, "frames", (int64_t)to->delivery.frames_sent);
+    proto_json_set_integer(&params, "bytes", (int64_t)to->delivery.bytes_sent);
+    proto_json_set_integer(&params, "dropped", (int64_t)to->delivery.outbox.dropped);
     return proto_rpc_notification("stream.stats", params, size);
 }
 
@@ -126,24 +109,20 @@ static char *text_of_volume(const struct srv_hub *hub, struct srv_participant *p
         return NULL;
     p->pending.volume_reported = note->clock;
     proto_json *params = proto_json_object();
-    bool ok = proto_json_set_string(params, "volume", note->id);
-    ok = proto_json_set_string(params, "state", note->state) && ok;
-    ok = proto_json_set_number(params, "progress", note->progress) && ok;
+    proto_json_set_string(&params, "volume", note->id);
+    proto_json_set_string(&params, "state", note->state);
+    proto_json_set_number(&params, "progress", note->progress);
     if (note->reason[0])
-        ok = proto_json_set_string(params, "reason", note->reason) && ok;
-    if (!ok)
-        proto_json_free(&params);
+        proto_json_set_string(&params, "reason", note->reason);
     return proto_rpc_notification("volume.progress", params, size);
 }
 
 static char *text_of_error(const struct srv_participant *p, size_t *size) {
     proto_json *params = proto_json_object();
-    bool ok = proto_json_set_integer(params, "code", proto_rpc_code_from(p->pending.error.code));
-    ok = proto_json_set_string(params, "message", p->pending.error.text) && ok;
+    proto_json_set_integer(&params, "code", proto_rpc_code_from(p->pending.error.code));
+    proto_json_set_string(&params, "message", p->pending.error.text);
     if (p->pending.error.place[0])
-        ok = proto_json_set_string(params, "pointer", p->pending.error.place) && ok;
-    if (!ok)
-        proto_json_free(&params);
+        proto_json_set_string(&params, "pointer", p->pending.error.place);
     return proto_rpc_notification("render.error", params, size);
 }
 

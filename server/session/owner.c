@@ -38,12 +38,10 @@ int srv_owner_fps(const struct srv_owner *owner, int wanted) {
 
 proto_json *srv_owner_encode(const struct srv_owner *owner) {
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "name", owner->name);
-    ok = proto_json_set_integer(json, "sessions", owner->quota.sessions) && ok;
-    ok = proto_json_set_integer(json, "fps", owner->quota.fps) && ok;
-    ok = proto_json_set_integer(json, "frame_px", (int64_t)owner->quota.frame_px) && ok;
-    if (!ok)
-        proto_json_free(&json);
+    proto_json_set_string(&json, "name", owner->name);
+    proto_json_set_integer(&json, "sessions", owner->quota.sessions);
+    proto_json_set_integer(&json, "fps", owner->quota.fps);
+    proto_json_set_integer(&json, "frame_px", (int64_t)owner->quota.frame_px);
     return json;
 }
 

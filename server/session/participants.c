@@ -213,21 +213,22 @@ const char *srv_hub_color(const struct srv_participant *participant) {
     return palette[participant->identity.color];
 }
 
+proto_json *srv_hub_encode_holder(const struct srv_session *session) {
+    return session->holder ? proto_json_new_integer((int64_t)session->holder->identity.id)
+                           : proto_json_new_null();
+}
+
 proto_json *srv_hub_encode_participants(const struct srv_session *session) {
     proto_json *list = proto_json_array();
-    bool ok = true;
     for (const struct srv_participant *p = session->participants; p; p = p->next) {
         proto_json *one = proto_json_object();
-        ok = proto_json_set_integer(one, "id", (int64_t)p->identity.id) && ok;
-        ok = proto_json_set_string(one, "role",
-                                   p->identity.role == SRV_ROLE_CONTROL ? "control" : "view") &&
-             ok;
-        ok = proto_json_set_string(one, "name", p->identity.name) && ok;
-        ok = proto_json_set_string(one, "color", palette[p->identity.color]) && ok;
-        ok = proto_json_append(list, one) && ok;
+        proto_json_set_integer(&one, "id", (int64_t)p->identity.id);
+        proto_json_set_string(&one, "role",
+                              p->identity.role == SRV_ROLE_CONTROL ? "control" : "view");
+        proto_json_set_string(&one, "name", p->identity.name);
+        proto_json_set_string(&one, "color", palette[p->identity.color]);
+        proto_json_append(&list, one);
     }
-    if (!ok)
-        proto_json_free(&list);
     return list;
 }
 

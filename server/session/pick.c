@@ -42,19 +42,13 @@ static bool read_point(struct srv_call *call, const uint32_t size[2], double at[
 }
 
 static proto_json *encode_pick(const struct sp_pick *pick) {
-    proto_json *json = proto_json_object(), *position = pick->is_hit ? proto_json_array() : NULL;
-    bool ok = true;
-    for (int i = 0; pick->is_hit && i < 3; i++)
-        ok = proto_json_append_number(position, pick->position[i]) && ok;
-    ok = (pick->is_hit ? proto_json_set(json, "position", position)
-                       : proto_json_set_null(json, "position")) &&
-         ok;
-    ok = (pick->is_hit && !isnan(pick->value) ? proto_json_set_number(json, "value", pick->value)
-                                              : proto_json_set_null(json, "value")) &&
-         ok;
-    ok = proto_json_set_number(json, "opacity", pick->opacity) && ok;
-    if (!ok)
-        proto_json_free(&json);
+    proto_json *json = proto_json_object();
+    proto_json_set(&json, "position",
+                   pick->is_hit ? proto_json_numbers(pick->position, 3) : proto_json_new_null());
+    proto_json_set(&json, "value",
+                   pick->is_hit && !isnan(pick->value) ? proto_json_new_number(pick->value)
+                                                       : proto_json_new_null());
+    proto_json_set_number(&json, "opacity", pick->opacity);
     return json;
 }
 

@@ -101,19 +101,14 @@ void srv_play_advance(struct srv_hub *hub, struct srv_session *session, double n
         take_step(hub, session, now_ms);
 }
 
-static bool encode(proto_json *json, const struct srv_session *session) {
-    return proto_json_set_number(json, "rate", session->play.rate) &&
-           proto_json_set_number(json, "steps", session->play.steps) &&
-           proto_json_set_integer(json, "step", session->shared.view.time.step) &&
-           proto_json_set_integer(json, "count", session->shared.steps) &&
-           proto_json_set_bool(json, "loading", session->shared.is_waiting);
-}
-
 /* NULL = out of memory. */
 static proto_json *encode_time(const struct srv_session *session) {
     proto_json *json = proto_json_object();
-    if (!encode(json, session))
-        proto_json_free(&json);
+    proto_json_set_number(&json, "rate", session->play.rate);
+    proto_json_set_number(&json, "steps", session->play.steps);
+    proto_json_set_integer(&json, "step", session->shared.view.time.step);
+    proto_json_set_integer(&json, "count", session->shared.steps);
+    proto_json_set_bool(&json, "loading", session->shared.is_waiting);
     return json;
 }
 

@@ -73,30 +73,22 @@ static bool is_image(const struct srv_participant *p, const struct srv_encoding 
     return e->video == SP_VIDEO_CODEC_COUNT || p->delivery.is_video_refused;
 }
 
-static bool set_size(proto_json *json, const char *key, const uint32_t size[2]) {
-    proto_json *pair = proto_json_array();
-    bool ok = proto_json_append_integer(pair, size[0]) && proto_json_append_integer(pair, size[1]);
-    return proto_json_set(json, key, pair) && ok;
-}
-
 /* detail: NULL = not known yet. */
 static proto_json *encode(const struct srv_participant *p, const struct srv_encoding *e,
                           const struct srv_moving_detail *detail) {
     bool image = is_image(p, e);
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "format",
-                                    image ? sp_image_format_info(e->format)->name
-                                          : sp_video_codec_name(e->video));
+    proto_json_set_string(&json, "format",
+                          image ? sp_image_format_info(e->format)->name
+                                : sp_video_codec_name(e->video));
     if (has_quality(e))
-        ok = proto_json_set_integer(json, "quality", e->quality) && ok;
+        proto_json_set_integer(&json, "quality", e->quality);
     if (image && e->format == SP_IMAGE_JPEG)
-        ok = proto_json_set_string(json, "subsampling", sp_chroma_name(e->chroma)) && ok;
+        proto_json_set_string(&json, "subsampling", sp_chroma_name(e->chroma));
     if (detail) {
-        ok = set_size(json, "size", detail->size) && ok;
-        ok = proto_json_set_integer(json, "coarse", detail->mip_level) && ok;
+        proto_json_set(&json, "size", proto_json_integers(detail->size, 2));
+        proto_json_set_integer(&json, "coarse", detail->mip_level);
     }
-    if (!ok)
-        proto_json_free(&json);
     return json;
 }
 
@@ -110,19 +102,16 @@ static proto_json *reasons(const struct srv_participant *p, const struct srv_enc
     srv_rate_control_size(&then, m->full_size, most);
     bool is_less = is_known && (m->mip_level > 0 || m->size[0] < most[0] || m->size[1] < most[1]);
     proto_json *list = proto_json_array();
-    bool ok = list != NULL;
     if (moving->video != SP_VIDEO_CODEC_COUNT && p->delivery.is_video_refused)
-        ok = proto_json_append_string(list, "video_pixels") && ok;
+        proto_json_append_string(&list, "video_pixels");
     if (moving->quality < p->settings.quality)
-        ok = proto_json_append_string(list, "quality") && ok;
+        proto_json_append_string(&list, "quality");
     if (rate->step > 0 || rate->is_video)
-        ok = proto_json_append_string(list, "bandwidth") && ok;
+        proto_json_append_string(&list, "bandwidth");
     if (is_less)
-        ok = proto_json_append_string(list, m->sharp_ms > 0 ? "time" : "unknown_time") && ok;
+        proto_json_append_string(&list, m->sharp_ms > 0 ? "time" : "unknown_time");
     if (is_less && m->is_shared)
-        ok = proto_json_append_string(list, "shared_time") && ok;
-    if (!ok)
-        proto_json_free(&list);
+        proto_json_append_string(&list, "shared_time");
     return list;
 }
 
@@ -134,22 +123,18 @@ char *srv_policy_text(struct srv_participant *p, double now_ms, size_t *size) {
     srv_hub_size(p->session, p, full.size);
     bool is_known = p->settings.progressive && p->policy.moving.size[0] > 0;
     proto_json *params = proto_json_object();
-    bool ok = proto_json_set(params, "moving",
-                             encode(p, &moving,
-                                    is_known                   ? &p->policy.moving
-                                    : !p->settings.progressive ? &full
-                                                               : NULL));
-    ok = proto_json_set(params, "final", encode(p, &final, &full)) && ok;
-    ok = proto_json_set(params, "why", reasons(p, &moving, is_known)) && ok;
+    proto_json_set(&params, "moving",
+                   encode(p, &moving,
+                          is_known                   ? &p->policy.moving
+                          : !p->settings.progressive ? &full
+                                                     : NULL));
+    proto_json_set(&params, "final", encode(p, &final, &full));
+    proto_json_set(&params, "why", reasons(p, &moving, is_known));
     if (is_known) {
-        ok = proto_json_set_number(params, "budget_ms",
-                                   round(p->policy.moving.budget_ms * 10) / 10) &&
-             ok;
-        ok = proto_json_set_number(params, "sharp_ms", p->policy.moving.sharp_ms) && ok;
+        proto_json_set_number(&params, "budget_ms", round(p->policy.moving.budget_ms * 10) / 10);
+        proto_json_set_number(&params, "sharp_ms", p->policy.moving.sharp_ms);
     }
     p->policy.reported = p->policy.moving;
     p->policy.told_ms = now_ms;
-    if (!ok)
-        proto_json_free(&params);
     return proto_rpc_notification("stream.policy", params, size);
 }

@@ -59,11 +59,9 @@ static bool view_update(struct srv_call *call) {
     p->delivery.seq = (uint32_t)seq;
     p->delivery.updated_ms = call->now_ms;
     call->result = proto_json_object();
-    bool ok = proto_json_set_integer(call->result, "seq", seq);
+    proto_json_set_integer(&call->result, "seq", seq);
     if (p->session->shared.image == image)
-        ok = proto_json_set(call->result, "same_image", proto_json_new_bool(true)) && ok;
-    if (!ok)
-        proto_json_free(&call->result);
+        proto_json_set(&call->result, "same_image", proto_json_new_bool(true));
     return true;
 }
 
@@ -72,11 +70,9 @@ static bool view_get(struct srv_call *call) {
     if (!srv_call_knows(call, known))
         return false;
     call->result = proto_json_object();
-    bool ok = proto_json_set(call->result, "view",
-                             proto_view_encode(&call->participant->session->shared.view));
-    ok = proto_json_set_integer(call->result, "seq", call->participant->delivery.seq) && ok;
-    if (!ok)
-        proto_json_free(&call->result);
+    proto_json_set(&call->result, "view",
+                   proto_view_encode(&call->participant->session->shared.view));
+    proto_json_set_integer(&call->result, "seq", call->participant->delivery.seq);
     return true;
 }
 

@@ -412,6 +412,8 @@ void srv_hibernated_list(struct srv_hub *hub, const char *owner, double now_ms,
                          struct srv_page *page);
 void srv_hibernated_free(struct srv_hub *hub);
 
+/* Returns the id of the participant that holds control, or null. NULL when out of memory. */
+proto_json *srv_hub_encode_holder(const struct srv_session *session);
 /* Returns {"id", "role", "name", "color"} of each participant. NULL when out of memory. */
 proto_json *srv_hub_encode_participants(const struct srv_session *session);
 /* Returns the colour of a participant, "#rrggbb". A constant string. */

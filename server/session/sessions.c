@@ -24,25 +24,19 @@ static int64_t max_pixels(const struct srv_hub *hub, const struct srv_session *s
 static proto_json *encode_session(const struct srv_hub *hub, const struct srv_session *session,
                                   bool with_tokens, struct sp_error *err) {
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "id", session->identity.id);
+    proto_json_set_string(&json, "id", session->identity.id);
     if (with_tokens) {
         proto_json *tokens = proto_json_object();
-        ok = proto_json_set_string(tokens, "control", session->identity.tokens[SRV_ROLE_CONTROL]) &&
-             ok;
-        ok = proto_json_set_string(tokens, "view", session->identity.tokens[SRV_ROLE_VIEW]) && ok;
-        ok = proto_json_set(json, "tokens", tokens) && ok;
+        proto_json_set_string(&tokens, "control", session->identity.tokens[SRV_ROLE_CONTROL]);
+        proto_json_set_string(&tokens, "view", session->identity.tokens[SRV_ROLE_VIEW]);
+        proto_json_set(&json, "tokens", tokens);
     }
-    ok = proto_json_set(json, "view", proto_view_encode(&session->shared.view)) && ok;
-    ok = proto_json_set_integer(json, "max_pixels", max_pixels(hub, session)) && ok;
-    ok = (session->holder
-              ? proto_json_set_integer(json, "holder", (int64_t)session->holder->identity.id)
-              : proto_json_set_null(json, "holder")) &&
-         ok;
-    ok = proto_json_set(json, "participants", srv_hub_encode_participants(session)) && ok;
-    if (!ok) {
-        proto_json_free(&json);
+    proto_json_set(&json, "view", proto_view_encode(&session->shared.view));
+    proto_json_set_integer(&json, "max_pixels", max_pixels(hub, session));
+    proto_json_set(&json, "holder", srv_hub_encode_holder(session));
+    proto_json_set(&json, "participants", srv_hub_encode_participants(session));
+    if (!json)
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the answer");
-    }
     return json;
 }
 

@@ -147,16 +147,12 @@ static void set_name(struct srv_call *call, const char *name) {
 /* Returns the names of all formats that this daemon sends, so that a client offers no others. */
 static proto_json *encode_formats(void) {
     proto_json *list = proto_json_array();
-    bool ok = list != NULL;
-    for (int f = 0; ok && f < SP_IMAGE_FORMAT_COUNT; f++)
+    for (int f = 0; f < SP_IMAGE_FORMAT_COUNT; f++)
         if (f != SP_IMAGE_EXR)
-            ok =
-                proto_json_append_string(list, sp_image_format_info((enum sp_image_format)f)->name);
-    for (int v = 0; ok && v < SP_VIDEO_CODEC_COUNT; v++)
+            proto_json_append_string(&list, sp_image_format_info((enum sp_image_format)f)->name);
+    for (int v = 0; v < SP_VIDEO_CODEC_COUNT; v++)
         if (sp_video_is_available((enum sp_video_codec)v))
-            ok = proto_json_append_string(list, sp_video_codec_name((enum sp_video_codec)v));
-    if (!ok)
-        proto_json_free(&list);
+            proto_json_append_string(&list, sp_video_codec_name((enum sp_video_codec)v));
     return list;
 }
 
@@ -164,22 +160,19 @@ static proto_json *encode_formats(void) {
 static proto_json *encode_settings(const struct srv_participant *p) {
     uint32_t size[2];
     srv_hub_size(p->session, p, size);
-    proto_json *result = proto_json_object(), *pair = proto_json_array();
+    proto_json *result = proto_json_object();
     const char *format = p->settings.video == SP_VIDEO_CODEC_COUNT
                              ? sp_image_format_info(p->settings.format)->name
                              : sp_video_codec_name(p->settings.video);
-    bool ok = proto_json_set_string(result, "format", format);
-    ok = proto_json_set_integer(result, "quality", p->settings.quality) && ok;
-    ok = proto_json_set_string(result, "subsampling", sp_chroma_name(p->settings.chroma)) && ok;
-    ok = proto_json_set_integer(result, "max_fps", p->settings.max_fps) && ok;
-    ok = proto_json_append_integer(pair, size[0]) && proto_json_append_integer(pair, size[1]) && ok;
-    ok = proto_json_set(result, "size", pair) && ok;
-    ok = proto_json_set_bool(result, "progressive", p->settings.progressive) && ok;
-    ok = proto_json_set_bool(result, "lossless", p->settings.lossless) && ok;
-    ok = proto_json_set_string(result, "name", p->identity.name) && ok;
-    ok = proto_json_set(result, "formats", encode_formats()) && ok;
-    if (!ok)
-        proto_json_free(&result);
+    proto_json_set_string(&result, "format", format);
+    proto_json_set_integer(&result, "quality", p->settings.quality);
+    proto_json_set_string(&result, "subsampling", sp_chroma_name(p->settings.chroma));
+    proto_json_set_integer(&result, "max_fps", p->settings.max_fps);
+    proto_json_set(&result, "size", proto_json_integers(size, 2));
+    proto_json_set_bool(&result, "progressive", p->settings.progressive);
+    proto_json_set_bool(&result, "lossless", p->settings.lossless);
+    proto_json_set_string(&result, "name", p->identity.name);
+    proto_json_set(&result, "formats", encode_formats());
     return result;
 }
 

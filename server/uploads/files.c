@@ -43,18 +43,18 @@ uint64_t srv_upload_files_free(const struct srv_uploads *uploads) {
 
 static char *encode(const struct srv_upload *upload, size_t *size) {
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "name", upload->name);
-    ok = proto_json_set_string(json, "owner", upload->owner) && ok;
-    ok = proto_json_set_string(json, "extension", upload->extension) && ok;
+    proto_json_set_string(&json, "name", upload->name);
+    proto_json_set_string(&json, "owner", upload->owner);
+    proto_json_set_string(&json, "extension", upload->extension);
     if (upload->header[0])
-        ok = proto_json_set_string(json, "header", upload->header) && ok;
+        proto_json_set_string(&json, "header", upload->header);
     if (upload->keeps_name)
-        ok = proto_json_set_integer(json, "keeps_name", 1) && ok;
-    ok = proto_json_set_integer(json, "bytes", (int64_t)upload->bytes) && ok;
-    ok = proto_json_set_integer(json, "offset", (int64_t)upload->offset) && ok;
+        proto_json_set_integer(&json, "keeps_name", 1);
+    proto_json_set_integer(&json, "bytes", (int64_t)upload->bytes);
+    proto_json_set_integer(&json, "offset", (int64_t)upload->offset);
     if (upload->modified_ms)
-        ok = proto_json_set_integer(json, "modified", upload->modified_ms) && ok;
-    char *text = ok ? proto_json_to_text(json, size) : NULL;
+        proto_json_set_integer(&json, "modified", upload->modified_ms);
+    char *text = proto_json_to_text(json, size);
     proto_json_free(&json);
     return text;
 }

@@ -173,8 +173,8 @@ static bool read_cameras(struct bench_scene *scene, const proto_json *list, stru
         struct sp_view view = scene->view;
         proto_json *camera = proto_json_ref((proto_json *)(uintptr_t)proto_json_at(list, k));
         proto_json *patch = proto_json_object();
-        bool ok = proto_json_set(patch, "camera", camera) &&
-                  proto_view_apply(patch, &scene->view, &view, err);
+        proto_json_set(&patch, "camera", camera);
+        bool ok = proto_view_apply(patch, &scene->view, &view, err);
         proto_json_free(&patch);
         if (!ok)
             return false;
@@ -240,11 +240,9 @@ bool bench_scene_open(struct bench_scene *scene, const char *file, const char *d
 bool bench_scene_open_volume(struct bench_scene *scene, const char *source, const char *data,
                              const struct bench_overrides *overrides, struct sp_error *err) {
     proto_json *json = proto_json_object();
-    if (!proto_json_set_string(json, "volume", source)) {
-        proto_json_free(&json);
-        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a scene");
-    }
-    return open_json(scene, json, data, overrides, err);
+    proto_json_set_string(&json, "volume", source);
+    return json ? open_json(scene, json, data, overrides, err)
+                : sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a scene");
 }
 
 void bench_scene_close(struct bench_scene *scene) {

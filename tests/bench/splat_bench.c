@@ -79,10 +79,16 @@ static bool print_json(proto_json *json, struct sp_error *err) {
     return true;
 }
 
+/* Leaves out what is not finite, such as the PSNR of equal images. */
+static void set_number(proto_json **json, const char *key, double value) {
+    if (isfinite(value))
+        proto_json_set_number(json, key, value);
+}
+
 static proto_json *encode_stages(const struct bench_times *t) {
     proto_json *stages = proto_json_object();
     for (uint32_t i = 0; i < t->last.stage_count; i++)
-        proto_json_set_number(stages, t->last.stages[i].name, round2(t->stage_ms[i] / t->frames));
+        set_number(&stages, t->last.stages[i].name, round2(t->stage_ms[i] / t->frames));
     return stages;
 }
 
@@ -94,7 +100,7 @@ static double rest_ms(const struct bench_times *t) {
     return fmax(rest, 0);
 }
 
-static void encode_view(proto_json *j, const struct sp_view *view) {
+static void encode_view(proto_json **j, const struct sp_view *view) {
     static const char *const modes[] = { "adaptive", "ewa",  "reconstruction",
                                          "lowpass",  "swan", "none" };
     static const char *const compositings[] = { "splat",   "sheet", "slab", "maximum",
@@ -108,26 +114,26 @@ static void encode_view(proto_json *j, const struct sp_view *view) {
     proto_json_set_string(j, "lod", view->level_of_detail == SP_LOD_OFF ? "off" : "auto");
 }
 
-static void encode_times(proto_json *j, const struct bench_times *t) {
+static void encode_times(proto_json **j, const struct bench_times *t) {
     double median = bench_median(t);
-    proto_json_set_number(j, "splats", round(t->splats / t->frames));
+    set_number(j, "splats", round(t->splats / t->frames));
     proto_json_set_integer(j, "visible_voxels", (int64_t)t->last.visible_voxels);
-    proto_json_set_number(j, "fragments", round(t->fragments / t->frames));
-    proto_json_set_number(j, "median_ms", round2(median));
-    proto_json_set_number(j, "p95_ms", round2(bench_percentile95(t)));
-    proto_json_set_number(j, "mean_ms", round2(bench_mean(t)));
-    proto_json_set_number(j, "cpu_ms", round2(t->cpu_ms / t->frames));
-    proto_json_set_number(j, "fps", round2(median > 0 ? 1000 / median : 0));
-    proto_json_set_number(j, "splats_per_second",
-                          round(median > 0 ? 1000 * t->splats / t->frames / median : 0));
+    set_number(j, "fragments", round(t->fragments / t->frames));
+    set_number(j, "median_ms", round2(median));
+    set_number(j, "p95_ms", round2(bench_percentile95(t)));
+    set_number(j, "mean_ms", round2(bench_mean(t)));
+    set_number(j, "cpu_ms", round2(t->cpu_ms / t->frames));
+    set_number(j, "fps", round2(median > 0 ? 1000 / median : 0));
+    set_number(j, "splats_per_second",
+               round(median > 0 ? 1000 * t->splats / t->frames / median : 0));
     proto_json_set(j, "stages", encode_stages(t));
-    proto_json_set_number(j, "rest_ms", round2(rest_ms(t)));
-    proto_json_set_number(j, "cold_classify_ms", round2(t->cold_classify_ms));
-    proto_json_set_number(j, "allocations", round2((double)t->allocations / t->frames));
+    set_number(j, "rest_ms", round2(rest_ms(t)));
+    set_number(j, "cold_classify_ms", round2(t->cold_classify_ms));
+    set_number(j, "allocations", round2((double)t->allocations / t->frames));
 }
 
 /* Prints the bytes of the samples, of the data cached from them, and of the process. */
-static void encode_memory(proto_json *j, const struct bench_studio *studio) {
+static void encode_memory(proto_json **j, const struct bench_studio *studio) {
     const struct sp_volume_info *info = sp_volume_info(studio->scene->volume);
     uint64_t derived = sp_renderer_memory(studio->renderer, studio->scene->volume);
     uint64_t voxels = (uint64_t)info->grid.dims[0] * info->grid.dims[1] * info->grid.dims[2];
@@ -136,36 +142,35 @@ static void encode_memory(proto_json *j, const struct bench_studio *studio) {
     proto_json_set_integer(j, "voxels", (int64_t)voxels);
     proto_json_set_integer(j, "bytes", (int64_t)(info->voxel_bytes + derived));
     proto_json_set_integer(j, "derived_bytes", (int64_t)derived);
-    proto_json_set_number(j, "derived_per_voxel",
-                          round(1e4 * (double)derived / (double)voxels) / 1e4);
+    set_number(j, "derived_per_voxel", round(1e4 * (double)derived / (double)voxels) / 1e4);
     proto_json_set_integer(j, "peak_rss", (int64_t)usage_of_process.ru_maxrss * 1024);
 }
 
 static proto_json *encode_against(const struct bench_result *r, const char *setting) {
     const struct bench_times *t = &r->against;
     proto_json *j = proto_json_object();
-    proto_json_set_string(j, "setting", setting);
-    proto_json_set_number(j, "splats", round(t->splats / t->frames));
-    proto_json_set_number(j, "median_ms", round2(bench_median(t)));
-    proto_json_set_number(j, "cpu_ms", round2(t->cpu_ms / t->frames));
+    proto_json_set_string(&j, "setting", setting);
+    set_number(&j, "splats", round(t->splats / t->frames));
+    set_number(&j, "median_ms", round2(bench_median(t)));
+    set_number(&j, "cpu_ms", round2(t->cpu_ms / t->frames));
     if (bench_median(&r->times) > 0)
-        proto_json_set_number(j, "speedup", round2(bench_median(t) / bench_median(&r->times)));
+        set_number(&j, "speedup", round2(bench_median(t) / bench_median(&r->times)));
     if (r->times.cpu_ms > 0)
-        proto_json_set_number(j, "cpu_speedup", round2(t->cpu_ms / r->times.cpu_ms));
+        set_number(&j, "cpu_speedup", round2(t->cpu_ms / r->times.cpu_ms));
     if (r->has_psnr) {
-        proto_json_set_number(j, "psnr_db", round2(r->psnr_db));
-        proto_json_set_number(j, "psnr_worst_db", round2(r->psnr_worst_db));
+        set_number(&j, "psnr_db", round2(r->psnr_db));
+        set_number(&j, "psnr_worst_db", round2(r->psnr_worst_db));
     }
     return j;
 }
 
 static proto_json *encode_cancels(const struct bench_cancels *c) {
     proto_json *j = proto_json_object();
-    proto_json_set_integer(j, "stopped", c->stopped);
-    proto_json_set_integer(j, "finished", c->finished);
-    proto_json_set_number(j, "median_ms", round2(c->median_ms));
-    proto_json_set_number(j, "worst_ms", round2(c->worst_ms));
-    proto_json_set_number(j, "range_ms", round2(c->random_range_ms));
+    proto_json_set_integer(&j, "stopped", c->stopped);
+    proto_json_set_integer(&j, "finished", c->finished);
+    set_number(&j, "median_ms", round2(c->median_ms));
+    set_number(&j, "worst_ms", round2(c->worst_ms));
+    set_number(&j, "range_ms", round2(c->random_range_ms));
     return j;
 }
 
@@ -173,21 +178,21 @@ static proto_json *encode_result(const struct bench_studio *studio, const struct
     const struct bench_options *o = studio->options;
     const struct sp_frame_stats *stats = &r->times.last;
     proto_json *j = proto_json_object();
-    proto_json_set_string(j, "scene", studio->scene->name);
-    proto_json_set_string(j, "backend", stats->backend);
-    proto_json_set_string(j, "device", stats->device);
-    proto_json_set_string(j, "isa", stats->isa);
-    proto_json_set_integer(j, "threads", stats->threads);
-    proto_json_set_integer(j, "in_flight", bench_in_flight(studio));
-    encode_view(j, &studio->way.view);
-    proto_json_set_integer(j, "coarse", stats->mip_level);
-    proto_json_set_integer(j, "views", studio->scene->camera_count);
-    encode_times(j, &r->times);
-    encode_memory(j, studio);
+    proto_json_set_string(&j, "scene", studio->scene->name);
+    proto_json_set_string(&j, "backend", stats->backend);
+    proto_json_set_string(&j, "device", stats->device);
+    proto_json_set_string(&j, "isa", stats->isa);
+    proto_json_set_integer(&j, "threads", stats->threads);
+    proto_json_set_integer(&j, "in_flight", bench_in_flight(studio));
+    encode_view(&j, &studio->way.view);
+    proto_json_set_integer(&j, "coarse", stats->mip_level);
+    proto_json_set_integer(&j, "views", studio->scene->camera_count);
+    encode_times(&j, &r->times);
+    encode_memory(&j, studio);
     if (o->against_text)
-        proto_json_set(j, "against", encode_against(r, o->against_text));
+        proto_json_set(&j, "against", encode_against(r, o->against_text));
     if (o->cancel)
-        proto_json_set(j, "cancel", encode_cancels(&r->cancels));
+        proto_json_set(&j, "cancel", encode_cancels(&r->cancels));
     return j;
 }
 
@@ -207,8 +212,8 @@ static bool run_scene(struct bench_studio *studio, struct sp_error *err) {
     const struct bench_options *o = studio->options;
     if (scene->skipped[0]) {
         proto_json *json = proto_json_object();
-        proto_json_set_string(json, "scene", scene->name);
-        proto_json_set_string(json, "skipped", scene->skipped);
+        proto_json_set_string(&json, "scene", scene->name);
+        proto_json_set_string(&json, "skipped", scene->skipped);
         return print_json(json, err);
     }
     struct bench_result r;

@@ -84,9 +84,9 @@ static int apply_scene(const struct band *band, struct sp_view *view, int64_t *v
     proto_json *patch = proto_json_object();
     const proto_json *camera = proto_json_at(proto_json_get(json, "cameras"), band->camera);
     const struct sp_view defaults = *view;
-    bool ok = json && patch && camera &&
+    proto_json_set(&patch, "camera", proto_json_ref((proto_json *)camera));
+    bool ok = json && patch &&
               proto_view_apply(proto_json_get(json, "view"), &defaults, view, &err) &&
-              proto_json_set(patch, "camera", proto_json_ref((proto_json *)camera)) &&
               proto_view_apply(patch, &defaults, view, &err) &&
               proto_json_integer(proto_json_get(json, "visible_voxels"), visible);
     if (!ok)

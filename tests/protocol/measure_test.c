@@ -269,7 +269,7 @@ static void the_share_outside_is_restored(void **state) {
     proto_json *json = proto_measure_encode(&m);
     assert_true(proto_measure_restore(json, &again));
     assert_true(again.value.result.outside == 0.25);
-    assert_true(proto_json_set_number(json, "outside", 7));
+    proto_json_set_number(&json, "outside", 7);
     assert_true(proto_measure_restore(json, &again));
     assert_true(again.value.result.outside == 0);
     proto_json_free(&json);
@@ -288,7 +288,7 @@ static void a_marker_has_the_unit_of_the_data(void **state) {
     assert_string_equal(proto_json_string(proto_json_get(json, "unit")), "HU");
     assert_true(proto_measure_restore(json, &again));
     assert_string_equal(again.value.data_unit, "HU");
-    assert_true(proto_json_set_null(json, "data_unit"));
+    proto_json_set_null(&json, "data_unit");
     assert_true(proto_measure_restore(json, &again));
     assert_string_equal(again.value.data_unit, "");
     proto_json_free(&json);

@@ -30,7 +30,7 @@ static void requests_are_decoded(void **state) {
     assert_int_equal(seq, 3);
     size_t size;
     proto_json *result = proto_json_object();
-    proto_json_set_integer(result, "seq", 3);
+    proto_json_set_integer(&result, "seq", 3);
     char *answer = proto_rpc_result(message.id, result, &size);
     assert_string_equal(answer, "{\"jsonrpc\":\"2.0\",\"id\":7,\"result\":{\"seq\":3}}");
     assert_int_equal(size, strlen(answer));

@@ -21,14 +21,14 @@ static proto_json *answer_line(const char *line, size_t size) {
         ok = proto_view_apply(proto_json_at(patches, i), &defaults, &view, &err);
     proto_json_free(&patches);
     if (ok) {
-        proto_json_set(answer, "view", proto_view_encode(&view));
+        proto_json_set(&answer, "view", proto_view_encode(&view));
         return answer;
     }
     proto_json *error = proto_json_object();
-    proto_json_set_string(error, "code", sp_code_name(err.code));
-    proto_json_set_string(error, "pointer", err.place);
-    proto_json_set_string(error, "text", err.text);
-    proto_json_set(answer, "error", error);
+    proto_json_set_string(&error, "code", sp_code_name(err.code));
+    proto_json_set_string(&error, "pointer", err.place);
+    proto_json_set_string(&error, "text", err.text);
+    proto_json_set(&answer, "error", error);
     return answer;
 }
 
