@@ -354,10 +354,9 @@ static bool is_orbit_used(const struct decoder *decoder) {
 
 /* Places the camera by the members of the orbit in the patch, if there are any. The other members
  * come from the camera before the patch: a new target moves the eye along. */
-static bool place_camera(struct decoder *decoder, const proto_json *patch,
-                         const struct sp_camera *defaults, const struct sp_camera *before,
-                         struct sp_camera *camera) {
-    const proto_json *members = proto_json_get(patch, "camera");
+static bool place_camera(struct decoder *decoder, const struct sp_camera *defaults,
+                         const struct sp_camera *before, struct sp_camera *camera) {
+    const proto_json *members = proto_json_get(decoder->patch, "camera");
     const proto_json *position = proto_json_get(members, "position");
     const proto_json *up = proto_json_get(members, "up");
     if (!is_orbit_used(decoder))
@@ -384,21 +383,40 @@ static bool place_camera(struct decoder *decoder, const proto_json *patch,
     return true;
 }
 
+static bool merge(struct decoder *decoder, const struct sp_view *defaults, struct sp_view *view) {
+    const struct sp_camera before = view->camera;
+    return decode_members(decoder, &proto_view_group, decoder->patch, defaults, view) &&
+           place_camera(decoder, &defaults->camera, &before, &view->camera);
+}
+
+bool proto_view_merge(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
+                      struct sp_error *err) {
+    return merge(&(struct decoder){ .patch = patch, .err = err }, defaults, view);
+}
+
+/* True if the view would be valid with the default camera. */
+static bool is_camera_at_fault(const struct sp_view *refused, const struct sp_camera *defaults) {
+    struct sp_view view = *refused;
+    memcpy(view.camera.position, defaults->position, sizeof view.camera.position);
+    memcpy(view.camera.target, defaults->target, sizeof view.camera.target);
+    memcpy(view.camera.up, defaults->up, sizeof view.camera.up);
+    return sp_view_validate(&view, NULL);
+}
+
 bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
                       struct sp_error *err) {
     struct decoder decoder = { .patch = patch, .err = err };
     struct sp_view merged = *view;
-    if (!decode_members(&decoder, &proto_view_group, patch, defaults, &merged) ||
-        !place_camera(&decoder, patch, &defaults->camera, &view->camera, &merged.camera))
-        return false;
     struct sp_error why;
+    if (!merge(&decoder, defaults, &merged))
+        return false;
     if (!sp_view_validate(&merged, &why)) {
-        static const char position[] = "/camera/position";
-        if (strncmp(why.place, position, sizeof position - 1) != 0 || !is_orbit_used(&decoder))
-            return sp_fail(err, why.code, why.place, "%s", why.text);
+        /* A patch with members of the orbit has no position that an error could point to. */
         bool has_distance = decoder.uses[PROTO_ORBIT_DISTANCE] == ORBIT_GIVEN;
-        return sp_fail(err, why.code, has_distance ? "/camera/distance" : "/camera",
-                       "the position that the angles and the distance give: %s", why.text);
+        if (is_orbit_used(&decoder) && is_camera_at_fault(&merged, &defaults->camera))
+            return sp_fail(err, why.code, has_distance ? "/camera/distance" : "/camera",
+                           "the position that the angles and the distance give: %s", why.text);
+        return sp_fail(err, why.code, why.place, "%s", why.text);
     }
     *view = merged;
     return true;

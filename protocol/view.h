@@ -29,6 +29,11 @@
 bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
                       struct sp_error *err);
 
+/* The same without sp_view_validate(): the caller applies another patch, or validates the view. On
+ * failure *view is undefined. */
+bool proto_view_merge(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
+                      struct sp_error *err);
+
 /* Encodes every field. Decoding the result gives the same bits. NULL when out of memory. */
 proto_json *proto_view_encode(const struct sp_view *view);
 

@@ -34,10 +34,8 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
         return false;
     source->default_view(source->user, *volume, view);
     struct sp_view defaults = *view;
-    /* A patch is validated when it is applied. */
-    if ((base || patch || sp_view_validate(view, err)) &&
-        (!base || proto_view_apply(base, &defaults, view, err)) &&
-        (!patch || proto_view_apply(patch, &defaults, view, err)) &&
+    if ((!base || proto_view_merge(base, &defaults, view, err)) &&
+        (patch ? proto_view_apply(patch, &defaults, view, err) : sp_view_validate(view, err)) &&
         can_show(hub, *volume, view, err))
         return true;
     source->release(source->user, *volume);
