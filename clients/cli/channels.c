@@ -39,7 +39,8 @@ static bool parse_look(const char *at, struct channel_option *channel) {
 }
 
 /* A source may have commas: it ends before the first one that a look follows. */
-bool channels_parse(struct layer_options *layers, const char *text) {
+bool channels_parse(struct options *options, const char *text) {
+    struct layer_options *layers = &options->layers;
     const struct channel_option plain = { .source = text,
                                           .source_bytes = strlen(text),
                                           .color = { NAN, NAN, NAN },
@@ -48,24 +49,22 @@ bool channels_parse(struct layer_options *layers, const char *text) {
     struct channel_option channel = plain;
     const char *comma = strchr(text, ',');
     bool ok = !comma && *text;
-    if (layers->channel_count == CHANNELS_MAX) {
-        usage_error("--channel", "a view has at most %d channels beside the volume", CHANNELS_MAX);
-        return false;
-    }
+    if (layers->channel_count == CHANNELS_MAX)
+        return refuse_option("--channel", "a view has at most %d channels beside the volume",
+                             CHANNELS_MAX);
     for (; comma && !ok; comma = strchr(comma + 1, ',')) {
         channel = plain;
         channel.source_bytes = (size_t)(comma - text);
         ok = comma > text && parse_look(comma + 1, &channel);
     }
-    if (!ok) {
-        usage_error("--channel",
-                    "\"%s\" is not SOURCE[,COLOR[,LOW,HIGH[,OPACITY]]], such as "
-                    "cells.tif?field=GFP,00ff00,100,4000,0.5, with a colour RRGGBB in hexadecimal "
-                    "digits, LOW < HIGH and an opacity in [0, 1); a source with commas needs a "
-                    "colour",
-                    text);
-        return false;
-    }
+    if (!ok)
+        return refuse_option(
+            "--channel",
+            "\"%s\" is not SOURCE[,COLOR[,LOW,HIGH[,OPACITY]]], such as "
+            "cells.tif?field=GFP,00ff00,100,4000,0.5, with a colour RRGGBB in hexadecimal "
+            "digits, LOW < HIGH and an opacity in [0, 1); a source with commas needs a "
+            "colour",
+            text);
     layers->channels[layers->channel_count++] = channel;
     return true;
 }

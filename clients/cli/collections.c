@@ -193,27 +193,36 @@ static bool print_links(const struct options *options, struct http *http, const 
     return ok;
 }
 
+static bool print_item(const struct options *options, struct http *http, const proto_json *item,
+                       struct sp_error *err) {
+    (void)http;
+    return print_json(options, item, err);
+}
+
+/* Prints or deletes the item that the command line names. */
+static int show_or_delete(const struct options *options, const char *collection,
+                          bool (*print)(const struct options *options, struct http *http,
+                                        const proto_json *item, struct sp_error *err),
+                          struct sp_error *err) {
+    struct http *http = connect_to_daemon(options, err);
+    proto_json *item = http ? get_or_delete(options, http, collection, err) : NULL;
+    bool ok = item && (options->delete || print(options, http, item, err));
+    proto_json_free(&item);
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}
+
 int command_session(const struct options *options, struct sp_error *err) {
     if (!options->argument)
         return usage_error("session",
                            "give the id of a session; \"splatctl sessions\" lists the ids");
-    struct http *http = connect_to_daemon(options, err);
-    proto_json *session = http ? get_or_delete(options, http, "sessions", err) : NULL;
-    bool ok = session && (options->delete || print_links(options, http, session, err));
-    proto_json_free(&session);
-    http_destroy(&http);
-    return ok ? 0 : 1;
+    return show_or_delete(options, "sessions", print_links, err);
 }
 
 int command_saved(const struct options *options, struct sp_error *err) {
     if (!options->argument)
         return usage_error("saved", "needs the id of a saved view; \"splatctl views\" lists them");
-    struct http *http = connect_to_daemon(options, err);
-    proto_json *view = http ? get_or_delete(options, http, "views", err) : NULL;
-    bool ok = view && (options->delete || print_json(options, view, err));
-    proto_json_free(&view);
-    http_destroy(&http);
-    return ok ? 0 : 1;
+    return show_or_delete(options, "views", print_item, err);
 }
 
 /* Stores the view of the command line as a preset. */
@@ -237,15 +246,10 @@ int command_preset(const struct options *options, struct sp_error *err) {
         return usage_error("preset", "needs a name; \"splatctl presets\" lists them");
     if (options->view && options->delete)
         return usage_error("preset", "takes either --view or --delete");
+    if (!options->view)
+        return show_or_delete(options, "presets", print_item, err);
     struct http *http = connect_to_daemon(options, err);
-    bool ok = http != NULL;
-    if (ok && options->view) {
-        ok = put_preset(options, http, err);
-    } else if (ok) {
-        proto_json *preset = get_or_delete(options, http, "presets", err);
-        ok = preset && (options->delete || print_json(options, preset, err));
-        proto_json_free(&preset);
-    }
+    bool ok = http && put_preset(options, http, err);
     http_destroy(&http);
     return ok ? 0 : 1;
 }

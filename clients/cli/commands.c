@@ -99,7 +99,7 @@ int command_volumes(const struct options *options, struct sp_error *err) {
     return ok ? 0 : 1;
 }
 
-static double now_s(void) {
+double now_s(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
     return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;

@@ -22,6 +22,8 @@ command_fn command_info;                                             /* info.c *
 command_fn command_convert;                                          /* convert.c */
 
 struct http *connect_to_daemon(const struct options *options, struct sp_error *err);
+/* Seconds on a clock that never goes back. */
+double now_s(void);
 /* Returns the text of a member; "" if it has none. */
 const char *text_of(const proto_json *object, const char *key);
 /* Ends a command that opened a volume: prints its id and warnings, or its description with --json.

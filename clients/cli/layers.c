@@ -37,59 +37,53 @@ bool take_comma(const char **text) {
     return ok;
 }
 
-bool layers_parse_surface(struct layer_options *layers, const char *text) {
+bool layers_parse_surface(struct options *options, const char *text) {
+    struct layer_options *layers = &options->layers;
     struct surface_option surface = { .color = { NAN, NAN, NAN }, .opacity = NAN };
     const char *at = text;
-    if (layers->surface_count == LAYERS_MAX) {
-        usage_error("--surface", "a view has at most %d layers", LAYERS_MAX);
-        return false;
-    }
+    if (layers->surface_count == LAYERS_MAX)
+        return refuse_option("--surface", "a view has at most %d layers", LAYERS_MAX);
     bool ok = take_number(&at, &surface.value);
     if (ok && take_comma(&at))
         ok = *at == ',' || take_color(&at, surface.color); /* VALUE,,OPACITY: the default */
     if (ok && take_comma(&at))
         ok = take_number(&at, &surface.opacity) && surface.opacity >= 0 && surface.opacity <= 1;
-    if (!ok || *at) {
-        usage_error("--surface",
-                    "\"%s\" is not VALUE[,COLOR[,OPACITY]], such as 120,ff8040,0.5 with a colour "
-                    "RRGGBB in hexadecimal digits and an opacity in [0, 1]",
-                    text);
-        return false;
-    }
+    if (!ok || *at)
+        return refuse_option(
+            "--surface",
+            "\"%s\" is not VALUE[,COLOR[,OPACITY]], such as 120,ff8040,0.5 with a colour "
+            "RRGGBB in hexadecimal digits and an opacity in [0, 1]",
+            text);
     layers->surfaces[layers->surface_count++] = surface;
     return true;
 }
 
-bool layers_parse_shell(struct layer_options *layers, const char *text) {
+bool layers_parse_shell(struct options *options, const char *text) {
+    struct layer_options *layers = &options->layers;
     const char *at = text;
     double low, high;
-    if (!isnan(layers->low)) {
-        usage_error("--shell", "a view has at most one shell");
-        return false;
-    }
+    if (!isnan(layers->low))
+        return refuse_option("--shell", "a view has at most one shell");
     bool ok = take_number(&at, &low) && take_comma(&at) && take_number(&at, &high) && low >= 0 &&
               low <= high && high <= 1;
     bool is_fast = strcmp(at, ",fast") == 0;
-    if (!ok || (*at && !is_fast && strcmp(at, ",high") != 0)) {
-        usage_error("--shell",
-                    "\"%s\" is not LOW,HIGH[,fast], such as 0.05,0.95, with 0 <= LOW <= HIGH <= 1",
-                    text);
-        return false;
-    }
+    if (!ok || (*at && !is_fast && strcmp(at, ",high") != 0))
+        return refuse_option(
+            "--shell",
+            "\"%s\" is not LOW,HIGH[,fast], such as 0.05,0.95, with 0 <= LOW <= HIGH <= 1", text);
     layers->low = low;
     layers->high = high;
     layers->is_fast = is_fast;
     return true;
 }
 
-bool layers_parse_vectors(struct layer_options *layers, const char *text) {
+bool layers_parse_vectors(struct options *options, const char *text) {
+    struct layer_options *layers = &options->layers;
     static const char *const styles[] = { "modulate", "blend" };
     size_t length = strcspn(text, ",");
     const char *at = text + length, *style = NULL;
-    if (layers->style) {
-        usage_error("--vectors", "a view has at most one layer of vectors");
-        return false;
-    }
+    if (layers->style)
+        return refuse_option("--vectors", "a view has at most one layer of vectors");
     for (size_t i = 0; i < sizeof styles / sizeof styles[0]; i++)
         if (length == strlen(styles[i]) && strncmp(text, styles[i], length) == 0)
             style = styles[i];
@@ -99,13 +93,12 @@ bool layers_parse_vectors(struct layer_options *layers, const char *text) {
         ok = take_number(&at, &stretch) && stretch >= 1 && stretch <= 8;
     if (ok && take_comma(&at))
         ok = take_number(&at, &density) && density >= 0 && density <= 1;
-    if (!ok || *at) {
-        usage_error("--vectors",
-                    "\"%s\" is not STYLE[,STRETCH[,DENSITY]], such as modulate,4,0.2, with a style "
-                    "modulate or blend, a stretch in [1, 8] and a density in [0, 1]",
-                    text);
-        return false;
-    }
+    if (!ok || *at)
+        return refuse_option(
+            "--vectors",
+            "\"%s\" is not STYLE[,STRETCH[,DENSITY]], such as modulate,4,0.2, with a style "
+            "modulate or blend, a stretch in [1, 8] and a density in [0, 1]",
+            text);
     layers->style = style;
     layers->stretch = stretch;
     layers->density = density;

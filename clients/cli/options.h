@@ -28,6 +28,7 @@ struct slice_options {
 };
 
 enum { LAYERS_MAX = 8 }; /* of a view */
+#define STEP_OF_VIEW UINT32_MAX
 
 struct surface_option {
     double value;
@@ -69,14 +70,13 @@ struct options {
     const char *volume, *view, *out, *format, *backend, *gpu, *isa;
     const char *preset;            /* under the view; NULL = none */
     double camera[CAMERA_OPTIONS]; /* NAN = not given */
-    bool has_step;
-    unsigned step; /* of a time series */
+    unsigned step;                 /* of a time series; STEP_OF_VIEW = not given */
     struct slice_options slice;
     struct layer_options layers;
     const char *projection; /* one of the names of compositing.mode; NULL = not given */
     double window[2];       /* of the projection: centre, width; NAN = not given */
     uint32_t size[2];       /* {0, 0} = the size of the view */
-    int quality;            /* 0 = the default */
+    unsigned quality;       /* 0 = the default */
     unsigned threads;       /* 0 = one per core */
     unsigned timeout_s;
     bool local, json, no_wait, delete, help, version;
@@ -88,12 +88,14 @@ bool options_parse(struct options *options, int argc, char **argv);
 
 /* The values of --surface, --shell and --vectors (layers.c), and --channel (channels.c). False
  * after a message. */
-bool layers_parse_surface(struct layer_options *layers, const char *text);
-bool layers_parse_shell(struct layer_options *layers, const char *text);
-bool layers_parse_vectors(struct layer_options *layers, const char *text);
-bool channels_parse(struct layer_options *layers, const char *text);
+bool layers_parse_surface(struct options *options, const char *text);
+bool layers_parse_shell(struct options *options, const char *text);
+bool layers_parse_vectors(struct options *options, const char *text);
+bool channels_parse(struct options *options, const char *text);
 
-/* Prints `splatctl: what: why; see splatctl --help` to standard error and returns 2. */
+/* Print `splatctl: what: why; see splatctl --help` to standard error. The first returns 2, the exit
+ * status; the second false. */
 __attribute__((format(printf, 2, 3))) int usage_error(const char *what, const char *format, ...);
+__attribute__((format(printf, 2, 3))) bool refuse_option(const char *what, const char *format, ...);
 
 #endif

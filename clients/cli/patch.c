@@ -106,7 +106,7 @@ static void set_options(const struct options *options, proto_json **view) {
     set_camera(options, view);
     if (options->size[0])
         proto_json_set(view, "size", proto_json_integers(options->size, 2));
-    if (options->has_step)
+    if (options->step != STEP_OF_VIEW)
         set_member(view, "time", "step", proto_json_new_integer(options->step));
     set_projection(options, view);
 }

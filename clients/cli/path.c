@@ -73,12 +73,6 @@ static bool passes(const struct http_response *response, const struct sp_error *
     return err->code == SP_ERR_IO || status == 429 || (status >= 502 && status <= 504);
 }
 
-static double now_s(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
-
 /* A download of a frame or movie into a file. */
 struct download {
     struct fetching *f;

@@ -75,7 +75,7 @@ static bool render_remote(const struct options *options, struct http *http, cons
     char path[96];
     int n = snprintf(path, sizeof path, "/render?format=%s", info->name);
     if (options->quality)
-        snprintf(path + n, sizeof path - (size_t)n, "&quality=%d", options->quality);
+        snprintf(path + n, sizeof path - (size_t)n, "&quality=%u", options->quality);
     if (body)
         ok = http_request(http, "POST", path, info->mime, body, &response, err);
     else if (id)

@@ -65,7 +65,7 @@ static bool make_query(struct query *query, const struct options *options, struc
     bool needs_middle = axis && !slice->index;
     return add(query, http, "format", format, err) && add(query, http, "axis", axis, err) &&
            add(query, http, "index", slice->index, err) &&
-           add(query, http, "step", options->has_step ? step : NULL, err) &&
+           add(query, http, "step", options->step != STEP_OF_VIEW ? step : NULL, err) &&
            (!needs_middle || add_middle(query, http, path, axis, err)) &&
            add(query, http, "origin", slice->origin, err) &&
            add(query, http, "normal", slice->normal, err) &&

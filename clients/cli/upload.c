@@ -30,12 +30,6 @@ struct sending {
     double begin_s, shown_s;
 };
 
-static double now_s(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
-}
-
 /* Shows progress on one line of a terminal, and nothing elsewhere. */
 static void show_progress(struct sending *s, bool is_end) {
     double now = now_s(), took = now - s->begin_s;
