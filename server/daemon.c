@@ -132,16 +132,6 @@ static void on_unloaded(void *user, struct sp_volume *volume) {
     srv_render_pool_evict(d->render_pool, volume);
 }
 
-static void on_work(void *user) {
-    struct srv_daemon *d = user;
-    srv_render_pool_wake(d->render_pool);
-}
-
-static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
-    struct srv_daemon *d = user;
-    srv_render_pool_interrupt(d->render_pool, of, why);
-}
-
 static bool on_token(void *user, const char *name, unsigned *rights, struct srv_quota *quota) {
     struct srv_daemon *d = user;
     return srv_tokens_of_name(d->tokens, name, rights, quota);
@@ -315,9 +305,9 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .sampling = d->sampling,
         .picking = d->picking,
     };
-    const struct srv_schedule_options schedule = { .user = d,
-                                                   .wake = on_work,
-                                                   .interrupt = on_interrupt };
+    const struct srv_schedule_options schedule = { .user = d->render_pool,
+                                                   .wake = srv_render_pool_wake,
+                                                   .interrupt = srv_render_pool_interrupt };
     if (!(d->hub = srv_hub_create(&hub, err)) ||
         !(d->schedule = srv_schedule_create(d->hub, &schedule, err)))
         return false;
@@ -534,16 +524,11 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_hub_drain(d->hub);
     if (http)
         srv_http_drain(http, (double)d->config->drain_time_ms);
-    if (d->measuring)
-        srv_work_queue_stop(d->measuring);
-    if (d->sampling)
-        srv_work_queue_stop(d->sampling);
-    if (d->picking)
-        srv_work_queue_stop(d->picking);
-    if (d->listing)
-        srv_work_queue_stop(d->listing);
-    if (d->searching)
-        srv_work_queue_stop(d->searching);
+    srv_work_queue_stop(d->measuring);
+    srv_work_queue_stop(d->sampling);
+    srv_work_queue_stop(d->picking);
+    srv_work_queue_stop(d->listing);
+    srv_work_queue_stop(d->searching);
     if (d->catalog)
         srv_catalog_stop(d->catalog);
     if (d->streams)
@@ -552,8 +537,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_render_pool_stop(d->render_pool);
     if (d->store)
         srv_store_stop(d->store);
-    if (d->disk)
-        srv_work_queue_stop(d->disk);
+    srv_work_queue_stop(d->disk);
     /* The render pool, the store and the disk thread have now woken every request that waited for
      * them. */
     /* The streams give their connections back before the listener ends them. */

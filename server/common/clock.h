@@ -2,6 +2,7 @@
 #ifndef SRV_COMMON_CLOCK_H
 #define SRV_COMMON_CLOCK_H
 
+#include <pthread.h>
 #include <time.h>
 
 /* Returns the time of the monotonic clock, milliseconds. Thread-safe. */
@@ -19,8 +20,16 @@ static inline struct timespec srv_clock_date(void) {
     return t;
 }
 
-/* Converts a time of srv_clock_ms() for pthread_cond_timedwait(). The condition must use
- * CLOCK_MONOTONIC. */
+/* Initialises a condition that waits on the clock of srv_clock_ms(). */
+static inline void srv_clock_cond_init(pthread_cond_t *condition) {
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(condition, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+}
+
+/* Converts a time of srv_clock_ms() for pthread_cond_timedwait() on such a condition. */
 static inline struct timespec srv_clock_at(double ms) {
     struct timespec t = { .tv_sec = (time_t)(ms / 1e3) };
     t.tv_nsec = (long)((ms - (double)t.tv_sec * 1e3) * 1e6);

@@ -45,12 +45,8 @@ struct srv_timer_thread *srv_timer_thread_create(struct sp_error *err) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the timer thread");
         return NULL;
     }
-    pthread_condattr_t monotonic;
     pthread_mutex_init(&thread->mutex, NULL);
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&thread->changed, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    srv_clock_cond_init(&thread->changed);
     int code = pthread_create(&thread->id, NULL, timer_main, thread);
     if (code == 0)
         return thread;

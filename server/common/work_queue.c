@@ -125,7 +125,7 @@ unsigned srv_work_queue_left(struct srv_work_queue *queue, const char *owner, bo
 }
 
 void srv_work_queue_stop(struct srv_work_queue *queue) {
-    if (queue->is_joined)
+    if (!queue || queue->is_joined)
         return;
     pthread_mutex_lock(&queue->mutex);
     queue->stop = true;

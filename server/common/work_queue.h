@@ -34,8 +34,8 @@ unsigned srv_work_queue_left(struct srv_work_queue *queue, const char *owner, bo
  * time is next (common/fair_owners.h). Any thread; under a lock only if run() does not take it.
  */
 void srv_work_queue_add(struct srv_work_queue *queue, struct srv_work *work);
-/* Runs what was added, then ends the thread. Work that is added later runs at once, on the thread
- * that adds it. One thread at a time. */
+/* Runs what was added, then ends the thread; accepts NULL. Work that is added later runs at once,
+ * on the thread that adds it. One thread at a time. */
 void srv_work_queue_stop(struct srv_work_queue *queue);
 /* Stops first. Accepts NULL; nulls. */
 void srv_work_queue_destroy(struct srv_work_queue **queue);

@@ -15,13 +15,14 @@ static int64_t each(const struct srv_config *config) {
     return config->tls_cert ? 3 : 1;
 }
 
-int64_t srv_descriptors_for(const struct srv_config *config, int64_t connections) {
+/* File descriptors that `connections` connections and the rest of the process need. */
+static int64_t descriptors_for(const struct srv_config *config, int64_t connections) {
     int64_t all = connections + SRV_SPARE_CONNECTIONS * config->http_threads;
     return all * each(config) + (config->tls_cert ? config->handshakes : 0) + SRV_OTHER_DESCRIPTORS;
 }
 
 int64_t srv_descriptors_fit(const struct srv_config *config) {
-    int64_t wanted = srv_descriptors_for(config, config->connections);
+    int64_t wanted = descriptors_for(config, config->connections);
     struct rlimit limit;
     if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= (rlim_t)wanted)
         return config->connections;
@@ -30,7 +31,7 @@ int64_t srv_descriptors_fit(const struct srv_config *config) {
         getrlimit(RLIMIT_NOFILE, &limit);
     if (limit.rlim_cur >= (rlim_t)wanted)
         return config->connections;
-    int64_t fitting = ((int64_t)limit.rlim_cur - srv_descriptors_for(config, 0)) / each(config);
+    int64_t fitting = ((int64_t)limit.rlim_cur - descriptors_for(config, 0)) / each(config);
     fitting = fitting < 1 ? 1 : fitting;
     sp_log(
         SP_LOG_WARN,

@@ -21,8 +21,6 @@ enum {
     SRV_OTHER_DESCRIPTORS = 128 /* threads, database, volumes being loaded, files of camera paths */
 };
 
-/* File descriptors that `connections` connections and the rest of the process need. */
-int64_t srv_descriptors_for(const struct srv_config *config, int64_t connections);
 /* Raises the limit of the process (RLIMIT_NOFILE) as far as the settings need and the system
  * allows. Returns the number of connections that fit, in [1, --connections]; logs a warning if it
  * is lower than --connections. */

@@ -209,11 +209,7 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
     http->options = *options;
     http->connections = srv_descriptors_fit(options->config);
     pthread_mutex_init(&http->mutex, NULL);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&http->idle, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    srv_clock_cond_init(&http->idle);
     http->deadlines = srv_deadlines_create(err);
     http->answers =
         http->deadlines ? srv_answers_create(options->frame_memory->snapshots, err) : NULL;

@@ -3,7 +3,9 @@
 
 #include <string.h>
 
-bool srv_route_matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]) {
+/* True if the path matches the pattern. Writes the segment that matched {} to `param`; several are
+ * joined by "/". False also if `param` is too short for them. */
+static bool matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]) {
     size_t used = 0;
     param[0] = 0;
     while (*pattern) {
@@ -49,7 +51,7 @@ const struct srv_route *srv_route_find(const struct srv_route *routes, size_t co
     unsigned wanted = srv_method_bit(method);
     *allowed = 0;
     for (size_t i = 0; i < count; i++) {
-        if (!srv_route_matches(routes[i].pattern, path, param))
+        if (!matches(routes[i].pattern, path, param))
             continue;
         if (routes[i].method == wanted)
             return &routes[i];

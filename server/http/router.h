@@ -34,10 +34,6 @@ struct srv_route {
     const char *query[SRV_QUERY_NAMES + 1];
 };
 
-/* True if the path matches the pattern. Writes the segment that matched {} to `param`; several are
- * joined by "/". False also if `param` is too short for them. */
-bool srv_route_matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]);
-
 /* Returns the bit of the method; HEAD counts as GET; 0 = unknown. */
 unsigned srv_method_bit(const char *name);
 

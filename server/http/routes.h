@@ -27,9 +27,6 @@ void srv_reply_default_view(struct srv_request *request, const char *id, struct 
 /* Adds the ids of the volumes to an error about an unknown volume, as many as fit, if the token may
  * list them. */
 void srv_name_volumes(const struct srv_request *request, struct sp_error *err);
-/* Returns the volume of the path, which the caller releases; NULL: the reply says why not. */
-struct srv_volume *srv_acquire_volume(struct srv_request *request, const char *id,
-                                      struct srv_reply *reply);
 /* The same for a time step of the volume: that of the session's view, or ?step=, by default the one
  * that the volume was opened with. If it is not loaded, the reply says so, and it will be. `view`:
  * as below. */

@@ -157,8 +157,9 @@ void srv_name_volumes(const struct srv_request *request, struct sp_error *err) {
     }
 }
 
-struct srv_volume *srv_acquire_volume(struct srv_request *request, const char *id,
-                                      struct srv_reply *reply) {
+/* Returns the volume of the path, which the caller releases; NULL: the reply says why not. */
+static struct srv_volume *acquire_volume(struct srv_request *request, const char *id,
+                                         struct srv_reply *reply) {
     struct sp_error err;
     struct srv_volume *volume = srv_catalog_acquire(request->app->catalog, id, &err);
     if (!volume) {
@@ -193,7 +194,7 @@ static bool read_step(struct srv_request *request, struct srv_volume *volume,
 struct srv_volume *srv_acquire_step(struct srv_request *request, const char *id,
                                     const proto_json *view, struct srv_reply *reply) {
     struct srv_catalog *catalog = request->app->catalog;
-    struct srv_volume *volume = srv_acquire_volume(request, id, reply);
+    struct srv_volume *volume = acquire_volume(request, id, reply);
     struct sp_error err;
     uint32_t number;
     if (!volume)
@@ -238,7 +239,7 @@ void srv_get_volume(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_reply_default_view(struct srv_request *request, const char *id, struct srv_reply *reply) {
     struct sp_view view;
-    struct srv_volume *volume = srv_acquire_volume(request, id, reply);
+    struct srv_volume *volume = acquire_volume(request, id, reply);
     if (!volume)
         return;
     srv_catalog_default_view(request->app->catalog, volume, &view);

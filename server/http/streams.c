@@ -339,11 +339,7 @@ struct srv_streams *srv_streams_create(const struct srv_streams_options *options
     atomic_init(&s->has_tick, false);
     atomic_init(&s->alive_ms, srv_clock_ms());
     pthread_mutex_init(&s->mutex, NULL);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&s->gone, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    srv_clock_cond_init(&s->gone);
     s->epoll = epoll_create1(EPOLL_CLOEXEC);
     s->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     struct epoll_event event = { .events = EPOLLIN, .data.ptr = NULL };

@@ -80,12 +80,8 @@ bool srv_log_ring_start(struct srv_log_ring *ring, int fd, struct sp_error *err)
     ring->lost = 0;
     ring->start = ring->used = 0;
     pthread_mutex_init(&ring->mutex, NULL);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&ring->filled, &monotonic);
-    pthread_cond_init(&ring->written, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    srv_clock_cond_init(&ring->filled);
+    srv_clock_cond_init(&ring->written);
     return pthread_create(&ring->thread, NULL, write_lines, ring) == 0 ||
            sp_fail(err, SP_ERR_MEMORY, NULL, "cannot start the log thread: out of memory");
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/clock.h"
 #include "config/secret.h"
 #include "config/tokens.h"
 #include "paths/paths_private.h"
@@ -230,11 +231,7 @@ struct srv_paths *srv_paths_create(const struct srv_paths_options *options, stru
     atomic_init(&paths->stop, false);
     pthread_mutex_init(&paths->records, NULL);
     pthread_mutex_init(&paths->mutex, NULL);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&paths->wake, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    srv_clock_cond_init(&paths->wake);
     if (!(paths->encoder = sp_encoder_create(err)) ||
         !srv_folder_open(&paths->folder, options->state, err) || !restore_all(paths, err))
         srv_paths_destroy(&paths);

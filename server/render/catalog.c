@@ -59,8 +59,10 @@ void srv_catalog_close_upload(struct srv_catalog *catalog, const char *source,
         catalog->options.upload_close(catalog->options.user, id, state);
 }
 
-bool srv_catalog_is_upload_shared(const struct srv_catalog *catalog, const struct srv_volume *own,
-                                  const char *source) {
+/* True if an entry other than `own` needs the upload of a source: it shows another field of it.
+ * With the mutex held. */
+static bool is_upload_shared(const struct srv_catalog *catalog, const struct srv_volume *own,
+                             const char *source) {
     char id[SP_NAME_BYTES], other[SP_NAME_BYTES];
     if (!srv_source_upload_id(source, id))
         return false;
@@ -71,8 +73,7 @@ bool srv_catalog_is_upload_shared(const struct srv_catalog *catalog, const struc
 }
 
 char *srv_catalog_upload_to_close(const struct srv_catalog *catalog, const struct srv_volume *v) {
-    const bool is_own =
-        srv_source_is_upload(v->source) && !srv_catalog_is_upload_shared(catalog, v, v->source);
+    const bool is_own = srv_source_is_upload(v->source) && !is_upload_shared(catalog, v, v->source);
     return is_own ? strdup(v->source) : NULL;
 }
 
@@ -356,7 +357,7 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
                            : *existed || take_over(catalog, found, request, err) ? found
                                                                                  : NULL;
     if (!v) {
-        const bool is_shared = srv_catalog_is_upload_shared(catalog, found, resolved.source);
+        const bool is_shared = is_upload_shared(catalog, found, resolved.source);
         pthread_mutex_unlock(&catalog->mutex);
         if (!is_shared)
             srv_catalog_close_upload(catalog, resolved.source, SRV_VOLUME_LOADING);

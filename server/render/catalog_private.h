@@ -103,10 +103,6 @@ void srv_catalog_redact(const struct srv_catalog *catalog, const struct srv_volu
 /* Tells the owner of an uploaded file what became of it. With no lock held. */
 void srv_catalog_close_upload(struct srv_catalog *catalog, const char *source,
                               enum srv_volume_state state);
-/* True if an entry other than `own` needs the upload of a source: it shows another field of it.
- * With the mutex held. */
-bool srv_catalog_is_upload_shared(const struct srv_catalog *catalog, const struct srv_volume *own,
-                                  const char *source);
 /* Returns the source of an entry for srv_catalog_close_upload(), malloc'ed; NULL = there is nothing
  * to tell. With the mutex held. */
 char *srv_catalog_upload_to_close(const struct srv_catalog *catalog,

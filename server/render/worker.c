@@ -14,13 +14,9 @@ struct srv_eviction {
 };
 
 void srv_worker_init(struct srv_worker *worker, struct sp_renderer *renderer) {
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
     *worker = (struct srv_worker){ .renderer = renderer };
     pthread_mutex_init(&worker->mutex, NULL);
-    pthread_cond_init(&worker->changed, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    srv_clock_cond_init(&worker->changed);
     if (renderer)
         sp_renderer_info(renderer, &worker->info);
 }

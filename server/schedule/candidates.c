@@ -80,8 +80,10 @@ static double waited_ms(const struct srv_waiting *waiting, double now_ms) {
     return waiting->waited_ms + (waiting->ready_ms > 0 ? now_ms - waiting->ready_ms : 0);
 }
 
-bool srv_is_first(const struct srv_schedule *schedule, const struct srv_participant *p,
-                  double now_ms) {
+/* True if the participant has no frame yet, and first frames have not used up their part of the
+ * time: a fifth, with bursts of half a second. Else it is served like all others. */
+static bool is_first(const struct srv_schedule *schedule, const struct srv_participant *p,
+                     double now_ms) {
     return p->delivery.frames_sent == 0 && p->schedule->newest.version == 0 &&
            schedule->first_ms <= now_ms + FIRST_BURST_MS;
 }
@@ -95,7 +97,7 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
         wants_frame(s, p, demand.opens_ms) && (p->settings.progressive || !s->shared.is_waiting);
     if (!demand.wants_frame)
         return demand;
-    demand.is_first = srv_is_first(schedule, p, now_ms);
+    demand.is_first = is_first(schedule, p, now_ms);
     demand.is_newer = is_newer(s, p);
     demand.is_progressive = p->settings.progressive;
     demand.needs_intermediate = !demand.is_newer && needs_intermediate(s, p);
@@ -114,9 +116,10 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     return demand;
 }
 
-struct srv_frame_request srv_request_of(const struct srv_schedule *schedule,
-                                        const struct srv_session *s,
-                                        const struct srv_participant *p, double now_ms) {
+/* What a participant wants now. */
+static struct srv_frame_request request_of(const struct srv_schedule *schedule,
+                                           const struct srv_session *s,
+                                           const struct srv_participant *p, double now_ms) {
     const struct srv_demand demand = demand_of(schedule, s, p, now_ms);
     return srv_decide_request(&demand, now_ms);
 }
@@ -170,7 +173,8 @@ static bool is_at_rest(const struct srv_schedule *schedule, const struct srv_ses
     return rests;
 }
 
-void srv_schedule_let_rest(struct srv_schedule *schedule, double now_ms) {
+/* Removes the sessions from the list that want nothing until the next event. */
+static void let_rest(struct srv_schedule *schedule, double now_ms) {
     for (struct srv_session *s = schedule->busy, *next; s; s = next) {
         next = s->schedule->next_busy;
         if (!is_at_rest(schedule, s, now_ms))
@@ -192,7 +196,8 @@ static bool gets_frames(const struct srv_session *s, double now_ms) {
     return plan->jobs > 0 || plan->wants_frame || gets_moving_frames(s, now_ms);
 }
 
-void srv_count_owners(struct srv_schedule *schedule, double now_ms) {
+/* Counts the sessions that get frames now, and those of each owner (struct srv_schedule). */
+static void count_owners(struct srv_schedule *schedule, double now_ms) {
     schedule->sharing = 0;
     schedule->owners = 0;
     for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
@@ -230,8 +235,9 @@ struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
     return srv_quality_budget(max_fps, fmin(fmax(1 - others, own), 1));
 }
 
-double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *s,
-                           const struct srv_participant *p) {
+/* Expected time of the next frame of a moving view, with its detail; 0 = not known. */
+static double moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *s,
+                              const struct srv_participant *p) {
     const struct srv_quality_budget budget = srv_moving_budget(schedule, p, p->settings.max_fps);
     uint32_t full[2];
     srv_hub_size(s, p, full);
@@ -245,7 +251,7 @@ static double expected_ms(const struct srv_schedule *schedule, const struct srv_
     if (choice->request.rank == SRV_RANK_FIRST)
         return SRV_QUALITY_ROUND_MS;
     double ms = choice->request.step == SRV_STEP_MOVING
-                    ? srv_moving_frame_ms(schedule, s, choice->participant)
+                    ? moving_frame_ms(schedule, s, choice->participant)
                     : sharp_ms(s, choice->participant);
     return s->schedule->start.done >= s->schedule->start.cold && ms > 0 ? ms : INFINITY;
 }
@@ -271,7 +277,7 @@ static bool choose_participant(struct srv_schedule *schedule, struct srv_session
     bool is_idle = plan->jobs == 0;
     int count = 0;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
-        struct srv_choice c = { p, srv_request_of(schedule, s, p, now_ms) };
+        struct srv_choice c = { p, request_of(schedule, s, p, now_ms) };
         double start_ms = srv_fair_start(&p->schedule->account, plan->clock_ms);
         in_ms = fmin(in_ms, c.request.in_ms);
         last_ms = fmax(last_ms, start_ms);
@@ -334,9 +340,9 @@ static int collect(struct srv_schedule *schedule, double now_ms, double *wait_ms
 struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, double *wait_ms) {
     const struct srv_choice none = { .participant = NULL };
     schedule->now_ms = now_ms;
-    srv_schedule_let_rest(schedule, now_ms);
+    let_rest(schedule, now_ms);
     int count = collect(schedule, now_ms, wait_ms);
-    srv_count_owners(schedule, now_ms);
+    count_owners(schedule, now_ms);
     const struct srv_decision decision =
         srv_decide_session(schedule->candidates, count, schedule->clock_ms);
     schedule->clock_ms = decision.clock_ms;
@@ -365,7 +371,7 @@ struct srv_choice srv_choose_short(struct srv_schedule *schedule,
                                    double *wait_ms) {
     int count = 0;
     schedule->now_ms = now_ms;
-    srv_count_owners(schedule, now_ms);
+    count_owners(schedule, now_ms);
     if (is_first_in_time(running))
         return (struct srv_choice){ .participant = NULL };
     for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {

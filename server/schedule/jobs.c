@@ -22,8 +22,9 @@ static struct srv_detail detail_of(const struct srv_render_job *job) {
                                 .size = { job->view.size[0], job->view.size[1] } };
 }
 
-struct srv_session *srv_schedule_session(const struct srv_schedule *schedule,
-                                         const struct srv_render_job *job) {
+/* NULL = it ended. */
+static struct srv_session *find_session(const struct srv_schedule *schedule,
+                                        const struct srv_render_job *job) {
     /* A session with a job in progress is busy. */
     for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy)
         if (s->identity.number == job->session)
@@ -31,14 +32,17 @@ struct srv_session *srv_schedule_session(const struct srv_schedule *schedule,
     return NULL;
 }
 
-struct srv_participant *srv_schedule_participant(struct srv_session *s, uint64_t id) {
+/* NULL = it left. */
+static struct srv_participant *find_participant(struct srv_session *s, uint64_t id) {
     for (struct srv_participant *p = s ? s->participants : NULL; p; p = p->next)
         if (p->identity.id == id)
             return p;
     return NULL;
 }
 
-bool srv_schedule_counts(const struct srv_participant *p, const struct srv_render_job *job) {
+/* True if the job is the participant's newest one, and its frame is still what is asked for. Its
+ * version does not tell: the view may have a newer one with the same image. */
+static bool is_newest(const struct srv_participant *p, const struct srv_render_job *job) {
     return p->schedule->newest.order == job->order && p->schedule->newest.version != 0;
 }
 
@@ -80,7 +84,7 @@ static void charge(struct srv_schedule *schedule, struct srv_session *s,
     srv_fair_charge(&plan->account, schedule->clock_ms, job->charged_ms * job->price);
     srv_fair_add_use(&schedule->use, job->charged_ms, schedule->now_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
-        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        struct srv_participant *p = find_participant(s, job->targets[i].participant);
         srv_fair_charge(&p->schedule->account, plan->clock_ms,
                         job->charged_ms / participant_weight(s, p));
         srv_fair_add_use(&p->schedule->use, job->charged_ms, schedule->now_ms);
@@ -92,7 +96,7 @@ static void correct_charge(struct srv_schedule *schedule, struct srv_session *s,
     srv_fair_correct(&s->schedule->account, (took_ms - job->charged_ms) * job->price);
     srv_fair_add_use(&schedule->use, took_ms - job->charged_ms, schedule->now_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
-        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        struct srv_participant *p = find_participant(s, job->targets[i].participant);
         if (!p)
             continue;
         srv_fair_correct(&p->schedule->account,
@@ -355,7 +359,7 @@ bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_run
 
 bool srv_schedule_is_newest(struct srv_schedule *schedule, const struct srv_render_job *job) {
     pthread_mutex_lock(&schedule->hub->mutex);
-    const struct srv_session *s = srv_schedule_session(schedule, job);
+    const struct srv_session *s = find_session(schedule, job);
     bool newest = s && s->shared.image == job->image;
     pthread_mutex_unlock(&schedule->hub->mutex);
     return newest;
@@ -380,9 +384,9 @@ bool srv_schedule_shrink(struct srv_schedule *schedule, const struct srv_render_
     const uint64_t px = (uint64_t)job->view.size[0] * job->view.size[1], least = 128 * 128;
     bool shrinks = false;
     pthread_mutex_lock(&schedule->hub->mutex);
-    struct srv_session *s = srv_schedule_session(schedule, job);
+    struct srv_session *s = find_session(schedule, job);
     for (uint32_t i = 0; px / 2 >= least && i < job->target_count; i++) {
-        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        struct srv_participant *p = find_participant(s, job->targets[i].participant);
         if (!p || !(set >> i & 1))
             continue;
         p->memory = (struct srv_memory_limit){ px / 2, now_ms + SRV_SHRINK_MS };
@@ -405,9 +409,9 @@ struct srv_blob_owner srv_render_job_owner(const struct srv_render_job *job, uin
 /* Removes the job from all counts and releases its volume. Returns its session, NULL = it ended. */
 static struct srv_session *end_job(struct srv_schedule *schedule, struct srv_render_job *job) {
     const struct srv_volume_source *source = &schedule->hub->options.volumes;
-    struct srv_session *s = srv_schedule_session(schedule, job);
+    struct srv_session *s = find_session(schedule, job);
     for (uint32_t i = 0; i < job->target_count; i++) {
-        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        struct srv_participant *p = find_participant(s, job->targets[i].participant);
         if (p)
             p->schedule->jobs--;
     }
@@ -473,7 +477,7 @@ static void finish_job(struct srv_schedule *schedule, struct srv_session *s,
         schedule->first_ms = fmax(schedule->first_ms, schedule->now_ms) + FIRST_SHARE * took_ms;
     /* Statistics of a view at rest are sent at once; of a moving view, now and then. */
     for (uint32_t i = 0; !is_moving && i < job->target_count; i++) {
-        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        struct srv_participant *p = find_participant(s, job->targets[i].participant);
         if (p && is_final)
             p->schedule->waiting.waited_ms = p->schedule->waiting.spent_ms = 0;
         if (p)
@@ -499,11 +503,11 @@ void srv_schedule_incomplete(struct srv_schedule *schedule, struct srv_render_jo
     if (job->step == SRV_STEP_FINAL)
         job->step = SRV_STEP_INTERMEDIATE;
     pthread_mutex_lock(&schedule->hub->mutex);
-    struct srv_session *s = srv_schedule_session(schedule, job);
+    struct srv_session *s = find_session(schedule, job);
     for (uint32_t i = 0; i < job->target_count; i++) {
-        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        struct srv_participant *p = find_participant(s, job->targets[i].participant);
         job->targets[i].final = false;
-        if (p && srv_schedule_counts(p, job))
+        if (p && is_newest(p, job))
             p->schedule->newest.step = job->step;
     }
     pthread_mutex_unlock(&schedule->hub->mutex);
@@ -513,8 +517,8 @@ void srv_schedule_skipped(struct srv_schedule *schedule, const struct srv_render
                           uint32_t i) {
     pthread_mutex_lock(&schedule->hub->mutex);
     struct srv_participant *p =
-        srv_schedule_participant(srv_schedule_session(schedule, job), job->targets[i].participant);
-    if (p && srv_schedule_counts(p, job))
+        find_participant(find_session(schedule, job), job->targets[i].participant);
+    if (p && is_newest(p, job))
         p->schedule->newest.version = 0;
     pthread_mutex_unlock(&schedule->hub->mutex);
 }
@@ -522,7 +526,7 @@ void srv_schedule_skipped(struct srv_schedule *schedule, const struct srv_render
 void srv_schedule_rendered(struct srv_schedule *schedule, struct srv_render_job *job,
                            double render_ms) {
     pthread_mutex_lock(&schedule->hub->mutex);
-    struct srv_session *s = srv_schedule_session(schedule, job);
+    struct srv_session *s = find_session(schedule, job);
     if (s)
         correct_charge(schedule, s, job, render_ms);
     pthread_mutex_unlock(&schedule->hub->mutex);
@@ -534,7 +538,7 @@ void srv_schedule_failed(struct srv_schedule *schedule, struct srv_render_job *j
     struct srv_session *s = end_job(schedule, job);
     srv_hub_count_drop(schedule->hub, SRV_COUNT_DROP_FAILED);
     for (uint32_t i = 0; i < job->target_count; i++) {
-        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        struct srv_participant *p = find_participant(s, job->targets[i].participant);
         if (!p)
             continue;
         p->schedule->failed_version =
@@ -549,7 +553,7 @@ void srv_schedule_failed(struct srv_schedule *schedule, struct srv_render_job *j
 
 static bool has_target_left(struct srv_session *s, const struct srv_render_job *job) {
     for (uint32_t i = 0; i < job->target_count; i++)
-        if (srv_schedule_participant(s, job->targets[i].participant))
+        if (find_participant(s, job->targets[i].participant))
             return true;
     return false;
 }
@@ -569,8 +573,8 @@ void srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job
             srv_quality_cancelled(&s->schedule->quality, &drawn, elapsed_ms);
     }
     for (uint32_t i = 0; i < job->target_count; i++) {
-        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
-        if (!p || !srv_schedule_counts(p, job))
+        struct srv_participant *p = find_participant(s, job->targets[i].participant);
+        if (!p || !is_newest(p, job))
             continue;
         p->schedule->newest.step = SRV_STEP_MOVING;
         if (job->protected_ms < INFINITY)

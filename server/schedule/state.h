@@ -91,10 +91,6 @@ struct srv_choice { /* a participant, and what it gets */
     struct srv_frame_request request;
 };
 
-/* What a participant wants now (candidates.c). */
-struct srv_frame_request srv_request_of(const struct srv_schedule *schedule,
-                                        const struct srv_session *session,
-                                        const struct srv_participant *participant, double now_ms);
 /* What the participant takes of a frame that is drawn now for another one: as above, up to half an
  * interval before its frame rate allows it. So participants of equal rates share all frames,
  * whenever they joined. */
@@ -102,10 +98,6 @@ struct srv_frame_request srv_request_to_share(const struct srv_schedule *schedul
                                               const struct srv_session *session,
                                               const struct srv_participant *participant,
                                               double now_ms);
-/* True if the participant has no frame yet, and first frames have not used up their part of the
- * time: a fifth, with bursts of half a second. Else it is served like all others. */
-bool srv_is_first(const struct srv_schedule *schedule, const struct srv_participant *participant,
-                  double now_ms);
 /* Chooses the participant that is served next; NULL = none. Lowers *wait_ms to when there may be
  * one.
  */
@@ -116,11 +108,6 @@ struct srv_choice srv_choose_short(struct srv_schedule *schedule,
                                    double *wait_ms);
 /* True if some participant gets a frame of a moving view now or within SRV_QUIET_MS. */
 bool srv_has_motion(const struct srv_schedule *schedule);
-/* Expected time of the next frame of a moving view, with its detail; 0 = not known. */
-double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *session,
-                           const struct srv_participant *participant);
-/* Counts the sessions that get frames now, and those of each owner (struct srv_schedule). */
-void srv_count_owners(struct srv_schedule *schedule, double now_ms);
 /* What a millisecond costs the session: owners have equal shares of the time, and the sessions of
  * one owner equal parts of its share. 1 if each owner has as many. */
 double srv_session_price(const struct srv_schedule *schedule, const struct srv_session *session);
@@ -136,15 +123,5 @@ struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
 void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);
 /* Removes the session from the list of busy ones. */
 void srv_schedule_rest(struct srv_schedule *schedule, struct srv_session *session);
-/* Removes the sessions from the list that want nothing until the next event. */
-void srv_schedule_let_rest(struct srv_schedule *schedule, double now_ms);
-
-/* Returns the job's session, NULL = it ended; and one of its participants, NULL = it left. */
-struct srv_session *srv_schedule_session(const struct srv_schedule *schedule,
-                                         const struct srv_render_job *job);
-struct srv_participant *srv_schedule_participant(struct srv_session *session, uint64_t id);
-/* True if the job is the participant's newest one, and its frame is still what is asked for. Its
- * version does not tell: the view may have a newer one with the same image. */
-bool srv_schedule_counts(const struct srv_participant *p, const struct srv_render_job *job);
 
 #endif

@@ -73,11 +73,7 @@ struct srv_store *srv_store_create(const struct srv_store_options *options, stru
     store->options = *options;
     atomic_init(&store->is_nudged, false);
     pthread_mutex_init(&store->mutex, NULL);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&store->wake, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    srv_clock_cond_init(&store->wake);
     if (!open_database(store, err))
         srv_store_destroy(&store);
     return store;
