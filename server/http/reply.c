@@ -166,6 +166,13 @@ void srv_reply_error(struct srv_reply *reply, const struct sp_error *err) {
         srv_reply_header(reply, "Retry-After", "1");
 }
 
+void srv_reply_result(struct srv_reply *reply, proto_json *json, const struct sp_error *err) {
+    if (json)
+        srv_reply_json(reply, 200, json);
+    else
+        srv_reply_error(reply, err);
+}
+
 void srv_reply_view_error(struct srv_reply *reply, const char *at, const struct sp_error *err) {
     struct sp_error here = *err;
     if (err->place[0] == '/')

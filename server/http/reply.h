@@ -43,6 +43,8 @@ void srv_reply_text(struct srv_reply *reply, unsigned status, const char *mime, 
                     size_t size);
 /* Frees the JSON; NULL becomes a 503 (out of memory). */
 void srv_reply_json(struct srv_reply *reply, unsigned status, proto_json *json);
+/* Replies with the JSON, which it frees, or with the error if it is NULL. */
+void srv_reply_result(struct srv_reply *reply, proto_json *json, const struct sp_error *err);
 void srv_reply_static(struct srv_reply *reply, const char *mime, const void *body, size_t size);
 
 /* Replies with a problem document (RFC 9457). `pointer` may be NULL. The second function takes

@@ -168,3 +168,11 @@ void srv_request_reply_when_durable(struct srv_request *request) {
     /* From here on the request may be answered, and gone, at any moment. */
     srv_store_flush(store, on_durable, request);
 }
+void srv_request_reply_changed(struct srv_request *request, bool ok, const struct sp_error *err) {
+    if (ok) {
+        request->reply.status = 204;
+        srv_request_reply_when_durable(request);
+    } else {
+        srv_reply_error(&request->reply, err);
+    }
+}

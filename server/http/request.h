@@ -99,6 +99,9 @@ void srv_request_handle_later(struct srv_request *request, struct srv_work_queue
  * the reply: sends the answer once the changes of the store and of sessions are on disk. The header
  * X-Durable is "no" if they are only in memory (no --state, or a full disk). */
 void srv_request_reply_when_durable(struct srv_request *request);
+/* Does so for a change without a body in the answer: 204 once it is on disk, or the error if it is
+ * not `ok`. */
+void srv_request_reply_changed(struct srv_request *request, bool ok, const struct sp_error *err);
 /* Takes the quota (tokens.h) of a snapshot, until srv_request_end_snapshot() or the end of the
  * request. False: *err names the quota that is exceeded. */
 bool srv_request_begin_snapshot(struct srv_request *request, struct sp_error *err);

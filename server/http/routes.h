@@ -38,14 +38,17 @@ typedef void srv_volume_reply(struct srv_request *request, const char *id, const
 /* Answers about the volume that the session of the path shows. */
 void srv_reply_for_session(struct srv_request *request, srv_volume_reply *answer,
                            struct srv_reply *reply); /* routes_sessions.c */
+/* The same about the volume of the path, if the route is not one of a session. */
+void srv_reply_for_volume(struct srv_request *request, srv_volume_reply *answer,
+                          struct srv_reply *reply);
 srv_handler srv_options_uploads, srv_get_uploads, srv_post_upload, srv_get_upload,
-    srv_delete_upload;                                           /* routes_uploads.c */
-srv_handler srv_patch_upload;                                    /* upload_body.c */
-srv_handler srv_get_files;                                       /* routes_files.c */
-srv_handler srv_get_series;                                      /* routes_series.c */
-srv_handler srv_get_volume_histogram, srv_get_session_histogram; /* routes_histogram.c */
-srv_handler srv_get_volume_slice, srv_get_session_slice;         /* routes_slice.c */
-srv_handler srv_get_session_visible;                             /* routes_visible.c */
+    srv_delete_upload;               /* routes_uploads.c */
+srv_handler srv_patch_upload;        /* upload_body.c */
+srv_handler srv_get_files;           /* routes_files.c */
+srv_handler srv_get_series;          /* routes_series.c */
+srv_handler srv_get_histogram;       /* routes_histogram.c */
+srv_handler srv_get_slice;           /* routes_slice.c */
+srv_handler srv_get_session_visible; /* routes_visible.c */
 srv_handler srv_get_session_volumes, srv_get_session_volume,
     srv_get_session_volume_view; /* routes_session_volumes.c */
 srv_handler srv_post_measure, srv_post_session_measure, srv_get_session_measures,

@@ -43,16 +43,9 @@ static void reply_histogram(struct srv_request *request, const char *id, const p
         return;
     proto_json *json = encode(request->app->catalog, volume, id, is_joint, &err);
     srv_catalog_release(request->app->catalog, volume);
-    if (json)
-        srv_reply_json(reply, 200, json);
-    else
-        srv_reply_error(reply, &err);
+    srv_reply_result(reply, json, &err);
 }
 
-void srv_get_volume_histogram(struct srv_request *request, struct srv_reply *reply) {
-    reply_histogram(request, request->param, NULL, reply);
-}
-
-void srv_get_session_histogram(struct srv_request *request, struct srv_reply *reply) {
-    srv_reply_for_session(request, reply_histogram, reply);
+void srv_get_histogram(struct srv_request *request, struct srv_reply *reply) {
+    srv_reply_for_volume(request, reply_histogram, reply);
 }

@@ -390,10 +390,8 @@ void srv_patch_session_measure(struct srv_request *request, struct srv_reply *re
 void srv_delete_session_measure(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     const char *id = split(request);
-    if (!srv_hub_measure_remove(request->app->hub, request->param, id, srv_clock_ms(), &err)) {
-        srv_reply_error(reply, &err);
-        return;
-    }
-    reply->status = 204;
-    srv_request_reply_when_durable(request);
+    const bool ok =
+        srv_hub_measure_remove(request->app->hub, request->param, id, srv_clock_ms(), &err);
+    (void)reply;
+    srv_request_reply_changed(request, ok, &err);
 }

@@ -128,20 +128,14 @@ void srv_get_paths(struct srv_request *request, struct srv_reply *reply) {
 void srv_get_path(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     proto_json *json = srv_paths_get(request->app->paths, request->param, &err);
-    if (json)
-        srv_reply_json(reply, 200, json);
-    else
-        srv_reply_error(reply, &err);
+    srv_reply_result(reply, json, &err);
 }
 
 void srv_delete_path(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    if (!srv_paths_remove(request->app->paths, request->param, &err)) {
-        srv_reply_error(reply, &err);
-        return;
-    }
-    reply->status = 204;
-    srv_request_reply_when_durable(request);
+    const bool ok = srv_paths_remove(request->app->paths, request->param, &err);
+    (void)reply;
+    srv_request_reply_changed(request, ok, &err);
 }
 
 /* Files. */
@@ -233,10 +227,6 @@ void srv_get_path_movie(struct srv_request *request, struct srv_reply *reply) {
         srv_reply_error(reply, &err);
 }
 
-static ssize_t read_archive(void *user, char *bytes, size_t size) {
-    return srv_archive_read(user, bytes, size);
-}
-
 static void close_archive(void *user) {
     struct srv_archive *archive = user;
     srv_archive_destroy(&archive);
@@ -254,8 +244,9 @@ void srv_get_path_archive(struct srv_request *request, struct srv_reply *reply) 
     srv_reply_header(reply, "Content-Disposition", "attachment; filename=\"%.32s.tar\"",
                      request->param);
     srv_reply_chunked_body(request, reply, SRV_BODY_SIZE_UNKNOWN,
-                           &(struct srv_chunked_body){
-                               .user = archive, .read = read_archive, .finish = close_archive });
+                           &(struct srv_chunked_body){ .user = archive,
+                                                       .read = srv_archive_read,
+                                                       .finish = close_archive });
 }
 
 /* Events. */

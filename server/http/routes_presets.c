@@ -150,12 +150,10 @@ void srv_delete_preset(struct srv_request *request, struct srv_reply *reply) {
     if (!record && err.code != SP_ERR_NOT_FOUND) {
         srv_reply_error(reply, &err);
     } else if (!record || may_change(request, record, reply)) {
-        if (srv_store_remove(store, SRV_KIND_PRESET, request->param)) {
-            reply->status = 204;
-            srv_request_reply_when_durable(request);
-        } else {
+        if (srv_store_remove(store, SRV_KIND_PRESET, request->param))
+            srv_request_reply_changed(request, true, NULL);
+        else
             reply_missing(request, reply);
-        }
     }
     free(record);
 }

@@ -236,10 +236,7 @@ void srv_get_session(struct srv_request *request, struct srv_reply *reply) {
     bool is_owner = role_of_grant(request, &role) && role == SRV_ROLE_CONTROL;
     proto_json *json =
         srv_hub_session_get(request->app->hub, request->param, is_owner, srv_clock_ms(), &err);
-    if (json)
-        srv_reply_json(reply, 200, json);
-    else
-        srv_reply_error(reply, &err);
+    srv_reply_result(reply, json, &err);
 }
 
 void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
@@ -281,6 +278,14 @@ void srv_reply_for_session(struct srv_request *request, srv_volume_reply *answer
     proto_json_free(&session);
 }
 
+void srv_reply_for_volume(struct srv_request *request, srv_volume_reply *answer,
+                          struct srv_reply *reply) {
+    if (request->route->needs == SRV_RIGHT_SESSION)
+        srv_reply_for_session(request, answer, reply);
+    else
+        answer(request, request->param, NULL, reply);
+}
+
 void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     enum srv_role role;
@@ -291,12 +296,8 @@ void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
                           "deletes a fork that was made with a join token");
         return;
     }
-    if (srv_hub_session_delete(request->app->hub, request->param, &err)) {
-        reply->status = 204;
-        srv_request_reply_when_durable(request);
-    } else {
-        srv_reply_error(reply, &err);
-    }
+    const bool ok = srv_hub_session_delete(request->app->hub, request->param, &err);
+    srv_request_reply_changed(request, ok, &err);
 }
 
 /* Streams. */

@@ -279,22 +279,11 @@ static void reply_slice(struct srv_request *request, const char *id, const proto
     srv_catalog_release(request->app->catalog, volume);
 }
 
-static void reply_volume_slice(struct srv_request *request, struct srv_reply *reply) {
-    reply_slice(request, request->param, NULL, reply);
+static void make_slice(struct srv_request *request, struct srv_reply *reply) {
+    srv_reply_for_volume(request, reply_slice, reply);
 }
 
-static void reply_session_slice(struct srv_request *request, struct srv_reply *reply) {
-    srv_reply_for_session(request, reply_slice, reply);
-}
-
-void srv_get_volume_slice(struct srv_request *request, struct srv_reply *reply) {
+void srv_get_slice(struct srv_request *request, struct srv_reply *reply) {
     (void)reply;
-    srv_request_handle_later(request, request->app->sampling, SLICES_MAX, "slices",
-                             reply_volume_slice);
-}
-
-void srv_get_session_slice(struct srv_request *request, struct srv_reply *reply) {
-    (void)reply;
-    srv_request_handle_later(request, request->app->sampling, SLICES_MAX, "slices",
-                             reply_session_slice);
+    srv_request_handle_later(request, request->app->sampling, SLICES_MAX, "slices", make_slice);
 }

@@ -248,12 +248,10 @@ void srv_delete_view(struct srv_request *request, struct srv_reply *reply) {
     if (!record)
         return;
     free(record);
-    if (!srv_store_remove(request->app->store, SRV_KIND_VIEW, request->param)) {
+    if (srv_store_remove(request->app->store, SRV_KIND_VIEW, request->param))
+        srv_request_reply_changed(request, true, NULL);
+    else
         reply_missing(request, reply);
-        return;
-    }
-    reply->status = 204;
-    srv_request_reply_when_durable(request);
 }
 
 /* Reads {"name"}: *name is NULL if it is null. False: the reply is a problem document. */
@@ -295,12 +293,11 @@ static void rename_record(struct srv_request *request, const char *text, size_t 
     char *record = view ? record_of(beginning, name, saved, view, &size) : NULL;
     if (!record)
         srv_reply_problem(reply, 503, NULL, "out of memory for a view");
-    else if (!srv_store_put(request->app->store, SRV_KIND_VIEW, request->param, record, size, &err))
-        srv_reply_error(reply, &err);
-    else {
-        reply->status = 204;
-        srv_request_reply_when_durable(request);
-    }
+    else
+        srv_request_reply_changed(
+            request,
+            srv_store_put(request->app->store, SRV_KIND_VIEW, request->param, record, size, &err),
+            &err);
     free(record);
     free(view);
     proto_json_free(&old);

@@ -39,12 +39,9 @@ static void reply_part(struct srv_request *request, const char *id, const proto_
         return;
     proto_json *json = find_part(catalog, volume, id, view, &err);
     srv_catalog_release(catalog, volume);
-    if (json) {
-        srv_reply_json(reply, 200, json);
-    } else {
+    if (!json)
         err.place[0] = 0; /* the session is the resource, not a member of a body */
-        srv_reply_error(reply, &err);
-    }
+    srv_reply_result(reply, json, &err);
 }
 
 static void reply_visible(struct srv_request *request, struct srv_reply *reply) {

@@ -459,6 +459,5 @@ void srv_delete_volume(struct srv_request *request, struct srv_reply *reply) {
         return;
     }
     srv_hub_close_volume(request->app->hub, request->param, srv_clock_ms());
-    reply->status = 204;
-    srv_request_reply_when_durable(request);
+    srv_request_reply_changed(request, true, NULL);
 }

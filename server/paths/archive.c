@@ -110,7 +110,8 @@ static bool advance(struct srv_archive *a) {
     return n == 0 && a->left == 0 && archive_write_finish_entry(a->tar) == ARCHIVE_OK;
 }
 
-ssize_t srv_archive_read(struct srv_archive *a, char *bytes, size_t size) {
+ssize_t srv_archive_read(void *user, char *bytes, size_t size) {
+    struct srv_archive *a = user;
     while (a->start == a->end && !a->is_closed) {
         a->start = a->end = 0;
         if (!advance(a))

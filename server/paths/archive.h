@@ -21,6 +21,6 @@ struct srv_archive *srv_archive_create(const struct srv_folder *folder, const ch
 void srv_archive_destroy(struct srv_archive **archive);
 /* Reads the next bytes, at most `size`. 0 = the end, −1 = a file is missing, damaged or cannot be
  * read. */
-ssize_t srv_archive_read(struct srv_archive *archive, char *bytes, size_t size);
+ssize_t srv_archive_read(void *archive, char *bytes, size_t size);
 
 #endif
