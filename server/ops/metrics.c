@@ -25,87 +25,45 @@ struct srv_metrics {
 static const char *const timing_names[SRV_TIMINGS] = { "queue",  "render", "readback",
                                                        "encode", "send",   "round_trip" };
 
-struct family {
-    const char *name, *help, *label; /* NULL = one counter without a label */
+static const char *const drops[] = { "replaced", "late", "outdated", "failed", "left" };
+static const char *const ends[] = { "closed", "stalled", "silent", "protocol", "lost" };
+static const char *const directions[] = { "in", "out" };
+static const char *const statuses[] = { "1xx", "2xx", "3xx", "4xx", "5xx" };
+static const char *const waits[] = { "volume", "disk", "limit", "memory", "backend" };
+static const char *const upload_ends[] = { "complete", "expired", "removed" };
+static const char *const refusals[] = { "connections", "address", "owner", "handshakes", "tls" };
+
+static const struct family {
+    const char *name, *help;
     enum srv_counter first;
     unsigned count;
-    const char *values[6];
-};
-static const struct family families[] = {
-    { "splatd_frames_total", "Frames sent to streams", NULL, SRV_COUNT_FRAMES, 1, { NULL } },
-    { "splatd_pictures_total",
-      "Snapshots rendered for HTTP requests",
-      NULL,
-      SRV_COUNT_SNAPSHOTS,
-      1,
-      { 0 } },
-    { "splatd_drops_total",
-      "Frames that were started and not sent",
-      "reason",
-      SRV_COUNT_DROP_REPLACED,
-      5,
-      { "replaced", "late", "outdated", "failed", "left" } },
-    { "splatd_streams_joined_total", "Streams opened", NULL, SRV_COUNT_JOINED, 1, { NULL } },
-    { "splatd_streams_ended_total",
-      "Streams closed",
-      "reason",
-      SRV_COUNT_END_CLOSED,
-      5,
-      { "closed", "stalled", "silent", "protocol", "lost" } },
-    { "splatd_stream_bytes_total",
-      "Bytes received from and sent to streams",
-      "direction",
-      SRV_COUNT_BYTES_IN,
-      2,
-      { "in", "out" } },
-    { "splatd_http_requests_total",
-      "HTTP requests by status class",
-      "status",
-      SRV_COUNT_HTTP_1XX,
-      5,
-      { "1xx", "2xx", "3xx", "4xx", "5xx" } },
-    { "splatd_http_bytes_total",
-      "Bytes of HTTP request and response bodies",
-      "direction",
-      SRV_COUNT_HTTP_BYTES_IN,
-      2,
-      { "in", "out" } },
-    { "splatd_path_frames_total",
-      "Frames rendered for camera paths",
-      NULL,
-      SRV_COUNT_PATH_FRAMES,
-      1,
-      { NULL } },
-    { "splatd_path_waits_total",
-      "Times that a frame of a camera path was postponed",
-      "reason",
-      SRV_COUNT_PATH_WAIT_VOLUME,
-      5,
-      { "volume", "disk", "limit", "memory", "backend" } },
-    { "splatd_path_failures_total",
-      "Camera paths that failed permanently",
-      NULL,
-      SRV_COUNT_PATH_FAILED,
-      1,
-      { NULL } },
-    { "splatd_upload_bytes_total",
-      "Bytes received in uploads",
-      NULL,
-      SRV_COUNT_UPLOAD_BYTES,
-      1,
-      { NULL } },
-    { "splatd_uploads_ended_total",
-      "Uploads that were completed, or ended before",
-      "result",
-      SRV_COUNT_UPLOAD_COMPLETE,
-      3,
-      { "complete", "expired", "removed" } },
-    { "splatd_connections_refused_total",
-      "Refused connections",
-      "reason",
-      SRV_COUNT_REFUSED_FULL,
-      5,
-      { "connections", "address", "owner", "handshakes", "tls" } },
+    const char *label, *const *values; /* NULL = one counter without a label */
+} families[] = {
+    { "splatd_frames_total", "Frames sent to streams", SRV_COUNT_FRAMES, 1, NULL, NULL },
+    { "splatd_pictures_total", "Snapshots rendered for HTTP requests", SRV_COUNT_SNAPSHOTS, 1, NULL,
+      NULL },
+    { "splatd_drops_total", "Frames that were started and not sent", SRV_COUNT_DROP_REPLACED, 5,
+      "reason", drops },
+    { "splatd_streams_joined_total", "Streams opened", SRV_COUNT_JOINED, 1, NULL, NULL },
+    { "splatd_streams_ended_total", "Streams closed", SRV_COUNT_END_CLOSED, 5, "reason", ends },
+    { "splatd_stream_bytes_total", "Bytes received from and sent to streams", SRV_COUNT_BYTES_IN, 2,
+      "direction", directions },
+    { "splatd_http_requests_total", "HTTP requests by status class", SRV_COUNT_HTTP_1XX, 5,
+      "status", statuses },
+    { "splatd_http_bytes_total", "Bytes of HTTP request and response bodies",
+      SRV_COUNT_HTTP_BYTES_IN, 2, "direction", directions },
+    { "splatd_path_frames_total", "Frames rendered for camera paths", SRV_COUNT_PATH_FRAMES, 1,
+      NULL, NULL },
+    { "splatd_path_waits_total", "Times that a frame of a camera path was postponed",
+      SRV_COUNT_PATH_WAIT_VOLUME, 5, "reason", waits },
+    { "splatd_path_failures_total", "Camera paths that failed permanently", SRV_COUNT_PATH_FAILED,
+      1, NULL, NULL },
+    { "splatd_upload_bytes_total", "Bytes received in uploads", SRV_COUNT_UPLOAD_BYTES, 1, NULL,
+      NULL },
+    { "splatd_uploads_ended_total", "Uploads that were completed, or ended before",
+      SRV_COUNT_UPLOAD_COMPLETE, 3, "result", upload_ends },
+    { "splatd_connections_refused_total", "Refused connections", SRV_COUNT_REFUSED_FULL, 5,
+      "reason", refusals },
 };
 
 struct srv_metrics *srv_metrics_create(void) {

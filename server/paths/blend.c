@@ -18,6 +18,16 @@ static float mix_float(float a, float b, double u) {
                       u); /* rounding is monotonic: the result stays in [a, b] */
 }
 
+static void mix_floats(const float *a, const float *b, unsigned count, double u, float *out) {
+    for (unsigned i = 0; i < count; i++)
+        out[i] = mix_float(a[i], b[i], u);
+}
+
+static void mix_numbers(const double *a, const double *b, unsigned count, double u, double *out) {
+    for (unsigned i = 0; i < count; i++)
+        out[i] = mix(a[i], b[i], u);
+}
+
 /* Linear, or `a` until u = 1 if one is automatic (NaN). */
 static double mix_set(double a, double b, double u) {
     return isnan(a) || isnan(b) ? (u >= 1 ? b : a) : mix(a, b, u);
@@ -177,8 +187,7 @@ static void sample(const struct curve *curve, uint32_t next, double x, unsigned 
     double left = curve->value[next - 1], right = curve->value[next];
     double u =
         (x / 2 - left / 2) / (right / 2 - left / 2); /* halves: the difference may overflow */
-    for (unsigned c = 0; c < channels; c++)
-        y[c] = mix_float(curve->y[next - 1][c], curve->y[next][c], u);
+    mix_floats(curve->y[next - 1], curve->y[next], channels, u, y);
 }
 
 /* Blends at the values of both curves, rising, each value once. Returns their number, which may be
@@ -195,8 +204,7 @@ static unsigned blend_curves(const struct curve *a, const struct curve *b, doubl
             sample(a, i, x, channels, from);
             sample(b, j, x, channels, to);
             out->value[count] = x;
-            for (unsigned c = 0; c < channels; c++)
-                out->y[count][c] = mix_float(from[c], to[c], u);
+            mix_floats(from, to, channels, u, out->y[count]);
         }
         count++;
         i += i < a->count && a->value[i] == x;
@@ -299,8 +307,7 @@ static void blend_lights(const struct sp_shading *a, const struct sp_shading *b,
         return;
     for (uint32_t i = 0; i < a->light_count; i++) {
         const struct sp_light *from = &a->lights[i], *to = &b->lights[i];
-        for (int c = 0; c < 3; c++)
-            out->lights[i].color[c] = mix_float(from->color[c], to->color[c], u);
+        mix_floats(from->color, to->color, 3, u, out->lights[i].color);
         if (from->space == to->space) /* otherwise the directions cannot be compared */
             mix_direction(from->direction, to->direction, u, out->lights[i].direction);
     }
@@ -329,8 +336,7 @@ void srv_blend_clip(const struct sp_clip *a, const struct sp_clip *b, double u,
     if (u <= 0 || u >= 1)
         return;
     for (int corner = 0; corner < 2; corner++)
-        for (int i = 0; i < 3; i++)
-            out->box[corner][i] = mix(a->box[corner][i], b->box[corner][i], u);
+        mix_numbers(a->box[corner], b->box[corner], 3, u, out->box[corner]);
     if (a->plane_count != b->plane_count)
         return;
     for (uint32_t i = 0; i < a->plane_count; i++)
@@ -342,8 +348,7 @@ static void mix_elements(const struct sp_layer *a, const struct sp_layer *b, dou
                          struct sp_layer *out) {
     out->size = mix(a->size, b->size, u);
     out->opacity = mix_float(a->opacity, b->opacity, u);
-    for (int c = 0; c < 3; c++)
-        out->color[c] = mix_float(a->color[c], b->color[c], u);
+    mix_floats(a->color, b->color, 3, u, out->color);
     srv_blend_transform(a->transform, b->transform, u, out->transform);
 }
 
@@ -351,14 +356,12 @@ static void mix_elements(const struct sp_layer *a, const struct sp_layer *b, dou
  * `a`. */
 static void mix_channel(const struct sp_layer *a, const struct sp_layer *b, double u,
                         struct sp_layer *out) {
-    for (int c = 0; c < 3; c++)
-        out->color[c] = mix_float(a->color[c], b->color[c], u);
+    mix_floats(a->color, b->color, 3, u, out->color);
     for (uint32_t i = 0; i < a->point_count && a->point_count == b->point_count; i++) {
         const struct sp_tf_point *p = &a->points[i], *q = &b->points[i];
         out->points[i].value = mix(p->value, q->value, u);
         out->points[i].opacity = mix_float(p->opacity, q->opacity, u);
-        for (int c = 0; c < 3; c++)
-            out->points[i].color[c] = mix_float(p->color[c], q->color[c], u);
+        mix_floats(p->color, q->color, 3, u, out->points[i].color);
     }
 }
 
@@ -367,8 +370,7 @@ static void mix_layers(const struct sp_layer *a, const struct sp_layer *b, doubl
     if (a->type == SP_LAYER_SURFACE) {
         out->value = mix(a->value, b->value, u);
         out->opacity = mix_float(a->opacity, b->opacity, u);
-        for (int c = 0; c < 3; c++)
-            out->color[c] = mix_float(a->color[c], b->color[c], u);
+        mix_floats(a->color, b->color, 3, u, out->color);
         if (isfinite(a->flatness) && isfinite(b->flatness))
             out->flatness = mix(a->flatness, b->flatness, u);
     }
@@ -380,8 +382,7 @@ static void mix_layers(const struct sp_layer *a, const struct sp_layer *b, doubl
         out->phase = mix(a->phase, b->phase, u);
         out->stretch = mix(a->stretch, b->stretch, u);
         out->density = mix(a->density, b->density, u);
-        for (int c = 0; c < 3; c++)
-            out->color[c] = mix_float(a->color[c], b->color[c], u);
+        mix_floats(a->color, b->color, 3, u, out->color);
     }
     if (a->type == SP_LAYER_CHANNEL)
         mix_channel(a, b, u, out);
@@ -408,8 +409,7 @@ void srv_blend_slices(const struct sp_slices *a, const struct sp_slices *b, doub
     *out = u >= 1 ? *b : *a;
     if (u <= 0 || u >= 1)
         return;
-    for (int i = 0; i < 3; i++)
-        out->position[i] = mix(a->position[i], b->position[i], u);
+    mix_numbers(a->position, b->position, 3, u, out->position);
     mix_direction(a->normal, b->normal, u, out->normal);
     out->center = mix(a->center, b->center, u);
     out->width = mix(a->width, b->width, u);
@@ -421,6 +421,5 @@ void srv_blend_time(const struct sp_time *a, const struct sp_time *b, double u,
 }
 
 void srv_blend_background(const float a[4], const float b[4], double u, float out[4]) {
-    for (int c = 0; c < 4; c++)
-        out[c] = mix_float(a[c], b[c], u);
+    mix_floats(a, b, 4, u, out);
 }

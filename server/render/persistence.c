@@ -35,8 +35,11 @@ static bool is_damage(enum sp_code code) {
     return code == SP_ERR_FORMAT || code == SP_ERR_INVALID;
 }
 
+/* Restores the records of a kind. Views and presets are only checked: a request reads them when it
+ * needs them. */
 static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv_hub *hub,
                          struct srv_catalog *catalog, struct sp_error *err) {
+    const bool is_checked = kind == SRV_KIND_VIEW || kind == SRV_KIND_PRESET;
     char *ids = srv_store_ids(store, kind);
     if (!ids)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while restoring the state");
@@ -44,10 +47,11 @@ static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv
         struct sp_error why;
         size_t size;
         char *text = srv_store_get(store, kind, id, &size, &why);
-        bool ok = text && (kind == SRV_KIND_SESSION
+        bool ok = text && (is_checked ? srv_record_check(kind, text, size, &why)
+                           : kind == SRV_KIND_SESSION
                                ? srv_hub_restore(hub, id, text, size, srv_clock_ms(), &why)
                                : restore_volume(catalog, id, text, size, &why));
-        if (!ok && is_damage(why.code))
+        if (!ok && (is_checked || is_damage(why.code)))
             srv_store_damage(store, kind, id, &why);
         else if (!ok)
             sp_log(SP_LOG_ERROR, "cannot restore %s %s: %s%s%s",
@@ -59,28 +63,12 @@ static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv
     return true;
 }
 
-/* Checks the records that are read when a request needs them. */
-static bool check_kind(struct srv_store *store, enum srv_kind kind, struct sp_error *err) {
-    char *ids = srv_store_ids(store, kind);
-    if (!ids)
-        return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while restoring the state");
-    for (const char *id = ids; *id; id += strlen(id) + 1) {
-        struct sp_error why;
-        size_t size;
-        char *text = srv_store_get(store, kind, id, &size, &why);
-        if (!text || !srv_record_check(kind, text, size, &why))
-            srv_store_damage(store, kind, id, &why);
-        free(text);
-    }
-    free(ids);
-    return true;
-}
-
 bool srv_persistence_restore(struct srv_store *store, struct srv_hub *hub,
                              struct srv_catalog *catalog, struct sp_error *err) {
     return restore_kind(store, SRV_KIND_SESSION, hub, catalog, err) &&
            restore_kind(store, SRV_KIND_VOLUME, hub, catalog, err) &&
-           check_kind(store, SRV_KIND_VIEW, err) && check_kind(store, SRV_KIND_PRESET, err);
+           restore_kind(store, SRV_KIND_VIEW, hub, catalog, err) &&
+           restore_kind(store, SRV_KIND_PRESET, hub, catalog, err);
 }
 
 static bool put_session(void *user, const char *id, const char *text, size_t size) {

@@ -85,12 +85,9 @@ void srv_hub_note_time(struct srv_hub *hub, double now_ms) {
 }
 
 struct snapshot {
-    uint64_t number, version;
+    struct srv_session_identity identity;
+    uint64_t version;
     double used_ms, past_run_ms;
-    char id[SRV_SESSION_ID_BYTES];
-    char tokens[2][SRV_TOKEN_DIGITS + 1];
-    struct srv_owner owner;
-    bool is_guests;
     struct sp_view view;
     struct srv_measures measures; /* owned */
     bool is_complete;             /* false: memory was short for the measurements */
@@ -105,15 +102,11 @@ static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
         next = srv_timer_take(&hub->persistence.unsaved, (double)last);
     while (next && is_saved(hub, next, now_ms));
     if (next) {
-        snapshot->number = next->identity.number;
+        snapshot->identity = next->identity;
         snapshot->version = next->shared.version;
         snapshot->used_ms = used_ms(next, now_ms);
         snapshot->past_run_ms = hub->options.past_run_ms;
         snapshot->view = next->shared.view;
-        snapshot->owner = next->identity.owner;
-        snapshot->is_guests = next->identity.is_guests;
-        memcpy(snapshot->id, next->identity.id, sizeof snapshot->id);
-        memcpy(snapshot->tokens, next->identity.tokens, sizeof snapshot->tokens);
         snapshot->is_complete = srv_measures_copy(&next->measures, &snapshot->measures);
     }
     pthread_mutex_unlock(&hub->mutex);
@@ -122,17 +115,17 @@ static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
 
 static char *text_of(const struct snapshot *snapshot, size_t *size) {
     proto_json *json = proto_json_object(), *tokens = proto_json_object();
-    proto_json_set_string(&tokens, "control", snapshot->tokens[SRV_ROLE_CONTROL]);
-    proto_json_set_string(&tokens, "view", snapshot->tokens[SRV_ROLE_VIEW]);
+    proto_json_set_string(&tokens, "control", snapshot->identity.tokens[SRV_ROLE_CONTROL]);
+    proto_json_set_string(&tokens, "view", snapshot->identity.tokens[SRV_ROLE_VIEW]);
     proto_json_set(&json, "tokens", tokens);
     proto_json_set(&json, "view", proto_view_encode(&snapshot->view));
     proto_json_set_number(&json, "used", (snapshot->used_ms + snapshot->past_run_ms) / 1000);
     if (snapshot->measures.count > 0)
         proto_json_set(&json, "measures", srv_measures_encode(&snapshot->measures));
-    if (snapshot->is_guests)
+    if (snapshot->identity.is_guests)
         proto_json_set_bool(&json, "guest", true);
-    if (snapshot->owner.name[0])
-        proto_json_set(&json, "owner", srv_owner_encode(&snapshot->owner));
+    if (snapshot->identity.owner.name[0])
+        proto_json_set(&json, "owner", srv_owner_encode(&snapshot->identity.owner));
     char *text = snapshot->is_complete ? proto_json_to_text(json, size) : NULL;
     proto_json_free(&json);
     return text;
@@ -150,8 +143,8 @@ bool srv_hub_save(struct srv_hub *hub, double now_ms,
         size_t size;
         char *text = text_of(snapshot, &size);
         pthread_mutex_lock(&hub->mutex);
-        struct srv_session *s = srv_hub_find_active(hub, snapshot->id);
-        if (s && s->identity.number != snapshot->number)
+        struct srv_session *s = srv_hub_find_active(hub, snapshot->identity.id);
+        if (s && s->identity.number != snapshot->identity.number)
             s = NULL; /* it hibernated meanwhile; this is another session */
         /* A session that ended meanwhile must not be stored again. */
         ok = !s || (text && save(user, s->identity.id, text, size));

@@ -11,28 +11,19 @@
 
 enum { FORMATS_MAX = 16 }; /* that a client may list */
 
-struct stream_settings {
-    enum sp_image_format format;
-    enum sp_video_codec video, slow_video;
-    enum sp_chroma chroma;
-    int64_t quality, max_fps, size[2];
-    bool progressive, lossless;
-    const char *name;
-};
-
 static bool read_range(struct srv_call *call, const char *key, const char *pointer, int64_t max,
-                       const char *text, int64_t *out) {
+                       const char *text, int *out) {
     const proto_json *value = proto_json_get(call->params, key);
     int64_t number;
     if (!value)
         return true;
     if (!proto_json_integer(value, &number) || number < 1 || number > max)
         return srv_call_refuse(call, PROTO_RPC_PARAMS, pointer, text);
-    *out = number;
+    *out = (int)number;
     return true;
 }
 
-static bool read_size(struct srv_call *call, struct stream_settings *s) {
+static bool read_size(struct srv_call *call, struct srv_stream_settings *s) {
     const proto_json *value = proto_json_get(call->params, "size");
     if (!value)
         return true;
@@ -40,33 +31,35 @@ static bool read_size(struct srv_call *call, struct stream_settings *s) {
         s->size[0] = s->size[1] = 0;
         return true;
     }
-    for (size_t i = 0; i < 2; i++)
-        if (proto_json_size(value) != 2 ||
-            !proto_json_integer(proto_json_at(value, i), &s->size[i]) || s->size[i] < 1 ||
-            s->size[i] > SP_SIZE_MAX)
+    for (size_t i = 0; i < 2; i++) {
+        int64_t px = 0;
+        if (proto_json_size(value) != 2 || !proto_json_integer(proto_json_at(value, i), &px) ||
+            px < 1 || px > SP_SIZE_MAX)
             return srv_call_refuse(
                 call, PROTO_RPC_PARAMS, "/size",
                 "must be [width, height], each in [1, 8192] px, or null for the view's");
-    const uint32_t size[2] = { (uint32_t)s->size[0], (uint32_t)s->size[1] };
+        s->size[i] = (uint32_t)px;
+    }
     call->code = PROTO_RPC_PARAMS;
-    return srv_hub_allows_size(call->hub, size, &call->err) &&
-           srv_owner_allows_size(&call->participant->session->identity.owner, size, &call->err);
+    return srv_hub_allows_size(call->hub, s->size, &call->err) &&
+           srv_owner_allows_size(&call->participant->session->identity.owner, s->size, &call->err);
 }
 
-static bool read_name(struct srv_call *call, struct stream_settings *s) {
+/* *name: NULL = the participant keeps its name. */
+static bool read_name(struct srv_call *call, const char **name) {
     const proto_json *value = proto_json_get(call->params, "name");
+    *name = proto_json_string(value);
     if (!value)
         return true;
-    s->name = proto_json_string(value);
-    size_t length = s->name ? strlen(s->name) : 0;
-    return (length > 0 && length < SRV_PARTICIPANT_NAME_BYTES && proto_text_is_plain(s->name)) ||
+    size_t length = *name ? strlen(*name) : 0;
+    return (length > 0 && length < SRV_PARTICIPANT_NAME_BYTES && proto_text_is_plain(*name)) ||
            srv_call_refuse(call, PROTO_RPC_PARAMS, "/name",
                            "must be a text of 1 to 64 bytes without control characters, "
                            "including those for the direction of text");
 }
 
 /* Video comes with JPEG: for frames at rest, and while no encoder is free. */
-static bool grant_format(const char *name, struct stream_settings *s) {
+static bool grant_format(const char *name, struct srv_stream_settings *s) {
     enum sp_video_codec video = sp_video_codec_find(name);
     enum sp_image_format still =
         video == SP_VIDEO_CODEC_COUNT ? sp_image_format_find(name) : SP_IMAGE_JPEG;
@@ -80,7 +73,7 @@ static bool grant_format(const char *name, struct stream_settings *s) {
 }
 
 /* A video format after an image format replaces it where the network is too slow for images. */
-static void grant_slow_video(const char *name, struct stream_settings *s) {
+static void grant_slow_video(const char *name, struct srv_stream_settings *s) {
     enum sp_video_codec video = sp_video_codec_find(name);
     if (s->video == SP_VIDEO_CODEC_COUNT && s->slow_video == SP_VIDEO_CODEC_COUNT &&
         video != SP_VIDEO_CODEC_COUNT && sp_video_is_available(video))
@@ -90,7 +83,7 @@ static void grant_slow_video(const char *name, struct stream_settings *s) {
 /* Reads a name or a list of names in order of preference: grants the first that is available, else
  * JPEG; and video for a slow network if that is an image format. */
 static bool read_format(struct srv_call *call, const proto_json *format,
-                        struct stream_settings *s) {
+                        struct srv_stream_settings *s) {
     const char *name = proto_json_string(format);
     bool is_list = proto_json_type(format) == PROTO_JSON_ARRAY, granted = false;
     size_t count = is_list ? proto_json_size(format) : 0;
@@ -109,7 +102,7 @@ static bool read_format(struct srv_call *call, const proto_json *format,
     return !is_list || granted || grant_format("jpeg", s);
 }
 
-static bool read_chroma(struct srv_call *call, struct stream_settings *s) {
+static bool read_chroma(struct srv_call *call, struct srv_stream_settings *s) {
     const proto_json *value = proto_json_get(call->params, "subsampling");
     const char *name = proto_json_string(value);
     if (!value)
@@ -119,7 +112,7 @@ static bool read_chroma(struct srv_call *call, struct stream_settings *s) {
                                                            "must be auto, 4:4:4, 4:2:2 or 4:2:0");
 }
 
-static bool read_settings(struct srv_call *call, struct stream_settings *s) {
+static bool read_settings(struct srv_call *call, struct srv_stream_settings *s) {
     const proto_json *format = proto_json_get(call->params, "format");
     const proto_json *progressive = proto_json_get(call->params, "progressive");
     const proto_json *lossless = proto_json_get(call->params, "lossless");
@@ -132,8 +125,8 @@ static bool read_settings(struct srv_call *call, struct stream_settings *s) {
     return read_range(call, "quality", "/quality", 100, "must be a whole number in [1, 100]",
                       &s->quality) &&
            read_range(call, "max_fps", "/max_fps", 120, "must be a whole number in [1, 120]",
-                      &s->max_fps) &&
-           read_chroma(call, s) && read_size(call, s) && read_name(call, s);
+                      &s->wanted_fps) &&
+           read_chroma(call, s) && read_size(call, s);
 }
 
 static void set_name(struct srv_call *call, const char *name) {
@@ -176,40 +169,29 @@ static proto_json *encode_settings(const struct srv_participant *p) {
     return result;
 }
 
+/* The frame rate alone changes no image. */
+static bool gives_other_image(const struct srv_stream_settings *a,
+                              const struct srv_stream_settings *b) {
+    return a->format != b->format || a->video != b->video || a->slow_video != b->slow_video ||
+           a->quality != b->quality || a->chroma != b->chroma || a->size[0] != b->size[0] ||
+           a->size[1] != b->size[1] || a->progressive != b->progressive ||
+           a->lossless != b->lossless;
+}
+
 bool srv_call_configure(struct srv_call *call) {
     static const char *const known[] = { "format",   "quality", "subsampling",
                                          "max_fps",  "size",    "progressive",
                                          "lossless", "name",    NULL };
     struct srv_participant *p = call->participant;
-    struct stream_settings s = { .format = p->settings.format,
-                                 .video = p->settings.video,
-                                 .slow_video = p->settings.slow_video,
-                                 .chroma = p->settings.chroma,
-                                 .quality = p->settings.quality,
-                                 .max_fps = p->settings.wanted_fps,
-                                 .size = { p->settings.size[0], p->settings.size[1] },
-                                 .progressive = p->settings.progressive,
-                                 .lossless = p->settings.lossless };
-    if (!srv_call_knows(call, known) || !read_settings(call, &s))
+    struct srv_stream_settings s = p->settings;
+    const char *name;
+    if (!srv_call_knows(call, known) || !read_settings(call, &s) || !read_name(call, &name))
         return false;
-    bool changed = s.format != p->settings.format || s.video != p->settings.video ||
-                   s.slow_video != p->settings.slow_video || s.quality != p->settings.quality ||
-                   s.chroma != p->settings.chroma || s.size[0] != p->settings.size[0] ||
-                   s.size[1] != p->settings.size[1] || s.progressive != p->settings.progressive ||
-                   s.lossless != p->settings.lossless;
-    p->settings.format = s.format;
-    p->settings.video = s.video;
-    p->settings.slow_video = s.slow_video;
-    p->settings.chroma = s.chroma;
-    p->settings.quality = (int)s.quality;
-    p->settings.wanted_fps = (int)s.max_fps;
-    p->settings.max_fps = srv_owner_fps(&p->session->identity.owner, p->settings.wanted_fps);
-    p->settings.size[0] = (uint32_t)s.size[0];
-    p->settings.size[1] = (uint32_t)s.size[1];
-    p->settings.progressive = s.progressive;
-    p->settings.lossless = s.lossless;
-    set_name(call, s.name);
-    if (changed) {
+    s.max_fps = srv_owner_fps(&p->session->identity.owner, s.wanted_fps);
+    const bool is_other_image = gives_other_image(&s, &p->settings);
+    p->settings = s;
+    set_name(call, name);
+    if (is_other_image) {
         p->delivery.is_video_refused = false;
         srv_rate_control_forget(&p->delivery.rate_control);
         srv_policy_update_rate(p);
