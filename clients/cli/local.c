@@ -147,7 +147,7 @@ static struct sp_frame *render_frame(struct sp_renderer *renderer, struct volume
                                             .find = find,
                                             .user = volumes };
     struct sp_frame *frame = sp_renderer_render(renderer, volumes->own, view, pool, &what, err);
-    if (!frame && err->code == SP_ERR_VOLUME_UNKNOWN && volumes->err.text[0])
+    if (!frame && err->code == SP_ERR_VOLUME_UNKNOWN && volumes->err.code != SP_OK)
         *err = volumes->err; /* the renderer knows only that there is none */
     return frame;
 }

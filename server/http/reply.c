@@ -160,7 +160,7 @@ unsigned srv_status_from(enum sp_code code) {
 
 void srv_reply_error(struct srv_reply *reply, const struct sp_error *err) {
     /* Only JSON pointers are sent; a place that names a file or a flag is not for the client. */
-    bool pointer = err->place[0] == '/' && strncmp(err->place, "//", 2) != 0;
+    bool pointer = err->place[0] == '/' && err->place[1] != '/';
     problem(reply, srv_status_from(err->code), pointer ? err->place : NULL, err->text);
     if (err->code == SP_ERR_NOT_READY)
         srv_reply_header(reply, "Retry-After", "1");

@@ -54,9 +54,6 @@ void srv_uploads_reply_error(struct srv_reply *reply, const struct sp_error *err
     case SP_ERR_QUOTA:
         srv_reply_problem(reply, 507, pointer, "%s", err->text);
         break;
-    case SP_ERR_INVALID: /* the offset; a member of the body has a pointer */
-        srv_reply_problem(reply, pointer ? 422 : 409, pointer, "%s", err->text);
-        break;
     case SP_ERR_CANCELLED:
         srv_reply_problem(reply, 409, pointer, "%s", err->text);
         break;

@@ -89,10 +89,12 @@ bool srv_upload_body_open(struct srv_request *request) {
         body->used = 0;
         request->upload_body = body;
         return true;
+    } else if (at != UINT64_MAX) { /* the offset is wrong */
+        srv_reply_problem(&request->reply, 409, NULL, "%s", err.text);
+        srv_upload_headers(&request->reply, NULL);
+        srv_reply_header(&request->reply, "Upload-Offset", "%" PRIu64, at);
     } else {
         srv_uploads_reply_error(&request->reply, &err);
-        if (at != UINT64_MAX)
-            srv_reply_header(&request->reply, "Upload-Offset", "%" PRIu64, at);
     }
     srv_checksum_matches(&checksum); /* frees it */
     free(body);

@@ -86,6 +86,10 @@ SYSTEM = re.compile(
 # Variables of file scope that may change after start: the log sink, the CPU feature mask, and one pointer per thread.
 MUTABLE = {'log_state', 'cpu_mask', 'parsing'}
 
+# Programs branch on the code of an error (sp/status.h).
+ERROR_CODE = r'(protocol|server|clients/cli)/.*\.c$'
+ERROR_COMPARED = re.compile(r'\bstr(n?cmp|n?casecmp|str)\([^;]*\b(\w*err|why|error)(->|\.)(place|text)\b')
+
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 SOURCE = ('.c', '.h', '.cpp')
 CODE = SOURCE + ('.py', '.mjs', '.js', '.sh', '.css', '.html', '.cmake')
@@ -433,6 +437,8 @@ def style(o):
                 yield f'{path}:{number}: a banner'
             if line != line.rstrip():
                 yield f'{path}:{number}: space at the end of the line'
+            if re.match(ERROR_CODE, path) and ERROR_COMPARED.search(line):
+                yield f'{path}:{number}: compares the place or text of an error; branch on its code'
     main = lines(o.source, 'server/main.c')
     if len(main) > 150:
         yield f'server/main.c:150: {len(main)} lines, more than 150; main only connects the parts'

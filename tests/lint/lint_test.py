@@ -203,6 +203,9 @@ class Tree(unittest.TestCase):
         self.assertEqual(len(self.findings('style', {'protocol/a.c': 'int x;\n'})), 1)
         self.assertEqual(len(self.findings('style', {'protocol/a.c': spdx + 'x' * 101})), 1)
         self.assertEqual(len(self.findings('style', {'protocol/a.c': spdx + 'int x; \n'})), 1)
+        compared = spdx + 'if (strcmp(err->place, "/id") == 0)\n'
+        self.assertEqual(len(self.findings('style', {'protocol/a.c': compared})), 1)
+        self.assertEqual(self.findings('style', {'tests/a.c': compared}), [])
         self.assertEqual(len(self.findings('style', {'protocol/a.c': spdx + '/* ---- x ---- */\n'})), 1)
         self.assertEqual(len(self.findings('style', {'clients/web/core/a.js': '// SPDX-License-Identifier: Apache-2.0\n'
                                                      "import { x } from '../app/x.js';\n"})), 1)
