@@ -10,11 +10,6 @@
 #include "cli/commands.h"
 #include "cli/print.h"
 
-static bool end_output(struct sp_error *err) {
-    return (fflush(stdout) == 0 && !ferror(stdout)) ||
-           sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
-}
-
 /* Reads all pages of a list into one document {"`name`": […]}; NULL with *err set on failure. */
 static proto_json *read_pages(struct http *http, const char *name, struct sp_error *err) {
     proto_json *all = proto_json_array(), *whole = proto_json_object();
@@ -83,26 +78,6 @@ static void add_name(struct table *table, const proto_json *name) {
     table_add(table, "%s", proto_json_string(name) ? proto_json_string(name) : "");
 }
 
-/* A list of the daemon and its columns. */
-struct listing {
-    const char *name;
-    const char *headings[TABLE_COLUMNS_MAX]; /* {NULL} = one column without a heading */
-    size_t columns, numbers;                 /* the last `numbers` columns are aligned right */
-    void (*add)(struct table *table, const proto_json *item);
-};
-
-static bool print_table(const struct listing *listing, const proto_json *items,
-                        struct sp_error *err) {
-    struct table table = { .columns = listing->columns };
-    for (size_t c = listing->columns - listing->numbers; c < listing->columns; c++)
-        table.is_right[c] = true;
-    for (size_t c = 0; c < listing->columns && listing->headings[c]; c++)
-        table_add(&table, "%s", listing->headings[c]);
-    for (size_t i = 0; i < proto_json_size(items); i++)
-        listing->add(&table, proto_json_at(items, i));
-    return table_print(&table, err);
-}
-
 /* Prints a list of the daemon; with --json as one document. */
 static int list(const struct options *options, const struct listing *listing,
                 struct sp_error *err) {
@@ -116,7 +91,7 @@ static int list(const struct options *options, const struct listing *listing,
     if (ok && options->json)
         ok = print_json(options, all, err);
     else if (ok)
-        ok = print_table(listing, proto_json_get(all, listing->name), err);
+        ok = print_list(listing, proto_json_get(all, listing->name), err);
     proto_json_free(&all);
     return ok ? 0 : 1;
 }
@@ -132,15 +107,17 @@ int command_views(const struct options *options, struct sp_error *err) {
 }
 
 int command_sessions(const struct options *options, struct sp_error *err) {
-    static const struct listing sessions = {
-        "sessions", { "ID", "VOLUME", "STATE", "PEOPLE", "IDLE, s" }, 5, 2, add_session
-    };
+    static const struct listing sessions = { "sessions",
+                                             { "ID", "VOLUME", "STATE", "PEOPLE", "IDLE, s" },
+                                             5,
+                                             1 << 3 | 1 << 4,
+                                             add_session };
     return list(options, &sessions, err);
 }
 
 int command_paths(const struct options *options, struct sp_error *err) {
     static const struct listing paths = {
-        "paths", { "ID", "STATE", "FORMAT", "DONE", "FRAMES" }, 5, 2, add_path
+        "paths", { "ID", "STATE", "FORMAT", "DONE", "FRAMES" }, 5, 1 << 3 | 1 << 4, add_path
     };
     return list(options, &paths, err);
 }
@@ -280,16 +257,7 @@ int command_save(const struct options *options, struct sp_error *err) {
         return usage_error(options->argument, "save takes options only; did you mean --volume?");
     struct http *http = connect_to_daemon(options, err);
     proto_json *saved = http ? post_view(options, http, "/views", NULL, err) : NULL;
-    bool ok = saved != NULL;
-    if (ok && options->json) {
-        ok = print_json(options, saved, err);
-    } else if (ok) {
-        puts(text_of(saved, "id"));
-        ok = end_output(err);
-    }
-    proto_json_free(&saved);
-    http_destroy(&http);
-    return ok ? 0 : 1;
+    return print_id(options, http, saved, err);
 }
 
 /* Creates a session from the view of another session or from a saved view. */

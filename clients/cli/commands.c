@@ -75,13 +75,10 @@ static void print_warnings(const proto_json *volume) {
 }
 
 static bool print_volumes(const proto_json *list, struct sp_error *err) {
-    static const char *const headings[] = { "ID", "STATE", "SIZE", "TYPE", "MB", "SOURCE" };
-    struct table table = { .columns = 6, .is_right = { [4] = true } };
-    for (size_t i = 0; i < table.columns; i++)
-        table_add(&table, "%s", headings[i]);
-    for (size_t i = 0; i < proto_json_size(list); i++)
-        add_volume(&table, proto_json_at(list, i));
-    bool ok = table_print(&table, err);
+    static const struct listing volumes = {
+        "volumes", { "ID", "STATE", "SIZE", "TYPE", "MB", "SOURCE" }, 6, 1 << 4, add_volume
+    };
+    bool ok = print_list(&volumes, list, err);
     for (size_t i = 0; i < proto_json_size(list); i++)
         print_warnings(proto_json_at(list, i));
     return ok;
@@ -227,16 +224,17 @@ char *resolve_volume(struct http *http, const struct options *options, const cha
     return id;
 }
 
-int finish_opening(const struct options *options, struct http *http, proto_json *volume,
-                   struct sp_error *err) {
-    bool ok = volume != NULL;
+int print_id(const struct options *options, struct http *http, proto_json *made,
+             struct sp_error *err) {
+    bool ok = made != NULL;
     if (ok && options->json)
-        ok = print_json(options, volume, err);
+        ok = print_json(options, made, err);
     else if (ok) {
-        puts(text_of(volume, "id"));
-        print_warnings(volume);
+        puts(text_of(made, "id"));
+        print_warnings(made);
+        ok = end_output(err);
     }
-    proto_json_free(&volume);
+    proto_json_free(&made);
     http_destroy(&http);
     return ok ? 0 : 1;
 }
@@ -247,7 +245,7 @@ int command_load(const struct options *options, struct sp_error *err) {
     struct http *http = connect_to_daemon(options, err);
     proto_json *volume =
         http ? open_volume(http, options, options->argument, true, !options->no_wait, err) : NULL;
-    return finish_opening(options, http, volume, err);
+    return print_id(options, http, volume, err);
 }
 
 int command_unload(const struct options *options, struct sp_error *err) {

@@ -26,10 +26,11 @@ struct http *connect_to_daemon(const struct options *options, struct sp_error *e
 double now_s(void);
 /* Returns the text of a member; "" if it has none. */
 const char *text_of(const proto_json *object, const char *key);
-/* Ends a command that opened a volume: prints its id and warnings, or its description with --json.
- * Takes ownership of both; a `volume` of NULL = it failed. Returns the exit status. */
-int finish_opening(const struct options *options, struct http *http, proto_json *volume,
-                   struct sp_error *err);
+/* Ends a command that opened a volume or saved a view: prints its id and warnings, or what the
+ * daemon answered with --json. Takes ownership of both; `made` NULL = it failed. Returns the exit
+ * status. */
+int print_id(const struct options *options, struct http *http, proto_json *made,
+             struct sp_error *err);
 /* Prints a JSON document: on one line for programs with --json, else indented. */
 bool print_json(const struct options *options, const proto_json *json, struct sp_error *err);
 /* Prints a JSON document on one line. NULL = memory ran out, which is an error, too. */

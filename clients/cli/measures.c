@@ -51,16 +51,12 @@ static void add_measure(struct table *table, const proto_json *measure) {
     table_add(table, "%s", text_of(measure, "note"));
 }
 
-static bool print_measures(const proto_json *list, struct sp_error *err) {
-    static const char *const headings[] = { "ID",   "KIND", "TEXT",      "VALUE", "UNIT",
-                                            "MEAN", "SD",   "DATA UNIT", "MORE",  "NOTE" };
-    struct table table = { .columns = 10, .is_right = { [3] = true, [5] = true, [6] = true } };
-    for (size_t c = 0; c < table.columns; c++)
-        table_add(&table, "%s", headings[c]);
-    for (size_t i = 0; i < proto_json_size(list); i++)
-        add_measure(&table, proto_json_at(list, i));
-    return table_print(&table, err);
-}
+static const struct listing measures = { "measures",
+                                         { "ID", "KIND", "TEXT", "VALUE", "UNIT", "MEAN", "SD",
+                                           "DATA UNIT", "MORE", "NOTE" },
+                                         10,
+                                         1 << 3 | 1 << 5 | 1 << 6,
+                                         add_measure };
 
 /* Writes the daemon's CSV as it is. */
 static bool write_csv(const struct options *options, struct http *http, const char *path,
@@ -84,8 +80,9 @@ static bool list_measures(const struct options *options, struct http *http, bool
         ok = write_csv(options, http, path, err);
     } else if (ok) {
         proto_json *answer = http_json(http, "GET", path, NULL, err);
-        ok = answer && (options->json ? print_json(options, answer, err)
-                                      : print_measures(proto_json_get(answer, "measures"), err));
+        ok = answer &&
+             (options->json ? print_json(options, answer, err)
+                            : print_list(&measures, proto_json_get(answer, "measures"), err));
         proto_json_free(&answer);
     }
     free(path);

@@ -10,7 +10,7 @@
 
 enum { LINE_WIDTH = 100, INDENT = 2 };
 
-static bool end_output(struct sp_error *err) {
+bool end_output(struct sp_error *err) {
     return (fflush(stdout) == 0 && !ferror(stdout)) ||
            sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
 }
@@ -203,4 +203,15 @@ bool table_print(struct table *table, struct sp_error *err) {
     bool failed = table->failed;
     *table = (struct table){ 0 };
     return failed ? sp_fail(err, SP_ERR_MEMORY, "", "out of memory") : end_output(err);
+}
+
+bool print_list(const struct listing *listing, const proto_json *items, struct sp_error *err) {
+    struct table table = { .columns = listing->columns };
+    for (size_t c = 0; c < listing->columns; c++)
+        table.is_right[c] = listing->right >> c & 1;
+    for (size_t c = 0; c < listing->columns && listing->headings[c]; c++)
+        table_add(&table, "%s", listing->headings[c]);
+    for (size_t i = 0; i < proto_json_size(items); i++)
+        listing->add(&table, proto_json_at(items, i));
+    return table_print(&table, err);
 }

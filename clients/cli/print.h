@@ -28,6 +28,17 @@ struct table {
 /* Adds one cell, row by row; the first row is the heading. Control characters become "?", because
  * names come from files and other people. */
 __attribute__((format(printf, 2, 3))) void table_add(struct table *table, const char *format, ...);
+/* A list of the daemon and its columns. */
+struct listing {
+    const char *name;
+    const char *headings[TABLE_COLUMNS_MAX]; /* {NULL} = one column without a heading */
+    size_t columns;
+    unsigned right; /* bit c: column c is aligned to the right */
+    void (*add)(struct table *table, const proto_json *item);
+};
+bool print_list(const struct listing *listing, const proto_json *items, struct sp_error *err);
+/* Flushes standard output. */
+bool end_output(struct sp_error *err);
 /* Prints all rows, with two spaces between the columns, and frees the cells. */
 bool table_print(struct table *table, struct sp_error *err);
 

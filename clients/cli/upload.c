@@ -217,5 +217,5 @@ int command_upload(const struct options *options, struct sp_error *err) {
         return usage_error(options->argument,
                            "is a header; give the files with its samples after it");
     struct http *http = connect_to_daemon(options, err);
-    return finish_opening(options, http, http ? upload_all(http, options, err) : NULL, err);
+    return print_id(options, http, http ? upload_all(http, options, err) : NULL, err);
 }
