@@ -98,8 +98,8 @@ static void create_session(struct srv_request *request, const proto_json *body,
     struct srv_owner owner;
     char id[SRV_SESSION_ID_BYTES];
     owner_of(request, body, &owner);
-    proto_json *json = srv_hub_session_create_owned(
-        request->app->hub, view, &owner, !request->grant.rights, srv_clock_ms(), id, &err);
+    proto_json *json = srv_hub_session_create(request->app->hub, view, &owner,
+                                              !request->grant.rights, srv_clock_ms(), id, &err);
     if (!json) {
         srv_name_volumes(request, &err);
         srv_reply_view_error(reply, "/view", &err);

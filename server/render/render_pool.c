@@ -84,6 +84,19 @@ static bool create_parts(struct srv_render_pool *pool, struct sp_error *err) {
     return true;
 }
 
+/* Frees the pool with what create_parts() made. */
+static void free_parts(struct srv_render_pool *pool) {
+    srv_frame_cache_finish(&pool->cache);
+    srv_encode_pool_destroy(&pool->encoders);
+    srv_video_encoders_destroy(&pool->videos);
+    srv_blob_pool_destroy(&pool->blobs);
+    sp_frame_pool_destroy(&pool->frames);
+    sp_frame_pool_destroy(&pool->snapshot_frames);
+    pthread_cond_destroy(&pool->resume);
+    pthread_mutex_destroy(&pool->mutex);
+    free(pool);
+}
+
 struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_options *options,
                                                struct sp_renderer **renderer,
                                                struct sp_error *err) {
@@ -97,15 +110,7 @@ struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_opti
     pthread_cond_init(&pool->resume, NULL);
     srv_frame_cache_init(&pool->cache);
     if (!create_parts(pool, err)) {
-        srv_encode_pool_destroy(&pool->encoders);
-        srv_video_encoders_destroy(&pool->videos);
-        srv_blob_pool_destroy(&pool->blobs);
-        sp_frame_pool_destroy(&pool->frames);
-        sp_frame_pool_destroy(&pool->snapshot_frames);
-        srv_frame_cache_finish(&pool->cache);
-        pthread_cond_destroy(&pool->resume);
-        pthread_mutex_destroy(&pool->mutex);
-        free(pool);
+        free_parts(pool);
         return NULL;
     }
     for (int k = 0; k < SRV_WORKERS; k++)
@@ -163,18 +168,10 @@ void srv_render_pool_destroy(struct srv_render_pool **pool_pointer) {
     if (!pool)
         return;
     srv_render_pool_stop(pool);
-    srv_frame_cache_finish(&pool->cache);
     srv_snapshot_queue_finish(&pool->snapshots);
     for (int k = 0; k < SRV_WORKERS; k++)
         srv_worker_finish(&pool->workers[k]);
-    srv_encode_pool_destroy(&pool->encoders);
-    srv_video_encoders_destroy(&pool->videos);
-    srv_blob_pool_destroy(&pool->blobs);
-    sp_frame_pool_destroy(&pool->frames);
-    sp_frame_pool_destroy(&pool->snapshot_frames);
-    pthread_cond_destroy(&pool->resume);
-    pthread_mutex_destroy(&pool->mutex);
-    free(pool);
+    free_parts(pool);
 }
 
 struct sp_frame *srv_render_pool_find(struct srv_render_pool *pool, const struct srv_volume *volume,

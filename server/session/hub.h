@@ -121,17 +121,13 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
 
 /* Returns {"id", "tokens": {"control", "view"}, "view"}. If too many sessions are active, the one
  * without participants that was used longest ago hibernates first, provided that it is saved. Else
- * SP_ERR_BUDGET. */
-proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
-                                   char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
-/* The same for an owner. SP_ERR_QUOTA over the owner's limit, which counts hibernated sessions too.
+ * SP_ERR_BUDGET. SP_ERR_QUOTA over the owner's limit, which counts hibernated sessions too.
  * A guest holds only a join token: its session counts for the owner, whose guests have a part of
  * the owner's share only; it makes no other session hibernate, and gets SP_ERR_DENIED once the
  * owner's token is gone. */
-proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
-                                         const struct srv_owner *owner, bool is_guest,
-                                         double now_ms, char id[SRV_SESSION_ID_BYTES],
-                                         struct sp_error *err);
+proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
+                                   const struct srv_owner *owner, bool is_guest, double now_ms,
+                                   char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
 /* Applies changed tokens to active sessions. Streams are closed with 1008 if their token is gone,
  * if it gives a lower role than they have, or if the token that created the session is gone. */
 void srv_hub_renew_tokens(struct srv_hub *hub);

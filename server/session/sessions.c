@@ -85,13 +85,7 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, double
     return true;
 }
 
-proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
-                                   char id[SRV_SESSION_ID_BYTES], struct sp_error *err) {
-    const struct srv_owner none = { .name = "" };
-    return srv_hub_session_create_owned(hub, patch, &none, false, now_ms, id, err);
-}
-
-proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
+proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
                                          const struct srv_owner *owner, bool is_guest,
                                          double now_ms, char id[SRV_SESSION_ID_BYTES],
                                          struct sp_error *err) {

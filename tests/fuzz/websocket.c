@@ -145,7 +145,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct srv_hub *hub = srv_hub_create(&options, NULL);
     const struct srv_schedule_options work = { .wake = ignore, .interrupt = ignore_session };
     struct srv_schedule *schedule = hub ? srv_schedule_create(hub, &work, NULL) : NULL;
-    proto_json *json = schedule ? srv_hub_session_create(hub, NULL, 0, id, NULL) : NULL;
+    proto_json *json =
+        schedule ? srv_hub_session_create(hub, NULL, &(const struct srv_owner){ .name = "" }, false,
+                                          0, id, NULL)
+                 : NULL;
     if (!json)
         abort();
     proto_json_free(&json);

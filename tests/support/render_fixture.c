@@ -113,7 +113,9 @@ void render_fixture_begin(struct render_fixture *fixture,
 }
 
 void render_fixture_session(struct render_fixture *fixture, char id[SRV_SESSION_ID_BYTES]) {
-    proto_json *json = srv_hub_session_create(fixture->hub, NULL, srv_clock_ms(), id, NULL);
+    proto_json *json =
+        srv_hub_session_create(fixture->hub, NULL, &(const struct srv_owner){ .name = "" }, false,
+                               srv_clock_ms(), id, NULL);
     assert_non_null(json);
     proto_json_free(&json);
 }

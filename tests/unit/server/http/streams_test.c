@@ -139,7 +139,9 @@ static int set_up(void **state) {
     srv_timer_thread_add(t.timers, &t.task, srv_clock_ms());
     assert_true(srv_hub_session_delete(f->hub, f->id, NULL));
     for (int i = 0; i < SESSIONS; i++) {
-        proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), t.ids[i], NULL);
+        proto_json *json =
+            srv_hub_session_create(f->hub, NULL, &(const struct srv_owner){ .name = "" }, false,
+                                   srv_clock_ms(), t.ids[i], NULL);
         assert_non_null(json);
         proto_json_free(&json);
         for (int k = 0; k < EACH; k++)

@@ -212,7 +212,8 @@ static void streams_of_one_session_do_not_delay_another(void **state) {
     struct wire wires[CROWD];
     struct srv_ws *crowd[CROWD];
     char id[SRV_SESSION_ID_BYTES];
-    proto_json *json = srv_hub_session_create(f->hub, NULL, 0, id, NULL);
+    proto_json *json = srv_hub_session_create(f->hub, NULL, &(const struct srv_owner){ .name = "" },
+                                              false, 0, id, NULL);
     assert_non_null(json);
     proto_json_free(&json);
     for (int i = 0; i < CROWD; i++) {

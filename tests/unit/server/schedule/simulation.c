@@ -41,8 +41,7 @@ void sim_session(struct simulation *s, char id[SRV_SESSION_ID_BYTES]) {
 void sim_session_of(struct simulation *s, const char *name, char id[SRV_SESSION_ID_BYTES]) {
     struct srv_owner owner = { .name = "" };
     snprintf(owner.name, sizeof owner.name, "%s", name);
-    proto_json *json =
-        srv_hub_session_create_owned(s->f->hub, NULL, &owner, false, s->now_ms, id, NULL);
+    proto_json *json = srv_hub_session_create(s->f->hub, NULL, &owner, false, s->now_ms, id, NULL);
     assert_non_null(json);
     proto_json_free(&json);
 }

@@ -113,7 +113,8 @@ static void a_new_session_starts_with_the_known_times_of_its_volume(void **state
     assert_true(hub_next_job(f, 1000, &job));
     uint64_t first = job.session;
     hub_finish(f, &job, 5);
-    proto_json *json = srv_hub_session_create(f->hub, NULL, 1010, id, NULL);
+    proto_json *json = srv_hub_session_create(f->hub, NULL, &(const struct srv_owner){ .name = "" },
+                                              false, 1010, id, NULL);
     assert_non_null(json);
     proto_json_free(&json);
     struct srv_participant *next = srv_hub_join(f->hub, id, SRV_ROLE_CONTROL, "", NULL, 1010, NULL);

@@ -114,7 +114,8 @@ static void active_and_hibernated_sessions_are_listed(void **state) {
     char other[SRV_SESSION_ID_BYTES];
     assert_true(srv_hub_save(persist.hub, 0, persist_save, NULL));
     srv_hub_tick(persist.hub, 1000);
-    proto_json *json = srv_hub_session_create(persist.hub, NULL, 2000, other, NULL);
+    proto_json *json = srv_hub_session_create(
+        persist.hub, NULL, &(const struct srv_owner){ .name = "" }, false, 2000, other, NULL);
     proto_json_free(&json);
     struct srv_participant *p =
         srv_hub_join(persist.hub, other, SRV_ROLE_VIEW, "", NULL, 2500, NULL);

@@ -172,7 +172,8 @@ static int set_up(void **state, uint32_t steps_of_volume) {
                                                    .interrupt = count_interrupt };
     f->hub = srv_hub_create(&options, NULL);
     f->schedule = srv_schedule_create(f->hub, &schedule, NULL);
-    proto_json *json = srv_hub_session_create(f->hub, NULL, 0, f->id, NULL);
+    proto_json *json = srv_hub_session_create(f->hub, NULL, &(const struct srv_owner){ .name = "" },
+                                              false, 0, f->id, NULL);
     proto_json_free(&json);
     *state = f;
     return 0;

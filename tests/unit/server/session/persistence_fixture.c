@@ -131,7 +131,8 @@ int persist_set_up(void **state) {
     json_set_alloc_funcs(allocate, free);
     persist_create_hub();
     proto_json *patch = proto_json_parse("{\"size\":[30,20]}", 16, NULL);
-    proto_json *json = srv_hub_session_create(persist.hub, patch, 0, persist.id, NULL);
+    proto_json *json = srv_hub_session_create(
+        persist.hub, patch, &(const struct srv_owner){ .name = "" }, false, 0, persist.id, NULL);
     proto_json_free(&patch);
     proto_json_free(&json);
     return json || !persist.id[0] ? -1 : 0;
@@ -195,8 +196,7 @@ void persist_is_hibernated_because(const char *why) {
 bool persist_create(const struct srv_owner *owner, bool is_guest, double now_ms,
                     struct sp_error *err) {
     char id[SRV_SESSION_ID_BYTES];
-    proto_json *json =
-        srv_hub_session_create_owned(persist.hub, NULL, owner, is_guest, now_ms, id, err);
+    proto_json *json = srv_hub_session_create(persist.hub, NULL, owner, is_guest, now_ms, id, err);
     bool made = json != NULL;
     proto_json_free(&json);
     if (made)

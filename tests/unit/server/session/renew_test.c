@@ -16,7 +16,7 @@
 /* Creates a session of this owner, which replaces the fixture's. The session without owner stays.
  */
 static void create_owned(struct fixture *f, const struct srv_owner *owner) {
-    proto_json *json = srv_hub_session_create_owned(f->hub, NULL, owner, false, 0, f->id, NULL);
+    proto_json *json = srv_hub_session_create(f->hub, NULL, owner, false, 0, f->id, NULL);
     assert_non_null(json);
     proto_json_free(&json);
 }

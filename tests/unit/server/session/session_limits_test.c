@@ -33,7 +33,8 @@ static void hibernated_sessions_have_a_limit_and_can_be_deleted(void **state) {
     proto_json_free(&record);
     persist.volumes.is_loading = false;
     for (int i = 0; i < 3; i++) {
-        proto_json *json = srv_hub_session_create(persist.hub, NULL, 0, other, &err);
+        proto_json *json = srv_hub_session_create(
+            persist.hub, NULL, &(const struct srv_owner){ .name = "" }, false, 0, other, &err);
         assert_int_equal(json != NULL, i < 2); /* two may be active */
         proto_json_free(&json);
     }
