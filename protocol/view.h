@@ -16,8 +16,8 @@
 
 /* Merges a patch into *view. A member of the patch replaces the field; a missing member keeps it;
  * null resets it to `defaults`; an array replaces the whole array. `defaults` may be `view` itself:
- * then null changes nothing. *view must be valid before the call, so that an error is always about
- * the patch; on failure it is unchanged.
+ * then null changes nothing. *view must be valid before the call, or made by proto_view_merge(), so
+ * that an error is always about the patches; on failure it is unchanged.
  *
  * Errors: SP_ERR_INVALID with the JSON pointer of the wrong field in err->place. The patch is not
  * an object, has an unknown field (the text suggests a name), a wrong type, an unknown name of an

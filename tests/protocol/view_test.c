@@ -35,6 +35,23 @@ static void must_apply(const char *text, struct sp_view *view) {
         fail_msg("%s: %s: %s", text, err.place, err.text);
 }
 
+/* A saved view is checked once the patch over it is merged, too. */
+static void merged_patches_are_checked_together(void **state) {
+    (void)state;
+    static const char base_text[] = "{\"size\":[0,480],\"camera\":{\"fov_y\":45}}";
+    const struct sp_view defaults = fixture_view();
+    struct sp_view view = defaults, other;
+    struct sp_error err;
+    proto_json *base = proto_json_parse(base_text, sizeof base_text - 1, &err);
+    assert_true(proto_view_merge(base, &defaults, &view, &err));
+    other = view;
+    assert_false(apply("{}", &other, &err));
+    assert_string_equal(err.place, "/size/0");
+    must_apply("{\"size\":[640,480]}", &view);
+    assert_double(view.camera.fov_y, 45);
+    proto_json_free(&base);
+}
+
 static void patches_merge_and_arrays_are_replaced(void **state) {
     (void)state;
     struct sp_view view = fixture_view(), before = view;
@@ -124,6 +141,10 @@ static void errors_name_the_field_and_the_remedy(void **state) {
         { "{\"shading\":{\"lights\":[{}]}}", "/shading/lights/0", "\"direction\" is missing" },
         { "{\"volume\":\"\"}", "/volume", "must have 1 to 127 bytes, not 0" },
         { "[]", "", "must be an object, not an array" },
+        { "{\"camera\":{\"target\":[1e18,1e18,1e18],\"distance\":1e-9}}", "/camera/distance",
+          "the position that the angles and the distance give: position and target are the same "
+          "point; move one of them" },
+        { "{\"camera\":{\"azimuth\":30},\"size\":[0,1]}", "/size/0", "0 is outside [1, 8192]" },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct sp_view view = fixture_view();
@@ -319,6 +340,7 @@ static void the_volume_of_a_patch_is_read(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(merged_patches_are_checked_together),
         cmocka_unit_test(patches_merge_and_arrays_are_replaced),
         cmocka_unit_test(null_resets_a_field_to_its_default),
         cmocka_unit_test(defaults_may_be_the_view_itself),
