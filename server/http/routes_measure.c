@@ -50,51 +50,32 @@ static bool read_samples(const proto_json *body, const struct sp_measure *measur
     return true;
 }
 
-static proto_json *measure_path(const struct sp_volume *volume, unsigned level, const char *id,
-                                const struct sp_measure *measure, struct sp_error *err) {
-    struct proto_measure_value value;
-    proto_json *json = NULL;
-    value.level = level;
-    struct sp_part_path *path = malloc(sizeof *path);
-    if (!path) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the path");
-    } else if (sp_measure_path(volume, measure, &value.result, path, err)) {
-        proto_measure_set_units(&value, sp_volume_info(volume));
-        json =
-            proto_measure_answer(id, measure, &value, &(struct proto_measure_line){ .path = path });
-        if (!json)
-            sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the measurement");
-    }
-    free(path);
-    return json;
-}
-
 /* `level`: of the samples, proto_measure_value.level. */
 static proto_json *measure_volume(const struct sp_volume *volume, unsigned level, const char *id,
                                   const struct sp_measure *measure, uint32_t samples,
                                   struct sp_error *err) {
-    struct proto_measure_value value;
+    const bool is_path = measure->kind == SP_MEASURE_PATH;
+    struct proto_measure_value value = { .level = level };
+    struct sp_part_path *path = is_path ? malloc(sizeof *path) : NULL;
     double *profile = NULL;
-    if (measure->kind == SP_MEASURE_PATH)
-        return measure_path(volume, level, id, measure, err);
-    value.level = level;
-    if (!sp_measure_compute(volume, measure, &value.result, err))
+    bool has_memory = !is_path || path;
+    if (has_memory && !(is_path ? sp_measure_path(volume, measure, &value.result, path, err)
+                                : sp_measure_compute(volume, measure, &value.result, err))) {
+        free(path);
         return NULL;
-    proto_measure_set_units(&value, sp_volume_info(volume));
+    }
     if (measure->kind == SP_MEASURE_PROFILE) {
         samples = samples ? samples : sp_measure_profile_count(volume, measure);
-        profile = malloc(samples * sizeof *profile);
-        if (!profile) {
-            sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the profile");
-            return NULL;
-        }
-        sp_measure_profile(volume, measure, samples, profile);
+        has_memory = (profile = malloc(samples * sizeof *profile));
+        if (has_memory)
+            sp_measure_profile(volume, measure, samples, profile);
     }
-    proto_json *json = proto_measure_answer(
-        id, measure, &value,
-        &(struct proto_measure_line){ .profile = profile, .profile_count = samples });
+    proto_measure_set_units(&value, sp_volume_info(volume));
+    const struct proto_measure_line line = { profile, samples, path };
+    proto_json *json = has_memory ? proto_measure_answer(id, measure, &value, &line) : NULL;
     if (!json)
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the measurement");
+    free(path);
     free(profile);
     return json;
 }
