@@ -86,9 +86,8 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, double
 }
 
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
-                                         const struct srv_owner *owner, bool is_guest,
-                                         double now_ms, char id[SRV_SESSION_ID_BYTES],
-                                         struct sp_error *err) {
+                                   const struct srv_owner *owner, bool is_guest, double now_ms,
+                                   char id[SRV_SESSION_ID_BYTES], struct sp_error *err) {
     struct srv_session *session = srv_hub_alloc_session(hub);
     if (!session) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a session");
