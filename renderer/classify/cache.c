@@ -5,34 +5,29 @@
 
 enum { REPEATS = 8 }; /* frames of one transfer function after which its edits have stopped */
 
-static void empty_slot(struct sp_classify_slot *slot) {
-    if (slot->c.volume)
-        sp_classification_finish(&slot->c);
-    *slot = (struct sp_classify_slot){ 0 };
+static void finish_slot(void *pointer) {
+    struct sp_classify_slot *slot = pointer;
+    sp_classification_finish(&slot->c);
 }
+
+static uint64_t slot_bytes(const void *pointer) {
+    const struct sp_classify_slot *slot = pointer;
+    return sp_classification_bytes(&slot->c);
+}
+
+static const struct sp_slots slots = { SP_CLASSIFY_SLOTS, sizeof(struct sp_classify_slot),
+                                       finish_slot, slot_bytes };
 
 static struct sp_classify_slot *find_exact(struct sp_classify_cache *cache,
                                            const struct sp_volume *volume,
                                            const struct sp_transfer_function *tf) {
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++) {
         struct sp_classify_slot *slot = &cache->slots[i];
-        if (slot->c.volume == volume &&
+        if (slot->base.volume == volume &&
             sp_transfer_function_equal(&slot->c.levels[0].transfer.tf, tf))
             return slot;
     }
     return NULL;
-}
-
-/* The newest lists of the volume; NULL = none. */
-static struct sp_classify_slot *find_newest(struct sp_classify_cache *cache,
-                                            const struct sp_volume *volume) {
-    struct sp_classify_slot *newest = NULL;
-    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++) {
-        struct sp_classify_slot *slot = &cache->slots[i];
-        if (slot->c.volume == volume && (!newest || slot->used > newest->used))
-            newest = slot;
-    }
-    return newest;
 }
 
 /* How well the cached slots fit a transfer function that has no slot of its own. */
@@ -67,7 +62,7 @@ static bool find_match(struct sp_classify_cache *cache, const struct sp_volume *
                        const struct sp_classify_job *job, struct match *match,
                        struct sp_error *err) {
     struct sp_transfer transfer;
-    const struct sp_classify_slot *newest = find_newest(cache, volume);
+    const struct sp_classify_slot *newest = sp_slots_newest(&slots, cache->slots, volume);
     const struct sp_transfer *like = newest ? &newest->c.levels[0].transfer : NULL;
     *match = (struct match){ 0 };
     if (!newest)
@@ -75,36 +70,10 @@ static bool find_match(struct sp_classify_cache *cache, const struct sp_volume *
     if (!sp_transfer_init(&transfer, job->tf, sp_volume_info(volume), like, err))
         return false;
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
-        if (cache->slots[i].c.volume == volume)
+        if (cache->slots[i].base.volume == volume)
             match_slot(match, &cache->slots[i], &transfer, job);
     sp_transfer_finish(&transfer);
     return true;
-}
-
-static struct sp_classify_slot *find_oldest(struct sp_classify_cache *cache,
-                                            const struct sp_classify_slot *except) {
-    struct sp_classify_slot *oldest = NULL;
-    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++) {
-        struct sp_classify_slot *slot = &cache->slots[i];
-        if (slot != except && (!oldest || slot->used < oldest->used))
-            oldest = slot;
-    }
-    return oldest;
-}
-
-static void trim(struct sp_classify_cache *cache, const struct sp_classify_slot *in_use) {
-    uint64_t bytes = 0;
-    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
-        bytes += sp_classification_bytes(&cache->slots[i].c);
-    for (int i = 0; i < SP_CLASSIFY_SLOTS && bytes > cache->limit_bytes; i++) {
-        struct sp_classify_slot *slot = find_oldest(cache, in_use);
-        bytes -= sp_classification_bytes(&slot->c);
-        empty_slot(slot);
-        slot->used = UINT64_MAX; /* marks it as used, so that the next round finds another slot */
-    }
-    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
-        if (!cache->slots[i].c.volume)
-            cache->slots[i].used = 0;
 }
 
 /* Rebuilds the lists in the slot from those it has. */
@@ -146,15 +115,17 @@ static struct sp_classify_slot *take_slot(struct sp_classify_cache *cache, struc
                                           const struct sp_classify_job *job,
                                           const struct match *match, bool *ok,
                                           struct sp_error *err) {
-    struct sp_classify_slot *source = match->nearest ? match->nearest : find_newest(cache, volume),
+    struct sp_classify_slot *source = match->nearest
+                                          ? match->nearest
+                                          : sp_slots_newest(&slots, cache->slots, volume),
                             *slot;
     if (match->nearest && match->differs <= match->visible / 2) {
         *ok = renew(source, volume, job, true, err);
         return source;
     }
     struct sp_classify_job derive = *job;
-    slot = find_oldest(cache, source);
-    empty_slot(slot);
+    slot = sp_slots_take(&slots, cache->slots, UINT64_MAX, source);
+    slot->base.volume = sp_volume_ref(volume);
     sp_classification_init(&slot->c, volume);
     derive.from = source ? &source->c : NULL;
     *ok = sp_classification_update(&slot->c, &derive, err);
@@ -182,25 +153,19 @@ struct sp_classification *sp_classify_cache_get(struct sp_classify_cache *cache,
             slot = take_slot(cache, volume, job, &match, &ok, err);
         slot->repeats = 0;
     }
-    slot->used = ++cache->clock;
+    slot->base.used = ++cache->clock;
     if (ok)
-        trim(cache, slot);
+        sp_slots_trim(&slots, cache->slots, cache->limit_bytes, UINT64_MAX, slot);
     else if (!slot->c.levels[0].visible.first)
-        empty_slot(slot);
+        sp_slots_empty(&slots, slot);
     return ok ? &slot->c : NULL;
 }
 
 void sp_classify_cache_evict(struct sp_classify_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
-        if (sp_volume_is_of(cache->slots[i].c.volume, volume))
-            empty_slot(&cache->slots[i]);
+    sp_slots_evict(&slots, cache->slots, volume);
 }
 
 uint64_t sp_classify_cache_bytes(const struct sp_classify_cache *cache,
                                  const struct sp_volume *volume) {
-    uint64_t bytes = 0;
-    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
-        if (cache->slots[i].c.volume && sp_volume_is_of(cache->slots[i].c.volume, volume))
-            bytes += sp_classification_bytes(&cache->slots[i].c);
-    return bytes;
+    return sp_slots_bytes(&slots, cache->slots, volume);
 }

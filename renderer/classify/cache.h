@@ -8,14 +8,15 @@
 #define SP_CLASSIFY_CACHE_H
 
 #include "classify/classification.h"
+#include "data/volume/slots.h"
 
 enum { SP_CLASSIFY_SLOTS = 8 };
 
 struct sp_classify_cache {
     struct sp_classify_slot {
-        struct sp_classification c; /* c.volume == NULL: empty */
-        uint64_t used;              /* clock of the last use */
-        uint32_t repeats;           /* successive uses without a change of the transfer function */
+        struct sp_slot base;
+        struct sp_classification c;
+        uint32_t repeats; /* successive uses without a change of the transfer function */
     } slots[SP_CLASSIFY_SLOTS];
     uint64_t clock;
     uint64_t made;        /* last serial number of lists and tables: see struct sp_level */

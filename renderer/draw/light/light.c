@@ -26,21 +26,22 @@ static uint64_t cell_count(const struct sp_light_slot *slot) {
     return (uint64_t)slot->dims[0] * slot->dims[1] * slot->dims[2];
 }
 
-static uint64_t slot_bytes(const struct sp_light_slot *slot) {
-    return slot->volume ? cell_count(slot) * (sizeof *slot->extinction + sizeof *slot->field) : 0;
+static uint64_t slot_bytes(const void *pointer) {
+    const struct sp_light_slot *slot = pointer;
+    return cell_count(slot) * (sizeof *slot->extinction + sizeof *slot->field);
 }
 
-static void finish_slot(struct sp_light_slot *slot) {
+static void finish_slot(void *pointer) {
+    struct sp_light_slot *slot = pointer;
     free(slot->extinction);
     free(slot->field);
-    sp_volume_unref(&slot->volume);
-    *slot = (struct sp_light_slot){ 0 };
 }
 
+static const struct sp_slots slots = { LIGHT_SLOTS, sizeof(struct sp_light_slot), finish_slot,
+                                       slot_bytes };
+
 void sp_light_evict(struct sp_light_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < LIGHT_SLOTS; i++)
-        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-            finish_slot(&cache->slots[i]);
+    sp_slots_evict(&slots, cache->slots, volume);
     if (!volume) {
         free(cache->scratch.floats);
         cache->scratch = (struct sp_light_scratch){ 0 };
@@ -48,11 +49,8 @@ void sp_light_evict(struct sp_light_cache *cache, const struct sp_volume *volume
 }
 
 uint64_t sp_light_bytes(const struct sp_light_cache *cache, const struct sp_volume *volume) {
-    uint64_t bytes = volume ? 0 : cache->scratch.count * sizeof *cache->scratch.floats;
-    for (int i = 0; i < LIGHT_SLOTS; i++)
-        if (sp_volume_is_of(cache->slots[i].volume, volume))
-            bytes += slot_bytes(&cache->slots[i]);
-    return bytes;
+    return sp_slots_bytes(&slots, cache->slots, volume) +
+           (volume ? 0 : cache->scratch.count * sizeof *cache->scratch.floats);
 }
 
 static bool is_same_clip(const struct sp_clip *a, const struct sp_clip *b) {
@@ -73,26 +71,14 @@ static const struct sp_clip *clip_of(const struct sp_light_job *job) {
  * taken. NULL if it never fits. */
 static struct sp_light_slot *free_slot(struct sp_light_cache *cache, uint64_t bytes,
                                        uint64_t bytes_max) {
-    for (;;) {
-        struct sp_light_slot *empty = NULL, *oldest = NULL;
-        for (int i = 0; i < LIGHT_SLOTS; i++) {
-            struct sp_light_slot *slot = &cache->slots[i];
-            if (!slot->volume)
-                empty = slot;
-            else if (!oldest || slot->used < oldest->used)
-                oldest = slot;
-        }
-        bool fits = sp_light_bytes(cache, NULL) + bytes <= bytes_max;
-        if (empty && fits)
-            return empty;
-        if (!oldest)
-            return NULL;
-        finish_slot(oldest);
-    }
+    const uint64_t beside = cache->scratch.count * sizeof *cache->scratch.floats + bytes;
+    sp_slots_trim(&slots, cache->slots, bytes_max > beside ? bytes_max - beside : 0, UINT64_MAX,
+                  NULL);
+    return beside > bytes_max ? NULL : sp_slots_take(&slots, cache->slots, UINT64_MAX, NULL);
 }
 
 double sp_light_cell_width(const struct sp_light_slot *slot) {
-    const struct sp_grid *grid = &sp_volume_info(slot->volume)->grid;
+    const struct sp_grid *grid = &sp_volume_info(slot->base.volume)->grid;
     return slot->side * cbrt(grid->spacing[0]) * cbrt(grid->spacing[1]) * cbrt(grid->spacing[2]);
 }
 
@@ -113,7 +99,6 @@ static struct sp_light_slot *create_slot(struct sp_light_cache *cache,
         if (cell_count(&made) <= LIGHT_CELLS_MAX)
             break;
     }
-    made.volume = job->volume;
     struct sp_light_slot *slot = free_slot(cache, slot_bytes(&made), job->bytes_max);
     if (!slot) {
         sp_fail(err, SP_ERR_BUDGET, "",
@@ -122,14 +107,14 @@ static struct sp_light_slot *create_slot(struct sp_light_cache *cache,
         return NULL;
     }
     *slot = made;
-    sp_volume_ref(job->volume);
+    slot->base.volume = sp_volume_ref(job->volume);
     slot->extinction = malloc(cell_count(slot) * sizeof *slot->extinction);
     slot->field = malloc(cell_count(slot) * sizeof *slot->field);
     bool ok = slot->extinction && slot->field;
     if (!ok)
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the light of the volume");
     if (!ok || !sp_extinction_find(slot, job, err)) {
-        finish_slot(slot);
+        sp_slots_empty(&slots, slot);
         return NULL;
     }
     return slot;
@@ -139,7 +124,7 @@ static struct sp_light_slot *find_slot(struct sp_light_cache *cache, const struc
                                        struct sp_error *err) {
     for (int i = 0; i < LIGHT_SLOTS; i++) {
         struct sp_light_slot *slot = &cache->slots[i];
-        if (slot->volume == job->volume &&
+        if (slot->base.volume == job->volume &&
             sp_transfer_function_equal(&slot->tf, &job->view->transfer_function) &&
             is_same_clip(&slot->clip, clip_of(job)))
             return slot;
@@ -206,7 +191,7 @@ static void close_sums(void *user, size_t begin, size_t end, unsigned worker) {
 /* Fills the openness, and makes all light arrive. */
 static bool find_openness(struct sp_light_slot *slot, const struct sp_light_job *job,
                           struct sp_light_scratch *scratch, struct sp_error *err) {
-    const struct sp_grid *grid = &sp_volume_info(slot->volume)->grid;
+    const struct sp_grid *grid = &sp_volume_info(slot->base.volume)->grid;
     struct sp_vec3 directions[LIGHT_DIRECTIONS];
     double diagonal = 0;
     for (int a = 0; a < 3; a++)
@@ -276,7 +261,7 @@ static bool update(struct sp_light_slot *slot, const struct sp_light_job *job,
 
 static void describe(const struct sp_light_slot *slot, const struct sp_view *view,
                      struct sp_light_field *field) {
-    const struct sp_grid *grid = &sp_volume_info(slot->volume)->grid;
+    const struct sp_grid *grid = &sp_volume_info(slot->base.volume)->grid;
     struct sp_mat3 from;
     double volume, width = ahead_width(slot);
     for (int r = 0; r < 3; r++)
@@ -301,10 +286,10 @@ bool sp_light_get(struct sp_light_cache *cache, const struct sp_light_job *job,
                   struct sp_light_field *field, struct sp_error *err) {
     struct sp_light_slot *slot = find_slot(cache, job, err);
     bool is_made =
-        slot && (!slot->used || (job->view->shading.occlusion > 0 && !slot->has_openness));
+        slot && (!slot->base.used || (job->view->shading.occlusion > 0 && !slot->has_openness));
     if (!slot || !update(slot, job, &cache->scratch, err))
         return false;
-    slot->used = ++cache->clock;
+    slot->base.used = ++cache->clock;
     describe(slot, job->view, field);
     field->is_made = is_made;
     return true;

@@ -28,6 +28,7 @@
 #include "base/interrupt.h"
 #include "base/parallel_for.h"
 #include "base/vec.h"
+#include "data/volume/slots.h"
 #include "draw/light/kernels.h"
 #include "sp/view.h"
 #include "sp/volume.h"
@@ -53,7 +54,7 @@ struct sp_light_field {
 
 /* The light of one volume under one transfer function and clipping. */
 struct sp_light_slot {
-    struct sp_volume *volume; /* one reference; NULL = empty */
+    struct sp_slot base;
     struct sp_transfer_function tf;
     struct sp_clip clip;
     uint32_t dims[3]; /* cells, with the empty layer */
@@ -63,7 +64,6 @@ struct sp_light_slot {
     double direction[3]; /* world, towards the light of which the field has the transmittance; zero
                             = it has none */
     bool has_openness;
-    uint64_t used;
 };
 
 /* Slices of a sweep. The memory grows when a sweep needs more. */

@@ -43,7 +43,7 @@ struct sweep {
 /* Cells per world unit in a direction, by axis. */
 static void find_direction(const struct sp_light_slot *slot, struct sp_vec3 towards,
                            double cells[3]) {
-    const struct sp_grid *grid = &sp_volume_info(slot->volume)->grid;
+    const struct sp_grid *grid = &sp_volume_info(slot->base.volume)->grid;
     struct sp_mat3 from;
     double volume;
     for (int r = 0; r < 3; r++)

@@ -51,76 +51,55 @@ static void finish_samples(struct sp_samples *s) {
     *s = (struct sp_samples){ 0 };
 }
 
-static void finish_slot(struct sp_samples_slot *slot) {
-    for (int k = 0; k < SAMPLES_KINDS; k++)
-        for (int l = 0; l < SAMPLES_LEVELS; l++)
-            finish_samples(&slot->levels[k][l]);
-    sp_volume_unref(&slot->volume);
-    slot->used = 0;
+static void finish_slot(void *pointer) {
+    struct sp_samples_slot *slot = pointer;
+    for (int l = 0; l < SAMPLES_KINDS * SAMPLES_LEVELS; l++)
+        finish_samples(&slot->levels[0][0] + l);
 }
 
+static uint64_t slot_bytes(const void *pointer) {
+    const struct sp_samples_slot *slot = pointer;
+    uint64_t bytes = 0;
+    for (int l = 0; l < SAMPLES_KINDS * SAMPLES_LEVELS; l++)
+        bytes += samples_bytes(&slot->levels[0][0] + l);
+    return bytes;
+}
+
+static const struct sp_slots slots = { SAMPLES_SLOTS, sizeof(struct sp_samples_slot), finish_slot,
+                                       slot_bytes };
+
 void sp_samples_evict(struct sp_samples_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < SAMPLES_SLOTS; i++)
-        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-            finish_slot(&cache->slots[i]);
+    sp_slots_evict(&slots, cache->slots, volume);
 }
 
 uint64_t sp_samples_bytes(const struct sp_samples_cache *cache, const struct sp_volume *volume) {
-    uint64_t bytes = 0;
-    for (int i = 0; i < SAMPLES_SLOTS; i++)
-        for (int l = 0; l < SAMPLES_KINDS * SAMPLES_LEVELS; l++)
-            if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-                bytes += samples_bytes(&cache->slots[i].levels[0][0] + l);
-    return bytes;
+    return sp_slots_bytes(&slots, cache->slots, volume);
 }
 
 /* Returns the slot of the volume; a new one takes the place of the least recently used. */
 static struct sp_samples_slot *find_slot(struct sp_samples_cache *cache, struct sp_volume *volume) {
-    struct sp_samples_slot *oldest = &cache->slots[0];
-    for (int i = 0; i < SAMPLES_SLOTS; i++) {
-        struct sp_samples_slot *slot = &cache->slots[i];
-        if (slot->volume == volume) {
-            slot->used = ++cache->clock;
-            return slot;
-        }
-        if (slot->used < oldest->used)
-            oldest = slot;
+    struct sp_samples_slot *slot = sp_slots_newest(&slots, cache->slots, volume);
+    if (!slot) {
+        slot = sp_slots_take(&slots, cache->slots, UINT64_MAX, NULL);
+        slot->base.volume = sp_volume_ref(volume);
     }
-    finish_slot(oldest);
-    oldest->volume = sp_volume_ref(volume);
-    oldest->used = ++cache->clock;
-    return oldest;
+    slot->base.used = ++cache->clock;
+    return slot;
 }
 
 void sp_samples_begin(struct sp_samples_cache *cache) {
     cache->begun = cache->clock;
 }
 
-/* Bytes of the volumes that this frame uses. */
-static uint64_t bytes_in_use(const struct sp_samples_cache *cache) {
-    uint64_t bytes = 0;
-    for (int i = 0; i < SAMPLES_SLOTS; i++)
-        for (int l = 0; cache->slots[i].used > cache->begun && l < SAMPLES_KINDS * SAMPLES_LEVELS;
-             l++)
-            bytes += samples_bytes(&cache->slots[i].levels[0][0] + l);
-    return bytes;
-}
-
 /* Evicts volumes that this frame does not use, least recently used first, until `bytes` more fit.
  * False, and evicts nothing, if they never do. */
 static bool free_memory(struct sp_samples_cache *cache, uint64_t bytes, uint64_t bytes_max) {
-    if (bytes_in_use(cache) + bytes > bytes_max)
+    uint64_t need = bytes;
+    for (int i = 0; i < SAMPLES_SLOTS; i++)
+        need += cache->slots[i].base.used > cache->begun ? slot_bytes(&cache->slots[i]) : 0;
+    if (need > bytes_max)
         return false;
-    while (sp_samples_bytes(cache, NULL) + bytes > bytes_max) {
-        struct sp_samples_slot *oldest = NULL;
-        for (int i = 0; i < SAMPLES_SLOTS; i++) {
-            struct sp_samples_slot *slot = &cache->slots[i];
-            if (slot->volume && slot->used <= cache->begun &&
-                (!oldest || slot->used < oldest->used))
-                oldest = slot;
-        }
-        finish_slot(oldest);
-    }
+    sp_slots_trim(&slots, cache->slots, bytes_max - bytes, cache->begun, NULL);
     return true;
 }
 

@@ -14,6 +14,7 @@
 #ifndef SP_RESAMPLE_LEVELS_H
 #define SP_RESAMPLE_LEVELS_H
 
+#include "data/volume/slots.h"
 #include "draw/resample/mip_samples.h"
 #include "draw/resample/ranges.h"
 
@@ -23,10 +24,9 @@ enum sp_samples_kind { SAMPLES_MEANS, SAMPLES_MAXIMA, SAMPLES_MINIMA, SAMPLES_KI
 
 struct sp_samples_cache {
     struct sp_samples_slot {
-        struct sp_volume *volume; /* one reference; NULL = empty */
+        struct sp_slot base;
         /* Level 0 is that of the means for all kinds. */
         struct sp_samples levels[SAMPLES_KINDS][SAMPLES_LEVELS];
-        uint64_t used;
     } slots[SAMPLES_SLOTS];
     uint64_t clock, begun; /* slots that were used after `begun` stay */
 };

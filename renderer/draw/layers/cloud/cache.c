@@ -6,44 +6,39 @@
 #include "data/volume/volume.h"
 #include "draw/layers/cloud/colors.h"
 
-static void empty_slot(struct sp_cloud_slot *slot) {
+static void finish_tree(void *pointer) {
+    struct sp_cloud_slot *slot = pointer;
     sp_cloud_tree_finish(&slot->tree);
-    sp_volume_unref(&slot->volume);
-    slot->used = 0;
 }
 
-static void empty_colors(struct sp_cloud_colors *slot) {
+static uint64_t tree_bytes(const void *pointer) {
+    const struct sp_cloud_slot *slot = pointer;
+    return slot->tree.bytes;
+}
+
+static void finish_colors(void *pointer) {
+    struct sp_cloud_colors *slot = pointer;
     free(slot->numbers);
-    sp_volume_unref(&slot->points);
-    sp_volume_unref(&slot->colors);
-    *slot = (struct sp_cloud_colors){ 0 };
 }
 
-static void evict_colors(struct sp_cloud_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++) {
-        struct sp_cloud_colors *slot = &cache->colors[i];
-        if (slot->points &&
-            (sp_volume_is_of(slot->points, volume) || sp_volume_is_of(slot->colors, volume)))
-            empty_colors(slot);
-    }
+static uint64_t color_bytes(const void *pointer) {
+    const struct sp_cloud_colors *slot = pointer;
+    return slot->bytes;
 }
+
+static const struct sp_slots trees = { SP_CLOUD_SLOTS, sizeof(struct sp_cloud_slot), finish_tree,
+                                       tree_bytes };
+static const struct sp_slots numbers = { SP_CLOUD_SLOTS, sizeof(struct sp_cloud_colors),
+                                         finish_colors, color_bytes };
 
 void sp_cloud_evict(struct sp_cloud_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++)
-        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-            empty_slot(&cache->slots[i]);
-    evict_colors(cache, volume);
+    sp_slots_evict(&trees, cache->slots, volume);
+    sp_slots_evict(&numbers, cache->colors, volume);
 }
 
 uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volume *volume) {
-    uint64_t bytes = 0;
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++)
-        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-            bytes += cache->slots[i].tree.bytes;
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++)
-        if (cache->colors[i].points && sp_volume_is_of(cache->colors[i].points, volume))
-            bytes += cache->colors[i].bytes;
-    return bytes;
+    return sp_slots_bytes(&trees, cache->slots, volume) +
+           sp_slots_bytes(&numbers, cache->colors, volume);
 }
 
 /* About what a tree takes while it is made: an order, places of 16 bytes, and a node per three
@@ -56,25 +51,18 @@ bool sp_cloud_cache_get(struct sp_cloud_cache *cache, struct sp_volume *volume, 
                         struct sp_pool *pool, const struct sp_interrupt *interrupt,
                         const struct sp_cloud_tree **tree, struct sp_error *err) {
     const struct sp_elements_shape *shape = &sp_volume_elements(volume)->shape;
-    struct sp_cloud_slot *slot = &cache->slots[0];
     *tree = NULL;
     if (shape->kind != SP_KIND_POINTS || shape->count < SP_CLOUD_TREE_MIN ||
         expected_bytes(shape->count) > bytes_max)
         return true;
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++) {
-        if (cache->slots[i].volume == volume) {
-            cache->slots[i].used = ++cache->clock;
-            *tree = &cache->slots[i].tree;
-            return true;
-        }
-        if (cache->slots[i].used < slot->used)
-            slot = &cache->slots[i];
+    struct sp_cloud_slot *slot = sp_slots_newest(&trees, cache->slots, volume);
+    if (!slot) {
+        slot = sp_slots_take(&trees, cache->slots, UINT64_MAX, NULL);
+        if (!sp_cloud_tree_build(volume, pool, interrupt, &slot->tree, err))
+            return false;
+        slot->base.volume = sp_volume_ref(volume);
     }
-    empty_slot(slot);
-    if (!sp_cloud_tree_build(volume, pool, interrupt, &slot->tree, err))
-        return false;
-    slot->volume = sp_volume_ref(volume);
-    slot->used = ++cache->clock;
+    slot->base.used = ++cache->clock;
     *tree = &slot->tree;
     return true;
 }
@@ -84,31 +72,26 @@ sp_cloud_cache_get_colors(struct sp_cloud_cache *cache, const struct sp_cloud *c
                           const struct sp_cloud_tree *tree, struct sp_volume *points,
                           struct sp_volume *colors, struct sp_pool *pool,
                           const struct sp_interrupt *interrupt, struct sp_error *err) {
-    struct sp_cloud_colors *slot = &cache->colors[0];
     const bool by_length = cloud->color_vectors != NULL;
     for (int i = 0; i < SP_CLOUD_SLOTS; i++) {
         struct sp_cloud_colors *at = &cache->colors[i];
-        if (at->points == points && at->colors == colors && at->by_length == by_length) {
-            at->used = ++cache->clock;
+        if (at->base.volume == points && at->base.colors == colors && at->by_length == by_length) {
+            at->base.used = ++cache->clock;
             return at;
         }
-        slot = at->used < slot->used ? at : slot;
     }
-    empty_colors(slot);
-    const uint64_t bytes = tree->count * sizeof *slot->numbers;
-    float *numbers = malloc(bytes + sizeof *numbers);
-    if (!numbers)
+    struct sp_cloud_colors *slot = sp_slots_take(&numbers, cache->colors, UINT64_MAX, NULL);
+    slot->bytes = tree->count * sizeof *slot->numbers;
+    slot->numbers = malloc(slot->bytes + sizeof *slot->numbers);
+    if (!slot->numbers)
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the colours of points");
-    if (!numbers || !sp_cloud_merge_colors(cloud, tree, pool, interrupt, numbers, err)) {
-        free(numbers);
+    if (!slot->numbers ||
+        !sp_cloud_merge_colors(cloud, tree, pool, interrupt, slot->numbers, err)) {
+        sp_slots_empty(&numbers, slot);
         return NULL;
     }
-    *slot = (struct sp_cloud_colors){ .points = sp_volume_ref(points),
-                                      .colors = sp_volume_ref(colors),
-                                      .by_length = by_length,
-                                      .numbers = numbers,
-                                      .bytes = bytes,
-                                      .id = ++cache->clock };
-    slot->used = slot->id;
+    slot->base = (struct sp_slot){ sp_volume_ref(points), sp_volume_ref(colors), ++cache->clock };
+    slot->by_length = by_length;
+    slot->id = slot->base.used;
     return slot;
 }

@@ -6,6 +6,7 @@
 #ifndef SP_CLOUD_CACHE_H
 #define SP_CLOUD_CACHE_H
 
+#include "data/volume/slots.h"
 #include "draw/layers/cloud/kernels.h"
 #include "sp/view.h"
 
@@ -16,18 +17,16 @@
 enum { SP_CLOUD_SLOTS = SP_LAYERS_MAX }; /* so that all layers of a view keep theirs */
 struct sp_cloud_cache {
     struct sp_cloud_slot {
-        struct sp_volume *volume; /* one reference; NULL = empty */
+        struct sp_slot base;
         struct sp_cloud_tree tree;
-        uint64_t used; /* clock of the last use */
     } slots[SP_CLOUD_SLOTS];
     /* Numbers that give the colours of merged points (colors.h). */
     struct sp_cloud_colors {
-        struct sp_volume *points, *colors; /* one reference each; NULL = empty */
+        struct sp_slot base;
         bool by_length;
         float *numbers; /* by node of the tree, owned */
         uint64_t bytes;
-        uint64_t id;   /* no other one of this cache has it */
-        uint64_t used; /* clock of the last use */
+        uint64_t id; /* no other one of this cache has it */
     } colors[SP_CLOUD_SLOTS];
     uint64_t clock;
 };

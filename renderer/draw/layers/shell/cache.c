@@ -8,18 +8,16 @@
 
 enum { REPEATS = 8 }; /* frames of one shell after which its edits have stopped */
 
-static void empty_slot(struct sp_shell_slot *slot) {
+static void finish_slot(void *pointer) {
+    struct sp_shell_slot *slot = pointer;
     sp_voxel_list_finish(&slot->list);
     sp_voxel_list_finish(&slot->clipped);
     sp_shell_masks_finish(&slot->masks);
     sp_transfer_finish(&slot->transfer);
-    sp_volume_unref(&slot->volume);
-    *slot = (struct sp_shell_slot){ 0 };
 }
 
-static uint64_t slot_bytes(const struct sp_shell_slot *slot) {
-    if (!slot->volume)
-        return 0;
+static uint64_t slot_bytes(const void *pointer) {
+    const struct sp_shell_slot *slot = pointer;
     uint64_t bytes = sp_voxel_list_bytes(&slot->list) + sp_voxel_list_bytes(&slot->clipped);
     if (slot->masks.ranges)
         bytes += sp_shell_masks_bytes(slot->masks.dims);
@@ -28,18 +26,15 @@ static uint64_t slot_bytes(const struct sp_shell_slot *slot) {
     return bytes;
 }
 
+static const struct sp_slots slots = { SP_SHELL_SLOTS, sizeof(struct sp_shell_slot), finish_slot,
+                                       slot_bytes };
+
 void sp_shell_evict(struct sp_shell_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < SP_SHELL_SLOTS; i++)
-        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-            empty_slot(&cache->slots[i]);
+    sp_slots_evict(&slots, cache->slots, volume);
 }
 
 uint64_t sp_shell_bytes(const struct sp_shell_cache *cache, const struct sp_volume *volume) {
-    uint64_t bytes = 0;
-    for (int i = 0; i < SP_SHELL_SLOTS; i++)
-        if (sp_volume_is_of(cache->slots[i].volume, volume))
-            bytes += slot_bytes(&cache->slots[i]);
-    return bytes;
+    return sp_slots_bytes(&slots, cache->slots, volume);
 }
 
 /* The order and the reference length have no influence on a shell. */
@@ -51,46 +46,8 @@ static bool has_tf(const struct sp_shell_slot *slot, const struct sp_transfer_fu
 }
 
 static bool is_wanted(const struct sp_shell_slot *slot, const struct sp_shell_job *job) {
-    return slot->volume == job->volume && slot->low == job->low && slot->high == job->high &&
+    return slot->base.volume == job->volume && slot->low == job->low && slot->high == job->high &&
            has_tf(slot, job->tf);
-}
-
-/* The newest slot of the volume; NULL = none. */
-static struct sp_shell_slot *find_newest(struct sp_shell_cache *cache,
-                                         const struct sp_volume *volume) {
-    struct sp_shell_slot *newest = NULL;
-    for (int i = 0; i < SP_SHELL_SLOTS; i++) {
-        struct sp_shell_slot *slot = &cache->slots[i];
-        if (slot->volume == volume && (!newest || slot->used > newest->used))
-            newest = slot;
-    }
-    return newest;
-}
-
-static struct sp_shell_slot *find_oldest(struct sp_shell_cache *cache,
-                                         const struct sp_shell_slot *except) {
-    struct sp_shell_slot *oldest = NULL;
-    for (int i = 0; i < SP_SHELL_SLOTS; i++) {
-        struct sp_shell_slot *slot = &cache->slots[i];
-        if (slot != except && (!oldest || slot->used < oldest->used))
-            oldest = slot;
-    }
-    return oldest;
-}
-
-/* Evicts other slots, least recently used first, until the cache fits. */
-static void trim(struct sp_shell_cache *cache, const struct sp_shell_slot *keep, uint64_t max) {
-    while (sp_shell_bytes(cache, NULL) > max) {
-        struct sp_shell_slot *oldest = NULL;
-        for (int i = 0; i < SP_SHELL_SLOTS; i++) {
-            struct sp_shell_slot *slot = &cache->slots[i];
-            if (slot->volume && slot != keep && (!oldest || slot->used < oldest->used))
-                oldest = slot;
-        }
-        if (!oldest)
-            return;
-        empty_slot(oldest);
-    }
 }
 
 static bool start_masks(struct sp_shell_slot *slot, const struct sp_shell_slot *like,
@@ -186,18 +143,18 @@ static struct sp_shell_slot *find_shell(struct sp_shell_cache *cache,
             cache->slots[i].repeats++;
             return &cache->slots[i];
         }
-    struct sp_shell_slot *newest = find_newest(cache, job->volume), *slot = newest;
+    struct sp_shell_slot *newest = sp_slots_newest(&slots, cache->slots, job->volume),
+                         *slot = newest;
     bool ok = true;
     if (!newest || newest->repeats >= REPEATS) {
-        slot = find_oldest(cache, newest);
-        empty_slot(slot);
-        slot->volume = sp_volume_ref(job->volume);
+        slot = sp_slots_take(&slots, cache->slots, UINT64_MAX, newest);
+        slot->base.volume = sp_volume_ref(job->volume);
         ok = start_masks(slot, newest, job, err);
     }
     ok = ok && renew(slot, job, err);
     slot->repeats = 0;
     if (!ok)
-        empty_slot(slot);
+        sp_slots_empty(&slots, slot);
     return ok ? slot : NULL;
 }
 
@@ -236,10 +193,10 @@ const struct sp_voxel_list *sp_shell_cache_get(struct sp_shell_cache *cache,
     bool clips = job->clip && sp_voxel_clips(job->clip);
     if (!slot)
         return NULL;
-    slot->used = ++cache->clock;
+    slot->base.used = ++cache->clock;
     if (clips && !(slot->clipped.first && sp_voxel_clip_equal(&slot->clip, job->clip)) &&
         !clip(slot, job, err))
         return NULL;
-    trim(cache, slot, job->bytes_max);
+    sp_slots_trim(&slots, cache->slots, job->bytes_max, UINT64_MAX, slot);
     return clips ? &slot->clipped : &slot->list;
 }

@@ -8,20 +8,20 @@
 #ifndef SP_SHELL_CACHE_H
 #define SP_SHELL_CACHE_H
 
+#include "data/volume/slots.h"
 #include "draw/layers/shell/extract.h"
 
 enum { SP_SHELL_SLOTS = 4 };
 
 struct sp_shell_cache {
     struct sp_shell_slot {
-        struct sp_volume *volume; /* one reference; NULL = empty */
+        struct sp_slot base;
         struct sp_transfer transfer;
         double low, high;
         struct sp_shell_masks masks;
         struct sp_voxel_list list;
         struct sp_voxel_list clipped; /* the same, clipped; no list = not made */
         struct sp_clip clip;          /* of `clipped` */
-        uint64_t used;                /* clock of the last use */
         uint32_t repeats;             /* successive uses without a change */
     } slots[SP_SHELL_SLOTS];
     uint64_t clock;

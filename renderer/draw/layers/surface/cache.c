@@ -7,97 +7,58 @@
 #include "draw/layers/surface/extract.h"
 #include "draw/layers/surface/merge.h"
 
-static void finish_volume(struct sp_surface_volume *slot) {
+static void finish_ranges(void *pointer) {
+    struct sp_surface_volume *slot = pointer;
     sp_surface_ranges_finish(&slot->ranges);
-    sp_volume_unref(&slot->volume);
-    slot->used = 0;
 }
 
-static void finish_list(struct sp_surface_list *slot) {
-    sp_surface_points_finish(&slot->points);
-    sp_volume_unref(&slot->volume);
-    slot->used = 0;
+static uint64_t range_bytes(const void *pointer) {
+    const struct sp_surface_volume *slot = pointer;
+    return sp_surface_ranges_bytes(&slot->ranges);
 }
+
+static void finish_points(void *pointer) {
+    struct sp_surface_list *slot = pointer;
+    sp_surface_points_finish(&slot->points);
+}
+
+static uint64_t point_bytes(const void *pointer) {
+    const struct sp_surface_list *slot = pointer;
+    return sp_surface_points_bytes(&slot->points);
+}
+
+static const struct sp_slots ranges = { SURFACE_VOLUMES, sizeof(struct sp_surface_volume),
+                                        finish_ranges, range_bytes };
+static const struct sp_slots lists = { SURFACE_LISTS, sizeof(struct sp_surface_list), finish_points,
+                                       point_bytes };
 
 void sp_surface_cache_begin(struct sp_surface_cache *cache) {
     cache->frame = ++cache->clock;
 }
 
 void sp_surface_cache_evict(struct sp_surface_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < SURFACE_VOLUMES; i++)
-        if (cache->volumes[i].volume && sp_volume_is_of(cache->volumes[i].volume, volume))
-            finish_volume(&cache->volumes[i]);
-    for (int i = 0; i < SURFACE_LISTS; i++)
-        if (cache->lists[i].volume && sp_volume_is_of(cache->lists[i].volume, volume))
-            finish_list(&cache->lists[i]);
+    sp_slots_evict(&ranges, cache->volumes, volume);
+    sp_slots_evict(&lists, cache->lists, volume);
 }
 
 uint64_t sp_surface_cache_bytes(const struct sp_surface_cache *cache,
                                 const struct sp_volume *volume) {
-    uint64_t bytes = 0;
-    for (int i = 0; i < SURFACE_VOLUMES; i++)
-        if (cache->volumes[i].volume && sp_volume_is_of(cache->volumes[i].volume, volume))
-            bytes += sp_surface_ranges_bytes(&cache->volumes[i].ranges);
-    for (int i = 0; i < SURFACE_LISTS; i++)
-        if (cache->lists[i].volume && sp_volume_is_of(cache->lists[i].volume, volume))
-            bytes += sp_surface_points_bytes(&cache->lists[i].points);
-    return bytes;
-}
-
-/* The least recently used list that the current frame does not use; NULL = none. */
-static struct sp_surface_list *find_old_list(struct sp_surface_cache *cache) {
-    struct sp_surface_list *oldest = NULL;
-    for (int i = 0; i < SURFACE_LISTS; i++) {
-        struct sp_surface_list *slot = &cache->lists[i];
-        if (slot->volume && slot->used <= cache->frame && (!oldest || slot->used < oldest->used))
-            oldest = slot;
-    }
-    return oldest;
-}
-
-/* Evicts lists, then ranges of other volumes, until at most `bytes` are used, as far as it can. */
-static void evict_until(struct sp_surface_cache *cache, uint64_t bytes,
-                        const struct sp_surface_volume *keep) {
-    struct sp_surface_list *list;
-    while (sp_surface_cache_bytes(cache, NULL) > bytes && (list = find_old_list(cache)))
-        finish_list(list);
-    for (int i = 0; i < SURFACE_VOLUMES && sp_surface_cache_bytes(cache, NULL) > bytes; i++)
-        if (cache->volumes[i].volume && &cache->volumes[i] != keep)
-            finish_volume(&cache->volumes[i]);
+    return sp_slots_bytes(&ranges, cache->volumes, volume) +
+           sp_slots_bytes(&lists, cache->lists, volume);
 }
 
 static struct sp_surface_volume *get_ranges(struct sp_surface_cache *cache,
                                             const struct sp_surface_cache_job *job,
                                             struct sp_error *err) {
-    struct sp_surface_volume *oldest = &cache->volumes[0];
-    for (int i = 0; i < SURFACE_VOLUMES; i++) {
-        struct sp_surface_volume *slot = &cache->volumes[i];
-        if (slot->volume == job->volume) {
-            slot->used = ++cache->clock;
-            return slot;
-        }
-        if (slot->used < oldest->used)
-            oldest = slot;
-    }
     const struct sp_surface_job own = { job->volume, job->value, job->pool, job->interrupt };
-    if (oldest->volume)
-        finish_volume(oldest);
-    if (!sp_surface_ranges_init(&oldest->ranges, &own, err))
-        return NULL;
-    oldest->volume = sp_volume_ref(job->volume);
-    oldest->used = ++cache->clock;
-    return oldest;
-}
-
-/* Returns an empty slot, or one that is not used in this frame. A view has fewer layers than there
- * are slots. */
-static struct sp_surface_list *find_slot(struct sp_surface_cache *cache) {
-    for (int i = 0; i < SURFACE_LISTS; i++)
-        if (!cache->lists[i].volume)
-            return &cache->lists[i];
-    struct sp_surface_list *slot = find_old_list(cache);
-    if (slot)
-        finish_list(slot);
+    struct sp_surface_volume *slot = sp_slots_newest(&ranges, cache->volumes, job->volume);
+    if (!slot) {
+        slot = sp_slots_take(&ranges, cache->volumes, UINT64_MAX, NULL);
+        if (!sp_surface_ranges_init(&slot->ranges, &own, err))
+            return NULL;
+        slot->base.volume = sp_volume_ref(job->volume);
+    }
+    slot->base.used = ++cache->clock;
     return slot;
 }
 
@@ -119,7 +80,9 @@ static const struct sp_surface_points *add_list(struct sp_surface_cache *cache,
                                                 const struct sp_surface_points *finer,
                                                 struct sp_error *err) {
     struct sp_surface_volume *volume = finer ? NULL : get_ranges(cache, job, err);
-    struct sp_surface_list *slot = finer || volume ? find_slot(cache) : NULL;
+    /* A view has fewer layers than there are slots. */
+    struct sp_surface_list *slot =
+        finer || volume ? sp_slots_take(&lists, cache->lists, cache->frame, NULL) : NULL;
     struct sp_surface_points points;
     struct sp_error why = { 0 };
     if (!slot)
@@ -130,11 +93,15 @@ static const struct sp_surface_points *add_list(struct sp_surface_cache *cache,
                 *err = why;
             return NULL;
         }
-        evict_until(cache, 0, volume); /* what the frame uses stays */
+        /* What the frame uses stays. */
+        sp_slots_trim(&lists, cache->lists, 0, cache->frame, NULL);
+        sp_slots_trim(&ranges, cache->volumes, 0, UINT64_MAX, volume);
     }
-    *slot =
-        (struct sp_surface_list){ sp_volume_ref(job->volume), job->value, points, ++cache->clock };
-    slot->points.made = slot->used;
+    *slot = (struct sp_surface_list){ .base = { .volume = sp_volume_ref(job->volume),
+                                                .used = ++cache->clock },
+                                      .value = job->value,
+                                      .points = points };
+    slot->points.made = slot->base.used;
     return &slot->points;
 }
 
@@ -145,10 +112,10 @@ const struct sp_surface_points *sp_surface_cache_get(struct sp_surface_cache *ca
     const struct sp_surface_points *finer;
     for (int i = 0; i < SURFACE_LISTS; i++) {
         struct sp_surface_list *slot = &cache->lists[i];
-        if (slot->volume != job->volume || slot->value != job->value ||
+        if (slot->base.volume != job->volume || slot->value != job->value ||
             slot->points.level != job->level)
             continue;
-        slot->used = ++cache->clock;
+        slot->base.used = ++cache->clock;
         return &slot->points;
     }
     if (!job->level)

@@ -7,6 +7,7 @@
 #ifndef SP_SURFACE_CACHE_H
 #define SP_SURFACE_CACHE_H
 
+#include "data/volume/slots.h"
 #include "draw/layers/surface/points.h"
 #include "draw/layers/surface/ranges.h"
 
@@ -14,15 +15,13 @@ enum { SURFACE_VOLUMES = 8, SURFACE_LISTS = 32 };
 
 struct sp_surface_cache {
     struct sp_surface_volume {
-        struct sp_volume *volume; /* one reference; NULL = empty */
+        struct sp_slot base;
         struct sp_surface_ranges ranges;
-        uint64_t used;
     } volumes[SURFACE_VOLUMES];
     struct sp_surface_list {
-        struct sp_volume *volume; /* one reference; NULL = empty */
+        struct sp_slot base;
         double value;
         struct sp_surface_points points; /* of a level */
-        uint64_t used;
     } lists[SURFACE_LISTS];
     uint64_t clock;
     uint64_t frame; /* the clock when the current frame began */

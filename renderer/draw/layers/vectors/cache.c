@@ -5,36 +5,31 @@
 #include "data/volume/volume.h"
 #include "draw/layers/splat_list/clip.h"
 
-static void empty_slot(struct sp_vectors_slot *slot) {
+static void finish_slot(void *pointer) {
+    struct sp_vectors_slot *slot = pointer;
     sp_voxel_list_finish(&slot->list);
-    sp_volume_unref(&slot->volume);
-    sp_volume_unref(&slot->colors);
-    slot->used = 0;
 }
 
-static bool is_made_of(const struct sp_vectors_slot *slot, const struct sp_volume *volume) {
-    return slot->volume && (sp_volume_is_of(slot->volume, volume) ||
-                            (slot->colors && sp_volume_is_of(slot->colors, volume)));
+static uint64_t slot_bytes(const void *pointer) {
+    const struct sp_vectors_slot *slot = pointer;
+    return sp_voxel_list_bytes(&slot->list);
 }
+
+static const struct sp_slots slots = { SP_VECTORS_SLOTS, sizeof(struct sp_vectors_slot),
+                                       finish_slot, slot_bytes };
 
 void sp_vectors_evict(struct sp_vectors_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < SP_VECTORS_SLOTS; i++)
-        if (is_made_of(&cache->slots[i], volume))
-            empty_slot(&cache->slots[i]);
+    sp_slots_evict(&slots, cache->slots, volume);
 }
 
 uint64_t sp_vectors_bytes(const struct sp_vectors_cache *cache, const struct sp_volume *volume) {
-    uint64_t bytes = 0;
-    for (int i = 0; i < SP_VECTORS_SLOTS; i++)
-        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-            bytes += sp_voxel_list_bytes(&cache->slots[i].list);
-    return bytes;
+    return sp_slots_bytes(&slots, cache->slots, volume);
 }
 
 /* The order and the reference length have no influence on a list. */
 static bool is_wanted(const struct sp_vectors_slot *slot, const struct sp_volume *volume,
                       const struct sp_vectors_job *job) {
-    if (slot->volume != volume || slot->density != job->density ||
+    if (slot->base.volume != volume || slot->density != job->density ||
         !sp_coloring_equal(&slot->coloring, &job->coloring) ||
         !sp_voxel_clip_equal(&slot->clip, job->clip))
         return false;
@@ -48,27 +43,22 @@ const struct sp_voxel_list *sp_vectors_cache_get(struct sp_vectors_cache *cache,
                                                  struct sp_volume *volume,
                                                  const struct sp_vectors_job *job,
                                                  struct sp_error *err) {
-    struct sp_vectors_slot *slot = &cache->slots[0];
-    for (int i = 0; i < SP_VECTORS_SLOTS; i++) {
+    for (int i = 0; i < SP_VECTORS_SLOTS; i++)
         if (is_wanted(&cache->slots[i], volume, job)) {
-            cache->slots[i].used = ++cache->clock;
+            cache->slots[i].base.used = ++cache->clock;
             return &cache->slots[i].list;
         }
-        if (cache->slots[i].used < slot->used)
-            slot = &cache->slots[i];
-    }
-    empty_slot(slot);
+    struct sp_vectors_slot *slot = sp_slots_take(&slots, cache->slots, UINT64_MAX, NULL);
     if (!sp_vectors_extract(job, &slot->list, err))
         return NULL;
-    slot->volume = sp_volume_ref(volume);
-    slot->colors = job->coloring.volume ? sp_volume_ref(job->coloring.volume) : NULL;
+    slot->base =
+        (struct sp_slot){ sp_volume_ref(volume),
+                          job->coloring.volume ? sp_volume_ref(job->coloring.volume) : NULL,
+                          ++cache->clock };
     slot->coloring = job->coloring;
     slot->tf = *job->tf;
     slot->clip = *job->clip;
     slot->density = job->density;
-    slot->used = ++cache->clock;
-    for (int i = 0; i < SP_VECTORS_SLOTS && sp_vectors_bytes(cache, NULL) > job->bytes_max; i++)
-        if (&cache->slots[i] != slot)
-            empty_slot(&cache->slots[i]);
+    sp_slots_trim(&slots, cache->slots, job->bytes_max, UINT64_MAX, slot);
     return &slot->list;
 }

@@ -7,20 +7,19 @@
 #ifndef SP_VECTORS_CACHE_H
 #define SP_VECTORS_CACHE_H
 
+#include "data/volume/slots.h"
 #include "draw/layers/vectors/extract.h"
 
 enum { SP_VECTORS_SLOTS = 2 };
 
 struct sp_vectors_cache {
     struct sp_vectors_slot {
-        struct sp_volume *volume; /* one reference; NULL = empty */
-        struct sp_volume *colors; /* the same, of the colouring; NULL = none */
+        struct sp_slot base;
         struct sp_coloring coloring;
         struct sp_transfer_function tf;
         struct sp_clip clip;
         double density;
         struct sp_voxel_list list;
-        uint64_t used; /* clock of the last use */
     } slots[SP_VECTORS_SLOTS];
     uint64_t clock;
 };
