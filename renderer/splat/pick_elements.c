@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/grow.h"
 #include "base/vec.h"
 #include "classify/transfer.h"
 #include "splat/camera.h"
@@ -50,14 +51,8 @@ static bool picking_init(struct picking *p) {
 }
 
 static bool add_event(struct sp_pick_events *events, double t, double depth, double value) {
-    if (events->count == events->capacity) {
-        size_t capacity = events->capacity ? 2 * events->capacity : 256;
-        struct sp_pick_event *at = realloc(events->at, capacity * sizeof *at);
-        if (!at)
-            return false;
-        events->at = at;
-        events->capacity = capacity;
-    }
+    if (!sp_grow(&events->at, events->count, sizeof *events->at))
+        return false;
     events->at[events->count++] = (struct sp_pick_event){ t, depth, value };
     return true;
 }

@@ -19,7 +19,7 @@ struct sp_pick_event {
 
 struct sp_pick_events {
     struct sp_pick_event *at; /* [count], front to back */
-    size_t count, capacity;
+    size_t count;
     uint64_t tested; /* elements */
 };
 

@@ -9,6 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/grow.h"
+
 enum { TEXT_MAX = 16 << 20 }; /* bytes */
 
 bool collection_probe(const uint8_t *start, size_t size, const char *shown) {
@@ -26,15 +28,7 @@ static bool add(struct collection *c, const struct import_file *file, double tim
         return sp_fail(err, SP_ERR_FORMAT, file->shown,
                        *name ? "the time of file %.80s is not a number" : "a file has no name%s",
                        name);
-    if (c->count == c->capacity) {
-        const uint32_t wanted = c->capacity ? 2 * c->capacity : 64;
-        struct collection_file *larger = realloc(c->files, wanted * sizeof *larger);
-        if (!larger)
-            return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the list");
-        c->files = larger;
-        c->capacity = wanted;
-    }
-    char *copy = strdup(name);
+    char *copy = sp_grow(&c->files, c->count, sizeof *c->files) ? strdup(name) : NULL;
     if (!copy)
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the list");
     c->files[c->count++] = (struct collection_file){ .time = time, .name = copy };

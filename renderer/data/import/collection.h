@@ -15,7 +15,7 @@ struct collection_file {
 struct collection {                /* all zero = empty */
     struct collection_file *files; /* owned; by time */
     double *times;                 /* owned */
-    uint32_t count, capacity;
+    uint32_t count;
 };
 
 /* As import_format.probe. */

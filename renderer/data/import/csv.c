@@ -17,6 +17,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/grow.h"
 #include "base/parallel_for.h"
 #include "data/import/points.h"
 #include "data/import/text.h"
@@ -244,13 +245,8 @@ static bool take_names(struct csv *c, struct sp_error *err) {
 
 /* Notes that a part begins at the next row. */
 static bool add_part(struct csv *c, struct sp_error *err) {
-    if ((c->part_count & (c->part_count - 1)) == 0) { /* a power of two, or none */
-        const size_t capacity = 2 * c->part_count + 1;
-        void *parts = realloc(c->parts, capacity * sizeof *c->parts);
-        if (!parts)
-            return sp_fail(err, SP_ERR_MEMORY, c->file->shown, "out of memory for the rows");
-        c->parts = parts;
-    }
+    if (!sp_grow(&c->parts, c->part_count, sizeof *c->parts))
+        return sp_fail(err, SP_ERR_MEMORY, c->file->shown, "out of memory for the rows");
     c->parts[c->part_count++] = (struct part){ c->text.at, c->line };
     return true;
 }

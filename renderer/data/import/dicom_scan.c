@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/grow.h"
 #include "data/import/dicom_samples.h"
 #include "data/import/numbered.h"
 
@@ -261,14 +262,8 @@ static bool find_copies(const struct dicom_source *source, struct dicom_scan *sc
 static bool add_image(struct dicom_scan *scan, const char *name, int fd,
                       const struct dicom_image *image) {
     struct stat st;
-    if (scan->count == scan->capacity) {
-        const uint32_t wanted = scan->capacity ? 2 * scan->capacity : 256;
-        struct dicom_found *larger = realloc(scan->images, wanted * sizeof *larger);
-        if (!larger)
-            return false;
-        scan->images = larger;
-        scan->capacity = wanted;
-    }
+    if (!sp_grow(&scan->images, scan->count, sizeof *scan->images))
+        return false;
     struct dicom_found *found = &scan->images[scan->count];
     *found = (struct dicom_found){ .name = strdup(name), .image = *image };
     found->bytes = fstat(fd, &st) == 0 ? (uint64_t)st.st_size : 0;

@@ -38,7 +38,7 @@ struct dicom_stack {
 struct dicom_scan {
     struct dicom_found *images; /* owned; in the order of numbers in names, but the file that was
                                    opened comes first */
-    uint32_t count, capacity;
+    uint32_t count;
     struct dicom_stack *stacks; /* owned */
     uint32_t stack_count;
     uint32_t copies;             /* images that are copies */

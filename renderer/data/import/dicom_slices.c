@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/grow.h"
 #include "base/vec.h"
 
 /* Slices closer than this part of a pixel have one place. Without a pixel size the limit is
@@ -15,14 +16,8 @@
 
 bool dicom_slices_add(struct dicom_slices *slices, const char *name, uint32_t frame, bool is_frame,
                       const struct dicom_frame *is) {
-    if (slices->count == slices->capacity) {
-        const uint32_t wanted = slices->capacity ? 2 * slices->capacity : 256;
-        struct dicom_slice *larger = realloc(slices->items, wanted * sizeof *larger);
-        if (!larger)
-            return false;
-        slices->items = larger;
-        slices->capacity = wanted;
-    }
+    if (!sp_grow(&slices->items, slices->count, sizeof *slices->items))
+        return false;
     struct dicom_slice *s = &slices->items[slices->count];
     *s = (struct dicom_slice){
         .name = strdup(name), .frame = frame, .is_frame = is_frame, .is = *is

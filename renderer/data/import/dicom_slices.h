@@ -32,7 +32,7 @@ struct dicom_plane {
 
 struct dicom_slices {
     struct dicom_slice *items; /* owned */
-    uint32_t count, capacity;
+    uint32_t count;
     struct dicom_plane *plane; /* owned; the different places, sorted */
     uint32_t planes;           /* how many there are */
     bool has_gaps;   /* planes without slices are added where places lie on a grid of their smallest

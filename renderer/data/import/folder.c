@@ -24,31 +24,10 @@
 #include "data/import/format.h"
 #include "data/import/numbered.h"
 
-static bool grow(struct import_names *list) {
-    if (list->count == list->capacity) {
-        const uint32_t wanted = list->capacity ? 2 * list->capacity : 64;
-        char **larger = realloc(list->names, wanted * sizeof *larger);
-        if (!larger)
-            return false;
-        list->names = larger;
-        list->capacity = wanted;
-    }
-    return true;
-}
-
-bool import_names_append(struct import_names *list, const char *name) {
-    char *copy = grow(list) ? strdup(name) : NULL;
-    if (copy)
-        list->names[list->count++] = copy;
-    return copy != NULL;
-}
-
 static bool add_name(struct import_names *list, const char *prefix, const char *name) {
-    char *path;
-    if (!grow(list) || asprintf(&path, "%s%s%s", prefix, prefix[0] ? "/" : "", name) < 0)
-        return false;
-    list->names[list->count++] = path;
-    return true;
+    char path[PATH_MAX + NAME_MAX + 2];
+    snprintf(path, sizeof path, "%s%s%s", prefix, prefix[0] ? "/" : "", name);
+    return import_names_append(list, path);
 }
 
 /* True for a folder, or else for a regular file or a link to one. Links to folders could lead in a
@@ -80,13 +59,6 @@ static int by_number(const void *a, const void *b) {
 void import_names_sort(struct import_names *list, uint32_t first) {
     if (list->count > first + 1)
         qsort(list->names + first, list->count - first, sizeof *list->names, by_number);
-}
-
-void import_names_finish(struct import_names *list) {
-    for (uint32_t i = 0; i < list->count; i++)
-        free(list->names[i]);
-    free(list->names);
-    *list = (struct import_names){ .count = 0 };
 }
 
 /* The format of a folder: it opens the file that stands for the folder. */

@@ -1,18 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The names in a folder, in the order of the numbers in them.
+ * The names in a folder, in the order of the numbers in them. Hidden names, those that begin with a
+ * dot, are left out.
  */
 #ifndef SP_IMPORT_FOLDER_H
 #define SP_IMPORT_FOLDER_H
 
-#include <stdbool.h>
-#include <stdint.h>
-
-/* Hidden names, those that begin with a dot, are left out. All zero = empty. */
-struct import_names {
-    char **names; /* owned */
-    uint32_t count, capacity;
-};
+#include "data/import/numbered.h"
 
 /* Adds the names of the regular files (symbolic links count as files) or of the folders in
  * `folder`, a path, up to `most` names in all. Adds nothing if it cannot be listed. Each is
@@ -20,12 +14,7 @@ struct import_names {
 bool import_names_add(struct import_names *list, const char *folder, const char *prefix,
                       bool are_folders, uint32_t most);
 
-/* Adds a copy of one name. False if there is no memory. */
-bool import_names_append(struct import_names *list, const char *name);
-
 /* Sorts the names from number `first` on. */
 void import_names_sort(struct import_names *list, uint32_t first);
-
-void import_names_finish(struct import_names *list);
 
 #endif

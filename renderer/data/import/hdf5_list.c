@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/grow.h"
 #include "data/import/hdf5_dims.h"
 
 enum { DEFAULT_DEPTH = 8, SOURCES_MAX = 1 << 16 };
@@ -12,12 +13,8 @@ enum { DEFAULT_DEPTH = 8, SOURCES_MAX = 1 << 16 };
 /* Listing. */
 
 static struct hdf5_entry *add(struct hdf5_list *list, const char *name) {
-    if (list->count % 64 == 0) {
-        void *larger = realloc(list->entries, (list->count + 64) * sizeof *list->entries);
-        if (!larger)
-            return NULL;
-        list->entries = larger;
-    }
+    if (!sp_grow(&list->entries, list->count, sizeof *list->entries))
+        return NULL;
     struct hdf5_entry *entry = &list->entries[list->count++];
     *entry = (struct hdf5_entry){ .address = HADDR_UNDEF };
     snprintf(entry->name, sizeof entry->name, "/%.*s", ARRAY_NAME_BYTES - 2, name);

@@ -8,24 +8,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/grow.h"
 #include "base/vec.h"
 #include "sp/elements.h"
 
 enum {
-    CAPACITY_MIN = 1024,
+    TABLE_MIN = 4096,
     CORNERS_MAX = 64 /* at vertices with more triangles, all of them are one surface */
 };
-
-/* Allocates memory for one more item. */
-static void *grow(void *items, uint32_t count, uint32_t *capacity, size_t size) {
-    if (count < *capacity)
-        return items;
-    const uint32_t wanted = *capacity ? 2 * *capacity : CAPACITY_MIN;
-    void *larger = count < SP_ELEMENTS_MAX ? realloc(items, wanted * size) : NULL;
-    if (larger)
-        *capacity = wanted;
-    return larger;
-}
 
 static uint32_t hash(const struct import_vertex *vertex) {
     uint32_t words[sizeof *vertex / 4], sum = 0;
@@ -49,7 +39,7 @@ static uint32_t *find(const struct import_mesh_builder *b, const struct import_v
 static bool grow_table(struct import_mesh_builder *b) {
     if (b->table && b->vertex_count < b->table_size / 2)
         return true;
-    const uint32_t size = b->table ? 2 * b->table_size : 4 * CAPACITY_MIN;
+    const uint32_t size = b->table ? 2 * b->table_size : TABLE_MIN;
     uint32_t *table = calloc(size, sizeof *table);
     if (!table)
         return false;
@@ -62,10 +52,9 @@ static bool grow_table(struct import_mesh_builder *b) {
 }
 
 static bool append(struct import_mesh_builder *b, const struct import_vertex *vertex) {
-    void *larger = grow(b->vertices, b->vertex_count, &b->vertex_capacity, sizeof *b->vertices);
-    if (!larger)
+    if (b->vertex_count >= SP_ELEMENTS_MAX ||
+        !sp_grow(&b->vertices, b->vertex_count, sizeof *b->vertices))
         return false;
-    b->vertices = larger;
     b->vertices[b->vertex_count++] = *vertex;
     return true;
 }
@@ -95,11 +84,9 @@ bool import_mesh_shift(const struct import_mesh_builder *b, struct import_shift 
 }
 
 bool import_mesh_triangle(struct import_mesh_builder *b, const uint32_t vertices[3]) {
-    void *larger =
-        grow(b->triangles, b->triangle_count, &b->triangle_capacity, sizeof *b->triangles);
-    if (!larger)
+    if (b->triangle_count >= SP_ELEMENTS_MAX ||
+        !sp_grow(&b->triangles, b->triangle_count, sizeof *b->triangles))
         return false;
-    b->triangles = larger;
     memcpy(b->triangles[b->triangle_count++], vertices, sizeof *b->triangles);
     return true;
 }

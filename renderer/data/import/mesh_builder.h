@@ -23,9 +23,9 @@ struct import_vertex {
 /* All memory is owned. */
 struct import_mesh_builder {
     struct import_vertex *vertices;
-    uint32_t vertex_count, vertex_capacity;
+    uint32_t vertex_count;
     uint32_t (*triangles)[3];
-    uint32_t triangle_count, triangle_capacity;
+    uint32_t triangle_count;
     uint32_t *table, table_size; /* open addressing: vertex + 1, 0 = free */
 };
 

@@ -2,6 +2,7 @@
  *
  * NetCDF files, of the classic formats (CDF-1, CDF-2, CDF-5) and of NetCDF-4.
  */
+#include "base/grow.h"
 #include "data/import/array_bridge.h"
 
 #include <netcdf.h>
@@ -36,12 +37,8 @@ static bool add_variable(struct netcdf *c, int group, int id, const char *path) 
     char name[NC_MAX_NAME + 1] = "";
     if (c->count == ARRAYS_MAX)
         return true;
-    if (c->count % 64 == 0) {
-        void *larger = realloc(c->variables, (c->count + 64) * sizeof *c->variables);
-        if (!larger)
-            return false;
-        c->variables = larger;
-    }
+    if (!sp_grow(&c->variables, c->count, sizeof *c->variables))
+        return false;
     struct variable *v = &c->variables[c->count++];
     *v = (struct variable){ .group = group, .id = id };
     nc_inq_varname(group, id, name);

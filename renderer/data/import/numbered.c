@@ -7,7 +7,24 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/grow.h"
+
 static const char digits[] = "0123456789";
+
+bool import_names_append(struct import_names *list, const char *name) {
+    if (!sp_grow(&list->names, list->count, sizeof *list->names))
+        return false;
+    char *copy = list->names[list->count] = strdup(name);
+    list->count += copy != NULL;
+    return copy != NULL;
+}
+
+void import_names_finish(struct import_names *list) {
+    for (uint32_t i = 0; i < list->count; i++)
+        free(list->names[i]);
+    free(list->names);
+    *list = (struct import_names){ .count = 0 };
+}
 
 bool sp_numbered_pattern(const char *name, char pattern[NAME_MAX + 1]) {
     size_t used = 0;
@@ -36,21 +53,6 @@ bool sp_numbered_matches(const char *pattern, const char *name) {
     return has_number && !*name;
 }
 
-static bool add(struct sp_numbered *files, const char *name) {
-    if (files->count == files->capacity) {
-        const uint32_t wanted = files->capacity ? 2 * files->capacity : 64;
-        char **larger = realloc(files->names, wanted * sizeof *larger);
-        if (!larger)
-            return false;
-        files->names = larger;
-        files->capacity = wanted;
-    }
-    char *copy = strdup(name);
-    if (copy)
-        files->names[files->count++] = copy;
-    return copy != NULL;
-}
-
 /* Compares the numbers in two names that match one pattern. */
 static int by_number(const void *a, const void *b) {
     const char *p = *(const char *const *)a, *q = *(const char *const *)b;
@@ -69,23 +71,16 @@ static int by_number(const void *a, const void *b) {
 }
 
 bool sp_numbered_list(const char *folder, const char *pattern, uint32_t most,
-                      struct sp_numbered *files, const char *place, struct sp_error *err) {
+                      struct import_names *files, const char *place, struct sp_error *err) {
     DIR *listed = opendir(folder);
     bool ok = true;
     if (!listed)
         return sp_fail(err, SP_ERR_IO, place, "cannot list the folder: %s", strerror(errno));
     for (const struct dirent *entry; ok && files->count < most && (entry = readdir(listed));)
         if (sp_numbered_matches(pattern, entry->d_name))
-            ok = add(files, entry->d_name);
+            ok = import_names_append(files, entry->d_name);
     closedir(listed);
     if (files->count > 1)
         qsort(files->names, files->count, sizeof *files->names, by_number);
     return ok || sp_fail(err, SP_ERR_MEMORY, place, "out of memory for the names of files");
-}
-
-void sp_numbered_finish(struct sp_numbered *files) {
-    for (uint32_t n = 0; n < files->count; n++)
-        free(files->names[n]);
-    free(files->names);
-    *files = (struct sp_numbered){ .count = 0 };
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Files of a folder whose names differ in numbers only: the slices of a stack, the steps of a
- * series. A pattern is such a name with '*' in place of each number: "t*.nrrd".
+ * Lists of names, and files of a folder whose names differ in numbers only: the slices of a stack,
+ * the steps of a series. A pattern is such a name with '*' in place of each number: "t*.nrrd".
  */
 #ifndef SP_IMPORT_NUMBERED_H
 #define SP_IMPORT_NUMBERED_H
@@ -12,10 +12,15 @@
 
 #include "sp/status.h"
 
-struct sp_numbered {
-    char **names; /* owned; in the order of their numbers, of any length, from the first one on */
-    uint32_t count, capacity;
+struct import_names { /* all zero = empty */
+    char **names;     /* owned */
+    uint32_t count;
 };
+
+/* Adds a copy of one name. False if there is no memory. */
+bool import_names_append(struct import_names *list, const char *name);
+
+void import_names_finish(struct import_names *list);
 
 /* Writes the pattern of a name. False if the name has no number, or more than NAME_MAX bytes. */
 bool sp_numbered_pattern(const char *name, char pattern[NAME_MAX + 1]);
@@ -24,11 +29,10 @@ bool sp_numbered_pattern(const char *name, char pattern[NAME_MAX + 1]);
  * be large or small. */
 bool sp_numbered_matches(const char *pattern, const char *name);
 
-/* Lists the names in a folder that match, at most `most` of them. SP_ERR_IO, SP_ERR_MEMORY at
+/* Lists the names in a folder that match, at most `most` of them, in the order of their numbers of
+ * any length. SP_ERR_IO, SP_ERR_MEMORY at
  * `place`. After a failure, too, the caller finishes *files. */
 bool sp_numbered_list(const char *folder, const char *pattern, uint32_t most,
-                      struct sp_numbered *files, const char *place, struct sp_error *err);
-
-void sp_numbered_finish(struct sp_numbered *files);
+                      struct import_names *files, const char *place, struct sp_error *err);
 
 #endif

@@ -76,7 +76,7 @@ static int by_value(const void *a, const void *b) {
 }
 
 /* How many different values the k-th number has. */
-static uint32_t count_values(const struct sp_numbered *files, unsigned k, uint64_t *values) {
+static uint32_t count_values(const struct import_names *files, unsigned k, uint64_t *values) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < files->count; i++)
         values[i] = number_at(files->names[i], k);
@@ -96,7 +96,7 @@ struct search {
     int alone; /* this number is different in all files; −1 = none is */
 };
 
-static void find_meanings(struct search *s, const struct sp_numbered *files,
+static void find_meanings(struct search *s, const struct import_names *files,
                           enum import_number_kind main, uint64_t *values) {
     enum import_number_kind *meanings = s->numbers->meanings;
     for (unsigned k = 0; k < s->numbers->count; k++) {
@@ -144,7 +144,7 @@ static void use_several(struct search *s, enum import_number_kind main) {
         }
 }
 
-bool import_numbers_find(const struct sp_numbered *files, enum import_number_kind main,
+bool import_numbers_find(const struct import_names *files, enum import_number_kind main,
                          struct import_numbers *numbers) {
     uint64_t *values = files->count > 1 ? malloc(files->count * sizeof *values) : NULL;
     *numbers = (struct import_numbers){ .count = 0 };
@@ -169,8 +169,9 @@ static int number_of(const struct import_numbers *numbers, enum import_number_ki
     return -1;
 }
 
-uint32_t import_numbers_count(const struct sp_numbered *files, const struct import_numbers *numbers,
-                              enum import_number_kind meaning, uint64_t *values) {
+uint32_t import_numbers_count(const struct import_names *files,
+                              const struct import_numbers *numbers, enum import_number_kind meaning,
+                              uint64_t *values) {
     const int k = number_of(numbers, meaning);
     uint64_t *own = values ? values : malloc(files->count * sizeof *own);
     const uint32_t count = k >= 0 && own ? count_values(files, (unsigned)k, own) : 1;
@@ -193,7 +194,7 @@ static bool is_alike(const struct import_numbers *numbers, enum import_number_ki
     return true;
 }
 
-uint32_t import_numbers_hold(struct sp_numbered *files, const struct import_numbers *numbers,
+uint32_t import_numbers_hold(struct import_names *files, const struct import_numbers *numbers,
                              enum import_number_kind meaning, const char *own,
                              char example[NAME_MAX + 1]) {
     uint32_t kept = 0;
@@ -245,7 +246,7 @@ static void warn_gaps(const uint64_t *values, uint32_t count, const char *what,
                     gaps, gaps == 1 ? "gap" : "gaps", values[first - 1], values[first], what);
 }
 
-void import_numbers_warn(const struct sp_numbered *files, const struct import_numbers *numbers,
+void import_numbers_warn(const struct import_names *files, const struct import_numbers *numbers,
                          enum import_number_kind main, const char *what,
                          struct import_warnings *warnings) {
     if (numbers->are_mixed)

@@ -34,13 +34,14 @@ struct import_numbers {
 /* Finds what the numbers of these names mean, which match one pattern. `main`: what the only number
  * that varies is. A second number of the same meaning is IMPORT_NUMBER_OTHER. False if there is no
  * memory. */
-bool import_numbers_find(const struct sp_numbered *files, enum import_number_kind main,
+bool import_numbers_find(const struct import_names *files, enum import_number_kind main,
                          struct import_numbers *numbers);
 
 /* How many different numbers of this meaning the names have: 1 if none varies. If `values` is not
  * NULL, it gets them in rising order; it has files->count entries. */
-uint32_t import_numbers_count(const struct sp_numbered *files, const struct import_numbers *numbers,
-                              enum import_number_kind meaning, uint64_t *values);
+uint32_t import_numbers_count(const struct import_names *files,
+                              const struct import_numbers *numbers, enum import_number_kind meaning,
+                              uint64_t *values);
 
 /* The name's number of this meaning, the first one; 0 if there is none. */
 uint64_t import_numbers_value(const struct import_numbers *numbers, enum import_number_kind meaning,
@@ -48,13 +49,13 @@ uint64_t import_numbers_value(const struct import_numbers *numbers, enum import_
 
 /* Leaves out the names that differ from `own` in a number of this meaning. Returns how many, and
  * writes one of them to `example`, unless it is NULL. */
-uint32_t import_numbers_hold(struct sp_numbered *files, const struct import_numbers *numbers,
+uint32_t import_numbers_hold(struct import_names *files, const struct import_numbers *numbers,
                              enum import_number_kind meaning, const char *own,
                              char example[NAME_MAX + 1]);
 
 /* Warns of names that were left out, of numbers that nothing tells apart, and of numbers that are
  * missing between others. `what`: "slices" or "time steps". */
-void import_numbers_warn(const struct sp_numbered *files, const struct import_numbers *numbers,
+void import_numbers_warn(const struct import_names *files, const struct import_numbers *numbers,
                          enum import_number_kind main, const char *what,
                          struct import_warnings *warnings);
 void import_numbers_warn_left_out(uint32_t left_out, const char *example, const char *own,

@@ -96,7 +96,7 @@ static bool take_folder(struct sp_import_place *p, struct sp_error *err) {
 
 /* Replaces a path whose name has a '*' for each number by that of the first such file. */
 static bool pick_numbered(struct sp_import_place *p, char *name, struct sp_error *err) {
-    struct sp_numbered files = { .count = 0 };
+    struct import_names files = { .count = 0 };
     char source[PATH_MAX];
     snprintf(source, sizeof source, "%s", p->path);
     snprintf(p->series, sizeof p->series, "%s", name);
@@ -112,7 +112,7 @@ static bool pick_numbered(struct sp_import_place *p, char *name, struct sp_error
              sp_fail(err, SP_ERR_INVALID, source, "the path has more than %d bytes, the limit",
                      PATH_MAX - 1);
     }
-    sp_numbered_finish(&files);
+    import_names_finish(&files);
     return ok;
 }
 

@@ -13,6 +13,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "base/grow.h"
 #include "data/import/samples.h"
 #include "data/volume/volume.h"
 
@@ -58,18 +59,12 @@ static unsigned take_bits(struct bits *b, unsigned count) {
 
 struct output {
     uint8_t *bytes;
-    size_t size, capacity, limit;
+    size_t size, limit;
 };
 
 static bool put_byte(struct output *o, uint8_t byte) {
-    if (o->size == o->capacity) {
-        const size_t more = o->capacity ? 2 * o->capacity : 1 << 16;
-        uint8_t *larger = o->size < o->limit ? realloc(o->bytes, more) : NULL;
-        if (!larger)
-            return false;
-        o->bytes = larger;
-        o->capacity = more;
-    }
+    if (o->size >= o->limit || !sp_grow(&o->bytes, o->size, 1))
+        return false;
     o->bytes[o->size++] = byte;
     return true;
 }

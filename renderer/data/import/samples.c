@@ -8,6 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/grow.h"
 #include "data/import/confine.h"
 #include "data/import/vectors.h"
 #include "data/volume/volume.h"
@@ -21,12 +22,8 @@ void import_samples_finish(struct import_samples *samples) {
 }
 
 bool import_samples_add(struct import_samples *samples, const char *name, size_t length) {
-    if (samples->count % 64 == 0) {
-        char **more = realloc(samples->names, (samples->count + 64) * sizeof *more);
-        if (!more)
-            return false;
-        samples->names = more;
-    }
+    if (!sp_grow(&samples->names, samples->count, sizeof *samples->names))
+        return false;
     char *copy = strndup(name, length);
     if (copy)
         samples->names[samples->count++] = copy;

@@ -17,9 +17,9 @@
 enum { TIMES_MAX = 4096 }; /* files whose times are read */
 
 struct series {
-    struct collection listed;    /* of a .pvd or .series file */
-    struct sp_numbered numbered; /* or files of the folder */
-    double *times;               /* of these; NULL = unknown; owned */
+    struct collection listed;     /* of a .pvd or .series file */
+    struct import_names numbered; /* or files of the folder */
+    double *times;                /* of these; NULL = unknown; owned */
     const struct import_format *inner;
     struct import_file file; /* of the step; fd -1 = not open */
     char real[PATH_MAX], folder[PATH_MAX];
@@ -33,7 +33,7 @@ static void close_series(void *reader) {
     if (s->file.fd >= 0)
         close(s->file.fd);
     collection_finish(&s->listed);
-    sp_numbered_finish(&s->numbered);
+    import_names_finish(&s->numbered);
     free(s->times);
 }
 

@@ -24,7 +24,7 @@ struct stack {
     const struct import_file *file;
     struct import_file alone; /* the same without what the numbers in the names answer */
     void *single; /* owned: the reader of a file that is a volume of its own; else NULL */
-    struct sp_numbered slices; /* in the folder of the file */
+    struct import_names slices; /* in the folder of the file */
     struct import_numbers numbers;
     double *times;              /* the numbers of its times; NULL = none; owned */
     struct import_header slice; /* of the first file */
@@ -159,7 +159,7 @@ static bool keep_alike(struct stack *s, struct sp_error *err) {
 static void close_stack(void *reader) {
     struct stack *s = reader;
     import_format_close(s->inner, s->single);
-    sp_numbered_finish(&s->slices);
+    import_names_finish(&s->slices);
     free(s->times);
 }
 

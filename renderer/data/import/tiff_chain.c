@@ -4,6 +4,7 @@
  *
  * Why this parser is our own: parsers.md.
  */
+#include "base/grow.h"
 #include "data/import/tiff_file.h"
 
 #include <inttypes.h>
@@ -388,12 +389,8 @@ static bool check_page(struct chain *c, struct tiff_page *page) {
 }
 
 static bool add_page(struct tiff_file *t, struct tiff_page **page) {
-    if (t->count % 64 == 0) {
-        struct tiff_page *larger = realloc(t->pages, (t->count + 64) * sizeof *larger);
-        if (!larger)
-            return false;
-        t->pages = larger;
-    }
+    if (!sp_grow(&t->pages, t->count, sizeof *t->pages))
+        return false;
     *page = &t->pages[t->count];
     **page = (struct tiff_page){ .at = 0 };
     return true;

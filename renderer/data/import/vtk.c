@@ -11,6 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/grow.h"
 #include "data/import/confine.h"
 #include "data/import/derived.h"
 
@@ -39,27 +40,19 @@ void vtk_close(void *volume) {
     import_mesh_parts_free(&v->mesh.parts);
 }
 
-/* Enlarges the array for one more of `count` items. NULL with *err set if there are `most`. */
-static void *grow(const struct vtk_volume *v, void *items, size_t count, size_t size, size_t most,
-                  const char *what, struct sp_error *err) {
-    if (count == most) {
-        sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, "the file has more than %zu %s, the limit",
-                most, what);
-        return NULL;
-    }
-    if (count & (count - 1)) /* the capacity is the next power of two */
-        return items;
-    void *larger = realloc(items, (count ? 2 * count : 1) * size);
-    if (!larger)
-        sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory for %zu %s", count + 1, what);
-    return larger;
+/* sp_grow(). False with *err set if there are `most` items. */
+static bool grow(const struct vtk_volume *v, void *array, size_t count, size_t size, size_t most,
+                 const char *what, struct sp_error *err) {
+    if (count == most)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
+                       "the file has more than %zu %s, the limit", most, what);
+    return sp_grow(array, count, size) ||
+           sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory for %zu %s", count + 1, what);
 }
 
 struct vtk_piece *vtk_add_piece(struct vtk_volume *v, uint32_t file, struct sp_error *err) {
-    void *larger = grow(v, v->pieces, v->piece_count, sizeof *v->pieces, PIECES_MAX, "pieces", err);
-    if (!larger)
+    if (!grow(v, &v->pieces, v->piece_count, sizeof *v->pieces, PIECES_MAX, "pieces", err))
         return NULL;
-    v->pieces = larger;
     struct vtk_piece *piece = &v->pieces[v->piece_count++];
     *piece = (struct vtk_piece){ .file = file, .entries = v->entry_count };
     return piece;
@@ -67,11 +60,8 @@ struct vtk_piece *vtk_add_piece(struct vtk_volume *v, uint32_t file, struct sp_e
 
 struct vtk_entry *vtk_add_entry(struct vtk_volume *v, enum vtk_home home, const char *name,
                                 struct sp_error *err) {
-    void *larger =
-        grow(v, v->entries, v->entry_count, sizeof *v->entries, ENTRIES_MAX, "arrays", err);
-    if (!larger)
+    if (!grow(v, &v->entries, v->entry_count, sizeof *v->entries, ENTRIES_MAX, "arrays", err))
         return NULL;
-    v->entries = larger;
     struct vtk_entry *entry = &v->entries[v->entry_count++];
     *entry = (struct vtk_entry){ .home = home, .role = VTK_ANY };
     import_name(entry->name, name);
@@ -80,10 +70,8 @@ struct vtk_entry *vtk_add_entry(struct vtk_volume *v, enum vtk_home home, const 
 }
 
 uint32_t vtk_add_file(struct vtk_volume *v, const char *name, struct sp_error *err) {
-    void *larger = grow(v, v->files, v->file_count, sizeof *v->files, FILES_MAX, "files", err);
-    if (!larger)
+    if (!grow(v, &v->files, v->file_count, sizeof *v->files, FILES_MAX, "files", err))
         return 0;
-    v->files = larger;
     v->files[v->file_count] = strdup(name);
     if (!v->files[v->file_count]) {
         sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory for the names of files");

@@ -14,24 +14,12 @@ enum { BLOCKS_MAX = 1 << 16 };
 
 bool vtk_xml_add_name(struct vtk_xml_names *names, const char *file,
                       const struct import_file *source, struct sp_error *err) {
-    if (names->count == BLOCKS_MAX)
+    if (names->blocks.count == BLOCKS_MAX)
         return sp_fail(err, SP_ERR_UNSUPPORTED, source->shown,
                        "the file has more than %d blocks, the limit; open the files of the blocks",
                        BLOCKS_MAX);
-    if (names->count % 64 == 0) {
-        char **larger = realloc(names->files, (names->count + 64) * sizeof *names->files);
-        if (!larger)
-            return sp_fail(err, SP_ERR_MEMORY, source->shown, "out of memory for the blocks");
-        names->files = larger;
-    }
-    char *copy = names->files[names->count++] = strdup(file);
-    return copy || sp_fail(err, SP_ERR_MEMORY, source->shown, "out of memory for the blocks");
-}
-
-static void finish_names(struct vtk_xml_names *names) {
-    for (uint32_t i = 0; i < names->count; i++)
-        free(names->files[i]);
-    free(names->files);
+    return import_names_append(&names->blocks, file) ||
+           sp_fail(err, SP_ERR_MEMORY, source->shown, "out of memory for the blocks");
 }
 
 /* Says which blocks are left out. */
@@ -39,41 +27,41 @@ static void warn_of_blocks(const struct vtk_volume *v, const struct vtk_xml_name
     char text[SP_WARNING_BYTES - 100] = "";
     struct import_list list;
     import_list_begin(&list, text, sizeof text);
-    for (uint32_t i = 1; i < names->count; i++)
-        import_list_add(&list, i > 1 ? ", " : "", names->files[i]);
+    for (uint32_t i = 1; i < names->blocks.count; i++)
+        import_list_add(&list, i > 1 ? ", " : "", names->blocks.names[i]);
     import_list_end(&list, false);
     import_warn(v->file->warnings,
                 "Only the first of %u blocks, %.60s, is read. Open the others by their files: %s.",
-                names->count, names->files[0], text);
+                names->blocks.count, names->blocks.names[0], text);
 }
 
 static bool read_block(struct vtk_volume *v, const struct vtk_xml_names *names,
                        struct sp_error *err) {
-    struct vtk_xml_names none = { .count = 0 };
-    if (names->count == 0)
+    struct vtk_xml_names none = { .is_parallel = false };
+    if (names->blocks.count == 0)
         return sp_fail(err, SP_ERR_FORMAT, v->file->shown,
                        "the composite data set names no file of a block");
-    const uint32_t number = vtk_add_file(v, names->files[0], err);
+    const uint32_t number = vtk_add_file(v, names->blocks.names[0], err);
     bool ok = number && vtk_xml_read(v, number, &none, err);
     if (ok && (none.is_parallel || none.is_composite))
         ok = sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
                      "the first block, %.100s, names files of its own; open that file instead",
-                     names->files[0]);
-    finish_names(&none);
-    if (ok && names->count > 1)
+                     names->blocks.names[0]);
+    import_names_finish(&none.blocks);
+    if (ok && names->blocks.count > 1)
         warn_of_blocks(v, names);
     return ok;
 }
 
 /* Reads the file, and those that it names. */
 static bool parse(struct vtk_volume *v, struct sp_error *err) {
-    struct vtk_xml_names names = { .count = 0 };
+    struct vtk_xml_names names = { .is_parallel = false };
     bool ok = vtk_xml_read(v, 0, &names, err);
     if (ok && names.is_composite)
         ok = read_block(v, &names, err);
     for (uint32_t i = 1; ok && names.is_parallel && i <= v->file_count; i++)
         ok = vtk_xml_read(v, i, NULL, err);
-    finish_names(&names);
+    import_names_finish(&names.blocks);
     if (ok && v->cell_count)
         vtk_warn_of_cells(v, v->cell_count);
     return ok;

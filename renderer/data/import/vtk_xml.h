@@ -5,6 +5,7 @@
 #ifndef SP_IMPORT_VTK_XML_H
 #define SP_IMPORT_VTK_XML_H
 
+#include "data/import/numbered.h"
 #include "data/import/vtk.h"
 
 /* The names in XML files. */
@@ -23,8 +24,7 @@ bool vtk_xml_find_packing(const char *compressor, enum vtk_packing *packing);
 struct vtk_xml_names {
     bool is_parallel;  /* the names of pieces are in vtk_volume.files */
     bool is_composite; /* the names of blocks are here */
-    uint32_t count;
-    char **files; /* owned */
+    struct import_names blocks;
 };
 
 /* Reads the pieces and arrays of a file. `names` is NULL for a piece of another file, which then

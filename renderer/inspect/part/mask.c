@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/grow.h"
+
 static uint64_t word_count(const struct sp_mask *mask) {
     return (uint64_t)mask->dims[2] * mask->dims[1] * mask->words;
 }
@@ -25,18 +27,12 @@ struct seeds {
     struct seed {
         uint32_t x, y, z;
     } * list;
-    size_t count, capacity;
+    size_t count;
 };
 
 static bool push(struct seeds *seeds, uint32_t x, uint32_t y, uint32_t z, struct sp_error *err) {
-    if (seeds->count == seeds->capacity) {
-        size_t capacity = seeds->capacity ? 2 * seeds->capacity : 4096;
-        struct seed *list = realloc(seeds->list, capacity * sizeof *list);
-        if (!list)
-            return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a connected part");
-        seeds->list = list;
-        seeds->capacity = capacity;
-    }
+    if (!sp_grow(&seeds->list, seeds->count, sizeof *seeds->list))
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a connected part");
     seeds->list[seeds->count++] = (struct seed){ x, y, z };
     return true;
 }

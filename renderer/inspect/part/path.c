@@ -13,6 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/grow.h"
 #include "base/vec.h"
 #include "data/volume/grid.h"
 #include "data/volume/interpolate.h"
@@ -42,7 +43,7 @@ struct search {
         uint8_t from;
         float cost;
     } * heap; /* owned */
-    size_t count, capacity;
+    size_t count;
     double goal[3]; /* world */
 };
 
@@ -148,14 +149,8 @@ static double apart(const double a[3], const double b[3]) {
 }
 
 static bool push(struct search *s, struct entry entry, struct sp_error *err) {
-    if (s->count == s->capacity) {
-        size_t capacity = s->capacity ? 2 * s->capacity : 4096;
-        struct entry *heap = realloc(s->heap, capacity * sizeof *heap);
-        if (!heap)
-            return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a path on a surface");
-        s->heap = heap;
-        s->capacity = capacity;
-    }
+    if (!sp_grow(&s->heap, s->count, sizeof *s->heap))
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a path on a surface");
     size_t i = s->count++;
     while (i > 0 && entry.estimate < s->heap[(i - 1) / 2].estimate) {
         s->heap[i] = s->heap[(i - 1) / 2];

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/grow.h"
 #include "data/volume/volume.h"
 
 enum {
@@ -44,7 +45,6 @@ struct build {
     struct item *items;  /* of the points that are drawn, cell by cell */
     struct list top;
     struct sp_cloud_cells *cells;
-    uint32_t part_capacity;
     struct worker *workers;
     /* The sort that is going on. */
     const struct item *from; /* NULL = the points */
@@ -157,14 +157,8 @@ static bool divide_top(struct build *b, uint32_t cell, uint32_t level);
 
 static bool add_part(struct build *b, uint32_t cell, uint32_t level) {
     struct sp_cloud_cells *cells = b->cells;
-    if (cells->part_count == b->part_capacity) {
-        const uint32_t capacity = 2 * b->part_capacity + CELLS_MIN;
-        void *parts = realloc(cells->parts, capacity * sizeof *cells->parts);
-        if (!parts)
-            return false;
-        cells->parts = parts;
-        b->part_capacity = capacity;
-    }
+    if (!sp_grow(&cells->parts, cells->part_count, sizeof *cells->parts))
+        return false;
     cells->parts[cells->part_count++] = (struct sp_cloud_part){ .root = cell, .level = level };
     return true;
 }
