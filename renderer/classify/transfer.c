@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "classify/transfer.h"
 
-#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "classify/gradient.h"
+#include "data/volume/sample.h"
 
 bool sp_transfer_function_equal_scale(const struct sp_transfer_function *a,
                                       const struct sp_transfer_function *b) {
@@ -253,39 +253,17 @@ static void key_of_real(const struct sp_transfer *t, double value, uint32_t *key
     *visible = c.depth > 0 && isfinite(u.value);
 }
 
+#define FIND_KEYS(T)                                                                               \
+    for (size_t i = 0; i < count; i++)                                                             \
+    keys[i] = (uint32_t)(((const T *)voxels)[begin + i] - t->first)
+
 void sp_transfer_keys(const struct sp_transfer *t, const void *voxels, size_t begin, size_t count,
                       uint32_t *keys, uint8_t *visible) {
     switch (t->type) {
-    case SP_UINT8:
+        SP_SHORT_CASES(FIND_KEYS)
+    default:
         for (size_t i = 0; i < count; i++)
-            keys[i] = (uint32_t)(((const uint8_t *)voxels)[begin + i] - t->first);
-        break;
-    case SP_INT8:
-        for (size_t i = 0; i < count; i++)
-            keys[i] = (uint32_t)(((const int8_t *)voxels)[begin + i] - t->first);
-        break;
-    case SP_UINT16:
-        for (size_t i = 0; i < count; i++)
-            keys[i] = (uint32_t)(((const uint16_t *)voxels)[begin + i] - t->first);
-        break;
-    case SP_INT16:
-        for (size_t i = 0; i < count; i++)
-            keys[i] = (uint32_t)(((const int16_t *)voxels)[begin + i] - t->first);
-        break;
-    case SP_INT32:
-        for (size_t i = 0; i < count; i++)
-            key_of_real(t, ((const int32_t *)voxels)[begin + i], &keys[i], &visible[i]);
-        return;
-    case SP_FLOAT32:
-        for (size_t i = 0; i < count; i++)
-            key_of_real(t, (double)((const float *)voxels)[begin + i], &keys[i], &visible[i]);
-        return;
-    case SP_FLOAT64:
-        for (size_t i = 0; i < count; i++)
-            key_of_real(t, ((const double *)voxels)[begin + i], &keys[i], &visible[i]);
-        return;
-    case SP_TYPE_COUNT:
-        assert(!"not a type");
+            key_of_real(t, sp_sample(voxels, t->type, begin + i), &keys[i], &visible[i]);
         return;
     }
     for (size_t i = 0; i < count; i++)

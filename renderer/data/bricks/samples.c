@@ -240,29 +240,5 @@ double sp_brick_longest(const float (*vectors)[3], size_t count) {
 void sp_brick_count_values(const void *samples, enum sp_type type, size_t count,
                            const double range[2], uint64_t histogram[SP_HISTOGRAM_BINS]) {
     const struct sp_bins bins = sp_bins_between(range[0], range[1], SP_HISTOGRAM_BINS);
-    switch (type) {
-    case SP_UINT8:
-        COUNT(uint8_t)
-        break;
-    case SP_INT8:
-        COUNT(int8_t)
-        break;
-    case SP_UINT16:
-        COUNT(uint16_t)
-        break;
-    case SP_INT16:
-        COUNT(int16_t)
-        break;
-    case SP_INT32:
-        COUNT(int32_t)
-        break;
-    case SP_FLOAT32:
-        COUNT(float)
-        break;
-    case SP_FLOAT64:
-        COUNT(double)
-        break;
-    case SP_TYPE_COUNT:
-        break;
-    }
+    switch (type) { SP_TYPE_CASES(COUNT) }
 }

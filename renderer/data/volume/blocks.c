@@ -34,34 +34,13 @@ static void copy(const void *from, size_t stride, size_t size, size_t n, void *o
 /* Coarse samples that a run of a block lies between, at most: they are no closer than its own. */
 enum { LINE = SP_BLOCK_SIDE + 2 };
 
-#define NARROW(type, add)                                                                          \
-    for (size_t i = 0; i < n; i++)                                                                 \
-    ((type *)out)[i] = (type)(add)
-
 /* Integers are rounded; values lie between those of samples. */
+#define NARROW(T)                                                                                  \
+    for (size_t i = 0; i < n; i++)                                                                 \
+    ((T *)out)[i] = (T)((T)0.5f > 0 ? x[i] : (T)-1 > 0 ? x[i] + 0.5 : floor(x[i] + 0.5))
+
 static void narrow(const double *x, enum sp_type type, size_t n, void *out) {
-    switch (type) {
-    case SP_UINT8:
-        NARROW(uint8_t, x[i] + 0.5);
-        break;
-    case SP_INT8:
-        NARROW(int8_t, floor(x[i] + 0.5));
-        break;
-    case SP_UINT16:
-        NARROW(uint16_t, x[i] + 0.5);
-        break;
-    case SP_INT16:
-        NARROW(int16_t, floor(x[i] + 0.5));
-        break;
-    case SP_INT32:
-        NARROW(int32_t, floor(x[i] + 0.5));
-        break;
-    case SP_FLOAT32:
-        NARROW(float, x[i]);
-        break;
-    default:
-        NARROW(double, x[i]);
-    }
+    switch (type) { SP_TYPE_CASES(NARROW) }
 }
 
 /* A place between two samples of the coarser grid. */

@@ -172,30 +172,7 @@ void sp_interpolate_run(const struct sp_interpolator *self, size_t n, const doub
         find_corners(self, distances[i], &corners[i]);
         values[i] = NAN;
     }
-    switch (self->type) {
-    case SP_UINT8:
-        INTERPOLATE(uint8_t);
-        break;
-    case SP_INT8:
-        INTERPOLATE(int8_t);
-        break;
-    case SP_UINT16:
-        INTERPOLATE(uint16_t);
-        break;
-    case SP_INT16:
-        INTERPOLATE(int16_t);
-        break;
-    case SP_INT32:
-        INTERPOLATE(int32_t);
-        break;
-    case SP_FLOAT32:
-        INTERPOLATE(float);
-        break;
-    case SP_FLOAT64:
-    case SP_TYPE_COUNT:
-        INTERPOLATE(double);
-        break;
-    }
+    switch (self->type) { SP_TYPE_CASES(INTERPOLATE) }
     for (size_t i = 0; i < n; i++)
         if (!isfinite(values[i]))
             values[i] = NAN;

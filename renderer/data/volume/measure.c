@@ -48,30 +48,7 @@ unsigned sp_volume_threads(void) {
 
 void sp_samples_to_doubles(const void *voxels, enum sp_type type, size_t begin, size_t n,
                            double *out) {
-    switch (type) {
-    case SP_UINT8:
-        WIDEN(uint8_t);
-        break;
-    case SP_INT8:
-        WIDEN(int8_t);
-        break;
-    case SP_UINT16:
-        WIDEN(uint16_t);
-        break;
-    case SP_INT16:
-        WIDEN(int16_t);
-        break;
-    case SP_INT32:
-        WIDEN(int32_t);
-        break;
-    case SP_FLOAT32:
-        WIDEN(float);
-        break;
-    case SP_FLOAT64:
-    case SP_TYPE_COUNT:
-        memcpy(out, (const double *)voxels + begin, n * sizeof *out);
-        break;
-    }
+    switch (type) { SP_TYPE_CASES(WIDEN) }
 }
 
 static void find_range(void *user, size_t begin, size_t end, unsigned worker) {

@@ -7,25 +7,32 @@
 
 #include "sp/volume.h"
 
+#define SP_TYPE_CASE(type, T, run)                                                                 \
+    case type:                                                                                     \
+        run(T);                                                                                    \
+        break;
+
+/* The cases of a switch over enum sp_type, which run `run(T)` with the C type of the samples: those
+ * of the types of at most 16 bits, and all. */
+#define SP_SHORT_CASES(run)                                                                        \
+    SP_TYPE_CASE(SP_UINT8, uint8_t, run)                                                           \
+    SP_TYPE_CASE(SP_INT8, int8_t, run)                                                             \
+    SP_TYPE_CASE(SP_UINT16, uint16_t, run)                                                         \
+    SP_TYPE_CASE(SP_INT16, int16_t, run)
+#define SP_TYPE_CASES(run)                                                                         \
+    SP_SHORT_CASES(run)                                                                            \
+    SP_TYPE_CASE(SP_INT32, int32_t, run)                                                           \
+    SP_TYPE_CASE(SP_FLOAT32, float, run)                                                           \
+    SP_TYPE_CASE(SP_FLOAT64, double, run)                                                          \
+    case SP_TYPE_COUNT:                                                                            \
+        break;
+
 /* Returns sample `at` of an array of that type. NaN and infinities are returned unchanged. */
 static inline double sp_sample(const void *voxels, enum sp_type type, uint64_t at) {
     switch (type) {
-    case SP_UINT8:
-        return ((const uint8_t *)voxels)[at];
-    case SP_INT8:
-        return ((const int8_t *)voxels)[at];
-    case SP_UINT16:
-        return ((const uint16_t *)voxels)[at];
-    case SP_INT16:
-        return ((const int16_t *)voxels)[at];
-    case SP_INT32:
-        return ((const int32_t *)voxels)[at];
-    case SP_FLOAT32:
-        return (double)((const float *)voxels)[at];
-    case SP_FLOAT64:
-        return ((const double *)voxels)[at];
-    case SP_TYPE_COUNT:
-        break;
+#define SAMPLE(T) return (double)((const T *)voxels)[at]
+        SP_TYPE_CASES(SAMPLE)
+#undef SAMPLE
     }
     return 0;
 }
@@ -34,29 +41,9 @@ static inline double sp_sample(const void *voxels, enum sp_type type, uint64_t a
  * fraction that the type cannot hold is cut off. */
 static inline void sp_sample_set(void *voxels, enum sp_type type, uint64_t at, double value) {
     switch (type) {
-    case SP_UINT8:
-        ((uint8_t *)voxels)[at] = (uint8_t)value;
-        break;
-    case SP_INT8:
-        ((int8_t *)voxels)[at] = (int8_t)value;
-        break;
-    case SP_UINT16:
-        ((uint16_t *)voxels)[at] = (uint16_t)value;
-        break;
-    case SP_INT16:
-        ((int16_t *)voxels)[at] = (int16_t)value;
-        break;
-    case SP_INT32:
-        ((int32_t *)voxels)[at] = (int32_t)value;
-        break;
-    case SP_FLOAT32:
-        ((float *)voxels)[at] = (float)value;
-        break;
-    case SP_FLOAT64:
-        ((double *)voxels)[at] = value;
-        break;
-    case SP_TYPE_COUNT:
-        break;
+#define SET(T) ((T *)voxels)[at] = (T)value
+        SP_TYPE_CASES(SET)
+#undef SET
     }
 }
 

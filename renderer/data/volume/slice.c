@@ -11,6 +11,7 @@
 #include "data/volume/grid.h"
 #include "data/volume/interpolate.h"
 #include "data/volume/missing.h"
+#include "data/volume/sample.h"
 #include "data/volume/slice_colors.h"
 #include "sp/view.h"
 
@@ -167,30 +168,7 @@ static void sample_run(const struct sp_interpolator *it, const struct sp_slice *
 
 /* Integers are only stored where every value is a sample. */
 static void store(enum sp_type type, const double *values, uint32_t n, void *out, size_t first) {
-    switch (type) {
-    case SP_UINT8:
-        STORE(uint8_t);
-        break;
-    case SP_INT8:
-        STORE(int8_t);
-        break;
-    case SP_UINT16:
-        STORE(uint16_t);
-        break;
-    case SP_INT16:
-        STORE(int16_t);
-        break;
-    case SP_INT32:
-        STORE(int32_t);
-        break;
-    case SP_FLOAT32:
-        STORE(float);
-        break;
-    case SP_FLOAT64:
-    case SP_TYPE_COUNT:
-        STORE(double);
-        break;
-    }
+    switch (type) { SP_TYPE_CASES(STORE) }
 }
 
 void sp_slice_sample(const struct sp_volume *volume, const struct sp_slice *slice, void *values) {

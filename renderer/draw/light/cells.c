@@ -42,22 +42,14 @@ struct worker {
     if (c->fits_floats)                                                                            \
         PLACE(type, float)                                                                         \
     else                                                                                           \
-        PLACE(type, double)                                                                        \
-    break;
+        PLACE(type, double)
 
 /* Places of the samples from `first` on. Doubles where floats do not hold all values. */
 static void find_places(const struct sp_light_cells *c, uint64_t first, size_t count,
                         float *place) {
     const double far = 1e9, scale = c->per_unit;
     switch (c->info->type) {
-    case SP_UINT8:
-        PLACE_SHORT(uint8_t)
-    case SP_INT8:
-        PLACE_SHORT(int8_t)
-    case SP_UINT16:
-        PLACE_SHORT(uint16_t)
-    case SP_INT16:
-        PLACE_SHORT(int16_t)
+        SP_SHORT_CASES(PLACE_SHORT)
     case SP_INT32:
         PLACE(int32_t, double)
         break;

@@ -121,34 +121,6 @@ struct average {
     const struct sp_interrupt *interrupt;
 };
 
-static void write_sample(void *voxels, enum sp_type type, uint64_t at, double x) {
-    switch (type) {
-    case SP_UINT8:
-        ((uint8_t *)voxels)[at] = (uint8_t)lrint(x);
-        break;
-    case SP_INT8:
-        ((int8_t *)voxels)[at] = (int8_t)lrint(x);
-        break;
-    case SP_UINT16:
-        ((uint16_t *)voxels)[at] = (uint16_t)lrint(x);
-        break;
-    case SP_INT16:
-        ((int16_t *)voxels)[at] = (int16_t)lrint(x);
-        break;
-    case SP_INT32:
-        ((int32_t *)voxels)[at] = (int32_t)lrint(x);
-        break;
-    case SP_FLOAT32:
-        ((float *)voxels)[at] = (float)x;
-        break;
-    case SP_FLOAT64:
-        ((double *)voxels)[at] = x;
-        break;
-    case SP_TYPE_COUNT:
-        break;
-    }
-}
-
 static double sample_at(const struct sp_samples *s, uint32_t x, uint32_t y, uint32_t z) {
     double copy; /* memory for a sample of any type */
     if (!s->blocks)
@@ -185,11 +157,14 @@ static double average(const struct average *a, uint32_t x, uint32_t y, uint32_t 
 static void average_rows(void *user, size_t begin, size_t end, unsigned worker) {
     const struct average *a = user;
     const uint32_t *dims = a->coarse->dims;
+    const bool is_real = a->coarse->type == SP_FLOAT32 || a->coarse->type == SP_FLOAT64;
     (void)worker;
     for (size_t row = begin; row < end && !sp_interrupt_is_cancelled(a->interrupt); row++)
-        for (uint32_t x = 0; x < dims[0]; x++)
-            write_sample(a->coarse->owned, a->coarse->type, (uint64_t)row * dims[0] + x,
-                         average(a, x, (uint32_t)(row % dims[1]), (uint32_t)(row / dims[1])));
+        for (uint32_t x = 0; x < dims[0]; x++) {
+            const double mean = average(a, x, (uint32_t)(row % dims[1]), (uint32_t)(row / dims[1]));
+            sp_sample_set(a->coarse->owned, a->coarse->type, (uint64_t)row * dims[0] + x,
+                          is_real ? mean : rint(mean));
+        }
 }
 
 /* Fills an empty level from the next finer one; fine NULL = from the volume. */

@@ -91,18 +91,7 @@ static void find_place(const struct sp_samples *s, const uint32_t region[3], str
 static void read_row(const struct place *from, size_t line, const size_t at[PLANES],
                      float row[ROW]) {
     switch (from->type) {
-    case SP_UINT8:
-        READ(uint8_t);
-        break;
-    case SP_INT8:
-        READ(int8_t);
-        break;
-    case SP_UINT16:
-        READ(uint16_t);
-        break;
-    case SP_INT16:
-        READ(int16_t);
-        break;
+        SP_SHORT_CASES(READ)
     default:
         for (int i = 0; i < PLANES; i++) {
             float value = (float)sp_sample(from->samples, from->type, line + at[i]);

@@ -77,38 +77,25 @@ static enum sp_type with_holes(enum sp_type type) {
     return type == SP_INT32 || type == SP_FLOAT64 ? SP_FLOAT64 : SP_FLOAT32;
 }
 
+/* Of the numbers that a type holds. */
+static const double limits[SP_TYPE_COUNT][2] = {
+    [SP_UINT8] = { 0, UINT8_MAX },          [SP_INT8] = { INT8_MIN, INT8_MAX },
+    [SP_UINT16] = { 0, UINT16_MAX },        [SP_INT16] = { INT16_MIN, INT16_MAX },
+    [SP_INT32] = { INT32_MIN, INT32_MAX },  [SP_FLOAT32] = { -FLT_MAX, FLT_MAX },
+    [SP_FLOAT64] = { -INFINITY, INFINITY },
+};
+
 bool sp_edited_keep(const struct sp_edited *edited, uint64_t at, double share) {
     enum sp_type type = edited->info->type;
     double value = sp_sample(edited->voxels, type, at);
     bool is_hole = isnan(edited->empty);
     if (!isfinite(value) || (is_hole && share >= 0.5))
         return false;
-    double mixed = is_hole ? NAN : edited->empty + share * (value - edited->empty);
-    switch (type) {
-    case SP_UINT8:
-        ((uint8_t *)edited->voxels)[at] = (uint8_t)sp_clamp(round(mixed), 0, UINT8_MAX);
-        break;
-    case SP_INT8:
-        ((int8_t *)edited->voxels)[at] = (int8_t)sp_clamp(round(mixed), INT8_MIN, INT8_MAX);
-        break;
-    case SP_UINT16:
-        ((uint16_t *)edited->voxels)[at] = (uint16_t)sp_clamp(round(mixed), 0, UINT16_MAX);
-        break;
-    case SP_INT16:
-        ((int16_t *)edited->voxels)[at] = (int16_t)sp_clamp(round(mixed), INT16_MIN, INT16_MAX);
-        break;
-    case SP_INT32:
-        ((int32_t *)edited->voxels)[at] = (int32_t)sp_clamp(round(mixed), INT32_MIN, INT32_MAX);
-        break;
-    case SP_FLOAT32:
-        ((float *)edited->voxels)[at] = is_hole ? NAN : (float)sp_clamp(mixed, -FLT_MAX, FLT_MAX);
-        break;
-    case SP_FLOAT64:
-        ((double *)edited->voxels)[at] = mixed;
-        break;
-    case SP_TYPE_COUNT:
-        break;
-    }
+    double mixed = edited->empty + share * (value - edited->empty);
+    if (type != SP_FLOAT32 && type != SP_FLOAT64)
+        mixed = round(mixed);
+    sp_sample_set(edited->voxels, type, at,
+                  is_hole ? NAN : sp_clamp(mixed, limits[type][0], limits[type][1]));
     return is_hole;
 }
 

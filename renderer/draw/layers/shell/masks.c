@@ -120,18 +120,7 @@ static void measure_reals(const void *voxels, enum sp_type type, uint64_t at, ui
 static void measure_row(const void *voxels, enum sp_type type, uint64_t at, uint32_t count,
                         struct sp_shell_range *range) {
     switch (type) {
-    case SP_UINT8:
-        MEASURE(uint8_t);
-        break;
-    case SP_INT8:
-        MEASURE(int8_t);
-        break;
-    case SP_UINT16:
-        MEASURE(uint16_t);
-        break;
-    case SP_INT16:
-        MEASURE(int16_t);
-        break;
+        SP_SHORT_CASES(MEASURE)
     default:
         measure_reals(voxels, type, at, count, range);
     }
