@@ -177,24 +177,18 @@ static bool read_parameters(struct parser *p) {
 
 /* "float[3]". */
 static bool read_type(struct parser *p, struct field *f) {
-    static const struct {
-        const char *name;
-        struct import_number number;
-    } known[] = {
-        { "byte", { IMPORT_UNSIGNED, 1 } },   { "short", { IMPORT_SIGNED, 2 } },
-        { "ushort", { IMPORT_UNSIGNED, 2 } }, { "int", { IMPORT_SIGNED, 4 } },
-        { "int32", { IMPORT_SIGNED, 4 } },    { "uint", { IMPORT_UNSIGNED, 4 } },
-        { "float", { IMPORT_FLOAT, 4 } },     { "double", { IMPORT_FLOAT, 8 } },
+    static const struct import_number_entry known[] = {
+        { "byte", 0, { IMPORT_UNSIGNED, 1 } },   { "short", 0, { IMPORT_SIGNED, 2 } },
+        { "ushort", 0, { IMPORT_UNSIGNED, 2 } }, { "int", 0, { IMPORT_SIGNED, 4 } },
+        { "int32", 0, { IMPORT_SIGNED, 4 } },    { "uint", 0, { IMPORT_UNSIGNED, 4 } },
+        { "float", 0, { IMPORT_FLOAT, 4 } },     { "double", 0, { IMPORT_FLOAT, 8 } },
     };
     const char *bracket = strchr(p->token, '[');
     const size_t length = bracket ? (size_t)(bracket - p->token) : strlen(p->token);
     f->components = bracket ? (unsigned)strtoul(bracket + 1, NULL, 10) : 1;
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (strlen(known[i].name) == length && strncmp(p->token, known[i].name, length) == 0) {
-            f->number = known[i].number;
-            return (f->components >= 1 && f->components <= 16) ||
-                   fail_at(p, SP_ERR_UNSUPPORTED, "the number of components is outside [1, 16]");
-        }
+    if (import_number_by_name(known, sizeof known / sizeof *known, p->token, length, &f->number))
+        return (f->components >= 1 && f->components <= 16) ||
+               fail_at(p, SP_ERR_UNSUPPORTED, "the number of components is outside [1, 16]");
     return fail_at(p, SP_ERR_UNSUPPORTED,
                    "the type is not supported; supported are byte, short, ushort, int, uint, float "
                    "and double");

@@ -28,28 +28,21 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
 
 static bool take_number(const struct import_file *file, const uint8_t *bytes,
                         struct import_number *number, struct sp_error *err) {
-    static const struct {
-        int code;
-        struct import_number number;
-    } known[] = {
-        { 7, { IMPORT_SIGNED, 1 } },           { 8, { IMPORT_UNSIGNED, 1 } },
-        { 15, { IMPORT_SIGNED, 2 } },          { 16, { IMPORT_UNSIGNED, 2 } },
-        { 31, { IMPORT_UNSIGNED, 4 } },        { 32, { IMPORT_SIGNED, 4 } },
-        { 64, { IMPORT_FLOAT, 4 } },           { 65, { IMPORT_FLOAT, 8 } },
-        { 144, { IMPORT_COMPLEX_SIGNED, 4 } }, { 160, { IMPORT_COMPLEX_SIGNED, 8 } },
-        { 192, { IMPORT_COMPLEX, 8 } },        { 193, { IMPORT_COMPLEX, 16 } },
+    static const struct import_number_entry known[] = {
+        { NULL, 7, { IMPORT_SIGNED, 1 } },           { NULL, 8, { IMPORT_UNSIGNED, 1 } },
+        { NULL, 15, { IMPORT_SIGNED, 2 } },          { NULL, 16, { IMPORT_UNSIGNED, 2 } },
+        { NULL, 31, { IMPORT_UNSIGNED, 4 } },        { NULL, 32, { IMPORT_SIGNED, 4 } },
+        { NULL, 64, { IMPORT_FLOAT, 4 } },           { NULL, 65, { IMPORT_FLOAT, 8 } },
+        { NULL, 144, { IMPORT_COMPLEX_SIGNED, 4 } }, { NULL, 160, { IMPORT_COMPLEX_SIGNED, 8 } },
+        { NULL, 192, { IMPORT_COMPLEX, 8 } },        { NULL, 193, { IMPORT_COMPLEX, 16 } },
     };
     const int code =
         (int)import_widen_big(bytes + TYPE, (struct import_number){ IMPORT_UNSIGNED, 2 });
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (known[i].code == code) {
-            *number = known[i].number;
-            return true;
-        }
-    return import_fail(
-        err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "image type",
-        "samples of type %d are not supported%s; save the image with 8, 16 or 32 bits", code,
-        code == 1 ? "; these are bits" : "");
+    return import_number_by_code(known, sizeof known / sizeof *known, code, number) ||
+           import_fail(
+               err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "image type",
+               "samples of type %d are not supported%s; save the image with 8, 16 or 32 bits", code,
+               code == 1 ? "; these are bits" : "");
 }
 
 static bool take_grid(const struct import_file *file, const uint8_t *bytes,

@@ -85,6 +85,40 @@ static const char *refusal_of_cifti(int code) {
     return code >= FIRST_CIFTI && code <= LAST_CIFTI ? "a matrix of CIFTI-2" : NULL;
 }
 
+static const char *const lower_names[] = { "xx", "xy", "yy", "xz", "yz", "zz" };
+static const char *const turn_names[] = { "w", "x", "y", "z" };
+#define COEFFICIENT                                                                                \
+    { .name = "coefficient", .as = IMPORT_AS_CHANNELS, .warning = "coefficients of a deformation" }
+
+static const struct {
+    int code;
+    struct import_intent intent;
+} intents[] = {
+    { 1001, { .name = "estimate", .meaning = SP_MEANING_STATISTIC } },
+    { 1002, { .name = "label", .meaning = SP_MEANING_LABELS } },
+    { 1003, { .name = "neuroname", .meaning = SP_MEANING_LABELS } },
+    { 1004, { .name = "", .as = IMPORT_AS_CHANNELS } }, /* a matrix of any size */
+    { 1005, { .name = "tensor", .as = IMPORT_AS_CHANNELS, .names = lower_names, .name_count = 6 } },
+    { 1006, { .name = "displacement", .as = IMPORT_AS_VECTORS } },
+    { 1007, { .name = "", .as = IMPORT_AS_VECTORS } },
+    { IMPORT_INTENT_FNIRT, { .name = "", .as = IMPORT_AS_VECTORS } },
+    { 1008, { .refusal = "a list of points" } },
+    { 1009, { .refusal = "the triangles of a surface" } },
+    { 1010,
+      { .name = "quaternion", .as = IMPORT_AS_CHANNELS, .names = turn_names, .name_count = 4 } },
+    { 2001, { .name = "", .as = IMPORT_AS_TIME } },
+    { 2002, { .refusal = "values of the nodes of a surface" } },
+    { 2003, { .name = "", .as = IMPORT_AS_RGB } },
+    { 2004, { .name = "", .as = IMPORT_AS_RGB } },
+    { 2005, { .refusal = "values of the nodes of a surface" } },
+    { 2007, COEFFICIENT },
+    { 2008, COEFFICIENT },
+    { 2009, COEFFICIENT },
+    { 2016, COEFFICIENT },
+    { 2017, COEFFICIENT },
+    { 2018, { .name = "field" } }, /* of FSL's topup, in Hz */
+};
+
 struct import_intent import_intent_of(int code) {
     static const char *const statistics[] = {
         "correlation",    "t statistic", "F statistic",     "z score",          "chi squared",
@@ -93,61 +127,16 @@ struct import_intent import_intent_of(int code) {
         "t statistic",    "Weibull",     "chi statistic",   "inverse Gaussian", "extreme value",
         "p value",        "log p value", "log10 p value",
     };
-    static const char *const lower[] = { "xx", "xy", "yy", "xz", "yz", "zz" };
-    static const char *const turns[] = { "w", "x", "y", "z" };
     enum { FIRST_STATISTIC = 2, P_VALUE = 22, LAST_STATISTIC = 24 };
     if (code >= FIRST_STATISTIC && code <= LAST_STATISTIC)
         return (struct import_intent){ .meaning = code < P_VALUE ? SP_MEANING_STATISTIC
                                                                  : SP_MEANING_UNKNOWN,
                                        .as = IMPORT_AS_CHANNELS,
                                        .name = statistics[code - FIRST_STATISTIC] };
-    switch (code) {
-    case 1001:
-        return (struct import_intent){ .name = "estimate", .meaning = SP_MEANING_STATISTIC };
-    case 1002:
-        return (struct import_intent){ .name = "label", .meaning = SP_MEANING_LABELS };
-    case 1003:
-        return (struct import_intent){ .name = "neuroname", .meaning = SP_MEANING_LABELS };
-    case 1004: /* a matrix of any size */
-        return (struct import_intent){ .name = "", .as = IMPORT_AS_CHANNELS };
-    case 1005:
-        return (struct import_intent){
-            .name = "tensor", .as = IMPORT_AS_CHANNELS, .names = lower, .name_count = 6
-        };
-    case 1006: /* displacements */
-        return (struct import_intent){ .name = "displacement", .as = IMPORT_AS_VECTORS };
-    case 1007:
-    case IMPORT_INTENT_FNIRT:
-        return (struct import_intent){ .name = "", .as = IMPORT_AS_VECTORS };
-    case 1010:
-        return (struct import_intent){
-            .name = "quaternion", .as = IMPORT_AS_CHANNELS, .names = turns, .name_count = 4
-        };
-    case 2001:
-        return (struct import_intent){ .name = "", .as = IMPORT_AS_TIME };
-    case 2003:
-    case 2004:
-        return (struct import_intent){ .name = "", .as = IMPORT_AS_RGB };
-    case 1008:
-        return (struct import_intent){ .refusal = "a list of points" };
-    case 1009:
-        return (struct import_intent){ .refusal = "the triangles of a surface" };
-    case 2002:
-    case 2005:
-        return (struct import_intent){ .refusal = "values of the nodes of a surface" };
-    case 2007:
-    case 2008:
-    case 2009:
-    case 2016:
-    case 2017:
-        return (struct import_intent){ .name = "coefficient",
-                                       .as = IMPORT_AS_CHANNELS,
-                                       .warning = "coefficients of a deformation" };
-    case 2018:
-        return (struct import_intent){ .name = "field" }; /* of FSL's topup, in Hz */
-    default:
-        return (struct import_intent){ .name = "", .refusal = refusal_of_cifti(code) };
-    }
+    for (size_t i = 0; i < sizeof intents / sizeof *intents; i++)
+        if (intents[i].code == code)
+            return intents[i].intent;
+    return (struct import_intent){ .name = "", .refusal = refusal_of_cifti(code) };
 }
 
 bool import_meaning_are_directions(const float *squares, uint64_t count) {

@@ -306,26 +306,26 @@ static uint64_t count_samples(const struct parsing *p) { /* of all time steps */
 }
 
 static bool find_number(const struct parsing *p, struct import_number *number) {
-    static const struct {
-        const char *name;
-        struct import_number number;
-    } types[] = {
-        { "MET_CHAR", { IMPORT_SIGNED, 1 } },      { "MET_UCHAR", { IMPORT_UNSIGNED, 1 } },
-        { "MET_SHORT", { IMPORT_SIGNED, 2 } },     { "MET_USHORT", { IMPORT_UNSIGNED, 2 } },
-        { "MET_INT", { IMPORT_SIGNED, 4 } },       { "MET_UINT", { IMPORT_UNSIGNED, 4 } },
-        { "MET_LONG", { IMPORT_SIGNED, 4 } },      { "MET_ULONG", { IMPORT_UNSIGNED, 4 } },
-        { "MET_LONG_LONG", { IMPORT_SIGNED, 8 } }, { "MET_ULONG_LONG", { IMPORT_UNSIGNED, 8 } },
-        { "MET_FLOAT", { IMPORT_FLOAT, 4 } },      { "MET_DOUBLE", { IMPORT_FLOAT, 8 } },
+    static const struct import_number_entry types[] = {
+        { "MET_CHAR", 0, { IMPORT_SIGNED, 1 } },
+        { "MET_UCHAR", 0, { IMPORT_UNSIGNED, 1 } },
+        { "MET_SHORT", 0, { IMPORT_SIGNED, 2 } },
+        { "MET_USHORT", 0, { IMPORT_UNSIGNED, 2 } },
+        { "MET_INT", 0, { IMPORT_SIGNED, 4 } },
+        { "MET_UINT", 0, { IMPORT_UNSIGNED, 4 } },
+        { "MET_LONG", 0, { IMPORT_SIGNED, 4 } },
+        { "MET_ULONG", 0, { IMPORT_UNSIGNED, 4 } },
+        { "MET_LONG_LONG", 0, { IMPORT_SIGNED, 8 } },
+        { "MET_ULONG_LONG", 0, { IMPORT_UNSIGNED, 8 } },
+        { "MET_FLOAT", 0, { IMPORT_FLOAT, 4 } },
+        { "MET_DOUBLE", 0, { IMPORT_FLOAT, 8 } },
     };
     const char *value = p->values[ELEMENT_TYPE];
-    const size_t length = value ? strlen(value) : 0;
-    const bool is_array = length > 6 && strcmp(value + length - 6, "_ARRAY") == 0;
-    for (size_t i = 0; value && i < sizeof types / sizeof *types; i++)
-        if (strlen(types[i].name) == length - (is_array ? 6 : 0) &&
-            strncmp(value, types[i].name, strlen(types[i].name)) == 0) {
-            *number = types[i].number;
-            return true;
-        }
+    size_t length = value ? strlen(value) : 0;
+    if (length > 6 && strcmp(value + length - 6, "_ARRAY") == 0)
+        length -= 6;
+    if (value && import_number_by_name(types, sizeof types / sizeof *types, value, length, number))
+        return true;
     return refuse(
         p, value ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT, ELEMENT_TYPE,
         value

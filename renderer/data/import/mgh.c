@@ -35,24 +35,18 @@ static const struct import_number whole = { IMPORT_SIGNED, 4 }, real = { IMPORT_
 
 static bool take_number(const struct import_file *file, const uint8_t *bytes,
                         struct import_number *number, struct sp_error *err) {
-    static const struct {
-        int code;
-        struct import_number number;
-    } known[] = {
-        { 0, { IMPORT_UNSIGNED, 1 } }, { 1, { IMPORT_SIGNED, 4 } },    { 3, { IMPORT_FLOAT, 4 } },
-        { 4, { IMPORT_SIGNED, 2 } },   { 10, { IMPORT_UNSIGNED, 2 } },
+    static const struct import_number_entry known[] = {
+        { NULL, 0, { IMPORT_UNSIGNED, 1 } },  { NULL, 1, { IMPORT_SIGNED, 4 } },
+        { NULL, 3, { IMPORT_FLOAT, 4 } },     { NULL, 4, { IMPORT_SIGNED, 2 } },
+        { NULL, 10, { IMPORT_UNSIGNED, 2 } },
     };
     const int code = (int)import_widen_big(bytes + TYPE, whole);
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (known[i].code == code) {
-            *number = known[i].number;
-            return true;
-        }
-    return import_fail(
-        err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "type",
-        "samples of type %d are not supported; supported are 0 (uint8), 1 (int32), 3 "
-        "(float32), 4 (int16) and 10 (uint16); convert with mri_convert -odt float",
-        code);
+    return import_number_by_code(known, sizeof known / sizeof *known, code, number) ||
+           import_fail(
+               err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "type",
+               "samples of type %d are not supported; supported are 0 (uint8), 1 (int32), 3 "
+               "(float32), 4 (int16) and 10 (uint16); convert with mri_convert -odt float",
+               code);
 }
 
 static bool take_dims(const struct import_file *file, const uint8_t *bytes,

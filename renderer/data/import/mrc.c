@@ -76,29 +76,13 @@ static double real_at(const struct parsing *p, size_t at) {
     return (double)value;
 }
 
-/* What the modes store. A mode that is not here has size 0. */
-static struct import_number number_of(int32_t mode) {
-    switch (mode) {
-    case 0:
-        return (struct import_number){ IMPORT_SIGNED, 1 };
-    case 1:
-        return (struct import_number){ IMPORT_SIGNED, 2 };
-    case 2:
-        return (struct import_number){ IMPORT_FLOAT, 4 };
-    case 3:
-        return (struct import_number){ IMPORT_COMPLEX_SIGNED, 4 };
-    case 4:
-        return (struct import_number){ IMPORT_COMPLEX, 8 };
-    case 6:
-        return (struct import_number){ IMPORT_UNSIGNED, 2 };
-    case 12:
-        return (struct import_number){ IMPORT_FLOAT, 2 };
-    case MODE_RGB:
-        return (struct import_number){ IMPORT_UNSIGNED, 1 };
-    default:
-        return (struct import_number){ IMPORT_UNSIGNED, 0 };
-    }
-}
+/* What the modes store. */
+static const struct import_number_entry modes[] = {
+    { NULL, 0, { IMPORT_SIGNED, 1 } },  { NULL, 1, { IMPORT_SIGNED, 2 } },
+    { NULL, 2, { IMPORT_FLOAT, 4 } },   { NULL, 3, { IMPORT_COMPLEX_SIGNED, 4 } },
+    { NULL, 4, { IMPORT_COMPLEX, 8 } }, { NULL, 6, { IMPORT_UNSIGNED, 2 } },
+    { NULL, 12, { IMPORT_FLOAT, 2 } },  { NULL, MODE_RGB, { IMPORT_UNSIGNED, 1 } },
+};
 
 static bool has_magic(const uint8_t *start, size_t size) {
     return size >= MACHINE + 4 && memcmp(start + MAGIC, "MAP", 3) == 0 &&
@@ -274,13 +258,12 @@ static bool take_samples(struct parsing *p) {
     struct import_samples *s = &p->mrc->samples;
     struct import_conversion *c = &p->mrc->conversion;
     const int32_t mode = whole_at(p, MODE), extended = whole_at(p, EXTENDED);
-    s->number = number_of(mode);
     if (mode == MODE_FOUR_BITS || (mode == 0 && (flags_of(p) & HALF_BYTES)))
         return REFUSE(SP_ERR_UNSUPPORTED, MODE, "mode",
                       "mode %" PRId32 " with samples of 4 bits is not supported; convert it with "
                       "\"newstack -mode 1\" of IMOD",
                       mode);
-    if (s->number.size == 0)
+    if (!import_number_by_code(modes, sizeof modes / sizeof *modes, mode, &s->number))
         return REFUSE(SP_ERR_UNSUPPORTED, MODE, "mode",
                       "mode %" PRId32 " is not supported; supported are 0 (int8), 1 (int16), 2 "
                       "(float32), 3 and 4 (complex), 6 (uint16), 12 (float16) and 16 (colours)",

@@ -102,6 +102,13 @@ static bool is_complex(int group, nc_type type, struct import_number *number) {
 }
 
 static bool number_of(int group, nc_type type, struct import_number *number) {
+    static const struct import_number known[] = {
+        [NC_BYTE] = { IMPORT_SIGNED, 1 },  [NC_UBYTE] = { IMPORT_UNSIGNED, 1 },
+        [NC_SHORT] = { IMPORT_SIGNED, 2 }, [NC_USHORT] = { IMPORT_UNSIGNED, 2 },
+        [NC_INT] = { IMPORT_SIGNED, 4 },   [NC_UINT] = { IMPORT_UNSIGNED, 4 },
+        [NC_INT64] = { IMPORT_SIGNED, 8 }, [NC_UINT64] = { IMPORT_UNSIGNED, 8 },
+        [NC_FLOAT] = { IMPORT_FLOAT, 4 },  [NC_DOUBLE] = { IMPORT_FLOAT, 8 },
+    };
     int kind = 0;
     nc_type base = NC_NAT;
     if (type > NC_MAX_ATOMIC_TYPE) {
@@ -113,41 +120,10 @@ static bool number_of(int group, nc_type type, struct import_number *number) {
             return false;
         type = base;
     }
-    switch (type) {
-    case NC_BYTE:
-        *number = (struct import_number){ IMPORT_SIGNED, 1 };
-        break;
-    case NC_UBYTE:
-        *number = (struct import_number){ IMPORT_UNSIGNED, 1 };
-        break;
-    case NC_SHORT:
-        *number = (struct import_number){ IMPORT_SIGNED, 2 };
-        break;
-    case NC_USHORT:
-        *number = (struct import_number){ IMPORT_UNSIGNED, 2 };
-        break;
-    case NC_INT:
-        *number = (struct import_number){ IMPORT_SIGNED, 4 };
-        break;
-    case NC_UINT:
-        *number = (struct import_number){ IMPORT_UNSIGNED, 4 };
-        break;
-    case NC_INT64:
-        *number = (struct import_number){ IMPORT_SIGNED, 8 };
-        break;
-    case NC_UINT64:
-        *number = (struct import_number){ IMPORT_UNSIGNED, 8 };
-        break;
-    case NC_FLOAT:
-        *number = (struct import_number){ IMPORT_FLOAT, 4 };
-        break;
-    case NC_DOUBLE:
-        *number = (struct import_number){ IMPORT_FLOAT, 8 };
-        break;
-    default:
+    if (type < 0 || (size_t)type >= sizeof known / sizeof *known)
         return false;
-    }
-    return true;
+    *number = known[type];
+    return number->size > 0;
 }
 
 static bool describe(void *file, unsigned n, struct array_info *info) {

@@ -98,31 +98,24 @@ static bool take_steps(const struct import_file *file, const struct nifti_fields
 
 static bool find_number(const struct import_file *file, const struct nifti_fields *f,
                         struct import_number *number, struct sp_error *err) {
-    static const struct {
-        int code;
-        struct import_number number;
-    } known[] = {
-        { 2, { IMPORT_UNSIGNED, 1 } },        { 256, { IMPORT_SIGNED, 1 } },
-        { 512, { IMPORT_UNSIGNED, 2 } },      { 4, { IMPORT_SIGNED, 2 } },
-        { 768, { IMPORT_UNSIGNED, 4 } },      { 8, { IMPORT_SIGNED, 4 } },
-        { 1280, { IMPORT_UNSIGNED, 8 } },     { 1024, { IMPORT_SIGNED, 8 } },
-        { 16, { IMPORT_FLOAT, 4 } },          { 64, { IMPORT_FLOAT, 8 } },
-        { 32, { IMPORT_COMPLEX, 8 } },        { 1792, { IMPORT_COMPLEX, 16 } },
-        { TYPE_RGB, { IMPORT_UNSIGNED, 1 } }, { TYPE_RGBA, { IMPORT_UNSIGNED, 1 } },
+    static const struct import_number_entry known[] = {
+        { NULL, 2, { IMPORT_UNSIGNED, 1 } },        { NULL, 256, { IMPORT_SIGNED, 1 } },
+        { NULL, 512, { IMPORT_UNSIGNED, 2 } },      { NULL, 4, { IMPORT_SIGNED, 2 } },
+        { NULL, 768, { IMPORT_UNSIGNED, 4 } },      { NULL, 8, { IMPORT_SIGNED, 4 } },
+        { NULL, 1280, { IMPORT_UNSIGNED, 8 } },     { NULL, 1024, { IMPORT_SIGNED, 8 } },
+        { NULL, 16, { IMPORT_FLOAT, 4 } },          { NULL, 64, { IMPORT_FLOAT, 8 } },
+        { NULL, 32, { IMPORT_COMPLEX, 8 } },        { NULL, 1792, { IMPORT_COMPLEX, 16 } },
+        { NULL, TYPE_RGB, { IMPORT_UNSIGNED, 1 } }, { NULL, TYPE_RGBA, { IMPORT_UNSIGNED, 1 } },
     };
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (f->datatype == known[i].code) {
-            *number = known[i].number;
-            return true;
-        }
-    return import_fail(
-        err, SP_ERR_UNSUPPORTED, file->shown, f->layout->datatype, "datatype",
-        "samples of type %d (%s) are not supported; save them as uint8, int16, int32 "
-        "or float32",
-        f->datatype,
-        f->datatype == 1                             ? "bits"
-        : f->datatype == 1536 || f->datatype == 2048 ? "numbers of 16 bytes"
-                                                     : "unknown");
+    return import_number_by_code(known, sizeof known / sizeof *known, f->datatype, number) ||
+           import_fail(
+               err, SP_ERR_UNSUPPORTED, file->shown, f->layout->datatype, "datatype",
+               "samples of type %d (%s) are not supported; save them as uint8, int16, int32 "
+               "or float32",
+               f->datatype,
+               f->datatype == 1                             ? "bits"
+               : f->datatype == 1536 || f->datatype == 2048 ? "numbers of 16 bytes"
+                                                            : "unknown");
 }
 
 /* The components of a sample: colours, which alternate in the file, or images one after another.

@@ -14,23 +14,37 @@ struct import_number import_number_of(enum sp_type type) {
                                    sp_type_size(type) };
 }
 
-bool import_number_named(const char *name, struct import_number *number) {
-    static const struct {
-        const char *name;
-        struct import_number number;
-    } known[] = { { "int8", { IMPORT_SIGNED, 1 } },        { "uint8", { IMPORT_UNSIGNED, 1 } },
-                  { "int16", { IMPORT_SIGNED, 2 } },       { "uint16", { IMPORT_UNSIGNED, 2 } },
-                  { "int32", { IMPORT_SIGNED, 4 } },       { "uint32", { IMPORT_UNSIGNED, 4 } },
-                  { "int64", { IMPORT_SIGNED, 8 } },       { "uint64", { IMPORT_UNSIGNED, 8 } },
-                  { "float16", { IMPORT_FLOAT, 2 } },      { "float32", { IMPORT_FLOAT, 4 } },
-                  { "float64", { IMPORT_FLOAT, 8 } },      { "complex64", { IMPORT_COMPLEX, 8 } },
-                  { "complex128", { IMPORT_COMPLEX, 16 } } };
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (strcmp(known[i].name, name) == 0) {
-            *number = known[i].number;
+bool import_number_by_code(const struct import_number_entry *table, size_t count, int code,
+                           struct import_number *number) {
+    for (size_t i = 0; i < count; i++)
+        if (table[i].code == code) {
+            *number = table[i].number;
             return true;
         }
     return false;
+}
+
+bool import_number_by_name(const struct import_number_entry *table, size_t count, const char *name,
+                           size_t length, struct import_number *number) {
+    for (size_t i = 0; i < count; i++)
+        if (strlen(table[i].name) == length && strncmp(table[i].name, name, length) == 0) {
+            *number = table[i].number;
+            return true;
+        }
+    return false;
+}
+
+bool import_number_named(const char *name, struct import_number *number) {
+    static const struct import_number_entry known[] = {
+        { "int8", 0, { IMPORT_SIGNED, 1 } },        { "uint8", 0, { IMPORT_UNSIGNED, 1 } },
+        { "int16", 0, { IMPORT_SIGNED, 2 } },       { "uint16", 0, { IMPORT_UNSIGNED, 2 } },
+        { "int32", 0, { IMPORT_SIGNED, 4 } },       { "uint32", 0, { IMPORT_UNSIGNED, 4 } },
+        { "int64", 0, { IMPORT_SIGNED, 8 } },       { "uint64", 0, { IMPORT_UNSIGNED, 8 } },
+        { "float16", 0, { IMPORT_FLOAT, 2 } },      { "float32", 0, { IMPORT_FLOAT, 4 } },
+        { "float64", 0, { IMPORT_FLOAT, 8 } },      { "complex64", 0, { IMPORT_COMPLEX, 8 } },
+        { "complex128", 0, { IMPORT_COMPLEX, 16 } }
+    };
+    return import_number_by_name(known, sizeof known / sizeof *known, name, strlen(name), number);
 }
 
 bool import_number_is_complex(struct import_number number) {

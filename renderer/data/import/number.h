@@ -12,6 +12,20 @@ enum { IMPORT_NUMBER_BYTES = 16 }; /* of the largest number */
 
 struct import_number import_number_of(enum sp_type type);
 
+/* What a format calls a number: its code, or its name. */
+struct import_number_entry {
+    const char *name;
+    int code;
+    struct import_number number;
+};
+
+/* Finds a number of a table by its code, or by its name of `length` bytes. False if it is not
+ * there. */
+bool import_number_by_code(const struct import_number_entry *table, size_t count, int code,
+                           struct import_number *number);
+bool import_number_by_name(const struct import_number_entry *table, size_t count, const char *name,
+                           size_t length, struct import_number *number);
+
 /* Finds the kind of a number by its name: "int8" to "int64", "uint8" to "uint64", "float16",
  * "float32", "float64", "complex64", "complex128". */
 bool import_number_named(const char *name, struct import_number *number);

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "data/import/number.h"
 #include "data/import/text.h"
 
 #define COUNT_MAX (UINT64_C(1) << 40) /* rows */
@@ -22,19 +23,16 @@ struct header { /* state while it is read */
     bool has_form;
 };
 
-static const struct {
-    const char *name;
-    struct import_number number;
-} types[] = {
-    { "char", { IMPORT_SIGNED, 1 } },     { "int8", { IMPORT_SIGNED, 1 } },
-    { "uchar", { IMPORT_UNSIGNED, 1 } },  { "uint8", { IMPORT_UNSIGNED, 1 } },
-    { "short", { IMPORT_SIGNED, 2 } },    { "int16", { IMPORT_SIGNED, 2 } },
-    { "ushort", { IMPORT_UNSIGNED, 2 } }, { "uint16", { IMPORT_UNSIGNED, 2 } },
-    { "int", { IMPORT_SIGNED, 4 } },      { "int32", { IMPORT_SIGNED, 4 } },
-    { "uint", { IMPORT_UNSIGNED, 4 } },   { "uint32", { IMPORT_UNSIGNED, 4 } },
-    { "int64", { IMPORT_SIGNED, 8 } },    { "uint64", { IMPORT_UNSIGNED, 8 } },
-    { "float", { IMPORT_FLOAT, 4 } },     { "float32", { IMPORT_FLOAT, 4 } },
-    { "double", { IMPORT_FLOAT, 8 } },    { "float64", { IMPORT_FLOAT, 8 } },
+static const struct import_number_entry types[] = {
+    { "char", 0, { IMPORT_SIGNED, 1 } },     { "int8", 0, { IMPORT_SIGNED, 1 } },
+    { "uchar", 0, { IMPORT_UNSIGNED, 1 } },  { "uint8", 0, { IMPORT_UNSIGNED, 1 } },
+    { "short", 0, { IMPORT_SIGNED, 2 } },    { "int16", 0, { IMPORT_SIGNED, 2 } },
+    { "ushort", 0, { IMPORT_UNSIGNED, 2 } }, { "uint16", 0, { IMPORT_UNSIGNED, 2 } },
+    { "int", 0, { IMPORT_SIGNED, 4 } },      { "int32", 0, { IMPORT_SIGNED, 4 } },
+    { "uint", 0, { IMPORT_UNSIGNED, 4 } },   { "uint32", 0, { IMPORT_UNSIGNED, 4 } },
+    { "int64", 0, { IMPORT_SIGNED, 8 } },    { "uint64", 0, { IMPORT_UNSIGNED, 8 } },
+    { "float", 0, { IMPORT_FLOAT, 4 } },     { "float32", 0, { IMPORT_FLOAT, 4 } },
+    { "double", 0, { IMPORT_FLOAT, 8 } },    { "float64", 0, { IMPORT_FLOAT, 8 } },
 };
 
 static bool refuse(const struct header *h, enum sp_code code, const char *field, const char *text,
@@ -43,12 +41,9 @@ static bool refuse(const struct header *h, enum sp_code code, const char *field,
 }
 
 static bool find_type(const struct header *h, const char *name, struct import_number *number) {
-    for (size_t i = 0; name && i < sizeof types / sizeof *types; i++)
-        if (strcmp(types[i].name, name) == 0) {
-            *number = types[i].number;
-            return true;
-        }
-    return refuse(h, SP_ERR_FORMAT, "property", "\"%.40s\" is not a type of numbers", name);
+    return (name && import_number_by_name(types, sizeof types / sizeof *types, name, strlen(name),
+                                          number)) ||
+           refuse(h, SP_ERR_FORMAT, "property", "\"%.40s\" is not a type of numbers", name);
 }
 
 static bool take_name(const struct header *h, const char *field, const char *word,
