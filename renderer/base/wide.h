@@ -289,6 +289,29 @@ static inline sp_wide sp_wide_inverse_sqrt(sp_wide a) {
 #endif
 }
 
+/* √a for a > 0, to some 14 bits and more. */
+static inline sp_wide sp_wide_fast_sqrt(sp_wide a) {
+#if defined SP_WIDE_AVX512
+    return a * (sp_wide)_mm512_rsqrt14_ps((__m512)a);
+#else
+    return sp_wide_sqrt(a);
+#endif
+}
+
+/* 1/a for a > 0, to about 22 bits. */
+static inline sp_wide sp_wide_fast_inverse(sp_wide a) {
+#if defined SP_WIDE_AVX512
+    sp_wide r = (sp_wide)_mm512_rcp14_ps((__m512)a);
+#elif defined SP_WIDE_AVX2
+    sp_wide r = (sp_wide)_mm256_rcp_ps((__m256)a);
+#elif defined SP_WIDE_SSE41
+    sp_wide r = (sp_wide)_mm_rcp_ps((__m128)a);
+#else
+    sp_wide r = 1.0f / a;
+#endif
+    return r * (2.0f - a * r);
+}
+
 /* Rounds down. Beyond ±2³¹ the result is unspecified without SSE4.1. */
 static inline sp_wide sp_wide_floor(sp_wide a) {
 #if defined SP_WIDE_AVX512
@@ -314,6 +337,74 @@ static inline sp_wide sp_wide_gather(const float *table, sp_wide_int index) {
     for (int i = 0; i < SP_WIDE; i++)
         a[i] = table[index[i]];
     return a;
+#endif
+}
+
+/* table[index] for each lane; `count` elements of the table are used, and SP_WIDE can be read. */
+static inline sp_wide sp_wide_look_up(const float *table, uint32_t count, sp_wide_int index) {
+#if defined SP_WIDE_AVX512
+    if (count <= SP_WIDE)
+        return (sp_wide)_mm512_permutexvar_ps((__m512i)index, _mm512_loadu_ps(table));
+#elif defined SP_WIDE_AVX2
+    if (count <= SP_WIDE)
+        return (sp_wide)_mm256_permutevar8x32_ps(_mm256_loadu_ps(table), (__m256i)index);
+#endif
+    (void)count;
+    return sp_wide_gather(table, index);
+}
+
+/* Bit `bit` of words[word] for each lane, as a bit per lane. With AVX-512 the words are aligned. */
+static inline uint32_t sp_wide_test_bits(const uint32_t words[32], sp_wide_int bit,
+                                         sp_wide_int word) {
+#if defined SP_WIDE_AVX512
+    __m512i blocks = _mm512_permutex2var_epi32(_mm512_load_si512(words), (__m512i)word,
+                                               _mm512_load_si512(words + 16));
+    return _mm512_test_epi32_mask(_mm512_srlv_epi32(blocks, (__m512i)bit), _mm512_set1_epi32(1));
+#elif defined SP_WIDE_AVX2
+    __m256i quad = _mm256_and_si256((__m256i)word, _mm256_set1_epi32(32 - 1));
+    __m256i blocks = _mm256_i32gather_epi32((const int *)words, quad, 4);
+    blocks = _mm256_slli_epi32(_mm256_srlv_epi32(blocks, (__m256i)bit), 31);
+    return (uint32_t)_mm256_movemask_ps((__m256)blocks);
+#else
+    uint32_t bits = 0;
+    for (int i = 0; i < SP_WIDE; i++)
+        bits |= (words[word[i] & (32 - 1)] >> (bit[i] & 31) & 1) << i;
+    return bits;
+#endif
+}
+
+/* Lane i is from[order[v + i]]; v is a multiple of SP_WIDE. */
+static inline sp_wide_int sp_wide_int_pick(const uint8_t from[16], const uint8_t order[16], int v) {
+#if defined SP_WIDE_AVX512 || defined SP_WIDE_AVX2 || defined SP_WIDE_SSE41
+    __m128i at = _mm_loadu_si128((const __m128i *)(const void *)order);
+    __m128i all = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)from), at);
+#endif
+#if defined SP_WIDE_AVX512
+    (void)v;
+    return (sp_wide_int)_mm512_cvtepu8_epi32(all);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide_int)_mm256_cvtepu8_epi32(v ? _mm_srli_si128(all, 8) : all);
+#elif defined SP_WIDE_SSE41
+    int32_t four;
+    memcpy(&four, (const uint8_t *)&all + v, sizeof four);
+    return (sp_wide_int)_mm_cvtepu8_epi32(_mm_cvtsi32_si128(four));
+#else
+    sp_wide_int a;
+    for (int i = 0; i < SP_WIDE; i++)
+        a[i] = from[order[v + i]];
+    return a;
+#endif
+}
+
+/* Combines the bits of all lanes. */
+static inline int32_t sp_wide_int_or(sp_wide_int a) {
+#if defined SP_WIDE_AVX512
+    return _mm512_reduce_or_epi32((__m512i)a);
+#else
+    int32_t bits = 0;
+    for (int i = 0; i < SP_WIDE; i++)
+        bits |= a[i];
+    return bits;
 #endif
 }
 

@@ -25,29 +25,16 @@ static inline sp_wide sp_pieces_depth(sp_wide a) {
     return sp_wide_select(is_thick, sp_wide_log2(left) * -0.693147181f, thin);
 }
 
-/* table[index] for each lane; `count` elements of the table are used, and SP_WIDE can be read. */
-static inline sp_wide sp_pieces_look_up(const float *table, uint32_t count, sp_wide_int index) {
-#if defined SP_WIDE_AVX512
-    if (count <= SP_WIDE)
-        return (sp_wide)_mm512_permutexvar_ps((__m512i)index, _mm512_loadu_ps(table));
-#elif defined SP_WIDE_AVX2
-    if (count <= SP_WIDE)
-        return (sp_wide)_mm256_permutevar8x32_ps(_mm256_loadu_ps(table), (__m256i)index);
-#endif
-    (void)count;
-    return sp_wide_gather(table, index);
-}
-
 /* Red, green, blue and depth of SP_WIDE values, relative to the base and finite. */
 static inline void sp_pieces_planes(const struct sp_pieces *p, sp_wide value, sp_wide out[4]) {
     sp_wide_int piece = sp_wide_int_all(0);
     for (uint32_t s = 1; s < p->count; s++)
         piece += sp_wide_to_int(
             sp_wide_keep(sp_wide_le(sp_wide_all(p->start[s]), value), sp_wide_all(1)));
-    value -= sp_pieces_look_up(p->start, p->count, piece);
+    value -= sp_wide_look_up(p->start, p->count, piece);
     for (int c = 0; c < 4; c++)
-        out[c] = sp_pieces_look_up(p->at[c], p->count, piece) +
-                 value * sp_pieces_look_up(p->slope[c], p->count, piece);
+        out[c] = sp_wide_look_up(p->at[c], p->count, piece) +
+                 value * sp_wide_look_up(p->slope[c], p->count, piece);
     out[3] = sp_pieces_depth(sp_wide_clamp(out[3], 0, 1));
 }
 

@@ -6,7 +6,7 @@
 
   layers       every #include "..." names its folder, and no folder includes one to its right
   cycles       no circle between folders, and none between files except a header and its own source
-  third-party  a library's headers are included from one folder
+  third-party  a library's headers are included from one folder, and SIMD intrinsics stand in renderer/base
   headers      public headers compile alone as C
   headers-cpp  public headers compile alone as C++
   globals      no mutable global but the log sink and the CPU feature mask
@@ -45,6 +45,8 @@ ROOTS = {
     'clients': ['renderer/include', '', 'clients'],
     'tests': ['tests', 'renderer/include', '', 'renderer', 'server', 'clients'],
 }
+# Names of the headers of instruction sets.
+INTRINSIC = re.compile(r'\b(_mm\d*_\w+|__m(64|128|256|512)\w?|__mmask\d+)\b')
 # Third-party headers: in each part that uses a library, one folder includes it.
 THIRD_PARTY = [
     (r'(EGL|GLES\d|GL|epoxy)/', {'renderer/backend/gl'}),
@@ -350,6 +352,9 @@ def third_party(o):
     for path in files(o.source, SOURCE):
         if path.startswith('tests/'):
             continue
+        for number, line in enumerate(lines(o.source, path), 1):
+            if not path.startswith('renderer/base/') and (hit := INTRINSIC.search(line)):
+                yield f'{path}:{number}: {hit.group()} belongs to renderer/base'
         for number, own, name in includes(o.source, path):
             if own or SYSTEM.match(name) or name.startswith('sp/'):
                 continue

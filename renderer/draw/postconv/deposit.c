@@ -85,30 +85,6 @@ static void start_run(const struct sp_postconv_open_tile *t, const struct sp_pos
     r->gain = f->gain * g->per_px[0] * g->per_px[1];
 }
 
-/* Reads the places of W of CHUNK entries, elements v … of the chunk. Lists may be read past their
- * end. */
-static inline sp_wide_int read_places(const uint8_t *from, int v) {
-#if defined SP_WIDE_AVX512 || defined SP_WIDE_AVX2 || defined SP_WIDE_SSE41
-    __m128i order = _mm_loadu_si128((const __m128i *)(const void *)chunk_order);
-    __m128i all = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)from), order);
-#endif
-#if defined SP_WIDE_AVX512
-    (void)v;
-    return (sp_wide_int)_mm512_cvtepu8_epi32(all);
-#elif defined SP_WIDE_AVX2
-    return (sp_wide_int)_mm256_cvtepu8_epi32(v ? _mm_srli_si128(all, 8) : all);
-#elif defined SP_WIDE_SSE41
-    int32_t four;
-    memcpy(&four, (const uint8_t *)&all + v, sizeof four);
-    return (sp_wide_int)_mm_cvtepu8_epi32(_mm_cvtsi32_si128(four));
-#else
-    sp_wide_int place;
-    for (int i = 0; i < W; i++)
-        place[i] = from[chunk_order[v + i]];
-    return place;
-#endif
-}
-
 /* Returns the elements of a chunk that hold the first n entries. */
 static inline uint32_t elements(uint32_t n) {
     /* Element 4·column + row holds entry 4·row + column. */
@@ -128,33 +104,14 @@ static inline sp_wide locate(const struct run_frame *r, sp_wide_int at, sp_wide 
     sp_wide i0 = sp_wide_from_int(at & 15), i1 = sp_wide_from_int(at >> 4);
     for (int a = 0; a < 3; a++)
         u[a] = r->base[a] + r->step[0][a] * i0 + r->step[1][a] * i1;
-    return r->perspective ? reciprocal(sp_wide_max(u[2], sp_wide_all(r->near))) : sp_wide_all(1);
+    return r->perspective ? sp_wide_fast_inverse(sp_wide_max(u[2], sp_wide_all(r->near)))
+                          : sp_wide_all(1);
 }
 
 /* True for voxels in the range of 1/u2. The test is exact: each voxel is in the range of one group.
  */
 static inline sp_wide_mask in_part(const struct run_frame *r, sp_wide inv) {
     return sp_wide_le(sp_wide_all(r->range[0]), inv) & sp_wide_lt(inv, sp_wide_all(r->range[1]));
-}
-
-/* Returns a bit per lane whose block of 4 × 4 samples is wanted. */
-static inline uint32_t wanted_bits(const uint32_t wanted[POSTCONV_WANTED], sp_wide_int column,
-                                   sp_wide_int row) {
-#if defined SP_WIDE_AVX512
-    __m512i blocks = _mm512_permutex2var_epi32(_mm512_load_si512(wanted), (__m512i)row,
-                                               _mm512_load_si512(wanted + 16));
-    return _mm512_test_epi32_mask(_mm512_srlv_epi32(blocks, (__m512i)column), _mm512_set1_epi32(1));
-#elif defined SP_WIDE_AVX2
-    __m256i quad = _mm256_and_si256((__m256i)row, _mm256_set1_epi32(POSTCONV_WANTED - 1));
-    __m256i blocks = _mm256_i32gather_epi32((const int *)wanted, quad, 4);
-    blocks = _mm256_slli_epi32(_mm256_srlv_epi32(blocks, (__m256i)column), 31);
-    return (uint32_t)_mm256_movemask_ps((__m256)blocks);
-#else
-    uint32_t bits = 0;
-    for (int i = 0; i < W; i++)
-        bits |= (wanted[row[i] & (POSTCONV_WANTED - 1)] >> (column[i] & 31) & 1) << i;
-    return bits;
-#endif
 }
 
 /* Computes positions and footprints of a chunk. Returns a bit per voxel that matters to the tile.
@@ -165,7 +122,7 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sp_po
     c->own = 0;
     uint32_t inside = 0;
     for (int v = 0; v < CHUNK; v += W) {
-        sp_wide u[3], inv = locate(r, read_places(places, v), u);
+        sp_wide u[3], inv = locate(r, sp_wide_int_pick(places, chunk_order, v), u);
         sp_wide t0 = u[0] * inv, t1 = u[1] * inv;
         sp_wide x = r->focal[0] * t0 + r->centre[0], y = r->focal[1] * t1 + r->centre[1];
         /* Relative to the first sample that matters; values far outside are out of range. */
@@ -183,7 +140,7 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sp_po
         column += r->low[0];
         row += r->low[1];
         if (t->has_dead) {
-            in &= wanted_bits(t->wanted, column >> (PHASE_BITS + 2), row >> (PHASE_BITS + 2));
+            in &= sp_wide_test_bits(t->wanted, column >> (PHASE_BITS + 2), row >> (PHASE_BITS + 2));
             if (!in)
                 continue;
         }
@@ -199,7 +156,7 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sp_po
             sp_wide most0 = sp_wide_all(r->ratio_max[0]), most1 = sp_wide_all(r->ratio_max[1]);
             t0 = sp_wide_max(sp_wide_min(t0, most0), -most0);
             t1 = sp_wide_max(sp_wide_min(t1, most1), -most1);
-            lengths = square_root(1.0f + t0 * t0 + t1 * t1);
+            lengths = sp_wide_fast_sqrt(1.0f + t0 * t0 + t1 * t1);
         } else {
             t0 = t1 = sp_wide_all(0);
         }
@@ -216,7 +173,7 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sp_po
             continue;
         sp_wide far = sp_wide_all(0);
         if (r->perspective)
-            far = -reciprocal(sp_wide_sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]));
+            far = -sp_wide_fast_inverse(sp_wide_sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]));
         for (int a = 0; a < 3; a++)
             sp_wide_store(&c->to_eye[a][v],
                           r->perspective ? u[a] * far : sp_wide_all(a == 2 ? -1 : 0));
@@ -232,22 +189,23 @@ static inline void deposit(const struct sp_postconv_tables *tables, const struct
     const float *slope = (const float *)tables->slope;
     const float *sx = spline + c->phase[0][i];
     const float *sy = spline + c->phase[1][i];
-    vec4 wx = load4(sx) + c->delta[0][i] * load4(sx + 4);
-    vec4 wy = load4(sy) + c->delta[1][i] * load4(sy + 4);
-    vec4 sums;
+    sp_quad wx = sp_quad_load(sx) + c->delta[0][i] * sp_quad_load(sx + 4);
+    sp_quad wy = sp_quad_load(sy) + c->delta[1][i] * sp_quad_load(sy + 4);
+    sp_quad sums;
     memcpy(&sums, class, sizeof sums); /* red, green, blue, depth */
     float depth = sums[3];
-    sums = (vec4)(((ivec4)sums & (ivec4){ -1, -1, -1, 0 }) | (ivec4)(vec4){ 0, 0, 0, 1 });
-    sp_wide value = repeat(sums * depth);
+    sums = (sp_quad)(((ivec4)sums & (ivec4){ -1, -1, -1, 0 }) | (ivec4)(sp_quad){ 0, 0, 0, 1 });
+    sp_wide value = sp_quad_repeat(sums * depth);
     wy *= c->gain[i];
-    vec4 dx = wx, dy = wy;
+    sp_quad dx = wx, dy = wy;
     if (cross) {
-        dx = c->delta[2][i] * load4(slope + c->phase[0][i] / 2);
-        dy = load4(slope + c->phase[1][i] / 2) * c->gain[i];
+        dx = c->delta[2][i] * sp_quad_load(slope + c->phase[0][i] / 2);
+        dy = sp_quad_load(slope + c->phase[1][i] / 2) * c->gain[i];
     }
     float *to = grid + c->at[i];
     for (int p = 0; p < VECTORS; p++) {
-        sp_wide part = value * spread(wx, p), slant = cross ? value * spread(dx, p) : part;
+        sp_wide part = value * sp_quad_spread(wx, p),
+                slant = cross ? value * sp_quad_spread(dx, p) : part;
         for (int y = 0; y < 4; y++) {
             sp_wide sum = sp_wide_load(to + y * STRIDE + p * W) + part * wy[y];
             sp_wide_store(to + y * STRIDE + p * W, cross ? sum + slant * dy[y] : sum);
@@ -267,18 +225,6 @@ static inline sp_wide_int power_of_two(sp_wide_int n) {
     return sp_wide_to_int((sp_wide)((n + 127) << 23));
 }
 
-/* Combines the bits of all lanes. */
-static inline int32_t any_of(sp_wide_int a) {
-#if defined SP_WIDE_AVX512
-    return _mm512_reduce_or_epi32((__m512i)a);
-#else
-    int32_t bits = 0;
-    for (int i = 0; i < W; i++)
-        bits |= a[i];
-    return bits;
-#endif
-}
-
 /* Marks the blocks that a chunk's voxels reach, in units of four rows. */
 static inline void mark(struct sp_postconv_open_tile *t, const struct chunk *c, uint32_t inside) {
     sp_wide_int columns = sp_wide_int_all(0), rows = columns;
@@ -289,7 +235,7 @@ static inline void mark(struct sp_postconv_open_tile *t, const struct chunk *c, 
         columns |= (power_of_two(x >> 2) | power_of_two((x + 3) >> 2)) & keep;
         rows |= (power_of_two(y >> 2) | power_of_two((y + 3) >> 2)) & keep;
     }
-    uint32_t blocks = (uint32_t)any_of(columns), quads = (uint32_t)any_of(rows);
+    uint32_t blocks = (uint32_t)sp_wide_int_or(columns), quads = (uint32_t)sp_wide_int_or(rows);
     int first = 4 * __builtin_ctz(quads), last = 4 * (31 - __builtin_clz(quads)) + 4;
     t->row0 = first < t->row0 ? first : t->row0;
     t->row1 = last > t->row1 ? last : t->row1;
@@ -353,7 +299,7 @@ static uint32_t deposit_classes(const struct sp_postconv_open_tile *t, const str
 static inline sp_wide log2_of(sp_wide a) {
     sp_wide_int bits = (sp_wide_int)a, power = (bits - 0x3f3504f3) >> 23;
     sp_wide m = (sp_wide)(bits - (power << 23));
-    sp_wide s = (m - 1.0f) * reciprocal(m + 1.0f), q = s * s;
+    sp_wide s = (m - 1.0f) * sp_wide_fast_inverse(m + 1.0f), q = s * s;
     return sp_wide_from_int(power) +
            s * (2.88539008f + q * (0.961796694f + q * (0.577078016f + q * 0.412198583f)));
 }
@@ -371,7 +317,7 @@ static inline void unpack_normals(const struct sp_shade *shade, sp_wide_int pack
     sp_wide fold = sp_wide_max(-w, none);
     u += sp_wide_select(sp_wide_lt(u, none), fold, -fold);
     v += sp_wide_select(sp_wide_lt(v, none), fold, -fold);
-    sp_wide scale = reciprocal(sp_wide_sqrt(u * u + v * v + w * w));
+    sp_wide scale = sp_wide_fast_inverse(sp_wide_sqrt(u * u + v * v + w * w));
     scale = sp_wide_keep(sp_wide_int_lt(sp_wide_int_all(0), packed >> 22 & 1023), scale);
     sp_wide world[3] = { u * scale, v * scale, w * scale };
     for (int a = 0; a < 3; a++)
@@ -398,7 +344,8 @@ static inline void light(const struct sp_shade *shade, const sp_wide n[3], const
         }
         sp_wide_mask glints = has_side & sp_wide_lt(sp_wide_all(1e-12f), length2) &
                               sp_wide_lt(sp_wide_all(1e-6f), sp_wide_abs(along));
-        sp_wide square = along * along * reciprocal(sp_wide_max(length2, sp_wide_all(1e-12f)));
+        sp_wide square =
+            along * along * sp_wide_fast_inverse(sp_wide_max(length2, sp_wide_all(1e-12f)));
         sp_wide glint =
             sp_wide_keep(glints, sp_wide_exp2(0.5f * shade->exponent *
                                               log2_of(sp_wide_max(square, sp_wide_all(1e-30f)))));
@@ -459,12 +406,12 @@ static void classify_chunk(const struct sp_postconv_open_tile *t, const struct r
             light(shade, n, to_eye, in, shine);
         }
         in[3] = sp_wide_all(1);
-        planes(in, lit);
+        sp_quad_transpose(in, lit);
         in[0] = shine[0];
         in[1] = shine[1];
         in[2] = shine[2];
         in[3] = sp_wide_all(0);
-        planes(in, shine);
+        sp_quad_transpose(in, shine);
         /* Element 4·L + k of the planes is part L of vector k. */
         for (int k = 0; k < 4; k++) {
             float factor[W], added[W];
@@ -518,8 +465,8 @@ static void add_footprint(struct sp_postconv_open_tile *t, const struct sp_splat
     y1 = y1 > POSTCONV_TILE ? POSTCONV_TILE : y1;
     if (x0 >= x1 || y0 >= y1)
         return;
-    vec4 sums = { splat->emission[0], splat->emission[1], splat->emission[2], splat->depth };
-    sp_wide value = repeat(sums);
+    sp_quad sums = { splat->emission[0], splat->emission[1], splat->emission[2], splat->depth };
+    sp_wide value = sp_quad_repeat(sums);
     uint32_t blocks = (UINT32_C(2) << (x1 - 1) / BLOCK) - (UINT32_C(1) << x0 / BLOCK);
     for (int y = y0; y < y1; y++) {
         float dy = (float)(y + t->y) + 0.5f - splat->y;
@@ -549,7 +496,8 @@ static uint32_t find_entries(const struct run_frame *r, const struct sp_postconv
     for (; *at < run->end && count + CHUNK <= most; *at += CHUNK) {
         uint32_t left = run->end - *at, wanted = elements(left < CHUNK ? left : CHUNK), part = 0;
         for (int v = 0; v < CHUNK; v += W) {
-            sp_wide u[3], inv = locate(r, read_places(r->list->place + first + *at, v), u);
+            sp_wide u[3],
+                inv = locate(r, sp_wide_int_pick(r->list->place + first + *at, chunk_order, v), u);
             part |= sp_wide_mask_bits(in_part(r, inv)) << v;
         }
         if (r->is_part)

@@ -160,13 +160,14 @@ static inline void zoom_row(const float *from, const struct zoom *z, int n, uint
         for (int p = 0; p < VECTORS; p++, x += PX) {
             const float *sample = from + 4 * (x >> z->scale);
             const float(*w)[W] = z->across[(x & period) / PX];
-            sp_wide even = repeat(load4(sample)) * sp_wide_load(w[0]), odd = sp_wide_all(0);
+            sp_wide even = sp_quad_repeat(sp_quad_load(sample)) * sp_wide_load(w[0]),
+                    odd = sp_wide_all(0);
             for (int k = 1; k + 1 < n; k += 2) {
-                odd += repeat(load4(sample + 4 * k)) * sp_wide_load(w[k]);
-                even += repeat(load4(sample + 4 * k + 4)) * sp_wide_load(w[k + 1]);
+                odd += sp_quad_repeat(sp_quad_load(sample + 4 * k)) * sp_wide_load(w[k]);
+                even += sp_quad_repeat(sp_quad_load(sample + 4 * k + 4)) * sp_wide_load(w[k + 1]);
             }
             if (n % 2 == 0)
-                odd += repeat(load4(sample + 4 * n - 4)) * sp_wide_load(w[n - 1]);
+                odd += sp_quad_repeat(sp_quad_load(sample + 4 * n - 4)) * sp_wide_load(w[n - 1]);
             sp_wide_store(to + 4 * x, even + odd);
         }
     }
@@ -271,7 +272,8 @@ static inline sp_wide mean_transmittance(sp_wide d) {
     if (!sp_wide_mask_bits(thick))
         return series;
     sp_wide e = sp_wide_exp2(d * -SP_LOG2E);
-    return sp_wide_select(thick, (1.0f - e) * reciprocal(sp_wide_max(d, sp_wide_all(1))), series);
+    return sp_wide_select(thick, (1.0f - e) * sp_wide_fast_inverse(sp_wide_max(d, sp_wide_all(1))),
+                          series);
 }
 
 /* Composites W pixels of a row. */
@@ -286,7 +288,7 @@ static inline void composite_part(const struct sp_postconv_open_tile *t, int y, 
             f;
     if (t->postconv->linear) {
         pass = sp_wide_max(1.0f - depth, sp_wide_all(0));
-        f = reciprocal(sp_wide_max(depth, sp_wide_all(1)));
+        f = sp_wide_fast_inverse(sp_wide_max(depth, sp_wide_all(1)));
     } else {
         f = mean_transmittance(depth);
         pass = sp_wide_max(1.0f - depth * f, sp_wide_all(0));
@@ -320,7 +322,7 @@ static void composite_fragments(struct sp_postconv_open_tile *t, int y, int x, s
 
 static inline void composite(struct sp_postconv_open_tile *t, int y, int x, const sp_wide sums[4]) {
     sp_wide p[4];
-    planes(sums, p);
+    sp_quad_transpose(sums, p);
     if (t->inserted)
         composite_fragments(t, y, x, p);
     composite_part(t, y, x, p);

@@ -36,7 +36,7 @@ static uint32_t find_slices(const struct sp_postconv_open_tile *t,
             nearest = sp_wide_min(nearest, u[2]);
             sp_wide inv = sp_wide_all(f->scale);
             if (f->projection == SP_PERSPECTIVE)
-                inv = f->scale * reciprocal(sp_wide_max(u[2], sp_wide_all(f->near)));
+                inv = f->scale * sp_wide_fast_inverse(sp_wide_max(u[2], sp_wide_all(f->near)));
             for (int i = 0; i < 2; i++) {
                 low[i] = sp_wide_min(low[i], u[i] * inv);
                 high[i] = sp_wide_max(high[i], u[i] * inv);

@@ -7,13 +7,9 @@
 #ifndef SP_POSTCONV_TILE_H
 #define SP_POSTCONV_TILE_H
 
-#include <string.h>
-
 #include "base/isa.h"
-#include "base/wide.h"
+#include "base/quad.h"
 #include "draw/postconv/postconv.h"
-
-typedef float vec4 __attribute__((vector_size(16))); /* red, green, blue, optical depth */
 
 enum {
     W = SP_WIDE,
@@ -25,93 +21,6 @@ enum {
     CHECK_EVERY = 2,
     POSTCONV_WANTED = 32 /* at least POSTCONV_GRID / BLOCK; a lookup in registers needs 32 */
 };
-
-static inline vec4 load4(const float *p) {
-    vec4 a;
-    memcpy(&a, p, sizeof a);
-    return a;
-}
-
-/* The same four floats for each pixel of a vector. */
-static inline sp_wide repeat(vec4 a) {
-#if defined SP_WIDE_AVX512
-    return (sp_wide)_mm512_broadcast_f32x4((__m128)a);
-#elif defined SP_WIDE_AVX2
-    return (sp_wide)_mm256_set_m128((__m128)a, (__m128)a);
-#else
-    return a;
-#endif
-}
-
-/* Element PX · part + n for pixel n. */
-static inline sp_wide spread(vec4 a, int part) {
-#if defined SP_WIDE_AVX512
-    (void)part;
-    const __m512i index = _mm512_set_epi32(3, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0);
-    return (sp_wide)_mm512_permutexvar_ps(index, _mm512_castps128_ps512((__m128)a));
-#elif defined SP_WIDE_AVX2
-    const __m256i index =
-        _mm256_add_epi32(_mm256_set_epi32(1, 1, 1, 1, 0, 0, 0, 0), _mm256_set1_epi32(2 * part));
-    return (sp_wide)_mm256_permutevar8x32_ps(_mm256_castps128_ps256((__m128)a), index);
-#else
-    return sp_wide_all(a[part]);
-#endif
-}
-
-/* Transposes four vectors of pixels into red, green, blue, depth of W pixels. */
-static inline void planes(const sp_wide p[4], sp_wide out[4]) {
-#if defined SP_WIDE_AVX512
-    __m512 a = _mm512_unpacklo_ps((__m512)p[0], (__m512)p[1]);
-    __m512 b = _mm512_unpackhi_ps((__m512)p[0], (__m512)p[1]);
-    __m512 c = _mm512_unpacklo_ps((__m512)p[2], (__m512)p[3]);
-    __m512 d = _mm512_unpackhi_ps((__m512)p[2], (__m512)p[3]);
-    out[0] = (sp_wide)_mm512_shuffle_ps(a, c, 0x44);
-    out[1] = (sp_wide)_mm512_shuffle_ps(a, c, 0xee);
-    out[2] = (sp_wide)_mm512_shuffle_ps(b, d, 0x44);
-    out[3] = (sp_wide)_mm512_shuffle_ps(b, d, 0xee);
-#elif defined SP_WIDE_AVX2
-    __m256 a = _mm256_unpacklo_ps((__m256)p[0], (__m256)p[1]);
-    __m256 b = _mm256_unpackhi_ps((__m256)p[0], (__m256)p[1]);
-    __m256 c = _mm256_unpacklo_ps((__m256)p[2], (__m256)p[3]);
-    __m256 d = _mm256_unpackhi_ps((__m256)p[2], (__m256)p[3]);
-    out[0] = (sp_wide)_mm256_shuffle_ps(a, c, 0x44);
-    out[1] = (sp_wide)_mm256_shuffle_ps(a, c, 0xee);
-    out[2] = (sp_wide)_mm256_shuffle_ps(b, d, 0x44);
-    out[3] = (sp_wide)_mm256_shuffle_ps(b, d, 0xee);
-#else
-    sp_wide a = __builtin_shufflevector(p[0], p[1], 0, 4, 1, 5);
-    sp_wide b = __builtin_shufflevector(p[0], p[1], 2, 6, 3, 7);
-    sp_wide c = __builtin_shufflevector(p[2], p[3], 0, 4, 1, 5);
-    sp_wide d = __builtin_shufflevector(p[2], p[3], 2, 6, 3, 7);
-    out[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5);
-    out[1] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
-    out[2] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
-    out[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
-#endif
-}
-
-/* √a for a > 0, to some 14 bits and more. */
-static inline sp_wide square_root(sp_wide a) {
-#if defined SP_WIDE_AVX512
-    return a * (sp_wide)_mm512_rsqrt14_ps((__m512)a);
-#else
-    return sp_wide_sqrt(a);
-#endif
-}
-
-/* Returns 1/a for a > 0, to about 22 bits. */
-static inline sp_wide reciprocal(sp_wide a) {
-#if defined SP_WIDE_AVX512
-    sp_wide r = (sp_wide)_mm512_rcp14_ps((__m512)a);
-#elif defined SP_WIDE_AVX2
-    sp_wide r = (sp_wide)_mm256_rcp_ps((__m256)a);
-#elif defined SP_WIDE_SSE41
-    sp_wide r = (sp_wide)_mm_rcp_ps((__m128)a);
-#else
-    sp_wide r = 1.0f / a;
-#endif
-    return r * (2.0f - a * r);
-}
 
 enum { MOST_TAPS = 2 * POSTCONV_TAPS + 6 };
 

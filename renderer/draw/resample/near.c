@@ -6,7 +6,7 @@
  *
  * Ranges are found for SP_WIDE blocks at a time, from pairs of samples.
  */
-#include "draw/resample/fetch.h"
+#include "base/fetch.h"
 #include "draw/resample/kernels.h"
 
 enum { NEAR = 8 }; /* refined samples between the first and the last one of a block, per axis */

@@ -18,8 +18,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/fetch.h"
 #include "base/minmax.h"
-#include "draw/resample/fetch.h"
 #include "draw/resample/kernels.h"
 
 enum {

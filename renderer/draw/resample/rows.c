@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "draw/resample/rows.h"
 
+#include "base/fetch.h"
 #include <math.h>
 #include <string.h>
-
-#include "draw/resample/fetch.h"
 
 /* Values beyond the range of the levels are moved into it. */
 static void init_scaling(const struct sp_curve *curve, enum sp_type type,

@@ -6,7 +6,7 @@
 #ifndef SP_RESAMPLE_SHEET_SAMPLE_H
 #define SP_RESAMPLE_SHEET_SAMPLE_H
 
-#include "draw/resample/fetch.h"
+#include "base/fetch.h"
 #include "draw/resample/kernels.h"
 
 /* SP_WIDE rays. */

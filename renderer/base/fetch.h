@@ -2,10 +2,10 @@
  *
  * Loads from a different place for each lane.
  */
-#ifndef SP_RESAMPLE_FETCH_H
-#define SP_RESAMPLE_FETCH_H
+#ifndef SP_BASE_FETCH_H
+#define SP_BASE_FETCH_H
 
-#include "base/wide.h"
+#include "base/quad.h"
 
 /* SP_WIDE_SHORT neighbouring integers of a narrow type. Those with a sign are raised by the largest
  * power of two, so that their order stays. */
@@ -151,13 +151,6 @@ static inline void sp_fetch_components(const sp_wide part[4], sp_wide out[4]) {
 }
 #else
 /* part[k]: the components of lane k, and those of lane k + 4 where there are eight. */
-#if defined SP_WIDE_AVX2
-#define SHUFFLE(a, b, i, j, k, l)                                                                  \
-    __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4)
-#else
-#define SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
-#endif
-
 static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wide_int index) {
     struct sp_entries entries;
     int32_t at[SP_WIDE];
@@ -177,27 +170,19 @@ static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wid
 static inline sp_wide sp_fetch_spread(sp_wide share, int k) {
     switch (k) {
     case 0:
-        return SHUFFLE(share, share, 0, 0, 0, 0);
+        return SP_QUAD_SHUFFLE(share, share, 0, 0, 0, 0);
     case 1:
-        return SHUFFLE(share, share, 1, 1, 1, 1);
+        return SP_QUAD_SHUFFLE(share, share, 1, 1, 1, 1);
     case 2:
-        return SHUFFLE(share, share, 2, 2, 2, 2);
+        return SP_QUAD_SHUFFLE(share, share, 2, 2, 2, 2);
     default:
-        return SHUFFLE(share, share, 3, 3, 3, 3);
+        return SP_QUAD_SHUFFLE(share, share, 3, 3, 3, 3);
     }
 }
 
 static inline void sp_fetch_components(const sp_wide part[4], sp_wide out[4]) {
-    sp_wide a = SHUFFLE(part[0], part[1], 0, SP_WIDE, 1, SP_WIDE + 1);
-    sp_wide b = SHUFFLE(part[0], part[1], 2, SP_WIDE + 2, 3, SP_WIDE + 3);
-    sp_wide c = SHUFFLE(part[2], part[3], 0, SP_WIDE, 1, SP_WIDE + 1);
-    sp_wide d = SHUFFLE(part[2], part[3], 2, SP_WIDE + 2, 3, SP_WIDE + 3);
-    out[0] = SHUFFLE(a, c, 0, 1, SP_WIDE, SP_WIDE + 1);
-    out[1] = SHUFFLE(a, c, 2, 3, SP_WIDE + 2, SP_WIDE + 3);
-    out[2] = SHUFFLE(b, d, 0, 1, SP_WIDE, SP_WIDE + 1);
-    out[3] = SHUFFLE(b, d, 2, 3, SP_WIDE + 2, SP_WIDE + 3);
+    sp_quad_transpose(part, out);
 }
-#undef SHUFFLE
 #endif
 
 /* out[c] = share[0]·(entries[1] − entries[0]) + share[1]·(entries[2] − entries[1]), component c. */

@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Four floats, such as the colour and depth of a pixel, and vectors of SP_WIDE / 4 times four.
+ */
+#ifndef SP_BASE_QUAD_H
+#define SP_BASE_QUAD_H
+
+#include "base/wide.h"
+
+typedef float sp_quad __attribute__((vector_size(16)));
+
+static inline sp_quad sp_quad_load(const float *p) {
+    sp_quad a;
+    memcpy(&a, p, sizeof a);
+    return a;
+}
+
+/* The same four floats for each four lanes. */
+static inline sp_wide sp_quad_repeat(sp_quad a) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide)_mm512_broadcast_f32x4((__m128)a);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide)_mm256_set_m128((__m128)a, (__m128)a);
+#else
+    return a;
+#endif
+}
+
+/* Element SP_WIDE / 4 · part + n, four times, for each n. */
+static inline sp_wide sp_quad_spread(sp_quad a, int part) {
+#if defined SP_WIDE_AVX512
+    (void)part;
+    const __m512i index = _mm512_set_epi32(3, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0);
+    return (sp_wide)_mm512_permutexvar_ps(index, _mm512_castps128_ps512((__m128)a));
+#elif defined SP_WIDE_AVX2
+    const __m256i index =
+        _mm256_add_epi32(_mm256_set_epi32(1, 1, 1, 1, 0, 0, 0, 0), _mm256_set1_epi32(2 * part));
+    return (sp_wide)_mm256_permutevar8x32_ps(_mm256_castps128_ps256((__m128)a), index);
+#else
+    return sp_wide_all(a[part]);
+#endif
+}
+
+/* The same __builtin_shufflevector() of four elements of a and b for each four lanes; not with
+ * AVX-512. */
+#if defined SP_WIDE_AVX2
+#define SP_QUAD_SHUFFLE(a, b, i, j, k, l)                                                          \
+    __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4)
+#else
+#define SP_QUAD_SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
+#endif
+
+/* The first (lo) or last (hi) two elements of a and of b in turns; the first (0x44) or last (0xee)
+ * two elements of a, then of b. Where lanes are read one by one, gcc takes shuffles apart that it
+ * sees through, which makes more code. */
+#if defined SP_WIDE_AVX512
+#define SP_QUAD_MIX(half, a, b) (sp_wide) _mm512_unpack##half##_ps((__m512)(a), (__m512)(b))
+#define SP_QUAD_JOIN(a, b, part) (sp_wide) _mm512_shuffle_ps((__m512)(a), (__m512)(b), part)
+#elif defined SP_WIDE_AVX2
+#define SP_QUAD_MIX(half, a, b) (sp_wide) _mm256_unpack##half##_ps((__m256)(a), (__m256)(b))
+#define SP_QUAD_JOIN(a, b, part) (sp_wide) _mm256_shuffle_ps((__m256)(a), (__m256)(b), part)
+#else
+#define SP_QUAD_FIRST_lo 0
+#define SP_QUAD_FIRST_hi 2
+#define SP_QUAD_MIX(half, a, b)                                                                    \
+    SP_QUAD_SHUFFLE(a, b, SP_QUAD_FIRST_##half, SP_QUAD_FIRST_##half + SP_WIDE,                    \
+                    SP_QUAD_FIRST_##half + 1, SP_QUAD_FIRST_##half + 1 + SP_WIDE)
+#define SP_QUAD_JOIN(a, b, part)                                                                   \
+    SP_QUAD_SHUFFLE(a, b, (part)&3, (part) >> 2 & 3, ((part)&3) + SP_WIDE,                         \
+                    ((part) >> 2 & 3) + SP_WIDE)
+#endif
+
+/* Transposes: element n of each four of p[m] becomes element m of the same four of out[n]. */
+static inline void sp_quad_transpose(const sp_wide p[4], sp_wide out[4]) {
+    sp_wide a = SP_QUAD_MIX(lo, p[0], p[1]), b = SP_QUAD_MIX(hi, p[0], p[1]);
+    sp_wide c = SP_QUAD_MIX(lo, p[2], p[3]), d = SP_QUAD_MIX(hi, p[2], p[3]);
+    out[0] = SP_QUAD_JOIN(a, c, 0x44);
+    out[1] = SP_QUAD_JOIN(a, c, 0xee);
+    out[2] = SP_QUAD_JOIN(b, d, 0x44);
+    out[3] = SP_QUAD_JOIN(b, d, 0xee);
+}
+
+#endif
