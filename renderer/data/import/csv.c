@@ -45,10 +45,9 @@ struct csv {
 };
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    size_t n = strlen(shown);
     (void)start;
     (void)size;
-    return n > 4 && strcasecmp(shown + n - 4, ".csv") == 0;
+    return import_ends_with(shown, ".csv");
 }
 
 /* Fails at a line, and at a column if it is not NULL. */

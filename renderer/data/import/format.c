@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "data/import/format.h"
 
+#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
@@ -27,6 +28,23 @@ bool import_fail(struct sp_error *err, enum sp_code code, const char *shown, uin
     va_end(args);
     import_place(place, shown, byte, field);
     return sp_fail(err, code, place, "%s", text);
+}
+
+bool import_read(const struct import_file *file, void *out, size_t size, uint64_t at, size_t *got,
+                 struct sp_error *err) {
+    for (*got = 0; *got < size;) {
+        const ssize_t n =
+            pread(file->fd, (char *)out + *got, size - *got, (off_t)(at + (uint64_t)*got));
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0)
+            return import_fail(err, SP_ERR_IO, file->shown, at + *got, NULL,
+                               "cannot read the file: %s", strerror(errno));
+        if (n == 0)
+            break;
+        *got += (size_t)n;
+    }
+    return true;
 }
 
 void import_header_init(struct import_header *header) {

@@ -212,6 +212,11 @@ __attribute__((format(printf, 6, 7))) bool import_fail(struct sp_error *err, enu
                                                        const char *shown, uint64_t byte,
                                                        const char *field, const char *format, ...);
 
+/* Reads `size` bytes of the file from byte `at` on; *got is less only where the file ends.
+ * SP_ERR_IO. */
+bool import_read(const struct import_file *file, void *out, size_t size, uint64_t at, size_t *got,
+                 struct sp_error *err);
+
 /* After open(): fails if the reader has not honoured file->selection, and sets the unit.
  * SP_ERR_UNSUPPORTED. */
 bool import_header_use_selection(struct import_header *header, const struct import_file *file,

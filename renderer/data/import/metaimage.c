@@ -7,7 +7,6 @@
  *
  *   lines ─► values by key ─► grid, type, data files ─► samples.c
  */
-#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
@@ -124,11 +123,8 @@ static bool read_text(struct parsing *p) {
     p->text = malloc(p->size + 1);
     if (!p->text)
         return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory");
-    const ssize_t got = pread(p->file->fd, p->text, p->size, 0);
-    if (got < 0)
-        return import_fail(p->err, SP_ERR_IO, p->file->shown, 0, NULL, "cannot read the file: %s",
-                           strerror(errno));
-    p->size = (size_t)got;
+    if (!import_read(p->file, p->text, p->size, 0, &p->size, p->err))
+        return false;
     p->text[p->size] = 0;
     return true;
 }

@@ -38,13 +38,11 @@ struct nrrd {
 };
 
 #define REFUSE(p, code, field, ...)                                                                \
-    nrrd_fail((p)->err, code, (p)->file, (p)->text, field, __VA_ARGS__)
+    NRRD_FAIL((p)->err, code, (p)->file, (p)->text, field, __VA_ARGS__)
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    size_t n = strlen(shown);
-    return (size >= 4 && memcmp(start, "NRRD", 4) == 0) ||
-           (n > 5 &&
-            (strcasecmp(shown + n - 5, ".nrrd") == 0 || strcasecmp(shown + n - 5, ".nhdr") == 0));
+    return (size >= 4 && memcmp(start, "NRRD", 4) == 0) || import_ends_with(shown, ".nrrd") ||
+           import_ends_with(shown, ".nhdr");
 }
 
 static void take_sizes(const struct parsing *p) {

@@ -1,11 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "data/import/nrrd_header.h"
 
-#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -50,32 +47,13 @@ const char *nrrd_field_name(enum nrrd_field field) {
     return fields[field].name;
 }
 
-bool nrrd_fail(struct sp_error *err, enum sp_code code, const struct import_file *file,
-               const struct nrrd_header *header, enum nrrd_field field, const char *format, ...) {
-    char text[SP_ERROR_TEXT];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    return import_fail(err, code, file->shown, header->byte[field], fields[field].name, "%s", text);
-}
-
 static bool load_text(const struct import_file *file, struct nrrd_header *h, struct sp_error *err) {
     size_t most = file->size < NRRD_TEXT_MAX ? (size_t)file->size : NRRD_TEXT_MAX;
     h->text = malloc(most + 1);
     if (!h->text)
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
-    while (h->size < most) {
-        ssize_t r = pread(file->fd, h->text + h->size, most - h->size, (off_t)h->size);
-        if (r < 0 && errno == EINTR)
-            continue;
-        if (r < 0)
-            return import_fail(err, SP_ERR_IO, file->shown, h->size, NULL,
-                               "cannot read the file: %s", strerror(errno));
-        if (r == 0)
-            break;
-        h->size += (size_t)r;
-    }
+    if (!import_read(file, h->text, most, 0, &h->size, err))
+        return false;
     h->text[h->size] = 0;
     return true;
 }
@@ -213,10 +191,10 @@ static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
     const char *text = h->value[NRRD_DIMENSION];
     uint64_t number;
     if (!nrrd_parse_whole(&text, 16, &number) || *text || number == 0)
-        return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_DIMENSION,
+        return NRRD_FAIL(err, SP_ERR_FORMAT, file, h, NRRD_DIMENSION,
                          "\"%.40s\" is not a number in [1, 16]", h->value[NRRD_DIMENSION]);
     if (number < 2 || number > NRRD_AXES_MAX)
-        return nrrd_fail(err, SP_ERR_UNSUPPORTED, file, h, NRRD_DIMENSION,
+        return NRRD_FAIL(err, SP_ERR_UNSUPPORTED, file, h, NRRD_DIMENSION,
                          "%u axes; a volume has three, or two for a single slice, and at most one "
                          "more each for components and time steps",
                          (unsigned)number);
@@ -224,15 +202,15 @@ static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
     text = h->value[NRRD_SIZES];
     for (unsigned axis = 0; axis < h->dimension; axis++) {
         if (!*text)
-            return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
+            return NRRD_FAIL(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
                              "has %u numbers instead of %u", axis, h->dimension);
         if (!nrrd_parse_whole(&text, SP_DIM_MAX, &h->sizes[axis]) || h->sizes[axis] == 0)
-            return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
+            return NRRD_FAIL(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
                              "number %u of \"%.60s\" is not a whole number in [1, %u]", axis + 1,
                              h->value[NRRD_SIZES], SP_DIM_MAX);
     }
     if (*text)
-        return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
+        return NRRD_FAIL(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
                          "has more than the %u numbers of "
                          "the dimension",
                          h->dimension);
@@ -241,7 +219,7 @@ static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
 
 /* The typed fields. */
 
-#define REFUSE(code, field, ...) nrrd_fail(err, code, file, h, field, __VA_ARGS__)
+#define REFUSE(code, field, ...) NRRD_FAIL(err, code, file, h, field, __VA_ARGS__)
 
 static bool parse_type(const struct import_file *file, struct nrrd_header *h,
                        struct sp_error *err) {

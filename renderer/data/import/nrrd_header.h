@@ -116,9 +116,9 @@ void nrrd_header_finish(struct nrrd_header *header);
 const char *nrrd_field_name(enum nrrd_field field);
 
 /* Fails with the place of the field: file, byte and name. */
-__attribute__((format(printf, 6, 7))) bool
-nrrd_fail(struct sp_error *err, enum sp_code code, const struct import_file *file,
-          const struct nrrd_header *header, enum nrrd_field field, const char *format, ...);
+#define NRRD_FAIL(err, code, file, header, field, ...)                                             \
+    import_fail(err, code, (file)->shown, (header)->byte[field], nrrd_field_name(field),           \
+                __VA_ARGS__)
 
 /* Shared by nrrd.c, nrrd_header.c, nrrd_keys.c, nrrd_kinds.c and nrrd_space.c. */
 

@@ -10,7 +10,7 @@
 #include "data/import/meaning.h"
 #include "data/import/nrrd_header.h"
 
-#define REFUSE(code, field, ...) nrrd_fail(err, code, file, h, field, __VA_ARGS__)
+#define REFUSE(code, field, ...) NRRD_FAIL(err, code, file, h, field, __VA_ARGS__)
 
 bool nrrd_next_word(const char **text, char word[64]) {
     const char *start = nrrd_skip_blanks(*text);

@@ -10,7 +10,7 @@
 
 #include "data/import/nrrd_header.h"
 
-#define REFUSE(code, field, ...) nrrd_fail(err, code, file, h, field, __VA_ARGS__)
+#define REFUSE(code, field, ...) NRRD_FAIL(err, code, file, h, field, __VA_ARGS__)
 
 /* True if the axis is one of the volume, not that of the components of vectors or of time steps. */
 static bool is_spatial(const struct nrrd_header *h, unsigned axis) {

@@ -12,7 +12,6 @@
  *
  * Why this parser is our own: parsers.md.
  */
-#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -21,6 +20,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "base/transfer.h"
 #include "data/import/confine.h"
 #include "data/import/derived.h"
 #include "data/import/samples.h"
@@ -53,31 +53,14 @@ struct plot3d {
 };
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    static const char *const endings[] = { "xyz.bin", ".xyz", ".p3d" };
-    size_t n = strlen(shown);
     (void)start;
     (void)size;
-    for (size_t i = 0; i < sizeof endings / sizeof *endings; i++)
-        if (n > strlen(endings[i]) && strcasecmp(shown + n - strlen(endings[i]), endings[i]) == 0)
-            return true;
-    return false;
-}
-
-/* Reads n bytes; false if the file has fewer. */
-static bool read_at(const struct part *p, uint64_t at, void *out, size_t n) {
-    for (size_t got = 0; got < n;) {
-        ssize_t r = pread(p->fd, (char *)out + got, n - got, (off_t)(at + got));
-        if (r < 0 && errno == EINTR)
-            continue;
-        if (r <= 0)
-            return false;
-        got += (size_t)r;
-    }
-    return true;
+    return import_ends_with(shown, "xyz.bin") || import_ends_with(shown, ".xyz") ||
+           import_ends_with(shown, ".p3d");
 }
 
 static bool read_words(const struct part *p, uint64_t at, uint32_t *out, size_t n) {
-    if (!read_at(p, at, out, 4 * n))
+    if (!sp_read_at(p->fd, out, 4 * n, at))
         return false;
     if (p->form.big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
         import_swap(out, 4, n);
@@ -236,7 +219,7 @@ static bool read_numbers(const struct part *p, uint64_t at, uint64_t count,
     const size_t size = out->number.size, most = RUN / size;
     for (uint64_t done = 0; done < count;) {
         size_t n = count - done < most ? (size_t)(count - done) : most;
-        if (!read_at(p, at + done * size, run.bytes, n * size))
+        if (!sp_read_at(p->fd, run.bytes, n * size, at + done * size))
             return import_fail(
                 err, SP_ERR_IO, p->shown, at + done * size, NULL,
                 "cannot read the numbers: the file became shorter, or its disk or network fails");

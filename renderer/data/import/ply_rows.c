@@ -4,7 +4,6 @@
  *
  * Why this parser is our own: parsers.md.
  */
-#include <errno.h>
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -42,18 +41,12 @@ static const uint8_t *next_bytes(struct ply_rows *r, size_t n, const char *prope
         memmove(r->buffer, r->buffer + r->begin, r->end - r->begin);
         r->end -= r->begin;
         r->begin = 0;
-        ssize_t got =
-            pread(r->ply->file->fd, r->buffer + r->end, BUFFER - r->end, (off_t)(r->at + r->end));
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got < 0)
-            import_fail(err, SP_ERR_IO, r->ply->file->shown, r->at, NULL,
-                        "cannot read the file: %s", strerror(errno));
-        else if (got == 0)
-            cut_off(r, property, err);
-        if (got <= 0)
+        size_t got;
+        if (!import_read(r->ply->file, r->buffer + r->end, BUFFER - r->end, r->at + r->end, &got,
+                         err) ||
+            (got == 0 && !cut_off(r, property, err)))
             return NULL;
-        r->end += (size_t)got;
+        r->end += got;
     }
     const uint8_t *bytes = r->buffer + r->begin;
     r->begin += n;

@@ -5,12 +5,10 @@
  *
  *   file ─► unpack (DDS v3d, v3e) ─► "PVM", "PVM2", "PVM3" ─► samples
  */
-#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <unistd.h>
 
 #include "base/grow.h"
@@ -33,8 +31,7 @@ struct pvm {
 };
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    const size_t n = strlen(shown);
-    if (n > 4 && strcasecmp(shown + n - 4, ".pvm") == 0)
+    if (import_ends_with(shown, ".pvm"))
         return true;
     return size >= MAGIC &&
            (memcmp(start, "DDS v3d\n", MAGIC) == 0 || memcmp(start, "DDS v3e\n", MAGIC) == 0 ||
@@ -127,16 +124,10 @@ static bool read_file(const struct import_file *file, struct pvm *pvm, struct sp
     if (!pvm->bytes)
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for %" PRIu64 " bytes",
                        file->size);
-    for (size_t at = 0; at < pvm->size;) {
-        const ssize_t got = pread(file->fd, pvm->bytes + at, pvm->size - at, (off_t)at);
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got <= 0)
-            return import_fail(err, SP_ERR_IO, file->shown, at, NULL, "cannot read the file: %s",
-                               got < 0 ? strerror(errno) : "the file became shorter");
-        at += (size_t)got;
-    }
-    return true;
+    size_t got;
+    return import_read(file, pvm->bytes, pvm->size, 0, &got, err) &&
+           (got == pvm->size || import_fail(err, SP_ERR_IO, file->shown, got, NULL,
+                                            "cannot read the file: the file became shorter"));
 }
 
 /* Numbers on the lines before the samples. */

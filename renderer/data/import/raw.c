@@ -12,7 +12,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <unistd.h>
 
 #include "data/import/conversion.h"
@@ -39,12 +38,12 @@ struct sidecar { /* state while the sidecar is read */
 };
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    size_t i = 0, n = strlen(shown);
-    if (n == 0) /* other formats are JSON, too */
+    size_t i = 0;
+    if (!*shown) /* other formats are JSON, too */
         return false;
     while (i < size && isspace(start[i]))
         i++;
-    return (i < size && start[i] == '{') || (n > 5 && strcasecmp(shown + n - 5, ".json") == 0);
+    return (i < size && start[i] == '{') || import_ends_with(shown, ".json");
 }
 
 __attribute__((format(printf, 3, 4))) static bool

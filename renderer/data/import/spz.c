@@ -12,12 +12,10 @@
  *
  * Why this parser is our own: parsers.md.
  */
-#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <unistd.h>
 #include <zlib.h>
 
@@ -37,10 +35,9 @@ struct spz {
 };
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    size_t n = strlen(shown);
     (void)start;
     (void)size;
-    return n > 4 && strcasecmp(shown + n - 4, ".spz") == 0;
+    return import_ends_with(shown, ".spz");
 }
 
 /* Unpacks exactly n bytes. */
@@ -50,13 +47,10 @@ static bool unpack(struct spz *s, void *out, size_t n, struct sp_error *err) {
     s->z.avail_out = (unsigned)n;
     while (s->z.avail_out > 0) {
         if (s->z.avail_in == 0) {
-            ssize_t got = pread(s->file->fd, s->in, IN_ROOM, (off_t)s->at);
-            if (got < 0 && errno == EINTR)
-                continue;
-            if (got < 0)
-                return import_fail(err, SP_ERR_IO, s->file->shown, s->at, NULL,
-                                   "cannot read the file: %s", strerror(errno));
-            s->at += (uint64_t)got;
+            size_t got;
+            if (!import_read(s->file, s->in, IN_ROOM, s->at, &got, err))
+                return false;
+            s->at += got;
             s->z.next_in = s->in;
             s->z.avail_in = (unsigned)got;
         }

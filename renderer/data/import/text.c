@@ -4,7 +4,6 @@
  */
 #include "data/import/text.h"
 
-#include <errno.h>
 #include <inttypes.h>
 #include <string.h>
 #include <unistd.h>
@@ -26,18 +25,12 @@ int import_text_fill(struct import_text *t, struct sp_error *err) {
     if (t->at >= t->end)
         return -1;
     if (t->at < t->window_at || t->at - t->window_at >= t->window_size) {
-        ssize_t got;
-        do
-            got = pread(t->file->fd, t->window, sizeof t->window, (off_t)t->at);
-        while (got < 0 && errno == EINTR);
-        if (got < 0) {
-            import_fail(err, SP_ERR_IO, t->file->shown, t->at, NULL, "cannot read the file: %s",
-                        strerror(errno));
+        if (!import_read(t->file, t->window, sizeof t->window, t->at, &t->window_size, err)) {
+            t->window_size = 0;
             return -2;
         }
         t->window_at = t->at;
-        t->window_size = (size_t)got;
-        if (got == 0)
+        if (t->window_size == 0)
             return -1;
     }
     return t->window[t->at - t->window_at];

@@ -20,10 +20,9 @@ enum { COMPONENTS_MAX = 1 << 16 }; /* of an array that is skipped */
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
     static const char magic[] = "# vtk DataFile";
-    size_t n = strlen(shown);
     if (size >= sizeof magic - 1 && strncasecmp((const char *)start, magic, sizeof magic - 1) == 0)
         return true;
-    return n > 4 && strcasecmp(shown + n - 4, ".vtk") == 0 && start[0] != '<';
+    return import_ends_with(shown, ".vtk") && start[0] != '<';
 }
 
 /* Reads the next keyword or array name. VTK may write METADATA after any array; it ends with an
@@ -57,14 +56,14 @@ static bool take_dataset(struct vtk_legacy *l, const char *keyword) {
                  { "POLYDATA", VTK_POLY } };
     char kind[IMPORT_WORD_MAX + 1];
     if (l->set)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "occurs twice");
     if (!vtk_legacy_read_word(l, kind))
         return false;
     for (size_t i = 0; i < sizeof sets / sizeof *sets; i++)
         if (strcasecmp(kind, sets[i].name) == 0)
             l->set = sets[i].set;
     return l->set ||
-           vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, keyword,
+           VTK_LEGACY_REFUSE(l, SP_ERR_UNSUPPORTED, keyword,
                              "data set %.40s is not supported; supported are STRUCTURED_POINTS, "
                              "RECTILINEAR_GRID, STRUCTURED_GRID, UNSTRUCTURED_GRID and POLYDATA",
                              kind);
@@ -72,9 +71,9 @@ static bool take_dataset(struct vtk_legacy *l, const char *keyword) {
 
 static bool take_dimensions(struct vtk_legacy *l, const char *keyword) {
     if (l->set > VTK_STRUCTURED)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
     if (l->grid_at)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "the file has them twice");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "the file has them twice");
     l->grid_at = l->byte;
     l->points = l->cells = 1;
     for (int axis = 0; axis < 3; axis++) {
@@ -85,19 +84,19 @@ static bool take_dimensions(struct vtk_legacy *l, const char *keyword) {
         l->points *= n;
         l->cells *= n > 1 ? n - 1 : 1;
     }
-    return l->points > 0 || vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "the grid is empty");
+    return l->points > 0 || VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "the grid is empty");
 }
 
 static bool take_triple(struct vtk_legacy *l, const char *keyword, double out[3]) {
     if (l->set != VTK_IMAGE)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "belongs to STRUCTURED_POINTS only");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "belongs to STRUCTURED_POINTS only");
     for (int axis = 0; axis < 3; axis++) {
         char word[IMPORT_WORD_MAX + 1], *end;
         if (!vtk_legacy_read_word(l, word))
             return false;
         out[axis] = strtod(word, &end);
         if (end == word || *end)
-            return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" is not a number", word);
+            return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "\"%.40s\" is not a number", word);
     }
     return true;
 }
@@ -126,16 +125,16 @@ static bool take_coordinates(struct vtk_legacy *l, const char *keyword) {
     uint64_t count;
     const struct vtk_type *type;
     if (!l->grid_at || l->set != VTK_RECTILINEAR)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword,
                                  "must follow the DIMENSIONS of a "
                                  "RECTILINEAR_GRID");
     const struct vtk_piece *piece = vtk_legacy_piece(l);
     if (vtk_find_entry(l->volume, piece, VTK_COORDINATES, axis, NULL))
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "occurs twice");
     if (!vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count))
         return false;
     if (count != piece->dims[axis])
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword,
                                  "%" PRIu64 " coordinates for the %" PRIu32
                                  " samples of DIMENSIONS",
                                  count, piece->dims[axis]);
@@ -152,15 +151,15 @@ static bool take_positions(struct vtk_legacy *l, const char *keyword) {
     uint64_t count, byte = l->byte;
     const struct vtk_type *type;
     if (!vtk_has_points(l->set))
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
     if (vtk_find_entry(l->volume, vtk_legacy_piece(l), VTK_POSITIONS, 0, NULL))
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "occurs twice");
     if (l->set == VTK_STRUCTURED && !l->grid_at)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "comes before DIMENSIONS");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "comes before DIMENSIONS");
     if (!vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count))
         return false;
     if (l->set == VTK_STRUCTURED && count != l->points)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword,
                                  "%" PRIu64 " points, but DIMENSIONS give %" PRIu64, count,
                                  l->points);
     if (!vtk_legacy_type(l, keyword, &type) || !vtk_legacy_end_line(l))
@@ -186,7 +185,7 @@ static bool skip_cell_types(struct vtk_legacy *l, const char *keyword) {
 static bool begin_section(struct vtk_legacy *l, const char *keyword, int section) {
     l->section = section;
     if (!l->grid_at)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "comes before %s",
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "comes before %s",
                                  l->set > VTK_STRUCTURED ? "POINTS" : "DIMENSIONS");
     if (!vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &l->tuples))
         return false;
@@ -199,7 +198,7 @@ static bool take_points(struct vtk_legacy *l, const char *keyword) {
     if (!begin_section(l, keyword, POINTS))
         return false;
     return l->tuples == l->points ||
-           vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but %s give %" PRIu64,
+           VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but %s give %" PRIu64,
                              l->tuples, l->set > VTK_STRUCTURED ? "POINTS" : "DIMENSIONS",
                              l->points);
 }
@@ -217,7 +216,7 @@ static bool take_cells(struct vtk_legacy *l, const char *keyword) {
 
 static bool check_section(const struct vtk_legacy *l, const char *keyword) {
     return l->section != NOWHERE ||
-           vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "comes before POINT_DATA and CELL_DATA");
+           VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "comes before POINT_DATA and CELL_DATA");
 }
 
 /* Copies the name of an array. VTK writes odd characters as %XX. */
@@ -273,15 +272,15 @@ static bool take_scalars(struct vtk_legacy *l, const char *keyword) {
     sscanf(line, "%255s %63s %d", name, kind, &components);
     const struct vtk_type *type = vtk_find_type(kind, false);
     if (!type)
-        return vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, keyword,
+        return VTK_LEGACY_REFUSE(l, SP_ERR_UNSUPPORTED, keyword,
                                  "values of type \"%s\" are not supported", kind);
     if (components < 1 || components > COMPONENTS_MAX) /* SimpleITK writes more than 4 */
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "%d components, outside [1, %d]",
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "%d components, outside [1, %d]",
                                  components, COMPONENTS_MAX);
     if (!vtk_legacy_read_word(l, word))
         return false;
     if (strcasecmp(word, "LOOKUP_TABLE") != 0)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword,
                                  "is followed by \"%.40s\"; its LOOKUP_TABLE must follow", word);
     if (!vtk_legacy_read_word(l, word) || !vtk_legacy_end_line(l))
         return false;
@@ -365,7 +364,7 @@ static bool take_array(struct vtk_legacy *l, const char *keyword, const char *na
             return vtk_legacy_end_line(l) && vtk_legacy_skip_strings(l, name, components * tuples);
     const struct vtk_type *type = vtk_find_type(word, false);
     if (!type)
-        return vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, name,
+        return VTK_LEGACY_REFUSE(l, SP_ERR_UNSUPPORTED, name,
                                  "values of type \"%.40s\" are not supported", word);
     if (!vtk_legacy_end_line(l))
         return false;
@@ -386,7 +385,7 @@ static bool take_field(struct vtk_legacy *l, const char *keyword) {
         if (!next_keyword(l, name))
             return false;
         if (!name[0])
-            return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+            return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword,
                                      "the file ends %" PRIu64 " arrays before its end", arrays - i);
         if (strcmp(name, "NULL_ARRAY") != 0 && !take_array(l, keyword, name))
             return false;
@@ -430,11 +429,11 @@ static bool take_keyword(struct vtk_legacy *l, const char *word) {
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
         if (strcasecmp(word, known[i].keyword) == 0) {
             if (i > 0 && !l->set && known[i].take != take_field)
-                return vtk_legacy_refuse(l, SP_ERR_FORMAT, known[i].keyword,
+                return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, known[i].keyword,
                                          "comes before DATASET");
             return known[i].take(l, known[i].keyword);
         }
-    return vtk_legacy_refuse(
+    return VTK_LEGACY_REFUSE(
         l, SP_ERR_FORMAT, NULL,
         "\"%.40s\" is not a keyword of a VTK file, or a count before it is wrong", word);
 }
@@ -446,11 +445,11 @@ static bool take_preamble(struct vtk_legacy *l) {
         return false;
     if (strncasecmp(line, "# vtk DataFile Version ", 23) != 0 ||
         sscanf(line + 23, "%d", &major) != 1)
-        return vtk_legacy_refuse(
+        return VTK_LEGACY_REFUSE(
             l, SP_ERR_FORMAT, NULL,
             "a legacy VTK file starts with the line # vtk DataFile Version 3.0");
     if (major < 1 || major > 5)
-        return vtk_legacy_refuse(
+        return VTK_LEGACY_REFUSE(
             l, SP_ERR_UNSUPPORTED, NULL,
             "version %d of legacy VTK files is not supported; supported are 1 to 5", major);
     l->new_cells = major == 5;
@@ -458,7 +457,7 @@ static bool take_preamble(struct vtk_legacy *l) {
         return false;
     l->words = strcasecmp(word, "ASCII") == 0;
     return l->words || strcasecmp(word, "BINARY") == 0 ||
-           vtk_legacy_refuse(l, SP_ERR_FORMAT, NULL,
+           VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, NULL,
                              *word ? "the third line is \"%.40s\"; it must be ASCII or BINARY"
                                    : "the third line is empty%s; it must be ASCII or BINARY",
                              word);
@@ -466,16 +465,16 @@ static bool take_preamble(struct vtk_legacy *l) {
 
 static bool check_found(struct vtk_legacy *l) {
     if (!l->set)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, "DATASET", "is missing at the end of the file");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, "DATASET", "is missing at the end of the file");
     if (l->set < VTK_UNSTRUCTURED && !l->grid_at)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, "DIMENSIONS",
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, "DIMENSIONS",
                                  "are missing at the end of the file");
     if (vtk_has_points(l->set))
         return vtk_find_entry(l->volume, vtk_legacy_piece(l), VTK_POSITIONS, 0, NULL) ||
-               vtk_legacy_refuse(l, SP_ERR_FORMAT, "POINTS", "are missing at the end of the file");
+               VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, "POINTS", "are missing at the end of the file");
     for (unsigned axis = 0; l->set == VTK_RECTILINEAR && axis < 3; axis++)
         if (!vtk_find_entry(l->volume, vtk_legacy_piece(l), VTK_COORDINATES, axis, NULL))
-            return vtk_legacy_refuse(
+            return VTK_LEGACY_REFUSE(
                 l, SP_ERR_FORMAT,
                 (const char *[]){ "X_COORDINATES", "Y_COORDINATES", "Z_COORDINATES" }[axis],
                 "the arrays are missing");

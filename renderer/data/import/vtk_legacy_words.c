@@ -2,20 +2,9 @@
 #include "data/import/vtk_legacy_words.h"
 
 #include <inttypes.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <strings.h>
-
-bool vtk_legacy_refuse(const struct vtk_legacy *l, enum sp_code code, const char *field,
-                       const char *format, ...) {
-    char text[SP_ERROR_TEXT];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    return import_fail(l->err, code, l->file->shown, l->byte, field, "%s", text);
-}
 
 bool vtk_legacy_read_word(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]) {
     return import_text_word(&l->text, word, &l->byte, l->err);
@@ -28,7 +17,7 @@ bool vtk_legacy_count(struct vtk_legacy *l, const char *field, uint64_t limit, u
     *count = strtoull(word, &end, 10);
     if (word[0] >= '0' && word[0] <= '9' && !*end && *count <= limit)
         return true;
-    return vtk_legacy_refuse(l, SP_ERR_FORMAT, field,
+    return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, field,
                              "\"%.40s\" is not a whole number up to %" PRIu64, word, limit);
 }
 
@@ -37,7 +26,7 @@ bool vtk_legacy_type(struct vtk_legacy *l, const char *field, const struct vtk_t
     if (!vtk_legacy_read_word(l, word))
         return false;
     *type = vtk_find_type(word, false);
-    return *type || vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, field,
+    return *type || VTK_LEGACY_REFUSE(l, SP_ERR_UNSUPPORTED, field,
                                       "values of type \"%.40s\" are not supported", word);
 }
 
@@ -67,7 +56,7 @@ bool vtk_legacy_skip(struct vtk_legacy *l, const char *field, const struct vtk_t
         return import_text_skip(&l->text, count, field, l->err);
     const uint64_t left = l->text.end - l->text.at;
     if (count > left * (type->are_bits ? 8 : 1) || vtk_type_bytes(type, count) > left)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, field,
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, field,
                                  "%" PRIu64
                                  " values of %zu bytes do not fit into the rest of the file: it is "
                                  "cut off or a count is wrong",
@@ -106,7 +95,7 @@ bool vtk_legacy_skip_strings(struct vtk_legacy *l, const char *field, uint64_t c
         if (is_there && l->words && !import_text_line(&l->text, line, sizeof line, l->err))
             return false;
         if (!is_there || (!l->words && !skip_string(l)))
-            return vtk_legacy_refuse(l, SP_ERR_FORMAT, field,
+            return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, field,
                                      "the file ends after %" PRIu64 " of %" PRIu64
                                      " texts: it is cut off or a count is wrong",
                                      i, count);
@@ -135,7 +124,7 @@ bool vtk_legacy_cells(struct vtk_legacy *l, const char *keyword) {
     const struct vtk_type *type = vtk_find_type("int", false);
     struct vtk_cells *cells = cells_of(l, keyword), found = { .starts_at_0 = l->new_cells };
     if (cells && cells->at)
-        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
+        return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "occurs twice");
     found.at = l->byte;
     if (!vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &counts[0]) ||
         !vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &counts[1]) || !vtk_legacy_end_line(l))
@@ -150,7 +139,7 @@ bool vtk_legacy_cells(struct vtk_legacy *l, const char *keyword) {
         if (!vtk_legacy_read_word(l, word))
             return false;
         if (strcasecmp(word, arrays[i]) != 0)
-            return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" instead of %s", word,
+            return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "\"%.40s\" instead of %s", word,
                                      arrays[i]);
         if (!vtk_legacy_type(l, arrays[i], &type) || !vtk_legacy_end_line(l))
             return false;

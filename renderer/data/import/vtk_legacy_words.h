@@ -28,9 +28,8 @@ struct vtk_legacy { /* state while the file is read */
 };
 
 /* Fails at the keyword that was read last. */
-__attribute__((format(printf, 4, 5))) bool vtk_legacy_refuse(const struct vtk_legacy *l,
-                                                             enum sp_code code, const char *field,
-                                                             const char *format, ...);
+#define VTK_LEGACY_REFUSE(l, code, field, ...)                                                     \
+    import_fail((l)->err, code, (l)->file->shown, (l)->byte, field, __VA_ARGS__)
 
 bool vtk_legacy_read_word(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]);
 bool vtk_legacy_count(struct vtk_legacy *l, const char *field, uint64_t limit, uint64_t *count);

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "data/import/vtk_source.h"
 
-#include <errno.h>
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,19 +14,9 @@ static bool cut_off(const struct vtk_source *s, struct sp_error *err) {
 static bool fetch(struct vtk_source *s, void *out, size_t n, size_t *got, struct sp_error *err) {
     if (n > s->end - s->at)
         n = (size_t)(s->end - s->at);
-    for (*got = 0; *got < n;) {
-        ssize_t r = pread(s->file->fd, (char *)out + *got, n - *got, (off_t)s->at);
-        if (r < 0 && errno == EINTR)
-            continue;
-        if (r < 0)
-            return import_fail(err, SP_ERR_IO, s->file->shown, s->at, NULL,
-                               "cannot read the file: %s", strerror(errno));
-        if (r == 0)
-            break;
-        *got += (size_t)r;
-        s->at += (size_t)r;
-    }
-    return true;
+    const bool ok = import_read(s->file, out, n, s->at, got, err);
+    s->at += *got;
+    return ok;
 }
 
 static int base64_digit(int c) {

@@ -12,7 +12,6 @@
  *
  * Why this parser is our own: parsers.md.
  */
-#include <errno.h>
 #include <expat.h>
 #include <inttypes.h>
 #include <math.h>
@@ -484,13 +483,10 @@ static bool parse(struct xml *x) {
         if (!buffer)
             return sp_fail(x->err, SP_ERR_MEMORY, x->file->shown,
                            "out of memory while parsing XML");
-        ssize_t got = pread(x->file->fd, buffer, CHUNK, (off_t)fed);
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got < 0)
-            return import_fail(x->err, SP_ERR_IO, x->file->shown, fed, NULL,
-                               "cannot read the file: %s", strerror(errno));
-        fed += (uint64_t)got;
+        size_t got;
+        if (!import_read(x->file, buffer, CHUNK, fed, &got, x->err))
+            return false;
+        fed += got;
         last = got == 0;
         if (!check_chunk(x, XML_ParseBuffer(x->parser, (int)got, last), fed))
             return false;
