@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "data/default_view/transfer.h"
 #include "data/volume/anatomy.h"
 #include "data/volume/grid.h"
 #include "data/volume/missing.h"
@@ -64,33 +65,6 @@ static void init_camera(struct sp_camera *camera, const struct sp_volume_info *i
 
 enum { CLASSES = 4, BINS = SP_HISTOGRAM_BINS };
 
-/* Splits the histogram into classes with the least variance inside them (Otsu 1979, by dynamic
- * programming over the cuts). Counts are damped to their square root, so that a large background
- * does not decide alone. cuts[c] is the first bin of class c + 1. */
-static void split_histogram(const uint64_t *histogram, int cuts[CLASSES - 1]) {
-    double weight[BINS + 1] = { 0 }, moment[BINS + 1] = { 0 }, best[CLASSES][BINS + 1];
-    uint16_t from[CLASSES][BINS + 1];
-    for (int b = 0; b < BINS; b++) {
-        double w = sqrt((double)histogram[b]) + 1e-9; /* an empty class is still one */
-        weight[b + 1] = weight[b] + w;
-        moment[b + 1] = moment[b] + w * b;
-    }
-    for (int c = 0; c < CLASSES; c++)
-        for (int end = c + 1; end <= BINS; end++) {
-            best[c][end] = -1;
-            for (int begin = c; begin < (c ? end : 1); begin++) {
-                double m = moment[end] - moment[begin], w = weight[end] - weight[begin];
-                double sum = m * m / w + (c ? best[c - 1][begin] : 0);
-                if (sum > best[c][end]) {
-                    best[c][end] = sum;
-                    from[c][end] = (uint16_t)begin;
-                }
-            }
-        }
-    for (int c = CLASSES - 1, end = BINS; c > 0; c--)
-        cuts[c - 1] = end = from[c][end];
-}
-
 /* The opacity of a single value: a line of sight through the thinnest side of the volume has an
  * optical depth of 1.5, so a single voxel is no shadow and a large volume no brick. */
 static float opacity_of_one_value(const struct sp_grid *grid, double reference_length) {
@@ -125,10 +99,10 @@ static void init_transfer_function(struct sp_transfer_function *tf,
         tf->points[0] = (struct sp_tf_point){ low, { 0.95f, 0.78f, 0.60f }, opacity };
         return;
     }
-    int cuts[CLASSES] = { [CLASSES - 1] = BINS };
-    split_histogram(info->histogram, cuts);
+    unsigned cuts[CLASSES + 1];
+    sp_default_split(info->histogram, 0, BINS, CLASSES, cuts);
     for (size_t i = 0; i < sizeof ramp / sizeof ramp[0]; i++) {
-        double first = cuts[ramp[i].cut], last = cuts[ramp[i].cut + 1];
+        double first = cuts[ramp[i].cut + 1], last = cuts[ramp[i].cut + 2];
         double value = low + span * ((first + (last - first) * (double)ramp[i].share) / BINS);
         if (tf->point_count && value <= tf->points[tf->point_count - 1].value)
             continue;

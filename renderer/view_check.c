@@ -56,15 +56,6 @@ static bool is_zero(const double v[3]) {
     return v[0] == 0 && v[1] == 0 && v[2] == 0;
 }
 
-static struct sp_vec3 unit_vector(const double v[3]) {
-    double largest = fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2])));
-    struct sp_vec3 r = { { 0 } };
-    if (largest > 0)
-        for (int i = 0; i < 3; i++)
-            r.v[i] = v[i] / largest;
-    return sp_vec3_normalize(r);
-}
-
 static bool check_camera(const struct sp_camera *c, struct sp_error *err) {
     if (!check_choice(c->projection, SP_ORTHOGRAPHIC, "/camera/projection", err) ||
         !check_position(c->position, "/camera/position", err) ||
@@ -79,7 +70,7 @@ static bool check_camera(const struct sp_camera *c, struct sp_error *err) {
         to[i] = c->target[i] / 4 - c->position[i] / 4;
         reach = fmax(reach, fmax(fabs(c->position[i] / 4), fabs(c->target[i] / 4)));
     }
-    struct sp_vec3 forward = unit_vector(to);
+    struct sp_vec3 forward = sp_vec3_unit(to);
     /* Closer than this the direction is rounding noise. */
     double apart = fmax(fabs(to[0]), fmax(fabs(to[1]), fabs(to[2])));
     if (!(apart > 1e-12 * reach))
@@ -87,7 +78,7 @@ static bool check_camera(const struct sp_camera *c, struct sp_error *err) {
                        "position and target are the same point; move one of them");
     if (is_zero(c->up))
         return sp_fail(err, SP_ERR_INVALID, "/camera/up", "up is zero; give it a direction");
-    if (!(sp_vec3_length(sp_vec3_cross(forward, unit_vector(c->up))) > 1e-6))
+    if (!(sp_vec3_length(sp_vec3_cross(forward, sp_vec3_unit(c->up))) > 1e-6))
         return sp_fail(err, SP_ERR_INVALID, "/camera/up",
                        "up is parallel to the view direction; turn one of them");
     return true;

@@ -49,6 +49,15 @@ static inline struct sp_vec3 sp_vec3_normalize(struct sp_vec3 a) {
     return l > 0 ? sp_vec3_scale(a, 1 / l) : a;
 }
 
+/* The unit vector of a vector of any length; squares neither overflow nor underflow. */
+static inline struct sp_vec3 sp_vec3_unit(const double v[3]) {
+    double largest = fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2])));
+    struct sp_vec3 r = { { 0 } };
+    for (int i = 0; largest > 0 && i < 3; i++)
+        r.v[i] = v[i] / largest;
+    return sp_vec3_normalize(r);
+}
+
 static inline struct sp_vec3 sp_mat3_apply(const struct sp_mat3 *m, struct sp_vec3 a) {
     struct sp_vec3 r;
     for (int i = 0; i < 3; i++)

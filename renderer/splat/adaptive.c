@@ -53,11 +53,8 @@ double sp_kernel_reach(const struct sp_filter *filter) {
 }
 
 void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2]) {
-    struct sp_mat3 step;
     double low = INFINITY, high = 0;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            step.m[r][a] = grid->direction[r][a] * grid->spacing[a];
+    struct sp_mat3 step = sp_grid_steps(grid, 1);
     for (unsigned a = 0; a < 3; a++) {
         double stretch[2];
         stretch_of(grid, a, 0, grid->dims[a] - 1, stretch);
@@ -78,12 +75,10 @@ void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_trans
                                       .lowpass = filter->lowpass,
                                       .c_min = filter->c_min,
                                       .c_max = sp_adaptive_c_max(filter, &view->camera) };
-    struct sp_mat3 step;
+    struct sp_mat3 step = sp_grid_steps(grid, 1);
     for (int r = 0; r < 3; r++) {
-        for (int a = 0; a < 3; a++) {
-            step.m[r][a] = grid->direction[r][a] * grid->spacing[a];
+        for (int a = 0; a < 3; a++)
             adaptive->depth[a] += camera->w.m[2][r] * grid->direction[r][a];
-        }
         adaptive->base += camera->w.m[2][r] * (grid->origin[r] - camera->eye.v[r]);
     }
     for (int a = 0; a < 3; a++) {

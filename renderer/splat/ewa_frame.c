@@ -29,10 +29,7 @@ static double init_kernel(struct sp_ewa_frame *frame, const struct sp_filter *fi
 void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_transform *camera,
                        const struct sp_grid *grid, const struct sp_view *view,
                        const struct sp_filter *filter) {
-    struct sp_mat3 step;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            step.m[r][a] = grid->direction[r][a] * grid->spacing[a];
+    struct sp_mat3 step = sp_grid_steps(grid, 1);
     double unit = cbrt(fabs(sp_mat3_determinant(&step))); /* v = unit³ */
     struct sp_vec3 away = sp_vec3_sub(sp_vec3_from(grid->origin), camera->eye);
     struct sp_vec3 base = sp_mat3_apply(&camera->w, away);

@@ -27,11 +27,8 @@ static double scaled(const double v[3], struct sp_vec3 *out) {
 
 void sp_clip_frame_init(struct sp_clip_frame *clip, const struct sp_camera_transform *camera,
                         const struct sp_grid *grid, const struct sp_clip *view, double unit) {
-    struct sp_mat3 d;
     double det;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            d.m[r][a] = grid->direction[r][a];
+    struct sp_mat3 d = sp_grid_directions(grid);
     struct sp_mat3 inverse = sp_mat3_inverse(&d, &det);
     struct sp_vec3 origin = sp_vec3_from(grid->origin);
     clip->count = 0;

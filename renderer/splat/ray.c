@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "data/volume/grid.h"
 #include "splat/camera.h"
 
 static struct sp_ray ray_from(const struct sp_view *view, const uint32_t size[2],
@@ -61,12 +62,9 @@ static void clip(struct sp_ray *ray, const struct sp_grid *grid, const struct sp
 
 static void init(struct sp_ray *ray, const struct sp_view *view, const struct sp_grid *grid,
                  const uint32_t size[2], const double at[2], bool is_open) {
-    struct sp_mat3 direction;
     double det;
     *ray = ray_from(view, size, at);
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            direction.m[r][a] = grid->direction[r][a];
+    struct sp_mat3 direction = sp_grid_directions(grid);
     struct sp_mat3 to_axes = sp_mat3_inverse(&direction, &det);
     ray->a = sp_mat3_apply(&to_axes, sp_vec3_sub(ray->from, sp_vec3_from(grid->origin)));
     ray->b = sp_mat3_apply(&to_axes, ray->way);

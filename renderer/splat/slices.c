@@ -5,14 +5,6 @@
 
 #include "data/volume/grid.h"
 
-static struct sp_mat3 directions(const struct sp_grid *grid) {
-    struct sp_mat3 m;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            m.m[r][a] = grid->direction[r][a];
-    return m;
-}
-
 /* Returns the unit normal of the slices along `axis`, towards rising index. */
 static struct sp_vec3 slice_normal(const struct sp_mat3 *d, unsigned axis) {
     struct sp_vec3 column[3];
@@ -29,7 +21,7 @@ static struct sp_vec3 forward(const struct sp_camera_transform *camera) {
 
 unsigned sp_slices_major_axis(const struct sp_camera_transform *camera,
                               const struct sp_grid *grid) {
-    struct sp_mat3 d = directions(grid);
+    struct sp_mat3 d = sp_grid_directions(grid);
     double best = -1;
     unsigned axis = 2;
     for (unsigned a = 3; a-- > 0;) {
@@ -45,7 +37,7 @@ unsigned sp_slices_major_axis(const struct sp_camera_transform *camera,
 /* Returns the eye's distance along the axis from sample 0; infinite for parallel rays. */
 static double eye_distance(const struct sp_camera_transform *camera, const struct sp_grid *grid,
                            unsigned axis) {
-    struct sp_mat3 d = directions(grid);
+    struct sp_mat3 d = sp_grid_directions(grid);
     struct sp_vec3 n = slice_normal(&d, axis);
     if (camera->projection == SP_ORTHOGRAPHIC)
         return sp_vec3_dot(n, forward(camera)) > 0 ? -INFINITY : INFINITY;

@@ -67,11 +67,8 @@ static int find_surroundings(const struct sp_default_samples *s) {
     return top < BINS / 2 && share > 0.15 ? top : FULL;
 }
 
-/* Splits the bins [begin, end) into `count` classes with the least variance inside them (Otsu 1979,
- * by dynamic programming over the cuts). Counts are damped to their square root, so that a large
- * class does not decide alone. cut[c] becomes the first bin of class c, cut[count] the end. */
-static void split_histogram(const uint64_t histogram[BINS], unsigned begin, unsigned end,
-                            unsigned count, unsigned *cut) {
+void sp_default_split(const uint64_t histogram[BINS], unsigned begin, unsigned end, unsigned count,
+                      unsigned *cut) {
     double weight[BINS + 1] = { 0 }, moment[BINS + 1] = { 0 }, best[CLASSES][BINS + 1];
     uint16_t from[CLASSES][BINS + 1];
     for (unsigned b = begin; b < end; b++) {
@@ -236,9 +233,9 @@ static void find_classes(const struct sp_default_samples *s, struct classes *c) 
     int top = find_surroundings(s);
     c->has_surroundings = top != FULL;
     c->are_faint = top >= BINS / 16;
-    split_histogram(s->histogram, 0, BINS, CLASSES, c->cut);
+    sp_default_split(s->histogram, 0, BINS, CLASSES, c->cut);
     if (top >= 0 && (int)c->cut[1] <= top)
-        split_histogram(s->histogram, (unsigned)top + 1, BINS, CLASSES - 1, c->cut + 1);
+        sp_default_split(s->histogram, (unsigned)top + 1, BINS, CLASSES - 1, c->cut + 1);
     if (top == MASKED)
         c->cut[1] = 0;
     if (top >= 0) {
@@ -314,7 +311,7 @@ static void look_inside(const struct sp_default_samples *s, struct classes *c, s
     if (rest + 2 > end)
         return;
     *look = (struct look){ glow, { 0, 0.25, 4, 8 }, end, c->depth[3], 0.15 };
-    split_histogram(s->histogram, rest, end, 2, c->cut + 2);
+    sp_default_split(s->histogram, rest, end, 2, c->cut + 2);
     measure_classes(s, c);
 }
 
@@ -364,7 +361,7 @@ static void add_field(const struct sp_default_samples *s, struct classes *c,
     float o[CLASSES];
     memcpy(depth, look->depth, sizeof depth);
     if (!c->has_surroundings) {
-        split_histogram(s->histogram, 0, BINS, CLASSES, c->cut);
+        sp_default_split(s->histogram, 0, BINS, CLASSES, c->cut);
         measure_classes(s, c);
         depth[0] = haze;
     }

@@ -13,6 +13,7 @@
 
 #include "data/import/nifti_header.h"
 #include "data/import/number.h"
+#include "data/volume/grid.h"
 
 enum { TYPE_BYTE = 2, TYPE_FLOAT = 16, TYPE_DOUBLE = 64, TYPE_RGB = 128, TYPE_RGBA = 2304 };
 
@@ -180,16 +181,15 @@ bool nifti_choose_axes(const struct import_file *file, struct nifti_fields *f,
 }
 
 void nifti_place_vectors(const struct nifti_fields *f, struct import_header *header) {
-    const double(*d)[3] = header->grid.direction;
+    const struct sp_mat3 direction = sp_grid_directions(&header->grid);
+    const double determinant = sp_mat3_determinant(&direction);
     if (!f->are_fsl)
         return;
     /* Vectors of FSL lie along the axes of the grid, the first of which points to the left. */
-    const double determinant = d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) -
-                               d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
-                               d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]);
     for (int row = 0; row < 3; row++)
         for (int axis = 0; axis < 3; axis++)
-            header->frame[row][axis] = axis == 0 && determinant > 0 ? 0 - d[row][0] : d[row][axis];
+            header->frame[row][axis] =
+                axis == 0 && determinant > 0 ? 0 - direction.m[row][0] : direction.m[row][axis];
 }
 
 const char *const *nifti_component_names(const struct import_file *file,

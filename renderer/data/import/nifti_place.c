@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "data/import/nifti_header.h"
+#include "data/volume/grid.h"
 
 /* The directions that a quaternion turns the axes into (nifti1.h, method 2). */
 static void turn(const struct nifti_fields *f, double direction[3][3]) {
@@ -42,7 +43,7 @@ static double length_of(const struct map *m, int axis) {
 
 /* True if every step has a length, and the three span a volume. */
 static bool is_sound(const struct map *m) {
-    double unit[3][3];
+    struct sp_mat3 unit;
     for (int row = 0; row < 3; row++)
         for (int column = 0; column < 4; column++)
             if (!isfinite(m->rows[row][column]))
@@ -52,12 +53,9 @@ static bool is_sound(const struct map *m) {
         if (!(length > 0))
             return false;
         for (int row = 0; row < 3; row++)
-            unit[row][axis] = m->rows[row][axis] / length;
+            unit.m[row][axis] = m->rows[row][axis] / length;
     }
-    const double determinant = unit[0][0] * (unit[1][1] * unit[2][2] - unit[1][2] * unit[2][1]) -
-                               unit[0][1] * (unit[1][0] * unit[2][2] - unit[1][2] * unit[2][0]) +
-                               unit[0][2] * (unit[1][0] * unit[2][1] - unit[1][1] * unit[2][0]);
-    return fabs(determinant) > 1e-4;
+    return fabs(sp_mat3_determinant(&unit)) > 1e-4;
 }
 
 static struct map map_of_sform(const struct nifti_fields *f) {

@@ -11,17 +11,15 @@
  * positions inside a voxel. */
 #define ORIGIN_SAMPLES_MAX 0x1p40
 
-static bool check_direction(const double m[3][3], const char *place, struct sp_error *err) {
+static bool check_direction(const struct sp_grid *grid, const char *place, struct sp_error *err) {
+    const struct sp_mat3 direction = sp_grid_directions(grid);
     for (int axis = 0; axis < 3; axis++) {
-        double length =
-            sqrt(m[0][axis] * m[0][axis] + m[1][axis] * m[1][axis] + m[2][axis] * m[2][axis]);
+        double length = sp_vec3_length(sp_vec3_from(sp_mat3_transpose(&direction).m[axis]));
         if (!(fabs(length - 1) <= 1e-6))
             return sp_fail(err, SP_ERR_FORMAT, place,
                            "direction of axis %d has length %g instead of 1", axis, length);
     }
-    double det = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
-                 m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
-                 m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+    double det = sp_mat3_determinant(&direction);
     if (!(fabs(det) >= 1e-6))
         return sp_fail(err, SP_ERR_FORMAT, place,
                        "directions are singular (determinant %g): the axes lie in one plane", det);
@@ -141,12 +139,12 @@ void sp_grid_coarsen(const double *places, uint32_t count, double *coarse) {
 enum sp_grid_field sp_grid_invalid_field(const struct sp_grid *grid) {
     struct sp_error unused;
     double least;
-    return !check_dims(grid, "", &unused)                   ? SP_GRID_DIMS
-           : !check_coordinates(grid, &least, "", &unused)  ? SP_GRID_COORDINATES
-           : !check_spacing(grid, "", &unused)              ? SP_GRID_SPACING
-           : !check_origin(grid, least, "", &unused)        ? SP_GRID_ORIGIN
-           : !check_direction(grid->direction, "", &unused) ? SP_GRID_DIRECTION
-                                                            : SP_GRID_GOOD;
+    return !check_dims(grid, "", &unused)                  ? SP_GRID_DIMS
+           : !check_coordinates(grid, &least, "", &unused) ? SP_GRID_COORDINATES
+           : !check_spacing(grid, "", &unused)             ? SP_GRID_SPACING
+           : !check_origin(grid, least, "", &unused)       ? SP_GRID_ORIGIN
+           : !check_direction(grid, "", &unused)           ? SP_GRID_DIRECTION
+                                                           : SP_GRID_GOOD;
 }
 
 bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *place,
@@ -154,7 +152,7 @@ bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *pl
     double least;
     if (!check_dims(grid, place, err) || !check_coordinates(grid, &least, place, err) ||
         !check_spacing(grid, place, err) || !check_origin(grid, least, place, err) ||
-        !check_direction(grid->direction, place, err))
+        !check_direction(grid, place, err))
         return false;
     *bytes = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2] * sp_type_size(type);
     return true;

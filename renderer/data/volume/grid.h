@@ -9,8 +9,26 @@
 #define SP_VOLUME_GRID_H
 
 #include <stdbool.h>
+#include <string.h>
 
+#include "base/vec.h"
 #include "sp/volume.h"
+
+/* The directions of the axes as columns; distances along the axes → offsets in the world. */
+static inline struct sp_mat3 sp_grid_directions(const struct sp_grid *grid) {
+    struct sp_mat3 m;
+    memcpy(m.m, grid->direction, sizeof m.m);
+    return m;
+}
+
+/* The same times the mean spacings and `scale`: indices → offsets in the world. */
+static inline struct sp_mat3 sp_grid_steps(const struct sp_grid *grid, double scale) {
+    struct sp_mat3 m;
+    for (int r = 0; r < 3; r++)
+        for (int a = 0; a < 3; a++)
+            m.m[r][a] = grid->direction[r][a] * grid->spacing[a] * scale;
+    return m;
+}
 
 /* Distance of sample i from sample 0 along an axis, world units. i < dims[axis]. */
 static inline double sp_grid_distance(const struct sp_grid *grid, unsigned axis, uint32_t i) {

@@ -84,21 +84,12 @@ static bool check_vector(const double v[3], double most, const char *name, struc
     return true;
 }
 
-/* The unit vector of a vector of any length but 0. */
-static struct sp_vec3 unit_vector(const double v[3]) {
-    double largest = fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2])));
-    struct sp_vec3 r = { { 0 } };
-    for (int i = 0; largest > 0 && i < 3; i++)
-        r.v[i] = v[i] / largest;
-    return sp_vec3_normalize(r);
-}
-
 static bool check_plane(const struct sp_slice_plane *plane, struct sp_error *err) {
     if (!check_vector(plane->origin, SP_POSITION_MAX, "origin", err) ||
         !check_vector(plane->normal, 1e300, "normal", err) ||
         !check_vector(plane->up, 1e300, "up", err))
         return false;
-    if (!(sp_vec3_length(unit_vector(plane->normal)) > 0))
+    if (!(sp_vec3_length(sp_vec3_unit(plane->normal)) > 0))
         return sp_fail(err, SP_ERR_INVALID, "normal", "the normal is zero; give it a direction");
     for (int i = 0; i < 2; i++)
         if (plane->size[i] < 1 || plane->size[i] > SP_SLICE_SIDE_MAX)
@@ -115,7 +106,7 @@ bool sp_slice_init_oblique(struct sp_slice *slice, const struct sp_volume_info *
     const struct sp_grid *grid = &info->grid;
     if (!check_plane(plane, err))
         return false;
-    struct sp_vec3 normal = unit_vector(plane->normal), up = unit_vector(plane->up);
+    struct sp_vec3 normal = sp_vec3_unit(plane->normal), up = sp_vec3_unit(plane->up);
     if (!(sp_vec3_length(up) > 0))
         up = fabs(normal.v[2]) < 0.9 ? (struct sp_vec3){ { 0, 0, 1 } }
                                      : (struct sp_vec3){ { 0, 1, 0 } };

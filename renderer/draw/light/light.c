@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "classify/transfer.h"
+#include "data/volume/grid.h"
 #include "data/volume/volume.h"
 
 /* R: this share of the volume's diagonal. */
@@ -262,11 +263,8 @@ static bool update(struct sp_light_slot *slot, const struct sp_light_job *job,
 static void describe(const struct sp_light_slot *slot, const struct sp_view *view,
                      struct sp_light_field *field) {
     const struct sp_grid *grid = &sp_volume_info(slot->base.volume)->grid;
-    struct sp_mat3 from;
     double volume, width = ahead_width(slot);
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            from.m[r][a] = grid->direction[r][a] * grid->spacing[a] * slot->side;
+    struct sp_mat3 from = sp_grid_steps(grid, slot->side);
     struct sp_mat3 to = sp_mat3_inverse(&from, &volume);
     *field =
         (struct sp_light_field){ .cells = slot->field,

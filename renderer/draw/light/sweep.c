@@ -44,11 +44,8 @@ struct sweep {
 static void find_direction(const struct sp_light_slot *slot, struct sp_vec3 towards,
                            double cells[3]) {
     const struct sp_grid *grid = &sp_volume_info(slot->base.volume)->grid;
-    struct sp_mat3 from;
     double volume;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            from.m[r][a] = grid->direction[r][a] * grid->spacing[a] * slot->side;
+    struct sp_mat3 from = sp_grid_steps(grid, slot->side);
     struct sp_mat3 to = sp_mat3_inverse(&from, &volume);
     struct sp_vec3 d = sp_mat3_apply(&to, towards);
     for (int a = 0; a < 3; a++)

@@ -8,11 +8,8 @@
 /* Fills how many slices lie in front of a point of camera space: offset + normal·u. */
 static void find_normal(const struct sp_camera_transform *camera, const struct sp_grid *grid,
                         unsigned axis, double normal[3], double *offset) {
-    struct sp_mat3 d;
     double det;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            d.m[r][a] = grid->direction[r][a] * grid->spacing[a];
+    struct sp_mat3 d = sp_grid_steps(grid, 1);
     struct sp_vec3 row = sp_vec3_from(sp_mat3_inverse(&d, &det).m[axis]);
     *offset = sp_vec3_dot(row, sp_vec3_sub(camera->eye, sp_vec3_from(grid->origin))) + 0.5;
     for (int r = 0; r < 3; r++)

@@ -194,11 +194,8 @@ static float find_deepest(const struct sp_transfer_function *tf) {
  * middle of the image. */
 static float layer_length(const struct sp_postconv_input *input) {
     const struct sp_grid *grid = input->grid;
-    struct sp_mat3 d;
     double det;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            d.m[r][a] = grid->direction[r][a] * grid->spacing[a];
+    struct sp_mat3 d = sp_grid_steps(grid, 1);
     struct sp_mat3 inverse = sp_mat3_inverse(&d, &det);
     /* Row `axis` of the inverse: slices that a world unit along the ray crosses. */
     double crossed = fabs(

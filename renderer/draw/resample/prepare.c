@@ -83,12 +83,9 @@ static struct sp_vec3 place(const struct coordinates *c, struct sp_vec3 world) {
 
 static void init_coordinates(struct coordinates *c, const struct sp_grid *grid, unsigned level) {
     double size = ldexp(1, (int)level);
-    for (int r = 0; r < 3; r++) {
-        c->origin.v[r] = grid->origin[r];
-        for (int a = 0; a < 3; a++)
-            c->from.m[r][a] = grid->direction[r][a] * grid->spacing[a] * size;
-    }
     double volume;
+    c->origin = sp_vec3_from(grid->origin);
+    c->from = sp_grid_steps(grid, size);
     c->to = sp_mat3_inverse(&c->from, &volume);
     c->shift = 0.5 / size - 0.5;
 }

@@ -53,11 +53,8 @@ static double nearest_index(const struct sp_grid *grid, unsigned axis, double di
 /* Finds the sample of the range that is nearest to the point; false = none is near. */
 static bool find_start(const struct search *part, uint32_t at[3]) {
     const struct sp_grid *grid = &part->info->grid;
-    struct sp_mat3 direction;
     double det, best = INFINITY, index[3];
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            direction.m[r][a] = grid->direction[r][a];
+    struct sp_mat3 direction = sp_grid_directions(grid);
     struct sp_mat3 to_axes = sp_mat3_inverse(&direction, &det);
     struct sp_vec3 along =
         sp_mat3_apply(&to_axes, sp_vec3_sub(sp_vec3_from(part->point), sp_vec3_from(grid->origin)));

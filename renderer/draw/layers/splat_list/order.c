@@ -69,11 +69,8 @@ static void find_needs(const struct sp_grid *grid, unsigned a, double eye, struc
 
 static double find_eye(const struct sp_camera_transform *camera, const struct sp_grid *grid,
                        unsigned a) {
-    struct sp_mat3 d;
     double det;
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            d.m[r][c] = grid->direction[r][c];
+    struct sp_mat3 d = sp_grid_directions(grid);
     struct sp_vec3 n = sp_vec3_from(sp_mat3_inverse(&d, &det).m[a]);
     if (camera->projection == SP_PERSPECTIVE)
         return sp_vec3_dot(n, sp_vec3_sub(camera->eye, sp_vec3_from(grid->origin)));

@@ -4,17 +4,14 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/vec.h"
 #include "base/wide.h"
+#include "data/volume/grid.h"
 
 void sp_surface_batch_frame_init(struct sp_surface_batch_frame *frame,
                                  const struct sp_surface_points *points,
                                  const struct sp_grid *grid) {
-    struct sp_mat3 direction;
     double det;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            direction.m[r][a] = grid->direction[r][a];
+    struct sp_mat3 direction = sp_grid_directions(grid);
     direction = sp_mat3_inverse(&direction, &det);
     frame->points = points;
     for (int r = 0; r < 3; r++)

@@ -197,7 +197,6 @@ static uint32_t sort_blocks(struct preparation *p, uint32_t *starts) {
 static void find_borders(struct sp_surface *s, const struct sp_surface_input *input) {
     const struct sp_grid *grid = input->grid;
     const uint32_t near = SURFACE_BLOCK; /* cells; more than kernels reach */
-    struct sp_mat3 direction;
     double det;
     bool touches[3][2] = { { false } };
     for (uint32_t b = 0; b < s->points->block_count; b++)
@@ -206,9 +205,7 @@ static void find_borders(struct sp_surface *s, const struct sp_surface_input *in
             touches[a][0] = touches[a][0] || corner < near;
             touches[a][1] = touches[a][1] || corner + 2 * near >= grid->dims[a];
         }
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            direction.m[r][a] = grid->direction[r][a];
+    const struct sp_mat3 direction = sp_grid_directions(grid);
     const struct sp_mat3 inverse = sp_mat3_inverse(&direction, &det);
     s->borders.count = 0;
     for (unsigned a = 0; a < 3; a++)
