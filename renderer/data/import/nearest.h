@@ -7,6 +7,9 @@
  *   leaf ─► the smallest range around it with 24 points or more ─► for each point, how far its
  *           18th neighbour can be ─► all points as near as that to the leaf ─► for each point,
  *           its 18 neighbours
+ *
+ * The tree is our own: nanoflann, which searches point by point, takes nine times the CPU time for
+ * a million points at random, and cannot choose among neighbours at one distance.
  */
 #ifndef SP_IMPORT_NEAREST_H
 #define SP_IMPORT_NEAREST_H
