@@ -162,7 +162,7 @@ static void paths_lead_where_realpath_does(void **state) {
     (void)state;
     unsigned opened = 0, denied = 0;
     for (uint32_t tree = 0; tree < 12; tree++) {
-        char name[16], top[256], root[300], path[512];
+        char name[16], top[256], root[300], path[600];
         random_state = tree;
         snprintf(name, sizeof name, "tree%u", tree);
         assert_int_equal(mkdir(in_folder(name), 0700), 0);
