@@ -12,7 +12,7 @@ errors, and runs the tests in three stages:
 
   release   all tests, with the web page and lint
   asan      AddressSanitizer and UBSan: unit, kernel, conformance, protocol, integration and
-            bench tests, and each fuzz target for a few seconds
+            bench tests, and each fuzz target for a second
   tsan      ThreadSanitizer: unit and integration tests of code that has threads
 
 A test that checks a sample under a sanitizer says so in its output; this script lists the
