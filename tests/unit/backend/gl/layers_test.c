@@ -97,10 +97,15 @@ static void vary(struct sp_view *view, int n) {
 
 static void layers_inside_the_volume(void **state) {
     struct resample_rig *rig = *state;
+    if (test_gl_is_software())
+        print_message("  reduced: software GL draws each choice with one of two grids\n");
     for (int is_rectilinear = 0; is_rectilinear < (TEST_SANITIZED ? 1 : 2); is_rectilinear++) {
         struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, is_rectilinear);
         for (int order = 0; order < ORDERS; order++)
             for (int which = 0; which < LAYERS; which += 1 + TEST_SANITIZED) {
+                if (test_gl_is_software() && !TEST_SANITIZED &&
+                    (order + which) % 2 != is_rectilinear)
+                    continue;
                 struct sp_view view;
                 char what[60];
                 int n = 5 * order + 3 * which + 7 * is_rectilinear;
@@ -321,6 +326,11 @@ static void slices_cut_layers(void **state) {
     (void)state;
     const struct test_target targets[BACKENDS] = { { "cpu", "scalar" }, { test_gl(), "auto" } };
     struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
+    struct test_renderer renderers[BACKENDS];
+    struct sp_error err;
+    for (int b = 0; b < BACKENDS; b++)
+        if (!test_renderer_open(&renderers[b], &targets[b], 1, &err))
+            fail_msg("%s: %s", targets[b].backend, err.text);
     for (int which = SURFACE; which < LAYERS; which++) {
         struct test_image images[BACKENDS];
         struct sp_view view;
@@ -331,20 +341,17 @@ static void slices_cut_layers(void **state) {
         view.slices.in_3d = true;
         view.slices.planes[0] = view.slices.planes[1] = true;
         view.slices.position[0] = 1.3;
-        for (int b = 0; b < BACKENDS; b++) {
-            struct test_renderer renderer;
-            struct sp_error err;
-            if (!test_renderer_open(&renderer, &targets[b], 1, &err) ||
-                !test_render(&renderer, volume, &view, &images[b], &err))
+        for (int b = 0; b < BACKENDS; b++)
+            if (!test_render(&renderers[b], volume, &view, &images[b], &err))
                 fail_msg("%s: %s", targets[b].backend, err.text);
-            test_renderer_close(&renderer);
-        }
         double psnr = test_image_psnr(&images[GL], &images[CPU]);
         print_message("  slices, layers %d: %.1f dB\n", which, psnr);
         assert_compare(psnr, >=, 70);
         for (int b = 0; b < BACKENDS; b++)
             test_image_finish(&images[b]);
     }
+    for (int b = 0; b < BACKENDS; b++)
+        test_renderer_close(&renderers[b]);
     sp_volume_unref(&volume);
 }
 
