@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { SHOWN_MAX = 40 }; /* bytes of a token in a message */
+enum { QUOTED_MAX = 40 }; /* bytes of a token in a message */
 
 struct token {
     const char *start;
@@ -40,7 +40,7 @@ static size_t token_size(const char *text, size_t size) {
 }
 
 /* The first token that ends at or behind `end`, or else the last one. */
-static struct token find_token(const char *text, size_t size, size_t end) {
+static struct token read_token(const char *text, size_t size, size_t end) {
     struct token token = { .size = 0 };
     for (size_t at = 0; at < size && (!token.size || token.start + token.size < text + end);) {
         if (is_space(text[at])) {
@@ -131,7 +131,7 @@ static void explain_word(struct token token, bool is_key, char *text, size_t cap
     static const char *const no_numbers[] = { "NaN",       "nan",       "Infinity", "-Infinity",
                                               "+Infinity", "-infinity", "infinity", NULL };
     static const char *const words[] = { "true", "false", "null", NULL };
-    int size = token.size < SHOWN_MAX ? (int)token.size : SHOWN_MAX;
+    int size = token.size < QUOTED_MAX ? (int)token.size : QUOTED_MAX;
     while (size > 0 && (size_t)size < token.size && (token.start[size] & 0xc0) == 0x80)
         size--; /* not inside of a character */
     if (token.size >= 3 && memcmp(token.start, "\xef\xbb\xbf", 3) == 0)
@@ -151,7 +151,7 @@ static void explain_word(struct token token, bool is_key, char *text, size_t cap
                  token.start);
 }
 
-static void explain_sign(struct token token, const struct proto_level *top, char *text,
+static void explain_sign(struct token token, const struct proto_nesting *top, char *text,
                          size_t capacity) {
     const char c = *token.start;
     const bool is_close = c == '}' || c == ']';
@@ -172,8 +172,9 @@ static void explain_sign(struct token token, const struct proto_level *top, char
 
 static void explain_syntax(const struct proto_position *position, size_t size, char *text,
                            size_t capacity) {
-    const struct token token = find_token(position->bytes, size, position->at);
-    const struct proto_level *top = position->depth ? &position->levels[position->depth - 1] : NULL;
+    const struct token token = read_token(position->bytes, size, position->at);
+    const struct proto_nesting *top =
+        position->depth ? &position->stack[position->depth - 1] : NULL;
     const bool is_key = top && top->kind == '{' && !top->in_value;
     if (token.size && *token.start == '"') {
         explain_string(token, text, capacity);
@@ -197,10 +198,10 @@ static void explain_end(const struct proto_position *position, size_t size, char
     size_t blank = 0;
     while (blank < size && is_space(position->bytes[blank]))
         blank++;
-    const char *open = position->in_string                                 ? "a string"
-                       : !position->depth                                  ? "a value"
-                       : position->levels[position->depth - 1].kind == '[' ? "an array"
-                                                                           : "an object";
+    const char *open = position->in_string                                ? "a string"
+                       : !position->depth                                 ? "a value"
+                       : position->stack[position->depth - 1].kind == '[' ? "an array"
+                                                                          : "an object";
     if (blank == size)
         snprintf(text, capacity, "the text is empty");
     else

@@ -34,7 +34,7 @@ static void normalize(double v[3]) {
 }
 
 /* Exact for multiples of 90 degrees, so that such views have round numbers. */
-static void find_sine(double angle_deg, double *sine, double *cosine) {
+static void compute_sine(double angle_deg, double *sine, double *cosine) {
     double quarters = angle_deg / 90;
     if (quarters == floor(quarters)) {
         int q = (int)fmod(fmod(quarters, 4) + 4, 4);
@@ -46,7 +46,7 @@ static void find_sine(double angle_deg, double *sine, double *cosine) {
     }
 }
 
-static struct axes find_axes(const struct sp_camera *defaults) {
+static struct axes compute_axes(const struct sp_camera *defaults) {
     struct axes axes;
     double away[3];
     memcpy(axes.up, defaults->up, sizeof axes.up);
@@ -70,35 +70,35 @@ struct frame {
     double away[3], above[3], aside[3];
 };
 
-static struct frame find_frame(const struct axes *axes, double azimuth, double elevation) {
-    double sine, cosine, level[3];
+static struct frame compute_frame(const struct axes *axes, double azimuth, double elevation) {
+    double sine, cosine, horizontal[3];
     struct frame frame;
-    find_sine(azimuth, &sine, &cosine);
-    combine(cosine, axes->front, sine, axes->right, level);
-    find_sine(elevation, &sine, &cosine);
-    combine(cosine, level, sine, axes->up, frame.away);
-    combine(-sine, level, cosine, axes->up, frame.above);
+    compute_sine(azimuth, &sine, &cosine);
+    combine(cosine, axes->front, sine, axes->right, horizontal);
+    compute_sine(elevation, &sine, &cosine);
+    combine(cosine, horizontal, sine, axes->up, frame.away);
+    combine(-sine, horizontal, cosine, axes->up, frame.above);
     cross(frame.above, frame.away, frame.aside);
     return frame;
 }
 
 struct proto_orbit proto_orbit_of(const struct sp_camera *camera,
                                   const struct sp_camera *defaults) {
-    struct axes axes = find_axes(defaults);
+    struct axes axes = compute_axes(defaults);
     struct proto_orbit orbit;
     double away[3], towards[3];
     combine(1, camera->position, -1, camera->target, away);
     double rise = dot(away, axes.up);
-    double level = hypot(dot(away, axes.front), dot(away, axes.right));
-    double elevation = atan2(rise, level) / degree;
+    double horizontal = hypot(dot(away, axes.front), dot(away, axes.right));
+    double elevation = atan2(rise, horizontal) / degree;
     memcpy(towards, away, sizeof towards);
     if (fabs(elevation) > pole_deg) /* there the top of the image tells the azimuth */
         combine(rise > 0 ? -1 : 1, camera->up, 0, camera->up, towards);
     orbit.value[PROTO_ORBIT_AZIMUTH] =
         atan2(dot(towards, axes.right), dot(towards, axes.front)) / degree;
     orbit.value[PROTO_ORBIT_ELEVATION] = elevation;
-    orbit.value[PROTO_ORBIT_DISTANCE] = hypot(rise, level);
-    struct frame frame = find_frame(&axes, orbit.value[PROTO_ORBIT_AZIMUTH], elevation);
+    orbit.value[PROTO_ORBIT_DISTANCE] = hypot(rise, horizontal);
+    struct frame frame = compute_frame(&axes, orbit.value[PROTO_ORBIT_AZIMUTH], elevation);
     orbit.value[PROTO_ORBIT_ROLL] =
         atan2(-dot(camera->up, frame.aside), dot(camera->up, frame.above)) / degree;
     return orbit;
@@ -106,11 +106,11 @@ struct proto_orbit proto_orbit_of(const struct sp_camera *camera,
 
 void proto_orbit_place(const struct proto_orbit *orbit, const struct sp_camera *defaults,
                        struct sp_camera *camera) {
-    struct axes axes = find_axes(defaults);
+    struct axes axes = compute_axes(defaults);
     double elevation = orbit->value[PROTO_ORBIT_ELEVATION], sine, cosine;
-    struct frame frame = find_frame(&axes, orbit->value[PROTO_ORBIT_AZIMUTH], elevation);
+    struct frame frame = compute_frame(&axes, orbit->value[PROTO_ORBIT_AZIMUTH], elevation);
     combine(1, camera->target, orbit->value[PROTO_ORBIT_DISTANCE], frame.away, camera->position);
-    find_sine(orbit->value[PROTO_ORBIT_ROLL], &sine, &cosine);
+    compute_sine(orbit->value[PROTO_ORBIT_ROLL], &sine, &cosine);
     if (fabs(orbit->value[PROTO_ORBIT_ROLL]) < 1e-9 && fabs(elevation) <= pole_deg)
         memcpy(camera->up, defaults->up, sizeof camera->up);
     else

@@ -43,7 +43,7 @@ static void push_key(struct proto_pointer *pointer, const char *key, size_t size
 }
 
 static void walk_string(struct proto_position *position, char c) {
-    struct proto_level *top = position->depth ? &position->levels[position->depth - 1] : NULL;
+    struct proto_nesting *top = position->depth ? &position->stack[position->depth - 1] : NULL;
     if (position->is_escaped)
         position->is_escaped = false;
     else if (c == '\\')
@@ -54,7 +54,7 @@ static void walk_string(struct proto_position *position, char c) {
         top->key_bytes++;
 }
 
-static void begin_string(struct proto_position *position, struct proto_level *top) {
+static void begin_string(struct proto_position *position, struct proto_nesting *top) {
     position->in_string = true;
     position->is_key = top && top->kind == '{' && !top->in_value;
     if (position->is_key) {
@@ -65,13 +65,13 @@ static void begin_string(struct proto_position *position, struct proto_level *to
 
 /* A byte outside a string. False: one bracket too many. */
 static bool walk_token(struct proto_position *position, char c) {
-    struct proto_level *top = position->depth ? &position->levels[position->depth - 1] : NULL;
+    struct proto_nesting *top = position->depth ? &position->stack[position->depth - 1] : NULL;
     if (c == '"') {
         begin_string(position, top);
     } else if (c == '[' || c == '{') {
         if (position->depth == PROTO_DEPTH_MAX)
             return false;
-        position->levels[position->depth++] = (struct proto_level){ .kind = c };
+        position->stack[position->depth++] = (struct proto_nesting){ .kind = c };
     } else if (top && c == (top->kind == '[' ? ']' : '}')) {
         position->depth--;
     } else if (top && c == ':' && top->kind == '{') {
@@ -100,11 +100,11 @@ bool proto_position_advance(struct proto_position *position, size_t end) {
 void proto_position_pointer(const struct proto_position *position, struct proto_pointer *pointer) {
     *pointer = (struct proto_pointer){ .length = 0 };
     for (unsigned d = 0; d < position->depth; d++) {
-        const struct proto_level *level = &position->levels[d];
-        if (level->kind == '[')
-            proto_pointer_push_index(pointer, level->index);
-        else if (level->key)
-            push_key(pointer, level->key, level->key_bytes);
+        const struct proto_nesting *nesting = &position->stack[d];
+        if (nesting->kind == '[')
+            proto_pointer_push_index(pointer, nesting->index);
+        else if (nesting->key)
+            push_key(pointer, nesting->key, nesting->key_bytes);
     }
 }
 

@@ -15,7 +15,7 @@
 #include "protocol/limits.h"
 #include "protocol/pointer.h"
 
-struct proto_level {
+struct proto_nesting {
     char kind;       /* '[' or '{' */
     bool in_value;   /* of an object: behind the colon of the current key */
     uint32_t index;  /* of an array: the current element, from 0 */
@@ -27,7 +27,7 @@ struct proto_level {
 struct proto_position {
     const char *bytes;
     size_t at; /* bytes walked so far */
-    struct proto_level levels[PROTO_DEPTH_MAX];
+    struct proto_nesting stack[PROTO_DEPTH_MAX];
     unsigned depth; /* open arrays and objects */
     bool in_string, is_key, is_escaped, is_too_deep;
 };

@@ -70,14 +70,14 @@ static void choose_layers(struct sp_renderer_frame *f) {
 
 /* Finds what the frame shows, and gives it the volume without what the edits remove. NULL on
  * failure; the others of the frame then have no references. */
-static struct sp_volume *find_volume(struct sp_renderer_frame *f, struct sp_volume *volume,
-                                     const struct sp_frame_source_job *job,
-                                     struct sp_frame_source *shown, struct sp_error *err) {
+static struct sp_volume *prepare_volume(struct sp_renderer_frame *f, struct sp_volume *volume,
+                                        const struct sp_frame_source_job *job,
+                                        struct sp_frame_source *shown, struct sp_error *err) {
     struct sp_volume *edited = NULL;
     if (sp_layer_volumes_find(job->view, volume, job->options, &f->others, err) &&
-        sp_frame_source_find(volume, job, shown, err) &&
-        sp_channels_find_sources(volume, job, shown, f->others.shown, err) &&
-        sp_frame_source_find_colors(job->view, job->options, shown, f->others.colors, err) &&
+        sp_frame_source_choose(volume, job, shown, err) &&
+        sp_channels_choose_sources(volume, job, shown, f->others.shown, err) &&
+        sp_frame_source_replace_colors(job->view, job->options, shown, f->others.colors, err) &&
         edit_channels(&shown->view, &f->others, err))
         edited = sp_edit_volume(shown->volume, &shown->view, err);
     sp_volume_unref(&shown->volume);
@@ -109,7 +109,7 @@ bool sp_renderer_prepare(const struct sp_renderer *r, struct sp_renderer_frame *
     const struct sp_frame_source_job job = { .view = view,
                                              .options = o,
                                              .reads_blocks = backend->capabilities.blocks };
-    struct sp_volume *edited = find_volume(f, volume, &job, &shown, err);
+    struct sp_volume *edited = prepare_volume(f, volume, &job, &shown, err);
     if (!edited)
         return false;
     struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);

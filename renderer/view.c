@@ -13,7 +13,7 @@
 #include "sp/slice.h"
 
 /* Half edges of the box of all voxels' cells, as world vectors, and its middle. */
-static struct sp_vec3 find_box(const struct sp_grid *grid, struct sp_vec3 half[3]) {
+static struct sp_vec3 compute_box(const struct sp_grid *grid, struct sp_vec3 half[3]) {
     struct sp_vec3 middle = sp_vec3_from(grid->origin);
     for (unsigned a = 0; a < 3; a++) {
         double extent[2];
@@ -51,7 +51,7 @@ static void init_camera(struct sp_camera *camera, const struct sp_volume_info *i
                         double smallest) {
     double rise = sp_anatomy_is_plain_stack(info) ? -1 : 1, radius;
     struct sp_vec3 away = sp_vec3_normalize((struct sp_vec3){ { 0.45, -0.82, 0.35 * rise } });
-    struct sp_vec3 up = { { 0, 0, rise } }, half[3], middle = find_box(&info->grid, half);
+    struct sp_vec3 up = { { 0, 0, rise } }, half[3], middle = compute_box(&info->grid, half);
     *camera = (struct sp_camera){ .up = { 0, 0, rise }, .fov_y = 30, .near = 0.1 * smallest };
     double angle = 0.5 * camera->fov_y * (M_PI / 180);
     double fitting = 1.03 * fit_box(half, away, up, tan(angle), &radius);
@@ -69,7 +69,7 @@ enum { CLASSES = 4, BINS = SP_HISTOGRAM_BINS };
  * optical depth of 1.5, so a single voxel is no shadow and a large volume no brick. */
 static float opacity_of_one_value(const struct sp_grid *grid, double reference_length) {
     struct sp_vec3 half[3];
-    find_box(grid, half);
+    compute_box(grid, half);
     double thickness = INFINITY;
     for (int a = 0; a < 3; a++)
         thickness = fmin(thickness, 2 * sp_vec3_length(half[a]));
@@ -189,7 +189,7 @@ static enum sp_layer_type layer_of_kind(enum sp_kind kind) {
 }
 
 static void init_slices(struct sp_slices *slices, const struct sp_volume_info *info) {
-    struct sp_vec3 half[3], middle = find_box(&info->grid, half);
+    struct sp_vec3 half[3], middle = compute_box(&info->grid, half);
     double window[2];
     sp_slice_default_window(info, window);
     *slices = (struct sp_slices){ .planes = { true, true, true },

@@ -346,7 +346,7 @@ static bool make_random_fingerprint(struct srv_fingerprint *program, struct sp_e
     char random[SRV_TOKEN_DIGITS + 1];
     if (!srv_secret_hex(random, SRV_TOKEN_DIGITS, err))
         return false;
-    *program = srv_fingerprint_of(&(struct srv_part){ random, SRV_TOKEN_DIGITS }, 1);
+    *program = srv_fingerprint_of(&(struct srv_piece){ random, SRV_TOKEN_DIGITS }, 1);
     return true;
 }
 

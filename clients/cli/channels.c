@@ -27,12 +27,13 @@ static const struct named {
 
 /* Reads COLOR[,LOW,HIGH[,OPACITY]] to the end of the text. */
 static bool parse_look(const char *at, struct channel_option *channel) {
-    bool ok = *at == ',' || take_color(&at, channel->color); /* ,,LOW,HIGH: the default colour */
-    if (ok && take_comma(&at)) {
+    bool ok = *at == ',' || parse_color(&at, channel->color); /* ,,LOW,HIGH: the default colour */
+    if (ok && parse_comma(&at)) {
         channel->opacity = OPACITY_DEFAULT;
-        ok = take_number(&at, &channel->low) && take_comma(&at) && take_number(&at, &channel->high);
-        if (ok && take_comma(&at))
-            ok = take_number(&at, &channel->opacity);
+        ok = parse_finite(&at, &channel->low) && parse_comma(&at) &&
+             parse_finite(&at, &channel->high);
+        if (ok && parse_comma(&at))
+            ok = parse_finite(&at, &channel->opacity);
         ok = ok && channel->low < channel->high && channel->opacity >= 0 && channel->opacity < 1;
     }
     return ok && *at == 0;

@@ -43,9 +43,9 @@ char *collection_path(struct http *http, const char *collection, const char *nam
 bool layers_apply(const struct options *options, struct http *http, proto_json **view,
                   struct sp_error *err);
 /* Reads a finite number, RRGGBB or #RRGGBB, or a comma; *text then points behind it (layers.c). */
-bool take_number(const char **text, double *out);
-bool take_color(const char **text, double color[3]);
-bool take_comma(const char **text);
+bool parse_finite(const char **text, double *out);
+bool parse_color(const char **text, double color[3]);
+bool parse_comma(const char **text);
 /* Appends the channels of the options to the layers of the view, `list`; their volumes are loaded
  * if necessary (channels.c). False with *err set on failure. */
 bool channels_append(const struct options *options, struct http *http, proto_json **view,

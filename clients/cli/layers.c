@@ -12,7 +12,7 @@
 #include "cli/commands.h"
 #include "sp/view.h"
 
-bool take_number(const char **text, double *out) {
+bool parse_finite(const char **text, double *out) {
     char *end;
     *out = strtod(*text, &end);
     bool ok = end != *text && isfinite(*out);
@@ -20,7 +20,7 @@ bool take_number(const char **text, double *out) {
     return ok;
 }
 
-bool take_color(const char **text, double color[3]) {
+bool parse_color(const char **text, double color[3]) {
     const char *at = *text + (**text == '#' ? 1 : 0);
     if (strspn(at, "0123456789abcdefABCDEF") != 6)
         return false;
@@ -31,7 +31,7 @@ bool take_color(const char **text, double color[3]) {
     return true;
 }
 
-bool take_comma(const char **text) {
+bool parse_comma(const char **text) {
     bool ok = **text == ',';
     *text += ok ? 1 : 0;
     return ok;
@@ -43,11 +43,11 @@ bool layers_parse_surface(struct options *options, const char *text) {
     const char *at = text;
     if (layers->surface_count == LAYERS_MAX)
         return refuse_option("--surface", "a view has at most %d layers", LAYERS_MAX);
-    bool ok = take_number(&at, &surface.value);
-    if (ok && take_comma(&at))
-        ok = *at == ',' || take_color(&at, surface.color); /* VALUE,,OPACITY: the default */
-    if (ok && take_comma(&at))
-        ok = take_number(&at, &surface.opacity) && surface.opacity >= 0 && surface.opacity <= 1;
+    bool ok = parse_finite(&at, &surface.value);
+    if (ok && parse_comma(&at))
+        ok = *at == ',' || parse_color(&at, surface.color); /* VALUE,,OPACITY: the default */
+    if (ok && parse_comma(&at))
+        ok = parse_finite(&at, &surface.opacity) && surface.opacity >= 0 && surface.opacity <= 1;
     if (!ok || *at)
         return refuse_option(
             "--surface",
@@ -64,7 +64,7 @@ bool layers_parse_shell(struct options *options, const char *text) {
     double low, high;
     if (!isnan(layers->low))
         return refuse_option("--shell", "a view has at most one shell");
-    bool ok = take_number(&at, &low) && take_comma(&at) && take_number(&at, &high) && low >= 0 &&
+    bool ok = parse_finite(&at, &low) && parse_comma(&at) && parse_finite(&at, &high) && low >= 0 &&
               low <= high && high <= 1;
     bool is_fast = strcmp(at, ",fast") == 0;
     if (!ok || (*at && !is_fast && strcmp(at, ",high") != 0))
@@ -89,10 +89,10 @@ bool layers_parse_vectors(struct options *options, const char *text) {
             style = styles[i];
     double stretch = NAN, density = NAN;
     bool ok = style;
-    if (ok && take_comma(&at))
-        ok = take_number(&at, &stretch) && stretch >= 1 && stretch <= 8;
-    if (ok && take_comma(&at))
-        ok = take_number(&at, &density) && density >= 0 && density <= 1;
+    if (ok && parse_comma(&at))
+        ok = parse_finite(&at, &stretch) && stretch >= 1 && stretch <= 8;
+    if (ok && parse_comma(&at))
+        ok = parse_finite(&at, &density) && density >= 0 && density <= 1;
     if (!ok || *at)
         return refuse_option(
             "--vectors",

@@ -125,7 +125,7 @@ static struct sp_volume *load_beside(const struct options *options, const char *
 }
 
 /* The volume that a layer names: the id is a source as for --volume. Loads each once. */
-static struct sp_volume *find(void *user, const char *id) {
+static struct sp_volume *find_or_load(void *user, const char *id) {
     struct volumes *v = user;
     for (uint32_t i = 0; i < v->count; i++)
         if (strcmp(v->others[i].id, id) == 0)
@@ -144,7 +144,7 @@ static struct sp_frame *render_frame(struct sp_renderer *renderer, struct volume
                                      struct sp_frame_pool *pool, struct sp_error *err) {
     const bool wants_float = sp_image_format_info(format)->wants_float;
     const struct sp_render_options what = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
-                                            .find = find,
+                                            .find = find_or_load,
                                             .user = volumes };
     struct sp_frame *frame = sp_renderer_render(renderer, volumes->own, view, pool, &what, err);
     if (!frame && err->code == SP_ERR_VOLUME_UNKNOWN && volumes->err.code != SP_OK)

@@ -233,7 +233,7 @@ static bool create(struct fetching *f, struct sp_error *err) {
 }
 
 /* Takes the path of --id. */
-static bool find(struct fetching *f, struct sp_error *err) {
+static bool fetch_path(struct fetching *f, struct sp_error *err) {
     f->http = connect_to_daemon(f->options, err);
     if (!f->http || !set_id(f, f->options->id, err))
         return false;
@@ -293,7 +293,7 @@ static int delete_path(const struct options *options, struct sp_error *err) {
 
 static int draw_path(const struct options *options, struct sp_error *err) {
     struct fetching f = { .options = options };
-    bool ok = options->id ? find(&f, err) : create(&f, err);
+    bool ok = options->id ? fetch_path(&f, err) : create(&f, err);
     if (ok && options->out) {
         block_signals(&f);
         http_set_stop(f.http, is_interrupted, &f);

@@ -26,19 +26,19 @@ struct sending {
     const char *path, *name; /* name: the last component */
     char id[40];             /* of the upload */
     int fd;
-    int64_t bytes, modified_ms, offset, shown_from;
-    double begin_s, shown_s;
+    int64_t bytes, modified_ms, offset, begin_offset;
+    double begin_s, printed_s;
 };
 
 /* Shows progress on one line of a terminal, and nothing elsewhere. */
 static void show_progress(struct sending *s, bool is_end) {
     double now = now_s(), took = now - s->begin_s;
-    if (!isatty(STDERR_FILENO) || (!is_end && now - s->shown_s < PROGRESS_S))
+    if (!isatty(STDERR_FILENO) || (!is_end && now - s->printed_s < PROGRESS_S))
         return;
-    s->shown_s = now;
+    s->printed_s = now;
     fprintf(stderr, "\ruploading %s %3.0f %% of %.1f MB, %.1f MB/s%s", s->name,
             100.0 * (double)s->offset / (double)s->bytes, (double)s->bytes * 1e-6,
-            took > 0 ? (double)(s->offset - s->shown_from) * 1e-6 / took : 0, is_end ? "\n" : "");
+            took > 0 ? (double)(s->offset - s->begin_offset) * 1e-6 / took : 0, is_end ? "\n" : "");
 }
 
 static bool open_file(struct sending *s, struct sp_error *err) {
@@ -62,7 +62,7 @@ static bool same(const proto_json *object, const char *key, const char *text) {
 
 /* Finds an upload of this file that an earlier command began. A file that changed meanwhile is
  * another one, and so is one of which the daemon does not know when it changed. */
-static bool find_before(struct sending *s, const char *header, struct sp_error *err) {
+static bool find_earlier(struct sending *s, const char *header, struct sp_error *err) {
     proto_json *answer = http_json(s->http, "GET", "/uploads", NULL, err);
     const proto_json *list = proto_json_get(answer, "uploads");
     for (size_t i = 0; i < proto_json_size(list) && !s->id[0]; i++) {
@@ -134,7 +134,7 @@ static bool send_rest(struct sending *s, bool *moved, struct http_response *resp
     *moved = s->offset > before;
     if (s->offset == s->bytes)
         return true;
-    s->shown_from = s->offset;
+    s->begin_offset = s->offset;
     s->begin_s = now_s();
     http_response_finish(response);
     snprintf(path, sizeof path, "/uploads/%s", s->id);
@@ -155,7 +155,7 @@ static bool passes(const struct http_response *response, const struct sp_error *
 /* Sends a file; writes the id of its upload. */
 static bool send_file(struct sending *s, const struct options *options, const char *header,
                       struct sp_error *err) {
-    if (!open_file(s, err) || !find_before(s, header, err) ||
+    if (!open_file(s, err) || !find_earlier(s, header, err) ||
         (!s->id[0] && !create(s, header, err)))
         return false;
     double end_s = now_s() + options->timeout_s;

@@ -29,7 +29,7 @@ static uint64_t size_of(const struct sp_arena_block *block) {
 static void free_blocks(struct sp_arena *arena) {
     while (arena->blocks) {
         struct sp_arena_block *next = arena->blocks->next;
-        sp_budget_give(arena->budget, SP_BUDGET_ARENAS, size_of(arena->blocks));
+        sp_budget_release(arena->budget, SP_BUDGET_ARENAS, size_of(arena->blocks));
         free(arena->blocks->bytes);
         free(arena->blocks);
         arena->blocks = next;
@@ -60,7 +60,7 @@ static int add_block(struct sp_arena *arena, size_t bytes_min) {
     const size_t align = bytes_min < HUGE_BLOCK ? ALIGN : HUGE_PAGE;
     const size_t capacity = (bytes_min + align - 1) / align * align;
     const uint64_t size = capacity + sizeof(struct sp_arena_block);
-    if (!sp_budget_take(arena->budget, SP_BUDGET_ARENAS, size)) {
+    if (!sp_budget_acquire(arena->budget, SP_BUDGET_ARENAS, size)) {
         arena->refused = size;
         return 0;
     }
@@ -68,7 +68,7 @@ static int add_block(struct sp_arena *arena, size_t bytes_min) {
     unsigned char *bytes = block ? aligned_alloc(align, capacity) : NULL;
     if (!bytes) {
         free(block);
-        sp_budget_give(arena->budget, SP_BUDGET_ARENAS, size);
+        sp_budget_release(arena->budget, SP_BUDGET_ARENAS, size);
         arena->refused = 0;
         return 0;
     }

@@ -27,7 +27,7 @@ void sp_budget_destroy(struct sp_budget **budget) {
     *budget = NULL;
 }
 
-bool sp_budget_take(struct sp_budget *budget, enum sp_budget_kind kind, uint64_t bytes) {
+bool sp_budget_acquire(struct sp_budget *budget, enum sp_budget_kind kind, uint64_t bytes) {
     if (!budget)
         return true;
     uint64_t total = atomic_load(&budget->total);
@@ -46,7 +46,7 @@ void sp_budget_add(struct sp_budget *budget, enum sp_budget_kind kind, uint64_t 
     atomic_fetch_add(&budget->used[kind], bytes);
 }
 
-void sp_budget_give(struct sp_budget *budget, enum sp_budget_kind kind, uint64_t bytes) {
+void sp_budget_release(struct sp_budget *budget, enum sp_budget_kind kind, uint64_t bytes) {
     if (!budget)
         return;
     atomic_fetch_sub(&budget->used[kind], bytes);

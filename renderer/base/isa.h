@@ -60,11 +60,11 @@
 #define sp_postconv_check_cells SP_ISA_NAME(sp_postconv_check_cells)
 #define sp_postconv_resolve SP_ISA_NAME(sp_postconv_resolve)
 #define sp_postconv_open_fragments SP_ISA_NAME(sp_postconv_open_fragments)
-#define sp_postconv_take_fragments SP_ISA_NAME(sp_postconv_take_fragments)
+#define sp_postconv_composite_fragments SP_ISA_NAME(sp_postconv_composite_fragments)
 #define sp_postconv_finish_fragments SP_ISA_NAME(sp_postconv_finish_fragments)
 /* draw/resample/ */
 #define sp_resample_tile SP_ISA_NAME(sp_resample_tile)
-#define sp_ranges_find SP_ISA_NAME(sp_ranges_find)
+#define sp_ranges_compute SP_ISA_NAME(sp_ranges_compute)
 #define sp_resample_refine SP_ISA_NAME(sp_resample_refine)
 #define sp_resample_near_ranges SP_ISA_NAME(sp_resample_near_ranges)
 #define sp_resample_near_visible SP_ISA_NAME(sp_resample_near_visible)
@@ -100,11 +100,11 @@
 #define sp_cloud_set_up_gaussians SP_ISA_NAME(sp_cloud_set_up_gaussians)
 /* draw/layers/mesh/ */
 #define sp_mesh_place SP_ISA_NAME(sp_mesh_place)
-#define sp_mesh_find_spans SP_ISA_NAME(sp_mesh_find_spans)
+#define sp_mesh_compute_spans SP_ISA_NAME(sp_mesh_compute_spans)
 #define sp_mesh_cover SP_ISA_NAME(sp_mesh_cover)
 #define sp_mesh_tile SP_ISA_NAME(sp_mesh_tile)
 /* draw/light/ */
-#define sp_light_find_cells SP_ISA_NAME(sp_light_find_cells)
+#define sp_light_compute_cells SP_ISA_NAME(sp_light_compute_cells)
 #define sp_light_pass SP_ISA_NAME(sp_light_pass)
 #define sp_light_turn_in SP_ISA_NAME(sp_light_turn_in)
 #define sp_light_turn_out SP_ISA_NAME(sp_light_turn_out)

@@ -33,7 +33,7 @@ bool sp_write_at(int fd, const void *bytes, size_t size, uint64_t at) {
     return true;
 }
 
-void sp_find_data(int fd, uint64_t at, uint64_t end, uint64_t *from, uint64_t *to) {
+void sp_skip_holes(int fd, uint64_t at, uint64_t end, uint64_t *from, uint64_t *to) {
     const off_t data = lseek(fd, (off_t)at, SEEK_DATA);
     *from = data >= 0 ? (uint64_t)data : errno == ENXIO ? end : at;
     *from = *from < end ? *from : end;
@@ -55,7 +55,7 @@ bool sp_read_sparse(int fd, void *out, size_t size, uint64_t at) {
         return false;
     }
     for (uint64_t done = at; done < end; done = next) {
-        sp_find_data(fd, done, end, &from, &next);
+        sp_skip_holes(fd, done, end, &from, &next);
         memset(to + (done - at), 0, (size_t)(from - done));
         if (!sp_read_at(fd, to + (from - at), (size_t)(next - from), from))
             return false;
@@ -91,6 +91,6 @@ int sp_temporary_file(const char *folder, struct sp_error *err) {
 
 bool sp_is_hole(int fd, size_t size, uint64_t at) {
     uint64_t from, to;
-    sp_find_data(fd, at, at + size, &from, &to);
+    sp_skip_holes(fd, at, at + size, &from, &to);
     return from == at + size && is_within(fd, at + size);
 }

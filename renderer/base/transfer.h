@@ -17,7 +17,7 @@ bool sp_write_at(int fd, const void *bytes, size_t size, uint64_t at);
 
 /* The first data of a file in [at, end), behind holes: [*from, *to). Both are `end` if only holes
  * follow. On a file system without holes all is data. Moves the position of the descriptor. */
-void sp_find_data(int fd, uint64_t at, uint64_t end, uint64_t *from, uint64_t *to);
+void sp_skip_holes(int fd, uint64_t at, uint64_t end, uint64_t *from, uint64_t *to);
 
 /* True if all bytes are 0. size > 0. */
 bool sp_is_zero(const char *bytes, size_t size);

@@ -58,9 +58,9 @@ static void match_slot(struct match *m, struct sp_classify_slot *slot,
     }
 }
 
-static bool find_match(struct sp_classify_cache *cache, const struct sp_volume *volume,
-                       const struct sp_classify_job *job, struct match *match,
-                       struct sp_error *err) {
+static bool choose_match(struct sp_classify_cache *cache, const struct sp_volume *volume,
+                         const struct sp_classify_job *job, struct match *match,
+                         struct sp_error *err) {
     struct sp_transfer transfer;
     const struct sp_classify_slot *newest = sp_slots_newest(&slots, cache->slots, volume);
     const struct sp_transfer *like = newest ? &newest->c.levels[0].transfer : NULL;
@@ -111,7 +111,7 @@ static bool use_again(struct sp_classify_slot *slot, struct sp_volume *volume,
 
 /* Returns a slot for a transfer function that no slot serves. A transfer function that differs
  * little from the most similar one is an edit of it and replaces it. */
-static struct sp_classify_slot *take_slot(struct sp_classify_cache *cache, struct sp_volume *volume,
+static struct sp_classify_slot *fill_slot(struct sp_classify_cache *cache, struct sp_volume *volume,
                                           const struct sp_classify_job *job,
                                           const struct match *match, bool *ok,
                                           struct sp_error *err) {
@@ -124,7 +124,7 @@ static struct sp_classify_slot *take_slot(struct sp_classify_cache *cache, struc
         return source;
     }
     struct sp_classify_job derive = *job;
-    slot = sp_slots_take(&slots, cache->slots, UINT64_MAX, source);
+    slot = sp_slots_acquire(&slots, cache->slots, UINT64_MAX, source);
     slot->base.volume = sp_volume_ref(volume);
     sp_classification_init(&slot->c, volume);
     derive.from = source ? &source->c : NULL;
@@ -144,13 +144,13 @@ struct sp_classification *sp_classify_cache_get(struct sp_classify_cache *cache,
         ok = use_again(slot, volume, job, err);
     } else {
         struct match match;
-        if (!find_match(cache, volume, job, &match, err))
+        if (!choose_match(cache, volume, job, &match, err))
             return NULL;
         slot = match.serving;
         if (slot)
             ok = sp_classification_update(&slot->c, job, err);
         else
-            slot = take_slot(cache, volume, job, &match, &ok, err);
+            slot = fill_slot(cache, volume, job, &match, &ok, err);
         slot->repeats = 0;
     }
     slot->base.used = ++cache->clock;

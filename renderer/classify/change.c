@@ -21,8 +21,8 @@ static bool is_same_point(const struct sp_transfer_function *a, uint32_t i,
 
 /* Finds the values between the last point of the common start and the first point of the common
  * end. */
-static void find_hull(struct sp_change *c, const struct sp_transfer *from,
-                      const struct sp_transfer *to) {
+static void compute_hull(struct sp_change *c, const struct sp_transfer *from,
+                         const struct sp_transfer *to) {
     const struct sp_transfer_function *a = &from->tf, *b = &to->tf;
     uint32_t n = a->point_count, m = b->point_count, least = n < m ? n : m, head = 0, tail = 0;
     c->low = INFINITY;
@@ -43,7 +43,7 @@ bool sp_change_init(struct sp_change *change, const struct sp_transfer *from, co
                     const struct sp_transfer *to, const uint8_t *wants, struct sp_error *err) {
     *change = (struct sp_change){ 0 };
     if (!from->table) {
-        find_hull(change, from, to);
+        compute_hull(change, from, to);
         return true;
     }
     change->before = malloc((from->count + (size_t)1) * sizeof *change->before);

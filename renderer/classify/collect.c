@@ -38,7 +38,7 @@ struct collect {
     const struct sp_classify_job *job;
 };
 
-static struct intervals find_intervals(const uint8_t *listed, uint32_t count) {
+static struct intervals list_intervals(const uint8_t *listed, uint32_t count) {
     struct intervals in = { 0 };
     for (uint32_t k = 0; listed && k < count; k++) {
         if (!listed[k])
@@ -67,7 +67,7 @@ static struct collect make_collect(struct sp_level *level, const struct sp_volum
                              .cells = level->cells,
                              .ranges = level->ranges,
                              .listed = level->listed,
-                             .intervals = find_intervals(level->listed, level->transfer.count),
+                             .intervals = list_intervals(level->listed, level->transfer.count),
                              .from = source->level,
                              .change = &source->change,
                              .job = job };
@@ -84,24 +84,24 @@ static uint32_t pack_normal(const struct sp_gradient_grid *grid, uint32_t bytes,
 }
 
 /* The part of a brick that lies in the volume: its first voxel and how many along each axis. */
-struct part {
+struct region {
     uint32_t brick, corner[3], size[3];
 };
 
-static struct part find_part(const struct collect *c, uint32_t brick) {
-    struct part part = { .brick = brick };
-    sp_visible_brick_corner(c->list->bricks, brick, part.corner);
+static struct region bound_region(const struct collect *c, uint32_t brick) {
+    struct region region = { .brick = brick };
+    sp_visible_brick_corner(c->list->bricks, brick, region.corner);
     for (int a = 0; a < 3; a++) {
-        uint32_t left = c->dims[a] - part.corner[a];
-        part.size[a] = left < SP_BRICK ? left : SP_BRICK;
+        uint32_t left = c->dims[a] - region.corner[a];
+        region.size[a] = left < SP_BRICK ? left : SP_BRICK;
     }
-    return part;
+    return region;
 }
 
-static size_t row_begin(const struct collect *c, const struct part *part, uint32_t i1,
+static size_t row_begin(const struct collect *c, const struct region *region, uint32_t i1,
                         uint32_t i2) {
-    return ((size_t)(part->corner[2] + i2) * c->dims[1] + part->corner[1] + i1) * c->dims[0] +
-           part->corner[0];
+    return ((size_t)(region->corner[2] + i2) * c->dims[1] + region->corner[1] + i1) * c->dims[0] +
+           region->corner[0];
 }
 
 /* Keys of `n` samples of 8 or 16 bits; those beyond repeat the first. */
@@ -127,7 +127,7 @@ static inline void read_keys(const void *voxels, size_t at, uint32_t n, uint32_t
 }
 
 /* Returns one bit per key of a row: 1 = listed. */
-static inline uint32_t find_listed(const struct collect *c, const uint16_t keys[SP_BRICK]) {
+static inline uint32_t mark_listed(const struct collect *c, const uint16_t keys[SP_BRICK]) {
     static const uint16_t bit[SP_BRICK] = { 1,   2,   4,    8,    16,   32,   64,    128,
                                             256, 512, 1024, 2048, 4096, 8192, 16384, 32768 };
     uint16_t bits = 0;
@@ -172,16 +172,16 @@ static void put_keys(struct sp_dense *dense, uint32_t at, uint32_t stride, uint3
 }
 
 /* Collects all rows of a brick by the listed keys, 16 samples at a time. */
-static void load_table(const struct collect *c, const struct part *part, struct sp_dense *dense,
+static void load_table(const struct collect *c, const struct region *region, struct sp_dense *dense,
                        struct sp_range *range) {
-    uint32_t bytes = c->list->key_bytes, inside = (1u << part->size[0]) - 1;
+    uint32_t bytes = c->list->key_bytes, inside = (1u << region->size[0]) - 1;
     uint32_t stride = sp_dense_element(dense->axis, 1);
     uint16_t keys[SP_BRICK], low = UINT16_MAX, high = 0;
-    for (uint32_t i2 = 0; i2 < part->size[2]; i2++)
-        for (uint32_t i1 = 0; i1 < part->size[1]; i1++) {
-            size_t from = row_begin(c, part, i1, i2);
-            read_keys(c->voxels, from, part->size[0], bytes, c->transfer->first, keys);
-            uint32_t bits = find_listed(c, keys) & inside;
+    for (uint32_t i2 = 0; i2 < region->size[2]; i2++)
+        for (uint32_t i1 = 0; i1 < region->size[1]; i1++) {
+            size_t from = row_begin(c, region, i1, i2);
+            read_keys(c->voxels, from, region->size[0], bytes, c->transfer->first, keys);
+            uint32_t bits = mark_listed(c, keys) & inside;
             uint32_t at = sp_dense_element(dense->axis, i1 << 4 | i2 << 8);
             if (bits) {
                 put_keys(dense, at, stride, bytes, keys);
@@ -206,41 +206,41 @@ static void widen(const struct sp_transfer *transfer, const uint32_t *keys, uint
 }
 
 /* Collects the voxels of any type and order that are visible or can matter. */
-static void load_any(const struct collect *c, const struct part *part, struct sp_dense *dense,
+static void load_any(const struct collect *c, const struct region *region, struct sp_dense *dense,
                      struct sp_range *range) {
     uint32_t bytes = c->list->key_bytes, stride = sp_dense_element(dense->axis, 1);
     struct sp_visible element = { .key = &dense->key, .key_bytes = bytes };
     uint32_t keys[SP_BRICK];
     uint8_t visible[SP_BRICK];
-    for (uint32_t i2 = 0; i2 < part->size[2]; i2++)
-        for (uint32_t i1 = 0; i1 < part->size[1]; i1++) {
+    for (uint32_t i2 = 0; i2 < region->size[2]; i2++)
+        for (uint32_t i1 = 0; i1 < region->size[1]; i1++) {
             uint32_t bits = 0, local = i1 << 4 | i2 << 8;
             uint32_t at = sp_dense_element(dense->axis, local);
-            sp_transfer_keys(c->transfer, c->voxels, row_begin(c, part, i1, i2), part->size[0],
+            sp_transfer_keys(c->transfer, c->voxels, row_begin(c, region, i1, i2), region->size[0],
                              keys, visible);
-            for (uint32_t i0 = 0; i0 < part->size[0]; i0++) {
+            for (uint32_t i0 = 0; i0 < region->size[0]; i0++) {
                 if (c->cells)
-                    visible[i0] = sp_reach_has(c->cells[part->brick], i0 | local) &&
+                    visible[i0] = sp_reach_has(c->cells[region->brick], i0 | local) &&
                                   isfinite(sp_transfer_value(c->transfer, keys[i0]));
                 sp_visible_set_key(&element, at + i0 * stride, keys[i0]);
                 bits |= (uint32_t)visible[i0] << i0;
             }
             mark_row(dense, at, stride, bits);
             if (range)
-                widen(c->transfer, keys, part->size[0], range);
+                widen(c->transfer, keys, region->size[0], range);
         }
 }
 
 /* Reads a brick of the volume. range: of all its values; NULL = not wanted. */
-static void load_brick(const struct collect *c, const struct part *part, struct sp_dense *dense,
+static void load_brick(const struct collect *c, const struct region *region, struct sp_dense *dense,
                        struct sp_range *range) {
     memset(dense->used, 0, sizeof dense->used);
     if (range)
         *range = (struct sp_range){ INFINITY, -INFINITY };
     if (c->listed)
-        load_table(c, part, dense, range);
+        load_table(c, region, dense, range);
     else
-        load_any(c, part, dense, range);
+        load_any(c, region, dense, range);
 }
 
 /* True if the entries of the brick equal those of the source. */
@@ -251,13 +251,13 @@ static bool is_unchanged(const struct collect *c, uint32_t brick) {
 static uint32_t count_brick(const struct collect *c, struct sp_dense *dense, uint32_t brick) {
     if (is_unchanged(c, brick))
         return (uint32_t)(c->from->visible.first[brick + 1] - c->from->visible.first[brick]);
-    struct part part = find_part(c, brick);
-    load_brick(c, &part, dense, c->measures ? &c->ranges[brick] : NULL);
+    struct region region = bound_region(c, brick);
+    load_brick(c, &region, dense, c->measures ? &c->ranges[brick] : NULL);
     return sp_dense_count(dense);
 }
 
 /* Fills the normals of a rebuilt brick. Normals of voxels in the source list are copied. */
-static void find_normals(const struct collect *c, uint32_t brick, struct sp_dense *dense,
+static void fill_normals(const struct collect *c, uint32_t brick, struct sp_dense *dense,
                          struct sp_dense *old) {
     struct sp_visible element = { .normal = &dense->normal, .normal_bytes = c->list->normal_bytes };
     uint32_t corner[3];
@@ -304,11 +304,11 @@ static void fill_brick(const struct collect *c, struct sp_dense *dense, struct s
     }
     if (copy_brick(c, brick))
         return;
-    struct part part = find_part(c, brick);
-    load_brick(c, &part, dense, NULL);
+    struct region region = bound_region(c, brick);
+    load_brick(c, &region, dense, NULL);
     assert(sp_dense_count(dense) == c->list->first[brick + 1] - c->list->first[brick]);
     if (c->list->normal)
-        find_normals(c, brick, dense, old);
+        fill_normals(c, brick, dense, old);
     sp_dense_pack(dense, c->list, brick);
 }
 
@@ -330,7 +330,7 @@ static void fill_bricks(void *user, size_t begin, size_t end, unsigned worker) {
         fill_brick(c, &dense, &old, (uint32_t)b);
 }
 
-static bool find_cells(struct sp_level *level, const struct sp_volume *volume,
+static bool fill_cells(struct sp_level *level, const struct sp_volume *volume,
                        const struct sp_classify_job *job, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
     level->cells = malloc(bricks * sizeof *level->cells);
@@ -341,7 +341,7 @@ static bool find_cells(struct sp_level *level, const struct sp_volume *volume,
 
 /* Allocates the ranges of the bricks and copies those that the source has. *measures: it has none.
  */
-static bool find_ranges(struct sp_level *level, const struct sp_level *from, bool *measures,
+static bool init_ranges(struct sp_level *level, const struct sp_level *from, bool *measures,
                         struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
     *measures = false;
@@ -369,13 +369,13 @@ bool sp_collect_count(struct sp_level *level, const struct sp_volume *volume,
     uint32_t key_bytes = sp_transfer_key_bytes(&level->transfer);
     uint32_t normal_bytes = key_bytes <= 2 && !sp_transfer_wants_magnitudes(job->tf) ? 2 : 4;
     if (!sp_visible_init(list, level->grid.dims, key_bytes, normal_bytes, err) ||
-        !find_ranges(level, from, &measures, err))
+        !init_ranges(level, from, &measures, err))
         return false;
     if (from && !sp_change_init(&source->change, &from->transfer, from->listed, &level->transfer,
                                 level->listed, err))
         return false;
     source->level = from;
-    if (job->tf->order == SP_TF_POST && !find_cells(level, volume, job, err))
+    if (job->tf->order == SP_TF_POST && !fill_cells(level, volume, job, err))
         return false;
     struct collect collect = make_collect(level, volume, source, job);
     collect.measures = measures;

@@ -15,16 +15,16 @@ static struct sp_whole_part part_of(const struct sp_volume_info *info) {
 }
 
 void sp_coloring_init(struct sp_coloring *c, const struct sp_layer *layer,
-                      const struct sp_transfer_function *tf, struct sp_volume *shown,
+                      const struct sp_transfer_function *tf, struct sp_volume *drawn,
                       struct sp_volume *colors) {
     *c = (struct sp_coloring){ .by_length = strcmp(layer->color_by, SP_COLOR_BY_LENGTH) == 0 };
-    c->volume = c->by_length ? shown : colors;
+    c->volume = c->by_length ? drawn : colors;
     if (!c->volume)
         return;
-    const struct sp_volume_info *info = sp_volume_info(c->volume), *own = sp_volume_info(shown);
-    c->is_part = info->elements.kind == SP_KIND_GRID && c->volume != shown &&
+    const struct sp_volume_info *info = sp_volume_info(c->volume), *own = sp_volume_info(drawn);
+    c->is_part = info->elements.kind == SP_KIND_GRID && c->volume != drawn &&
                  (info->whole.dims[0] || own->whole.dims[0]);
-    c->shown = part_of(own);
+    c->drawn = part_of(own);
     c->own = part_of(info);
     memcpy(c->dims, own->grid.dims, sizeof c->dims);
     double high = isnan(layer->color_high) ? c->by_length ? info->longest : info->range[1]
@@ -38,18 +38,18 @@ void sp_coloring_init(struct sp_coloring *c, const struct sp_layer *layer,
 bool sp_coloring_equal(const struct sp_coloring *a, const struct sp_coloring *b) {
     return a->volume == b->volume && a->by_length == b->by_length && a->low == b->low &&
            a->scale == b->scale && a->first == b->first && a->is_part == b->is_part &&
-           memcmp(a->shown.first, b->shown.first, sizeof a->shown.first) == 0 &&
-           memcmp(a->shown.step, b->shown.step, sizeof a->shown.step) == 0 &&
+           memcmp(a->drawn.first, b->drawn.first, sizeof a->drawn.first) == 0 &&
+           memcmp(a->drawn.step, b->drawn.step, sizeof a->drawn.step) == 0 &&
            memcmp(a->dims, b->dims, sizeof a->dims) == 0;
 }
 
 /* The samples [*begin, *end) of the volume that lie in sample i of the shown one, along an axis;
  * the nearest one if none does. */
-static void find_samples(const struct sp_coloring *c, int axis, uint64_t i, uint32_t *begin,
-                         uint32_t *end) {
+static void map_samples(const struct sp_coloring *c, int axis, uint64_t i, uint32_t *begin,
+                        uint32_t *end) {
     const uint32_t count = sp_volume_info(c->volume)->grid.dims[axis];
-    const double step = c->shown.step[axis] / c->own.step[axis];
-    const double first = (double)(c->shown.first[axis] + i) * step - c->own.first[axis];
+    const double step = c->drawn.step[axis] / c->own.step[axis];
+    const double first = (double)(c->drawn.first[axis] + i) * step - c->own.first[axis];
     *begin = (uint32_t)fmin(fmax(floor(first), 0), count - 1.0);
     *end = (uint32_t)fmin(fmax(floor(first + step), 0), count);
     *end = *end > *begin ? *end : *begin + 1;
@@ -65,7 +65,7 @@ static double mean_at(const struct sp_coloring *c, uint64_t at) {
     double sum = 0;
     uint64_t count = 0;
     for (int a = 0; a < 3; a++, at /= c->dims[a - 1])
-        find_samples(c, a, at % c->dims[a], &begin[a], &end[a]);
+        map_samples(c, a, at % c->dims[a], &begin[a], &end[a]);
     for (uint32_t z = begin[2]; z < end[2]; z++)
         for (uint32_t y = begin[1]; y < end[1]; y++)
             for (uint32_t x = begin[0]; x < end[0]; x++) {

@@ -20,7 +20,7 @@ struct sp_coloring {
     /* Both volumes have other samples of the same whole, which is larger than memory: the number of
      * a sample is the mean of those that lie in it, or that of the coarser one that it lies in. */
     bool is_part;
-    struct sp_whole_part shown, own; /* where they lie */
+    struct sp_whole_part drawn, own; /* where they lie */
     uint32_t dims[3];                /* of the shown volume */
     double low, scale, first;
 };
@@ -28,7 +28,7 @@ struct sp_coloring {
 /* Finds the colouring of a layer of `shown`. `colors`: the volume that layer->color_by names, or
  * some of its samples. */
 void sp_coloring_init(struct sp_coloring *coloring, const struct sp_layer *layer,
-                      const struct sp_transfer_function *tf, struct sp_volume *shown,
+                      const struct sp_transfer_function *tf, struct sp_volume *drawn,
                       struct sp_volume *colors);
 
 bool sp_coloring_equal(const struct sp_coloring *a, const struct sp_coloring *b);

@@ -8,7 +8,7 @@
 enum { BRICKS_GRAIN = 64 };
 
 /* Returns the largest opacity of a value among the entries [first, end). */
-static float find_opacity(const struct sp_level *level, uint64_t first, uint64_t end) {
+static float measure_opacity(const struct sp_level *level, uint64_t first, uint64_t end) {
     const struct sp_pieces *pieces = level->transfer.pieces;
     float most = 0;
     for (uint64_t e = first; e < end; e++) {
@@ -22,7 +22,7 @@ static float find_opacity(const struct sp_level *level, uint64_t first, uint64_t
 }
 
 /* Returns the largest depth of a class among the entries [first, end). */
-static float find_depth(const struct sp_level *level, uint64_t first, uint64_t end) {
+static float measure_depth(const struct sp_level *level, uint64_t first, uint64_t end) {
     const struct sp_visible *list = &level->visible;
     const struct sp_class *table = level->transfer.table;
     float most = 0;
@@ -33,7 +33,7 @@ static float find_depth(const struct sp_level *level, uint64_t first, uint64_t e
         for (uint64_t e = first; e < end; e++)
             most = sp_maxf(most, table[((const uint16_t *)list->key)[e]].depth);
     else if (level->transfer.pieces)
-        most = -log1pf(-find_opacity(level, first, end));
+        most = -log1pf(-measure_opacity(level, first, end));
     else
         for (uint64_t e = first; e < end; e++)
             most =
@@ -41,22 +41,22 @@ static float find_depth(const struct sp_level *level, uint64_t first, uint64_t e
     return most;
 }
 
-struct find {
+struct work {
     struct sp_level *level;
     const struct sp_classify_job *job;
     float (*depths)[SP_BRICK];
 };
 
-static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
+static void measure_depths(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
-    const struct find *f = user;
+    const struct work *f = user;
     const struct sp_visible *list = &f->level->visible;
     if (sp_classify_cancelled(f->job, NULL))
         return;
     for (size_t b = begin; b < end; b++)
         for (uint32_t k = 0; k < SP_BRICK; k++)
-            f->depths[b][k] = find_depth(f->level, list->first[b] + list->start[b][k],
-                                         list->first[b] + list->start[b][k + 1]);
+            f->depths[b][k] = measure_depth(f->level, list->first[b] + list->start[b][k],
+                                            list->first[b] + list->start[b][k + 1]);
 }
 
 bool sp_depths_update(struct sp_level *level, const struct sp_classify_job *job,
@@ -65,14 +65,14 @@ bool sp_depths_update(struct sp_level *level, const struct sp_classify_job *job,
     unsigned axis = bricks ? level->visible.axis[0] : 0;
     if (level->depths[axis])
         return true;
-    struct find find = { level, job, malloc((bricks ? bricks : 1) * sizeof *find.depths) };
-    if (!find.depths)
+    struct work work = { level, job, malloc((bricks ? bricks : 1) * sizeof *work.depths) };
+    if (!work.depths)
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the depths of %u bricks", bricks);
-    sp_parallel_for(job->pool, bricks, BRICKS_GRAIN, find_depths, &find);
+    sp_parallel_for(job->pool, bricks, BRICKS_GRAIN, measure_depths, &work);
     if (sp_classify_cancelled(job, err)) {
-        free(find.depths);
+        free(work.depths);
         return false;
     }
-    level->depths[axis] = find.depths;
+    level->depths[axis] = work.depths;
     return true;
 }

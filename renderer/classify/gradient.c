@@ -148,8 +148,8 @@ struct steps {
     double gaps[16];
 };
 
-static void find_steps(const struct sp_grid *grid, unsigned axis, uint32_t corner,
-                       struct steps *steps) {
+static void compute_steps(const struct sp_grid *grid, unsigned axis, uint32_t corner,
+                          struct steps *steps) {
     const double *c = grid->coordinates[axis];
     for (uint32_t k = 0; k < 16 && corner + k < grid->dims[axis]; k++) {
         uint32_t i = corner + k, from = i > 0 ? i - 1 : i;
@@ -207,7 +207,7 @@ void sp_gradient_pack_directions(const struct sp_gradient_grid *grid, const uint
     struct neighbours near = { .gaps = { { 0 } } };
     uint16_t batch[BATCH];
     for (unsigned a = 0; a < 3; a++)
-        find_steps(grid->grid, a, corner[a], &steps[a]);
+        compute_steps(grid->grid, a, corner[a], &steps[a]);
     for (uint32_t at = 0; at < count; at += BATCH) {
         uint32_t n = count - at < BATCH ? count - at : BATCH;
         if (grid->type == SP_UINT8)

@@ -86,7 +86,7 @@ static float size_share(const struct merge *m, unsigned axis, uint32_t i) {
 }
 
 /* The fine bricks of a coarse one, and where the cells of each begin in it; returns how many. */
-static uint32_t find_bricks(const struct merge *m, uint32_t coarse, uint32_t fine[8],
+static uint32_t list_bricks(const struct merge *m, uint32_t coarse, uint32_t fine[8],
                             uint16_t offset[8]) {
     const struct sp_visible *list = &m->fine->visible;
     uint32_t corner[3], count = 0;
@@ -121,7 +121,7 @@ static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t
     const struct sp_visible *list = &m->fine->visible;
     uint32_t fine[8];
     uint16_t offset[8];
-    uint32_t bricks = find_bricks(m, brick, fine, offset), count = 0;
+    uint32_t bricks = list_bricks(m, brick, fine, offset), count = 0;
     for (uint32_t i = 0; i < bricks; i++) {
         uint16_t local[SP_BRICK_VOXELS];
         uint32_t entries = (uint32_t)(list->first[fine[i] + 1] - list->first[fine[i]]);
@@ -229,7 +229,7 @@ static void fill_brick(const struct merge *m, struct cells *cells, uint32_t bric
     uint16_t offset[8];
     const struct sp_visible *list = &m->coarse->visible;
     uint64_t out = list->first[brick];
-    uint32_t bricks = find_bricks(m, brick, fine, offset);
+    uint32_t bricks = list_bricks(m, brick, fine, offset);
     for (uint32_t i = 0; i < bricks; i++)
         add_brick(m, cells, fine[i], offset[i]);
     list->axis[brick] = 2;

@@ -97,7 +97,7 @@ struct span {
     double low, high, spacing;
 };
 
-static struct span find_span(const struct sp_grid *grid, unsigned axis, uint32_t cell) {
+static struct span measure_span(const struct sp_grid *grid, unsigned axis, uint32_t cell) {
     uint32_t first = cell * SP_CELL, end = first + SP_CELL;
     end = end < grid->dims[axis] ? end : grid->dims[axis];
     struct span s = { sp_grid_distance(grid, axis, first), sp_grid_distance(grid, axis, end - 1),
@@ -110,10 +110,10 @@ static struct span find_span(const struct sp_grid *grid, unsigned axis, uint32_t
 /* The farthest cell on one side of `cell` whose kernels meet its own. */
 static uint32_t find_end(const struct sp_grid *grid, unsigned axis, double reach, uint32_t cell,
                          int step, double largest) {
-    struct span own = find_span(grid, axis, cell);
+    struct span own = measure_span(grid, axis, cell);
     uint32_t cells = (grid->dims[axis] + SP_CELL - 1) / SP_CELL, end = cell;
     for (uint32_t k = cell + (uint32_t)step; k < cells; k += (uint32_t)step) { /* wraps below 0 */
-        struct span other = find_span(grid, axis, k);
+        struct span other = measure_span(grid, axis, k);
         double gap = step > 0 ? other.low - own.high : own.low - other.high;
         if (gap > reach * (own.spacing + largest))
             break;

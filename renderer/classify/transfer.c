@@ -119,7 +119,7 @@ static bool has_table(enum sp_type type) {
 /* Returns the value that keys of real types are relative to. Keys are most precise there, so it is
  * the lower end of the shortest piece that shows anything, limited to the range of the volume. A
  * distant point with opacity 0 must not cost precision. */
-static double find_base(const struct sp_transfer_function *tf, const double range[2]) {
+static double choose_base(const struct sp_transfer_function *tf, const double range[2]) {
     double base = tf->points[0].value, shortest = INFINITY;
     for (uint32_t i = 0; i + 1 < tf->point_count; i++) {
         const struct sp_tf_point *p = &tf->points[i];
@@ -134,8 +134,8 @@ static double find_base(const struct sp_transfer_function *tf, const double rang
 
 /* The points between which a value lies, given that calls come with rising values; beyond the ends
  * twice the same. *at: where to go on. */
-static void find_piece(const struct sp_transfer_function *tf, double value, uint32_t *at,
-                       const struct sp_tf_point *piece[2]) {
+static void advance_piece(const struct sp_transfer_function *tf, double value, uint32_t *at,
+                          const struct sp_tf_point *piece[2]) {
     while (*at + 1 < tf->point_count && tf->points[*at + 1].value <= value)
         ++*at;
     bool is_beyond = !(value > tf->points[0].value) || *at + 1 == tf->point_count;
@@ -157,9 +157,9 @@ static void fill_table(struct sp_transfer *t, const struct sp_transfer *like) {
         like = NULL;
     for (uint32_t i = 0; i < t->count; i++) {
         double value = (double)t->first + i;
-        find_piece(&t->tf, value, &at, piece);
+        advance_piece(&t->tf, value, &at, piece);
         if (like)
-            find_piece(&like->tf, value, &other, piece + 2);
+            advance_piece(&like->tf, value, &other, piece + 2);
         if (like && memcmp(piece, last, sizeof piece) != 0)
             is_same = is_same_point(piece[0], piece[2]) && is_same_point(piece[1], piece[3]);
         memcpy(last, piece, sizeof piece);
@@ -173,7 +173,7 @@ static void fill_table(struct sp_transfer *t, const struct sp_transfer *like) {
 
 /* What samples may be: of a volume that is larger than memory, anything. Its range is that of the
  * file, which is not trusted, or that of a coarse level. */
-static void find_limits(const struct sp_volume_info *info, double limits[2]) {
+static void fill_limits(const struct sp_volume_info *info, double limits[2]) {
     static const double ends[][2] = { [SP_UINT8] = { 0, UINT8_MAX },
                                       [SP_INT8] = { INT8_MIN, INT8_MAX },
                                       [SP_UINT16] = { 0, UINT16_MAX },
@@ -183,7 +183,7 @@ static void find_limits(const struct sp_volume_info *info, double limits[2]) {
 
 int32_t sp_transfer_first(const struct sp_volume_info *info) {
     double limits[2];
-    find_limits(info, limits);
+    fill_limits(info, limits);
     return (int32_t)limits[0];
 }
 
@@ -191,7 +191,7 @@ bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_fun
                       const struct sp_volume_info *info, const struct sp_transfer *like,
                       struct sp_error *err) {
     *transfer =
-        (struct sp_transfer){ .tf = *tf, .type = info->type, .base = find_base(tf, info->range) };
+        (struct sp_transfer){ .tf = *tf, .type = info->type, .base = choose_base(tf, info->range) };
     if (!make_scale(transfer, info))
         return sp_fail(err, SP_ERR_MEMORY, "/transfer_function/gradient",
                        "out of memory for its table");
@@ -202,7 +202,7 @@ bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_fun
         return sp_fail(err, SP_ERR_MEMORY, "/transfer_function", "out of memory for its pieces");
     }
     double limits[2];
-    find_limits(info, limits);
+    fill_limits(info, limits);
     transfer->first = (int32_t)limits[0];
     transfer->count = (uint32_t)((int32_t)limits[1] - transfer->first) + 1;
     transfer->table = malloc(transfer->count * sizeof *transfer->table);

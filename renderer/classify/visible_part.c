@@ -400,7 +400,7 @@ static double radius_of(const struct lattice *l, uint32_t ends[3][2], const doub
 }
 
 /* The slices of an axis between which all that is visible lies. */
-static void find_ends(const struct lattice *l, unsigned axis, uint32_t ends[2]) {
+static void bound_axis(const struct lattice *l, unsigned axis, uint32_t ends[2]) {
     ends[0] = l->count[axis] - 1;
     ends[1] = 0;
     for (int source = 0; source < SOURCES; source++) {
@@ -417,7 +417,7 @@ static void set_part(const struct lattice *l, struct sp_visible_part *part) {
     uint32_t ends[3][2];
     double low[3], high[3], center[3];
     for (unsigned a = 0; a < 3; a++) {
-        find_ends(l, a, ends[a]);
+        bound_axis(l, a, ends[a]);
         low[a] = border(l, a, ends[a][0]);
         high[a] = border(l, a, ends[a][1] + 1);
         center[a] = 0.5 * (low[a] + high[a]);
@@ -442,8 +442,8 @@ static bool read_source(struct lattice *l, enum source source) {
 }
 
 /* Reads at most side³ samples for each source. */
-static bool find(const struct sp_view *view, const struct sp_volume *volume, uint32_t side,
-                 bool *is_missed, struct sp_visible_part *part) {
+static bool measure_visible(const struct sp_view *view, const struct sp_volume *volume,
+                            uint32_t side, bool *is_missed, struct sp_visible_part *part) {
     struct lattice l;
     bool ok = lattice_init(&l, view, volume, side), is_seen = false;
     *is_missed = false;
@@ -462,8 +462,8 @@ static bool find(const struct sp_view *view, const struct sp_volume *volume, uin
 }
 
 /* The core of the volume's elements, if a visible layer shows them. */
-static void find_elements(const struct sp_view *view, const struct sp_volume *volume,
-                          struct sp_visible_part *part) {
+static void measure_elements(const struct sp_view *view, const struct sp_volume *volume,
+                             struct sp_visible_part *part) {
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
     double low[3], high[3];
     for (uint32_t i = 0; i < view->layer_count; i++)
@@ -479,8 +479,8 @@ static void find_elements(const struct sp_view *view, const struct sp_volume *vo
     set_box(grid, low, high, part);
 }
 
-bool sp_view_find_visible_part(const struct sp_view *view, const struct sp_volume *volume,
-                               struct sp_visible_part *part, struct sp_error *err) {
+bool sp_view_compute_visible_part(const struct sp_view *view, const struct sp_volume *volume,
+                                  struct sp_visible_part *part, struct sp_error *err) {
     bool is_missed;
     *part = (struct sp_visible_part){ .is_visible = false };
     set_whole(&sp_volume_info(volume)->grid, part);
@@ -489,11 +489,11 @@ bool sp_view_find_visible_part(const struct sp_view *view, const struct sp_volum
         return true;
     }
     if (sp_volume_elements(volume)) {
-        find_elements(view, volume, part);
+        measure_elements(view, volume, part);
         return true;
     }
-    if (find(view, volume, SIDE, &is_missed, part) &&
-        (!is_missed || find(view, volume, SIDE_CLOSE, &is_missed, part)))
+    if (measure_visible(view, volume, SIDE, &is_missed, part) &&
+        (!is_missed || measure_visible(view, volume, SIDE_CLOSE, &is_missed, part)))
         return true;
     return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the visible part");
 }

@@ -7,7 +7,7 @@ static void begin(struct sp_visible_ranges *ranges, double low, bool has_low) {
 }
 
 /* at: the values of the points. */
-static void find_intervals(struct sp_visible_ranges *ranges, const struct sp_transfer_function *tf,
+static void list_intervals(struct sp_visible_ranges *ranges, const struct sp_transfer_function *tf,
                            const double *at) {
     bool is_open = tf->points[0].opacity > 0;
     ranges->count = 0;
@@ -31,7 +31,7 @@ void sp_visible_ranges_init(struct sp_visible_ranges *ranges,
     double at[SP_TF_POINTS_MAX];
     for (uint32_t i = 0; i < tf->point_count; i++)
         at[i] = tf->points[i].value;
-    find_intervals(ranges, tf, at);
+    list_intervals(ranges, tf, at);
 }
 
 void sp_visible_ranges_init_keys(struct sp_visible_ranges *ranges,
@@ -39,7 +39,7 @@ void sp_visible_ranges_init_keys(struct sp_visible_ranges *ranges,
     double at[SP_TF_POINTS_MAX];
     for (uint32_t i = 0; i < tf->point_count; i++)
         at[i] = (double)(float)(tf->points[i].value - base);
-    find_intervals(ranges, tf, at);
+    list_intervals(ranges, tf, at);
 }
 
 bool sp_visible_ranges_overlap(const struct sp_visible_ranges *ranges, double low, double high) {

@@ -97,7 +97,7 @@ int sp_fragments_rows(const struct sp_fragments *fragments, int tile, int height
     return rows < tile ? tile : rows < all ? rows : all;
 }
 
-bool sp_fragments_find(struct sp_fragments *fragments, int begin, int end, struct sp_error *err) {
+bool sp_fragments_ensure(struct sp_fragments *fragments, int begin, int end, struct sp_error *err) {
     if (!fragments)
         return true;
     const int first = begin / SP_FRAGMENT_TILE;

@@ -40,7 +40,7 @@ struct sp_fragment_tile {
 };
 
 /* The fragments of a band of an image. All of a large image would take gigabytes: a compositor
- * draws band after band, and calls sp_fragments_find() before each. */
+ * draws band after band, and calls sp_fragments_ensure() before each. */
 struct sp_fragments {
     int columns, rows; /* of tiles, in the image */
     int begin, end;    /* rows of tiles that are there; equal = none */
@@ -99,7 +99,7 @@ int sp_fragments_rows(const struct sp_fragments *fragments, int tile, int height
 
 /* Finds the fragments of pixel rows [begin, end), unless they are there. fragments: NULL = nothing
  * to do. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
-bool sp_fragments_find(struct sp_fragments *fragments, int begin, int end, struct sp_error *err);
+bool sp_fragments_ensure(struct sp_fragments *fragments, int begin, int end, struct sp_error *err);
 
 /* Empties the lists of all tiles. */
 void sp_fragments_clear(struct sp_fragments *fragments);

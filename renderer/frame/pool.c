@@ -75,7 +75,7 @@ static size_t size_of(size_t capacity) {
 static void free_blocks(struct block *list) {
     while (list) {
         struct block *next = list->next;
-        sp_budget_give(list->budget, SP_BUDGET_IMAGES, size_of(list->capacity));
+        sp_budget_release(list->budget, SP_BUDGET_IMAGES, size_of(list->capacity));
         free(list);
         list = next;
     }
@@ -114,7 +114,7 @@ void sp_frame_pool_trim(struct sp_frame_pool *pool) {
 
 /* Returns the smallest idle block that is large enough and wastes at most half; NULL if there is
  * none. */
-static struct block *take_idle(struct sp_frame_pool *pool, size_t bytes) {
+static struct block *pop_idle(struct sp_frame_pool *pool, size_t bytes) {
     struct block **best = NULL;
     for (struct block **link = &pool->idle; *link; link = &(*link)->next) {
         size_t capacity = (*link)->capacity;
@@ -133,16 +133,16 @@ static struct block *take_idle(struct sp_frame_pool *pool, size_t bytes) {
 static struct block *allocate(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
                               size_t bytes, struct sp_error *err) {
     const size_t size = size_of(bytes);
-    if (!sp_budget_take(pool->budget, SP_BUDGET_IMAGES, size)) {
+    if (!sp_budget_acquire(pool->budget, SP_BUDGET_IMAGES, size)) {
         sp_frame_pool_trim(pool);
-        if (!sp_budget_take(pool->budget, SP_BUDGET_IMAGES, size)) {
+        if (!sp_budget_acquire(pool->budget, SP_BUDGET_IMAGES, size)) {
             sp_budget_fail(pool->budget, "pixels", size, err);
             return NULL;
         }
     }
     struct block *b = aligned_alloc(ALIGN, size);
     if (!b) {
-        sp_budget_give(pool->budget, SP_BUDGET_IMAGES, size);
+        sp_budget_release(pool->budget, SP_BUDGET_IMAGES, size);
         sp_fail(err, SP_ERR_MEMORY, "/size", "out of memory for a frame of %u × %u px (%zu bytes)",
                 width, height, bytes);
         return NULL;
@@ -160,7 +160,7 @@ struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uin
     size_t bytes = stride * height, header = round_up(sizeof(struct block));
     pthread_mutex_lock(&pool->lock);
     assert(!pool->closed);
-    struct block *b = take_idle(pool, bytes);
+    struct block *b = pop_idle(pool, bytes);
     pool->live++;
     if (!b)
         pool->allocations++;

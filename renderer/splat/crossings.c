@@ -89,7 +89,7 @@ static void fit_cubic(const double f[4], double c[4]) {
 
 /* Writes 0, the turning points of the cubic inside (0, 1) and 1: between two of them it is
  * monotone. Returns how many. */
-static int find_turns(const double c[4], double turns[4]) {
+static int compute_turns(const double c[4], double turns[4]) {
     int count = 0;
     double a = 3 * c[3], b = 2 * c[2], root[2] = { NAN, NAN };
     double discriminant = b * b - 4 * a * c[1];
@@ -139,7 +139,7 @@ static void cross(struct sp_crossings *self, uint32_t i, const double f[4], doub
     for (int k = 0; k < 4; k++)
         above[k] = f[k] - layer->value;
     fit_cubic(above, c);
-    int count = find_turns(c, turns), state = above[0] >= 0;
+    int count = compute_turns(c, turns), state = above[0] >= 0;
     if (self->state[i] >= 0 && self->state[i] != state)
         add(self, self->t, layer);
     for (int k = 1; k < count; k++) {
@@ -175,6 +175,6 @@ const struct sp_crossing *sp_crossings_peek(struct sp_crossings *self) {
     return self->next < self->count ? &self->found[self->next] : NULL;
 }
 
-void sp_crossings_take(struct sp_crossings *self) {
+void sp_crossings_pop(struct sp_crossings *self) {
     self->next++;
 }

@@ -38,6 +38,6 @@ void sp_crossings_init(struct sp_crossings *self, const struct sp_ray *ray,
 
 /* Returns the next crossing without taking it; NULL = there is no more. */
 const struct sp_crossing *sp_crossings_peek(struct sp_crossings *self);
-void sp_crossings_take(struct sp_crossings *self);
+void sp_crossings_pop(struct sp_crossings *self);
 
 #endif

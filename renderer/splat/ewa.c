@@ -107,7 +107,7 @@ static inline void shade(const struct sp_ewa_frame *f, const struct sp_ewa_run *
 }
 
 /* The same as classify() for post-classification: length, scalar and gradient. */
-static void take_scalars(const struct sp_ewa_run *run, const uint64_t *e, const float *gain,
+static void read_scalars(const struct sp_ewa_run *run, const uint64_t *e, const float *gain,
                          unsigned bits, struct amounts *to) {
     for (; bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
@@ -185,7 +185,7 @@ static inline uint32_t set_up(const struct sp_ewa_frame *f, const struct sp_ewa_
     unsigned bits = sp_wide_mask_bits(seen);
     sp_wide_store(gain, o.gain * f->gain * volume);
     if (f->post)
-        take_scalars(run, entry, gain, bits, &a);
+        read_scalars(run, entry, gain, bits, &a);
     else
         bits = classify(run, entry, gain, bits, &a);
     if (run->shade && bits)

@@ -108,7 +108,7 @@ struct stretch {
     double widest;      /* local spacing */
 };
 
-static struct stretch find_stretch(const struct sp_grid *grid, unsigned a, uint32_t first) {
+static struct stretch measure_stretch(const struct sp_grid *grid, unsigned a, uint32_t first) {
     const double inv = 1 / grid->spacing[a];
     const uint32_t end = grid->dims[a] - first > SP_BRICK ? first + SP_BRICK : grid->dims[a];
     struct stretch s = { .first = sp_grid_distance(grid, a, first) * inv,
@@ -129,7 +129,7 @@ bool sp_ewa_brick_is_clipped(const struct sp_ewa_frame *f, const uint32_t first[
     struct stretch at[3];
     double size = 0; /* at least the largest component of u */
     for (unsigned a = 0; a < 3 && f->clip.count; a++) {
-        at[a] = find_stretch(f->grid, a, first[a]);
+        at[a] = measure_stretch(f->grid, a, first[a]);
         size += fabs(f->base[a]);
         for (int r = 0; r < 3; r++)
             size += fabs(f->step_hi[r][a]) * (fabs(at[a].first) + fabs(at[a].last));

@@ -126,7 +126,7 @@ static void pass(struct march *march, double t, double to, double per_unit, doub
 }
 
 /* Takes the next surface or element before t `to`; false if there is none. */
-static bool take_thin(struct march *march, double to, struct sp_pick_event *next) {
+static bool pop_thin(struct march *march, double to, struct sp_pick_event *next) {
     const struct sp_crossing *crossing =
         march->crossings ? sp_crossings_peek(march->crossings) : NULL;
     const struct sp_pick_event *event =
@@ -140,14 +140,14 @@ static bool take_thin(struct march *march, double to, struct sp_pick_event *next
         return false;
     *next = (struct sp_pick_event){ crossing->t, depth_of((double)crossing->layer->opacity),
                                     crossing->layer->value };
-    sp_crossings_take(march->crossings);
+    sp_crossings_pop(march->crossings);
     return true;
 }
 
 /* Goes from t to `to` through matter of one kind, surfaces and elements. */
 static void go(struct march *march, double t, double to, double per_unit, double value) {
     struct sp_pick_event next;
-    while (take_thin(march, to, &next)) {
+    while (pop_thin(march, to, &next)) {
         pass(march, t, next.t, per_unit, value);
         march->depth += next.depth;
         if (march->depth >= half)

@@ -64,8 +64,8 @@ struct footprint {
     double jacobian;      /* |det J| */
 };
 
-static void find_footprint(const struct picking *p, uint32_t i, double size, double lowpass2,
-                           double ratio_max, struct footprint *f) {
+static void compute_footprint(const struct picking *p, uint32_t i, double size, double lowpass2,
+                              double ratio_max, struct footprint *f) {
     const float *e = p->elements->factors[i], *at = p->elements->positions[i];
     const double position[3] = { (double)at[0], (double)at[1], (double)at[2] };
     const double factor[3][3] = { { (double)e[0], 0, 0 },
@@ -139,7 +139,7 @@ static bool pick_points(const struct picking *p) {
         struct sp_class class;
         if (!is_near(p, i, p->layer->size, filter->lowpass, cutoff))
             continue;
-        find_footprint(p, i, p->layer->size, filter->lowpass * filter->lowpass, INFINITY, &f);
+        compute_footprint(p, i, p->layer->size, filter->lowpass * filter->lowpass, INFINITY, &f);
         if (!(f.distance2 <= cutoff * cutoff && f.det > 0))
             continue;
         const double value = (double)p->elements->values[i];
@@ -161,7 +161,7 @@ static bool pick_gaussians(const struct picking *p) {
         double opacity = (double)p->elements->opacities[i] * (double)p->layer->opacity;
         if (!(opacity >= trained_opacity_min) || !is_near(p, i, 1, sqrt(trained_lowpass2), cutoff))
             continue;
-        find_footprint(p, i, 1, trained_lowpass2, trained_ratio_max, &f);
+        compute_footprint(p, i, 1, trained_lowpass2, trained_ratio_max, &f);
         opacity *= exp(-f.distance2 / 2) * (is_normalised ? sqrt(f.plain / f.det) : 1);
         if (opacity >= trained_opacity_min &&
             !add_at(p, f.u2, -log1p(-fmin(opacity, trained_opacity_max)), NAN))

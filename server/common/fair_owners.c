@@ -7,7 +7,7 @@
 
 /* Returns the index of the owner; `count` if it has no account, because it is not ahead of others.
  */
-static unsigned find(const struct srv_fair_owners *owners, const char *name) {
+static unsigned find_owner(const struct srv_fair_owners *owners, const char *name) {
     unsigned i = 0;
     while (i < owners->count && strcmp(owners->list[i].name, name) != 0)
         i++;
@@ -15,7 +15,7 @@ static unsigned find(const struct srv_fair_owners *owners, const char *name) {
 }
 
 double srv_fair_owners_start(const struct srv_fair_owners *owners, const char *name) {
-    unsigned i = find(owners, name);
+    unsigned i = find_owner(owners, name);
     return i < owners->count ? srv_fair_start(&owners->list[i].account, owners->clock_ms)
                              : owners->clock_ms;
 }
@@ -39,7 +39,7 @@ static unsigned least(const struct srv_fair_owners *owners) {
 }
 
 void srv_fair_owners_charge(struct srv_fair_owners *owners, const char *name, double ms) {
-    unsigned i = find(owners, name);
+    unsigned i = find_owner(owners, name);
     if (i == owners->count) {
         i = owners->count < SRV_FAIR_OWNERS_MAX ? owners->count++ : least(owners);
         snprintf(owners->list[i].name, sizeof owners->list[i].name, "%s", name);

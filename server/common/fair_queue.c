@@ -20,11 +20,11 @@ void srv_fair_correct(struct srv_fair_account *account, double more_ms) {
 }
 
 void srv_fair_add_use(struct srv_fair_use *use, double ms, double now_ms) {
-    use->ms = fmax(srv_fair_used_part(use, now_ms) * USE_MS + ms, 0);
+    use->ms = fmax(srv_fair_used_portion(use, now_ms) * USE_MS + ms, 0);
     use->at_ms = now_ms;
 }
 
-double srv_fair_used_part(const struct srv_fair_use *use, double now_ms) {
+double srv_fair_used_portion(const struct srv_fair_use *use, double now_ms) {
     return use->ms * exp(fmin(use->at_ms - now_ms, 0) / USE_MS) / USE_MS;
 }
 

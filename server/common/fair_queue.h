@@ -42,7 +42,7 @@ struct srv_fair_use { /* zeroed: none */
 void srv_fair_add_use(struct srv_fair_use *use, double ms, double now_ms);
 /* Returns the part of the last half second that was used; >= 0, more than 1 if work runs side by
  * side. */
-double srv_fair_used_part(const struct srv_fair_use *use, double now_ms);
+double srv_fair_used_portion(const struct srv_fair_use *use, double now_ms);
 
 /* The starvation limit. More urgent work cancels work of the lowest rank. After a wait of twenty
  * times its expected time (1 s if that is 0), the work is protected: it may run for a tenth of its

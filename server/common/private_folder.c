@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 /* mkdtemp replaces these characters; only folders with names of this form are ours. */
-#define RANDOM_PART "XXXXXX"
+#define RANDOM_SUFFIX "XXXXXX"
 
 enum { ID_CHARACTERS = 32, TRIES = 100 };
 
@@ -77,7 +77,7 @@ static void remove_left(int parent, const char *name, const char *parent_path) {
 }
 
 static void remove_all_left(const char *prefix) {
-    const size_t prefix_length = strlen(prefix), length = prefix_length + strlen(RANDOM_PART);
+    const size_t prefix_length = strlen(prefix), length = prefix_length + strlen(RANDOM_SUFFIX);
     DIR *folders = opendir(temporary());
     for (struct dirent *folder; folders && (folder = readdir(folders));)
         if (strlen(folder->d_name) == length && strncmp(folder->d_name, prefix, prefix_length) == 0)
@@ -95,7 +95,7 @@ bool srv_private_folder_open(const char *prefix, char path[SRV_FOLDER_BYTES], in
     struct stat st;
     remove_all_left(prefix);
     for (int i = 0; i < TRIES; i++) {
-        int n = snprintf(path, SRV_FOLDER_BYTES, "%s/%s" RANDOM_PART, temporary(), prefix);
+        int n = snprintf(path, SRV_FOLDER_BYTES, "%s/%s" RANDOM_SUFFIX, temporary(), prefix);
         if (n < 0 || n >= SRV_FOLDER_BYTES)
             return sp_fail(err, SP_ERR_INVALID, NULL, "the path of $TMPDIR is too long");
         if (!mkdtemp(path))

@@ -75,7 +75,7 @@ void srv_timer_set_by(struct srv_timer_heap *heap, struct srv_timer *timer, doub
         srv_timer_set(heap, timer, at);
 }
 
-void *srv_timer_take(struct srv_timer_heap *heap, double now) {
+void *srv_timer_pop(struct srv_timer_heap *heap, double now) {
     struct srv_timer *timer = heap->first;
     if (!timer || timer->at > now)
         return NULL;

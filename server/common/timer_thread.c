@@ -22,7 +22,7 @@ static void *timer_main(void *user) {
     pthread_mutex_lock(&thread->mutex);
     while (!thread->stop) {
         double next_ms = srv_timer_next(&thread->heap);
-        struct srv_timer_task *task = srv_timer_take(&thread->heap, srv_clock_ms());
+        struct srv_timer_task *task = srv_timer_pop(&thread->heap, srv_clock_ms());
         if (task) {
             pthread_mutex_unlock(&thread->mutex);
             next_ms = task->run(task->user, srv_clock_ms());

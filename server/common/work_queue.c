@@ -26,7 +26,7 @@ struct srv_work_queue {
 };
 
 /* Takes the next work out of the list, which has some. */
-static struct srv_work *take_next(struct srv_work_queue *queue) {
+static struct srv_work *pop_next(struct srv_work_queue *queue) {
     struct srv_work **best = &queue->first;
     double best_ms = srv_fair_owners_start(&queue->fair, (*best)->owner);
     for (struct srv_work **link = &(*best)->next; *link; link = &(*link)->next) {
@@ -48,7 +48,7 @@ static struct srv_work *wait_for_work(struct srv_work_queue *queue) {
     pthread_mutex_lock(&queue->mutex);
     while (!queue->first && !queue->stop)
         pthread_cond_wait(&queue->changed, &queue->mutex);
-    struct srv_work *work = queue->first ? take_next(queue) : NULL;
+    struct srv_work *work = queue->first ? pop_next(queue) : NULL;
     queue->is_ended = !work;
     if (work) {
         memcpy(queue->running, work->owner, sizeof queue->running);

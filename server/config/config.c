@@ -186,7 +186,7 @@ static void *value_of(struct srv_config *config, const struct setting *setting) 
     return (char *)config + setting->offset;
 }
 
-static const struct setting *find(const char *name, size_t length) {
+static const struct setting *find_setting(const char *name, size_t length) {
     for (size_t i = 0; i < SETTINGS; i++)
         if (strlen(settings[i].name) == length && strncmp(settings[i].name, name, length) == 0)
             return &settings[i];
@@ -272,7 +272,7 @@ static bool parse_number(const struct setting *setting, const char *text, int64_
 }
 
 bool srv_config_number(const char *name, const char *text, int64_t *number, struct sp_error *err) {
-    return parse_number(find(name, strlen(name)), text, number, NULL, err);
+    return parse_number(find_setting(name, strlen(name)), text, number, NULL, err);
 }
 
 static bool set_text(char **slot, const char *text, const char *place, struct sp_error *err) {
@@ -333,7 +333,7 @@ bool srv_config_line(struct srv_config *config, const char *line, const char *pl
     size_t key_length = (size_t)(equals - key);
     while (key_length > 0 && isspace((unsigned char)key[key_length - 1]))
         key_length--;
-    const struct setting *setting = find(key, key_length);
+    const struct setting *setting = find_setting(key, key_length);
     if (!setting || setting->kind == SWITCH || setting->kind == FILE_TO_READ)
         return sp_fail(err, SP_ERR_INVALID, place, "unknown setting '%.*s'",
                        (int)(key_length < 64 ? key_length : 64), key);
@@ -438,7 +438,7 @@ bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct s
                            "unexpected argument; options begin with -- (see --help)");
         size_t length = strcspn(argument + 2, "=");
         const char *equals = argument[2 + length] ? argument + 2 + length : NULL;
-        const struct setting *setting = find(argument + 2, length);
+        const struct setting *setting = find_setting(argument + 2, length);
         char place[SP_ERROR_PLACE];
         snprintf(place, sizeof place, "--%.*s", (int)(length < 64 ? length : 64), argument + 2);
         if (!setting)

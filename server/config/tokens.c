@@ -109,7 +109,7 @@ bool srv_tokens_set(struct srv_tokens *tokens, struct srv_token *list, size_t co
     return ok || sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while storing the tokens");
 }
 
-void srv_tokens_find(struct srv_tokens *tokens, const char *given, struct srv_grant *grant) {
+void srv_tokens_acquire(struct srv_tokens *tokens, const char *given, struct srv_grant *grant) {
     *grant = (struct srv_grant){ .rights = 0 };
     pthread_mutex_lock(&tokens->mutex);
     struct entry *found = NULL;
@@ -126,7 +126,7 @@ void srv_tokens_find(struct srv_tokens *tokens, const char *given, struct srv_gr
     pthread_mutex_unlock(&tokens->mutex);
 }
 
-void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant) {
+void srv_tokens_release(struct srv_tokens *tokens, struct srv_grant *grant) {
     pthread_mutex_lock(&tokens->mutex);
     drop(grant->use);
     pthread_mutex_unlock(&tokens->mutex);

@@ -29,8 +29,8 @@ bool srv_tokens_set(struct srv_tokens *tokens, struct srv_token *list, size_t co
 
 /* Looks up a token; `given` NULL = none. Compares with every token, so that the time depends only
  * on their number and the length of `given`. Give the grant back afterwards. */
-void srv_tokens_find(struct srv_tokens *tokens, const char *given, struct srv_grant *grant);
-void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant);
+void srv_tokens_acquire(struct srv_tokens *tokens, const char *given, struct srv_grant *grant);
+void srv_tokens_release(struct srv_tokens *tokens, struct srv_grant *grant);
 /* Reads the rights (bits of enum srv_right; NULL = not needed) and the quota of the token with this
  * name. False: there is none, and nothing is written. */
 bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *rights,

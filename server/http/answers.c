@@ -71,7 +71,7 @@ static void remove_if_empty(struct srv_answers *answers, struct srv_answer_accou
 static bool reserve(struct srv_answers *answers, const struct srv_answer_account *account,
                     bool is_limited, uint64_t bytes, bool is_made, struct sp_error *err) {
     struct sp_budget *budget = answers->budget;
-    const struct srv_pool pool = { sp_budget_limit(budget) / SRV_ANSWERS_PART, answers->used,
+    const struct srv_pool pool = { sp_budget_limit(budget) / SRV_ANSWERS_DIVISOR, answers->used,
                                    account->bytes };
     const uint64_t left = srv_fair_left(&pool, true);
     if (is_limited && account->bytes > 0 && bytes > left)
@@ -83,7 +83,7 @@ static bool reserve(struct srv_answers *answers, const struct srv_answer_account
                        account->bytes + left);
     if (is_made)
         sp_budget_add(budget, SP_BUDGET_ANSWERS, bytes);
-    else if (!sp_budget_take(budget, SP_BUDGET_ANSWERS, bytes))
+    else if (!sp_budget_acquire(budget, SP_BUDGET_ANSWERS, bytes))
         return sp_fail(err, SP_ERR_FRAME_BUDGET, NULL,
                        "the answer needs %" PRIu64 " bytes; images have %" PRIu64 " of the %" PRIu64
                        " bytes that they may have together; try again later",
@@ -91,9 +91,9 @@ static bool reserve(struct srv_answers *answers, const struct srv_answer_account
     return true;
 }
 
-bool srv_answers_take(struct srv_answers *answers, const struct srv_answer_owner *owner,
-                      uint64_t bytes, bool is_made, struct srv_answer *answer,
-                      struct sp_error *err) {
+bool srv_answers_acquire(struct srv_answers *answers, const struct srv_answer_owner *owner,
+                         uint64_t bytes, bool is_made, struct srv_answer *answer,
+                         struct sp_error *err) {
     pthread_mutex_lock(&answers->mutex);
     struct srv_answer_account *account = find_or_add(answers, owner->name);
     const bool ok =
@@ -115,7 +115,7 @@ void srv_answers_shrink(struct srv_answers *answers, struct srv_answer *answer, 
         return;
     const uint64_t excess = answer->bytes - bytes;
     pthread_mutex_lock(&answers->mutex);
-    sp_budget_give(answers->budget, SP_BUDGET_ANSWERS, excess);
+    sp_budget_release(answers->budget, SP_BUDGET_ANSWERS, excess);
     answers->used -= excess;
     answer->account->bytes -= excess;
     answer->bytes = bytes;

@@ -14,7 +14,7 @@
 #include "config/token_file.h"
 #include "sp/budget.h"
 
-enum { SRV_ANSWERS_PART = 2 }; /* answers have 1 / SRV_ANSWERS_PART of the budget's limit */
+enum { SRV_ANSWERS_DIVISOR = 2 }; /* answers have 1 / SRV_ANSWERS_DIVISOR of the budget's limit */
 
 struct srv_answers; /* opaque */
 struct srv_answer_account;
@@ -38,9 +38,9 @@ void srv_answers_destroy(struct srv_answers **answers);
  * the budget. An owner without other answers gets one of any size that fits the budget. False with
  * both numbers in the text: SP_ERR_QUOTA (over the owner's share), SP_ERR_FRAME_BUDGET;
  * SP_ERR_MEMORY. */
-bool srv_answers_take(struct srv_answers *answers, const struct srv_answer_owner *owner,
-                      uint64_t bytes, bool is_made, struct srv_answer *answer,
-                      struct sp_error *err);
+bool srv_answers_acquire(struct srv_answers *answers, const struct srv_answer_owner *owner,
+                         uint64_t bytes, bool is_made, struct srv_answer *answer,
+                         struct sp_error *err);
 /* Gives back what exceeds so many bytes; 0 = all. */
 void srv_answers_shrink(struct srv_answers *answers, struct srv_answer *answer, uint64_t bytes);
 

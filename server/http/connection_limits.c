@@ -45,7 +45,7 @@ int64_t srv_descriptors_fit(const struct srv_config *config) {
 /* Rate per host. */
 
 /* Returns the entry of the host, or the entry to replace: the one whose quota is full soonest. */
-static size_t find(const struct srv_host_rate *rate, const struct sockaddr *host) {
+static size_t find_host(const struct srv_host_rate *rate, const struct sockaddr *host) {
     size_t least = 0;
     for (size_t i = 0; i < SRV_RATE_HOSTS; i++) {
         if (srv_address_same_host((const struct sockaddr *)&rate->hosts[i].host, host))
@@ -56,11 +56,11 @@ static size_t find(const struct srv_host_rate *rate, const struct sockaddr *host
     return least;
 }
 
-bool srv_host_rate_take(struct srv_host_rate *rate, const struct sockaddr_storage *host,
-                        double now_ms) {
+bool srv_host_rate_spend(struct srv_host_rate *rate, const struct sockaddr_storage *host,
+                         double now_ms) {
     if (rate->per_second <= 0)
         return true;
-    size_t i = find(rate, (const struct sockaddr *)host);
+    size_t i = find_host(rate, (const struct sockaddr *)host);
     if (!srv_address_same_host((const struct sockaddr *)&rate->hosts[i].host,
                                (const struct sockaddr *)host)) {
         rate->hosts[i].host = *host;

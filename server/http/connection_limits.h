@@ -39,8 +39,8 @@ struct srv_host_rate { /* all other members start at zero */
 };
 
 /* Takes one event from the quota of the host. False: the quota is used up. */
-bool srv_host_rate_take(struct srv_host_rate *rate, const struct sockaddr_storage *host,
-                        double now_ms);
+bool srv_host_rate_spend(struct srv_host_rate *rate, const struct sockaddr_storage *host,
+                         double now_ms);
 
 /* In the order of SRV_COUNT_REFUSED_…. */
 enum srv_refusal_reason {

@@ -102,7 +102,7 @@ void srv_deadlines_set(struct srv_deadlines *deadlines, struct srv_connection *c
 
 void srv_deadlines_sweep(struct srv_deadlines *deadlines, double now_ms) {
     pthread_mutex_lock(&deadlines->mutex);
-    for (struct srv_connection *c; (c = srv_timer_take(&deadlines->timers, now_ms));) {
+    for (struct srv_connection *c; (c = srv_timer_pop(&deadlines->timers, now_ms));) {
         if (c->deadline_ms > now_ms) {
             srv_timer_set(&deadlines->timers, &c->timer, c->deadline_ms);
             continue;

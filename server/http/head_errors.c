@@ -32,7 +32,7 @@ static bool is_complete(const struct srv_request *request) {
     return MHD_get_connection_info(request->mhd, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE) != NULL;
 }
 
-static struct srv_request *find(struct srv_http *http) {
+static struct srv_request *find_request(struct srv_http *http) {
     pthread_mutex_lock(&http->mutex);
     struct srv_request *request = http->heads;
     while (request &&
@@ -60,7 +60,7 @@ static void answer(struct srv_request *request) {
 }
 
 void srv_on_library_log(struct srv_http *http) {
-    struct srv_request *request = find(http);
+    struct srv_request *request = find_request(http);
     if (!request || !srv_request_has_bad_head(request))
         return;
     srv_head_end(request);

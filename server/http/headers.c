@@ -195,5 +195,5 @@ enum srv_range srv_header_range(const char *range, const char *if_range, const c
         return SRV_RANGE_NONE;
     *from = first;
     *count = (has_first && has_last && last < size ? last + 1 : size) - first;
-    return SRV_RANGE_PART;
+    return SRV_RANGE_PARTIAL;
 }

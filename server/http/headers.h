@@ -47,12 +47,12 @@ bool srv_query_size(const char *text, uint32_t size[2]);
 /* Parses `count` decimal numbers, separated by commas, each finite. */
 bool srv_query_numbers(const char *text, unsigned count, double *numbers);
 
-enum srv_range { SRV_RANGE_WHOLE, SRV_RANGE_PART, SRV_RANGE_NONE };
+enum srv_range { SRV_RANGE_WHOLE, SRV_RANGE_PARTIAL, SRV_RANGE_NONE };
 
 /* Decodes a Range header (RFC 9110, 14) for a file of `size` bytes: the answer has the bytes
- * [*from, *from + *count). SRV_RANGE_PART: a single range. SRV_RANGE_WHOLE: no or several ranges,
- * another unit, or an If-Range other than `etag`. SRV_RANGE_NONE: the file does not have these
- * bytes. Both headers may be NULL. */
+ * [*from, *from + *count). SRV_RANGE_PARTIAL: a single range. SRV_RANGE_WHOLE: no or several
+ * ranges, another unit, or an If-Range other than `etag`. SRV_RANGE_NONE: the file does not have
+ * these bytes. Both headers may be NULL. */
 enum srv_range srv_header_range(const char *range, const char *if_range, const char *etag,
                                 uint64_t size, uint64_t *from, uint64_t *count);
 

@@ -35,7 +35,7 @@ static struct srv_ingress_node *node_create(struct srv_ingress_node *parent, con
     return node;
 }
 
-static struct srv_ingress_node *find(struct srv_ingress_node *parent, const char *name) {
+static struct srv_ingress_node *find_or_add(struct srv_ingress_node *parent, const char *name) {
     struct srv_ingress_node *node = parent->first;
     while (node && strcmp(node->name, name) != 0)
         node = node->next;
@@ -84,8 +84,8 @@ void srv_ingress_tick(struct srv_ingress *ingress) {
 
 bool srv_ingress_open(struct srv_ingress *ingress, const char *owner, const char *session,
                       struct srv_ingress_stream *stream) {
-    struct srv_ingress_node *above = find(ingress->all, owner);
-    struct srv_ingress_node *node = above ? find(above, session) : NULL;
+    struct srv_ingress_node *above = find_or_add(ingress->all, owner);
+    struct srv_ingress_node *node = above ? find_or_add(above, session) : NULL;
     if (!node) {
         if (above)
             prune(above);
@@ -142,7 +142,8 @@ bool srv_ingress_has(const struct srv_ingress_stream *stream, enum srv_ingress_k
            (now.ingress->open[kind] > 0 || sure_left(&now, kind) > 0);
 }
 
-void srv_ingress_take(struct srv_ingress_stream *stream, enum srv_ingress_kind kind, size_t bytes) {
+void srv_ingress_charge(struct srv_ingress_stream *stream, enum srv_ingress_kind kind,
+                        size_t bytes) {
     *stream = renewed(stream);
     const int64_t size = (int64_t)bytes, sure = sure_left(stream, kind);
     const int64_t own = size < sure ? size : sure;

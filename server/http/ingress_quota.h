@@ -64,6 +64,7 @@ void srv_ingress_close(struct srv_ingress_stream *stream);
 
 /* True if more may be read from the stream, or made for it, before the next tick. */
 bool srv_ingress_has(const struct srv_ingress_stream *stream, enum srv_ingress_kind kind);
-void srv_ingress_take(struct srv_ingress_stream *stream, enum srv_ingress_kind kind, size_t bytes);
+void srv_ingress_charge(struct srv_ingress_stream *stream, enum srv_ingress_kind kind,
+                        size_t bytes);
 
 #endif

@@ -58,21 +58,22 @@ bool srv_request_begin_snapshot(struct srv_request *request, struct sp_error *er
     return request->has_snapshot;
 }
 
-static bool take_answer(struct srv_request *request, uint64_t bytes, bool is_made,
-                        struct sp_error *err) {
+static bool acquire_answer(struct srv_request *request, uint64_t bytes, bool is_made,
+                           struct sp_error *err) {
     const struct srv_grant *grant = &request->grant;
     /* Guests of all sessions share what one owner may have. */
     struct srv_answer_owner owner = { .is_limited = grant->quota.is_limited || !grant->rights };
     snprintf(owner.name, sizeof owner.name, "%s", grant->name);
-    return srv_answers_take(request->http->answers, &owner, bytes, is_made, &request->answer, err);
+    return srv_answers_acquire(request->http->answers, &owner, bytes, is_made, &request->answer,
+                               err);
 }
 
 bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
-    return take_answer(request, bytes, false, err);
+    return acquire_answer(request, bytes, false, err);
 }
 
 bool srv_request_count_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
-    return take_answer(request, bytes, true, err);
+    return acquire_answer(request, bytes, true, err);
 }
 
 void srv_request_shrink_answer(struct srv_request *request, uint64_t bytes) {

@@ -107,7 +107,7 @@ void srv_request_reply_changed(struct srv_request *request, bool ok, const struc
 bool srv_request_begin_snapshot(struct srv_request *request, struct sp_error *err);
 void srv_request_end_snapshot(struct srv_request *request);
 /* Takes the memory of an answer (answers.h) that is made next, until the end of the request.
- * `bytes`: while it is made. Errors: those of srv_answers_take(). */
+ * `bytes`: while it is made. Errors: those of srv_answers_acquire(). */
 bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err);
 /* The same for an answer that is there already. SP_ERR_QUOTA, SP_ERR_MEMORY. */
 bool srv_request_count_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err);

@@ -71,8 +71,8 @@ static enum MHD_Result queue(struct srv_request *request) {
 static bool check_again(struct srv_request *request) {
     if (request->body_seen == 0 || !request->route)
         return true;
-    srv_tokens_give_back(request->app->tokens, &request->grant);
-    srv_tokens_find(request->app->tokens, srv_request_token(request), &request->grant);
+    srv_tokens_release(request->app->tokens, &request->grant);
+    srv_tokens_acquire(request->app->tokens, srv_request_token(request), &request->grant);
     return srv_request_check_right(request, request->route->needs);
 }
 
@@ -146,7 +146,7 @@ static enum MHD_Result on_headers(struct srv_request *request, const char *versi
 static enum MHD_Result on_body(struct srv_request *request, const char *bytes, size_t *size) {
     size_t limit = (size_t)request->app->config->body_size, take = *size;
     if (request->upload_body && !request->is_refused) {
-        srv_upload_body_take(request, bytes, size);
+        srv_upload_body_append(request, bytes, size);
         return MHD_YES;
     }
     *size = 0;
@@ -247,7 +247,7 @@ void srv_on_completed(void *user, struct MHD_Connection *connection, void **stat
     srv_upload_body_close(request);
     srv_reply_finish(&request->reply);
     srv_request_end_snapshot(request);
-    srv_tokens_give_back(request->app->tokens, &request->grant);
+    srv_tokens_release(request->app->tokens, &request->grant);
     while (request->joined) {
         struct srv_joined_header *joined = request->joined;
         request->joined = joined->next;

@@ -219,7 +219,7 @@ static enum MHD_Result check_parameter(void *user, enum MHD_ValueKind kind, cons
                                        const char *value) {
     struct query_check *query = user;
     const struct srv_route *route = query->request->route;
-    bool is_known = srv_route_takes(route, name);
+    bool is_known = srv_route_accepts(route, name);
     if (is_known && value && MHD_lookup_connection_value(query->request->mhd, kind, name) == value)
         return MHD_YES;
     query->is_refused = true;
@@ -254,7 +254,7 @@ bool srv_request_check(struct srv_request *request) {
     unsigned allowed;
     if (!check_limits(request))
         return false;
-    srv_tokens_find(request->app->tokens, srv_request_token(request), &request->grant);
+    srv_tokens_acquire(request->app->tokens, srv_request_token(request), &request->grant);
     request->route = srv_routes_find(request->method, request->path, request->param, &allowed);
     if (!check_share(request))
         return false;

@@ -60,7 +60,7 @@ const struct srv_route *srv_route_find(const struct srv_route *routes, size_t co
     return NULL;
 }
 
-bool srv_route_takes(const struct srv_route *route, const char *name) {
+bool srv_route_accepts(const struct srv_route *route, const char *name) {
     for (size_t i = 0; i < SRV_QUERY_NAMES && route->query[i]; i++)
         if (strcmp(route->query[i], name) == 0)
             return true;

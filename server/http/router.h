@@ -44,7 +44,7 @@ const struct srv_route *srv_route_find(const struct srv_route *routes, size_t co
                                        char param[SRV_PARAM_BYTES], unsigned *allowed);
 
 /* True if the route takes a query parameter of this name. */
-bool srv_route_takes(const struct srv_route *route, const char *name);
+bool srv_route_accepts(const struct srv_route *route, const char *name);
 
 /* Writes "GET, HEAD, POST", as in an Allow header. */
 void srv_methods_to_text(unsigned methods, char text[64]);

@@ -94,9 +94,9 @@ static void print_frame_memory(const struct srv_frame_memory *memory, FILE *out)
 
 static void print_memory(const struct srv_request *request, FILE *out) {
     struct sp_renderer_info info[SRV_RENDERERS];
-    uint64_t used, budget, windows;
+    uint64_t used, budget, brick_bytes;
     srv_render_pool_info(request->app->render_pool, info);
-    srv_catalog_memory(request->app->catalog, &used, &budget, &windows);
+    srv_catalog_memory(request->app->catalog, &used, &budget, &brick_bytes);
     srv_metrics_family(out, "splatd_memory_bytes", "gauge",
                        "Memory in use: voxels (of --memory); of frames (--render-bytes) what they "
                        "are drawn in, pixels, encoders, encoded images that clients have not read "
@@ -105,7 +105,7 @@ static void print_memory(const struct srv_request *request, FILE *out) {
     print_frame_memory(request->app->frame_memory, out);
     gauge(out, "splatd_window_bytes",
           "Samples of brick files in memory, bytes; they share what --memory has left",
-          (double)windows);
+          (double)brick_bytes);
     gauge(out, "splatd_memory_budget_bytes", "Limit of --memory", (double)budget);
     srv_metrics_family(
         out, "splatd_volume_bytes", "gauge",

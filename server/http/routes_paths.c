@@ -184,7 +184,7 @@ static void reply_file(struct srv_request *request, const struct srv_path_file *
         free(file);
     } else {
         *file = (struct file){ .fd = result->fd, .left = count };
-        reply->status = range == SRV_RANGE_PART ? 206 : 200;
+        reply->status = range == SRV_RANGE_PARTIAL ? 206 : 200;
         reply->mime = result->mime;
         srv_reply_chunked_body(
             request, reply, count,

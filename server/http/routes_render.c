@@ -66,25 +66,25 @@ static bool read_chroma(struct srv_request *request, enum sp_chroma *chroma,
     return false;
 }
 
-static struct srv_part part_of(const char *text) {
-    return (struct srv_part){ text, strlen(text) };
+static struct srv_piece piece_of(const char *text) {
+    return (struct srv_piece){ text, strlen(text) };
 }
 
 /* Fingerprint of all renderers, because it is not known in advance which one renders the snapshot.
  */
 static struct srv_fingerprint of_renderers(struct srv_render_pool *render_pool) {
-    enum { PARTS = 3 };
+    enum { PIECES = 3 };
     struct sp_renderer_info info[SRV_RENDERERS];
-    struct srv_part parts[SRV_RENDERERS * PARTS];
+    struct srv_piece pieces[SRV_RENDERERS * PIECES];
     srv_render_pool_info(render_pool, info);
     for (int l = 0; l < SRV_RENDERERS; l++) {
         if (!info[l].backend) /* not started yet; it will start like the first one */
             info[l] = info[0];
-        parts[PARTS * l] = part_of(info[l].backend);
-        parts[PARTS * l + 1] = part_of(info[l].isa);
-        parts[PARTS * l + 2] = part_of(info[l].device);
+        pieces[PIECES * l] = piece_of(info[l].backend);
+        pieces[PIECES * l + 1] = piece_of(info[l].isa);
+        pieces[PIECES * l + 2] = piece_of(info[l].device);
     }
-    return srv_fingerprint_of(parts, SRV_RENDERERS * PARTS);
+    return srv_fingerprint_of(pieces, SRV_RENDERERS * PIECES);
 }
 
 /* Computes the ETag from everything that determines the bytes: program, renderers, volume, view and
@@ -105,14 +105,14 @@ static bool make_etag(const struct srv_request *request, const struct srv_snapsh
     struct srv_fingerprint renderers = of_renderers(app->render_pool);
     const struct srv_fingerprint content =
         srv_catalog_fingerprint(app->catalog, snapshot->volume, &snapshot->view);
-    const struct srv_part parts[] = {
+    const struct srv_piece pieces[] = {
         { &app->program, sizeof app->program },
         { &renderers, sizeof renderers },
         { &content, sizeof content },
         { params, sizeof params },
         { text, size },
     };
-    struct srv_fingerprint all = srv_fingerprint_of(parts, sizeof parts / sizeof *parts);
+    struct srv_fingerprint all = srv_fingerprint_of(pieces, sizeof pieces / sizeof *pieces);
     free(text);
     srv_fingerprint_encode(&all, digits);
     snprintf(etag, ETAG_BYTES, "\"%s\"", digits);

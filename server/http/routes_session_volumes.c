@@ -58,7 +58,7 @@ void srv_get_session_volumes(struct srv_request *request, struct srv_reply *repl
 /* Copies the id of the volume, the second parameter of the path. False: the session's view does not
  * name it, and the reply is a problem document, the same whether or not the daemon has the volume.
  */
-static bool find_id(const struct srv_request *request, const proto_json *view,
+static bool copy_id(const struct srv_request *request, const proto_json *view,
                     char id[SP_NAME_BYTES], struct srv_reply *reply) {
     const char *wanted = strchr(request->param, '/') + 1;
     snprintf(id, SP_NAME_BYTES, "%s", wanted);
@@ -76,7 +76,7 @@ static void reply_volume(struct srv_request *request, const char *shown, const p
     struct srv_volume_status status;
     char id[SP_NAME_BYTES];
     (void)shown;
-    if (!find_id(request, view, id, reply) || !srv_find_volume(request, id, &status, reply))
+    if (!copy_id(request, view, id, reply) || !srv_find_volume(request, id, &status, reply))
         return;
     srv_reply_json(reply, 200, srv_encode_volume(request, &status, true));
     sp_volume_unref(&status.volume);
@@ -90,7 +90,7 @@ static void reply_view(struct srv_request *request, const char *shown, const pro
                        struct srv_reply *reply) {
     char id[SP_NAME_BYTES];
     (void)shown;
-    if (find_id(request, view, id, reply))
+    if (copy_id(request, view, id, reply))
         srv_reply_default_view(request, id, reply);
 }
 

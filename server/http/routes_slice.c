@@ -51,7 +51,7 @@ static void make_etag(const struct srv_request *request, const struct slice_requ
     const struct sp_slice *s = &wanted->slice;
     const int32_t format = (int32_t)wanted->query.format;
     const struct sp_transfer_function *colors = wanted->colors;
-    const struct srv_part parts[] = {
+    const struct srv_piece pieces[] = {
         { &request->app->program, sizeof request->app->program },
         { volume, sizeof *volume },
         { s->size, sizeof s->size },
@@ -62,7 +62,7 @@ static void make_etag(const struct srv_request *request, const struct slice_requ
         { colors ? colors->points : NULL,
           colors ? colors->point_count * sizeof *colors->points : 0 },
     };
-    struct srv_fingerprint all = srv_fingerprint_of(parts, sizeof parts / sizeof *parts);
+    struct srv_fingerprint all = srv_fingerprint_of(pieces, sizeof pieces / sizeof *pieces);
     srv_fingerprint_encode(&all, digits);
     snprintf(etag, ETAG_TEXT, "\"%s\"", digits);
 }

@@ -26,7 +26,7 @@ static void set_policy(struct srv_reply *reply, const char *origins) {
     srv_reply_header(reply, "Content-Security-Policy", "%s%s", policy, ancestors);
 }
 
-static const struct srv_asset *find(const char *path) {
+static const struct srv_asset *find_asset(const char *path) {
     for (size_t i = 0; i < srv_asset_count; i++)
         if (strcmp(srv_assets[i].path, path) == 0)
             return &srv_assets[i];
@@ -45,7 +45,7 @@ static void serve(struct srv_request *request, const struct srv_asset *asset,
 
 bool srv_get_asset(struct srv_request *request, struct srv_reply *reply) {
     const char *path = strcmp(request->path, "/") == 0 ? "/index.html" : request->path;
-    const struct srv_asset *asset = strncmp(path, "/api/", 5) == 0 ? NULL : find(path);
+    const struct srv_asset *asset = strncmp(path, "/api/", 5) == 0 ? NULL : find_asset(path);
     if (!asset)
         return false;
     serve(request, asset, reply);
@@ -56,7 +56,7 @@ bool srv_get_asset(struct srv_request *request, struct srv_reply *reply) {
 }
 
 void srv_get_contract(struct srv_request *request, struct srv_reply *reply) {
-    const struct srv_asset *asset = find(request->path);
+    const struct srv_asset *asset = find_asset(request->path);
     if (asset)
         serve(request, asset, reply);
     else

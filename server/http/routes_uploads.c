@@ -131,8 +131,8 @@ struct wanted {
 };
 
 /* Reads a name that the daemon could load, or any name for a companion of a header. */
-static bool take_name(const char *given, size_t length, struct wanted *wanted,
-                      struct srv_reply *reply) {
+static bool parse_name(const char *given, size_t length, struct wanted *wanted,
+                       struct srv_reply *reply) {
     struct sp_error err;
     char known[SRV_FORMAT_LIST];
     if (!srv_upload_name(given, length, wanted->name, &err)) {
@@ -150,7 +150,7 @@ static bool take_name(const char *given, size_t length, struct wanted *wanted,
 }
 
 /* Reads the id of the header's upload. */
-static bool take_header(const char *given, struct wanted *wanted, struct srv_reply *reply) {
+static bool parse_header(const char *given, struct wanted *wanted, struct srv_reply *reply) {
     if (!srv_folder_is_id(given)) {
         srv_reply_problem(reply, 422, "/header", "must be the id of an upload");
         return false;
@@ -160,7 +160,7 @@ static bool take_header(const char *given, struct wanted *wanted, struct srv_rep
 }
 
 /* Reads "modified" of Upload-Metadata. */
-static bool take_modified(const char *metadata, struct wanted *wanted, struct srv_reply *reply) {
+static bool parse_modified(const char *metadata, struct wanted *wanted, struct srv_reply *reply) {
     char text[SRV_METADATA_BYTES];
     size_t length;
     if (!srv_upload_metadata(metadata, "modified", text, &length) ||
@@ -186,9 +186,9 @@ static bool read_tus(struct srv_request *request, struct wanted *wanted, struct 
                           "BASE64\"");
     else
         return (!srv_upload_metadata(metadata, "header", header, &header_length) ||
-                take_header(header, wanted, reply)) &&
-               take_modified(metadata, wanted, reply) &&
-               take_name(name, name_length, wanted, reply);
+                parse_header(header, wanted, reply)) &&
+               parse_modified(metadata, wanted, reply) &&
+               parse_name(name, name_length, wanted, reply);
     return false;
 }
 
@@ -215,8 +215,8 @@ static bool read_json(struct srv_request *request, struct wanted *wanted, struct
         srv_reply_problem(reply, 422, "/modified",
                           "must be milliseconds since 1970, a whole number of at least 1");
     else
-        ok = (!header || take_header(header_id ? header_id : "", wanted, reply)) &&
-             take_name(name, strlen(name), wanted, reply);
+        ok = (!header || parse_header(header_id ? header_id : "", wanted, reply)) &&
+             parse_name(name, strlen(name), wanted, reply);
     wanted->bytes = (uint64_t)bytes;
     wanted->modified_ms = (uint64_t)modified_ms;
     proto_json_free(&body);

@@ -10,8 +10,9 @@
 #include "protocol/volume.h"
 #include "sp/edit.h"
 
-static proto_json *find_part(struct srv_catalog *catalog, struct srv_volume *volume, const char *id,
-                             const proto_json *session_view, struct sp_error *err) {
+static proto_json *encode_visible(struct srv_catalog *catalog, struct srv_volume *volume,
+                                  const char *id, const proto_json *session_view,
+                                  struct sp_error *err) {
     struct sp_view defaults, view;
     struct sp_visible_part part;
     struct sp_volume *shown;
@@ -20,7 +21,7 @@ static proto_json *find_part(struct srv_catalog *catalog, struct srv_volume *vol
     if (!proto_view_apply(session_view, &defaults, &view, err))
         return NULL;
     shown = sp_edit_volume(srv_volume_voxels(volume), &view, err);
-    bool ok = shown && sp_view_find_visible_part(&view, shown, &part, err);
+    bool ok = shown && sp_view_compute_visible_part(&view, shown, &part, err);
     sp_volume_unref(&shown);
     if (!ok)
         return NULL;
@@ -37,7 +38,7 @@ static void reply_part(struct srv_request *request, const char *id, const proto_
     struct srv_volume *volume = srv_acquire_step(request, id, view, reply);
     if (!volume)
         return;
-    proto_json *json = find_part(catalog, volume, id, view, &err);
+    proto_json *json = encode_visible(catalog, volume, id, view, &err);
     srv_catalog_release(catalog, volume);
     if (!json)
         err.place[0] = 0; /* the session is the resource, not a member of a body */

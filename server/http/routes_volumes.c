@@ -73,7 +73,7 @@ static void warn_of_damage(struct sp_volume *volume, struct sp_volume_info *info
     int at = 0;
     while (at < SP_WARNINGS_MAX - 1 && info->warnings[at][0])
         at++;
-    if (!sp_bricks_find_damage(volume, &damage))
+    if (!sp_bricks_get_damage(volume, &damage))
         return;
     const uint32_t *from = damage.box[0], *end = damage.box[1];
     snprintf(info->warnings[at], sizeof info->warnings[at],

@@ -262,14 +262,14 @@ static void tick_stream(struct srv_streams *s, struct stream *stream, double now
 
 static void tick(struct srv_streams *s, double now_ms) {
     srv_ingress_tick(s->ingress);
-    for (struct stream *stream; (stream = srv_timer_take(&s->timers, now_ms));)
+    for (struct stream *stream; (stream = srv_timer_pop(&s->timers, now_ms));)
         if (!stream->dead)
             tick_stream(s, stream, now_ms);
     atomic_store(&s->alive_ms, now_ms);
 }
 
 /* Takes over new streams, and closes all when draining. False: stop. */
-static bool take_orders(struct srv_streams *s, bool *draining, double now_ms) {
+static bool apply_orders(struct srv_streams *s, bool *draining, double now_ms) {
     pthread_mutex_lock(&s->mutex);
     struct stream *inbox = s->inbox;
     s->inbox = NULL;
@@ -313,9 +313,9 @@ static void *stream_main(void *user) {
                 sp_log(SP_LOG_ERROR, "the stream thread's wake-up failed: %s", strerror(errno));
         }
         double now_ms = srv_clock_ms(); /* not before the time at which bytes were read */
-        if (!take_orders(s, &draining, now_ms))
+        if (!apply_orders(s, &draining, now_ms))
             break;
-        for (struct stream *stream; (stream = srv_hub_take_ready(s->options.hub));)
+        for (struct stream *stream; (stream = srv_hub_pop_ready(s->options.hub));)
             settle(s, stream, now_ms);
         if (atomic_exchange(&s->has_tick, false))
             tick(s, now_ms);

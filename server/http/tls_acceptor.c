@@ -168,7 +168,7 @@ static bool has_capacity(struct srv_tls *tls, const struct sockaddr *host, const
 static bool is_within_rate(struct srv_tls *tls, const struct sockaddr_storage *host,
                            const char *peer, double now_ms) {
     if ((tls->options.spares_loopback && srv_address_is_loopback((const struct sockaddr *)host)) ||
-        srv_host_rate_take(&tls->rate, host, now_ms))
+        srv_host_rate_spend(&tls->rate, host, now_ms))
         return true;
     srv_connection_refused(
         tls->options.metrics, SRV_REFUSED_HANDSHAKE,

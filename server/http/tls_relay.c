@@ -162,7 +162,7 @@ static void open_pair(struct srv_tls *tls, struct srv_tls_connection *c) {
 
 /* Takes over connections from the acceptor. Pumps each at once, because bytes may already wait in
  * GnuTLS. */
-static void take_arrivals(struct srv_tls *tls, double now_ms) {
+static void adopt_arrivals(struct srv_tls *tls, double now_ms) {
     srv_tls_woken(&tls->relay);
     pthread_mutex_lock(&tls->mutex); /* held during give(), so that srv_tls_close() waits for it */
     struct srv_tls_connection *list = tls->arrivals;
@@ -245,7 +245,7 @@ void *srv_tls_relay_main(void *user) {
                 has_dead |=
                     on_event(tls, ((struct srv_tls_side *)events[i].data.ptr)->connection, now_ms);
             else
-                take_arrivals(tls, now_ms);
+                adopt_arrivals(tls, now_ms);
         }
         if (now_ms - last_tick_ms >= SRV_TLS_TICK_MS) {
             tick(tls, now_ms);

@@ -116,7 +116,7 @@ static void run_block(struct srv_work *work) {
     srv_request_complete(body->request);
 }
 
-void srv_upload_body_take(struct srv_request *request, const char *bytes, size_t *size) {
+void srv_upload_body_append(struct srv_request *request, const char *bytes, size_t *size) {
     struct srv_upload_body *body = request->upload_body;
     if (body->is_first_after_pause)
         srv_deadlines_set(request->http->deadlines, request->connection,

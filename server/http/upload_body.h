@@ -21,7 +21,7 @@ bool srv_upload_body_is_for(const struct srv_route *route);
 bool srv_upload_body_open(struct srv_request *request);
 /* Takes bytes; *size becomes the number of those that are left for the next call. May suspend the
  * request. */
-void srv_upload_body_take(struct srv_request *request, const char *bytes, size_t *size);
+void srv_upload_body_append(struct srv_request *request, const char *bytes, size_t *size);
 /* The request ends, before or after its answer. Accepts a request without such a body. */
 void srv_upload_body_close(struct srv_request *request);
 

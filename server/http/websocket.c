@@ -71,7 +71,7 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     while (got < 0 && errno == EINTR);
     if (got > 0) {
         ws->read_left -= (size_t)got;
-        srv_ingress_take(&ws->ingress, SRV_INGRESS_READ, (size_t)got);
+        srv_ingress_charge(&ws->ingress, SRV_INGRESS_READ, (size_t)got);
         ws->now_ms = fmax(ws->now_ms, ws->options.transport.clock_ms(ws->options.transport.user));
         ws->heard_ms = ws->now_ms;
         srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_IN, (uint64_t)got);
@@ -85,8 +85,8 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
 }
 
 /* Returns the number of bytes that the transport took; 0 = it is full, negative = it failed. */
-static ssize_t send_parts(struct srv_ws *ws, const struct iovec *parts, size_t count,
-                          bool is_more) {
+static ssize_t send_pieces(struct srv_ws *ws, const struct iovec *parts, size_t count,
+                           bool is_more) {
     ssize_t sent;
     do
         sent = ws->options.transport.send(ws->options.transport.user, parts, count, is_more);
@@ -102,7 +102,7 @@ static ssize_t send_parts(struct srv_ws *ws, const struct iovec *parts, size_t c
 static ssize_t on_send(wslay_event_context_ptr context, const uint8_t *bytes, size_t size,
                        int flags, void *user) {
     const struct iovec part = { (void *)bytes, size };
-    ssize_t sent = send_parts(user, &part, 1, flags & WSLAY_MSG_MORE);
+    ssize_t sent = send_pieces(user, &part, 1, flags & WSLAY_MSG_MORE);
     if (sent > 0)
         return sent;
     wslay_event_set_error(context, sent == 0 ? WSLAY_ERR_WOULDBLOCK : WSLAY_ERR_CALLBACK_FAILURE);
@@ -140,7 +140,7 @@ static void on_frame_start(wslay_event_context_ptr context,
                            const struct wslay_event_on_frame_recv_start_arg *frame, void *user) {
     (void)context;
     struct srv_ws *ws = user;
-    srv_ingress_take(&ws->ingress, SRV_INGRESS_READ, SRV_INGRESS_FRAME_BYTES);
+    srv_ingress_charge(&ws->ingress, SRV_INGRESS_READ, SRV_INGRESS_FRAME_BYTES);
     if (frame->opcode == WSLAY_CONNECTION_CLOSE && frame->payload_length == 1)
         srv_ws_close(ws, WSLAY_CODE_PROTOCOL_ERROR, "a close frame with half a status code",
                      ws->now_ms);
@@ -198,7 +198,7 @@ static void on_message(wslay_event_context_ptr context,
         srv_ws_close(ws, WSLAY_CODE_INTERNAL_SERVER_ERROR, "out of memory", ws->now_ms);
         return;
     }
-    srv_ingress_take(&ws->ingress, SRV_INGRESS_READ, SRV_INGRESS_ANSWER * size);
+    srv_ingress_charge(&ws->ingress, SRV_INGRESS_READ, SRV_INGRESS_ANSWER * size);
     struct wslay_event_msg out = { .opcode = WSLAY_TEXT_FRAME,
                                    .msg = (const uint8_t *)answer,
                                    .msg_length = size };
@@ -282,7 +282,7 @@ static void refuse_frame(struct srv_ws *ws) {
         return;
     wslay_event_shutdown_write(ws->context);
     const struct iovec part = { (void *)close, sizeof close };
-    if (send_parts(ws, &part, 1, false) != (ssize_t)sizeof close)
+    if (send_pieces(ws, &part, 1, false) != (ssize_t)sizeof close)
         ws->broken = true;
 }
 
@@ -342,7 +342,7 @@ static bool send_frame(struct srv_ws *ws) {
             { frame->head + in_head, frame->head_size - in_head },
             { frame->blob->bytes + in_blob, frame->blob->size - in_blob },
         };
-        ssize_t sent = send_parts(ws, parts, 2, false);
+        ssize_t sent = send_pieces(ws, parts, 2, false);
         if (sent <= 0)
             return sent == 0;
         frame->sent += (size_t)sent;
@@ -359,12 +359,12 @@ static bool pull(struct srv_ws *ws) {
     bool ok = true;
     ws->is_mute = !srv_ingress_has(&ws->ingress, SRV_INGRESS_NOTIFY);
     switch (srv_hub_next_message(ws->options.hub, ws->participant,
-                                 ws->is_mute ? SRV_TAKE_FRAMES : SRV_TAKE_ALL, ws->now_ms,
+                                 ws->is_mute ? SRV_NEXT_FRAMES : SRV_NEXT_ALL, ws->now_ms,
                                  &message)) {
     case SRV_MESSAGE_NONE:
         return false;
     case SRV_MESSAGE_TEXT:
-        srv_ingress_take(&ws->ingress, SRV_INGRESS_NOTIFY, message.size);
+        srv_ingress_charge(&ws->ingress, SRV_INGRESS_NOTIFY, message.size);
         out.msg = (const uint8_t *)message.text;
         out.msg_length = message.size;
         ok = wslay_event_queue_msg(ws->context, &out) == 0;

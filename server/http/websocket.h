@@ -45,7 +45,7 @@ struct srv_ws_options {
     const char *session;
     enum srv_role role;
     const char *token; /* for srv_hub_join(); copied */
-    void *user;        /* what srv_hub_take_ready() returns for it */
+    void *user;        /* what srv_hub_pop_ready() returns for it */
     const char *peer;  /* for the log; copied */
     size_t message_bytes;
     double ping_ms, stall_ms;

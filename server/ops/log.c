@@ -116,7 +116,7 @@ static const struct sp_log_field none = { NULL, NULL };
 
 static void report_lost(struct srv_log *log) {
     char line[128];
-    unsigned lost = srv_log_ring_take_lost(&log->ring);
+    unsigned lost = srv_log_ring_consume_lost(&log->ring);
     if (lost == 0)
         return;
     snprintf(line, sizeof line, "%u log lines were lost: the reader of the log was too slow", lost);

@@ -99,7 +99,7 @@ void srv_log_ring_put(struct srv_log_ring *ring, const char *line, size_t size, 
     pthread_mutex_unlock(&ring->mutex);
 }
 
-unsigned srv_log_ring_take_lost(struct srv_log_ring *ring) {
+unsigned srv_log_ring_consume_lost(struct srv_log_ring *ring) {
     pthread_mutex_lock(&ring->mutex);
     unsigned lost = ring->used <= SRV_LOG_RING / 2 ? ring->lost : 0;
     ring->lost -= lost;

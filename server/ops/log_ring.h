@@ -38,7 +38,7 @@ bool srv_log_ring_start(struct srv_log_ring *ring, int fd, struct sp_error *err)
 void srv_log_ring_put(struct srv_log_ring *ring, const char *line, size_t size, unsigned lines);
 /* Takes the count of lost lines; 0 = none, or the ring is still too full to report them.
  * Thread-safe. */
-unsigned srv_log_ring_take_lost(struct srv_log_ring *ring);
+unsigned srv_log_ring_consume_lost(struct srv_log_ring *ring);
 /* Waits until all lines are written, and ends the thread. False: that took longer than wait_ms; the
  * thread continues on its own, and the ring must live as long as the program. No line may follow.
  */

@@ -48,7 +48,7 @@ static void drop_video(struct encoder **at) {
     struct encoder *encoder = *at;
     *at = encoder->next;
     sp_video_destroy(&encoder->video);
-    sp_budget_give(encoder->budget, SP_BUDGET_ENCODERS, encoder->bytes);
+    sp_budget_release(encoder->budget, SP_BUDGET_ENCODERS, encoder->bytes);
     free(encoder);
 }
 
@@ -80,19 +80,19 @@ static void evict_videos(struct drawing *d, uint64_t px) {
 
 /* Takes the memory of an encoder from the budget; frees other movies' encoders if it does not
  * suffice. */
-static bool take_memory(struct drawing *d, uint64_t bytes, struct sp_error *err) {
+static bool acquire_memory(struct drawing *d, uint64_t bytes, struct sp_error *err) {
     struct sp_budget *budget = d->paths->options.budget;
-    bool is_taken = sp_budget_take(budget, SP_BUDGET_ENCODERS, bytes);
-    if (!is_taken && d->videos) {
+    bool is_acquired = sp_budget_acquire(budget, SP_BUDGET_ENCODERS, bytes);
+    if (!is_acquired && d->videos) {
         while (d->videos)
             drop_video(&d->videos);
-        is_taken = sp_budget_take(budget, SP_BUDGET_ENCODERS, bytes);
+        is_acquired = sp_budget_acquire(budget, SP_BUDGET_ENCODERS, bytes);
     }
-    return is_taken || sp_budget_fail(budget, "encoder", bytes, err);
+    return is_acquired || sp_budget_fail(budget, "encoder", bytes, err);
 }
 
 /* Returns the encoder of the path's movie, creating it if necessary. */
-static struct sp_video *take_video(struct drawing *d, struct sp_error *err) {
+static struct sp_video *find_or_create_video(struct drawing *d, struct sp_error *err) {
     struct encoder **at = find_video(d, d->path->id), *encoder = *at;
     if (encoder) {
         *at = encoder->next;
@@ -101,13 +101,13 @@ static struct sp_video *take_video(struct drawing *d, struct sp_error *err) {
         px = px < SRV_VIDEO_PX_MIN ? SRV_VIDEO_PX_MIN : px;
         evict_videos(d, px);
         const uint64_t bytes = sp_video_bytes(SP_VIDEO_VP9, d->path->size);
-        if (!take_memory(d, bytes, err))
+        if (!acquire_memory(d, bytes, err))
             return NULL;
         encoder = calloc(1, sizeof *encoder);
         if (!encoder || !(encoder->video = sp_video_create(SP_VIDEO_VP9, VIDEO_THREADS, err))) {
             if (!encoder)
                 sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a video encoder");
-            sp_budget_give(d->paths->options.budget, SP_BUDGET_ENCODERS, bytes);
+            sp_budget_release(d->paths->options.budget, SP_BUDGET_ENCODERS, bytes);
             free(encoder);
             return NULL;
         }
@@ -293,7 +293,7 @@ static const char *frame_has(const struct srv_path *path, char text[32]) {
 
 static void give_back_bytes(struct drawing *d, uint64_t bytes) {
     pthread_mutex_lock(&d->paths->mutex);
-    srv_path_quota_give_back(d->paths, d->path, bytes);
+    srv_path_quota_release(d->paths, d->path, bytes);
     pthread_mutex_unlock(&d->paths->mutex);
 }
 
@@ -303,7 +303,7 @@ static bool encode_frame(struct drawing *d, const struct sp_frame *frame, struct
     struct sp_video_packet packet = { .size = 0 };
     const uint8_t *image = NULL;
     uint8_t head = SRV_PACKET_DELTA;
-    struct sp_video *video = output->is_movie ? take_video(d, err) : NULL;
+    struct sp_video *video = output->is_movie ? find_or_create_video(d, err) : NULL;
     if (output->is_movie && !video)
         return false;
     bool is_key = d->path->done % (uint32_t)(KEY_SECONDS * output->fps) == 0;
@@ -318,7 +318,7 @@ static bool encode_frame(struct drawing *d, const struct sp_frame *frame, struct
     uint64_t bytes = packet.size + output->is_movie + SRV_SEAL_BYTES;
     char name[32], what[32];
     d->path->wants = bytes;
-    if (!srv_path_quota_take(d->paths, d->path, bytes, frame_has(d->path, what), err))
+    if (!srv_path_quota_acquire(d->paths, d->path, bytes, frame_has(d->path, what), err))
         return false;
     srv_path_file_name(output, d->path->done, name);
     ok = srv_folder_write(&d->paths->folder, d->path->id, name, &head, output->is_movie,
@@ -333,11 +333,11 @@ static bool write_frame(struct drawing *d, const struct sp_frame *frame, struct 
     const struct srv_path_output *output = &d->path->output;
     const uint32_t size[2] = { frame->width, frame->height };
     const uint64_t bytes = output->is_movie ? 0 : sp_encode_bytes(output->format, size);
-    if (!take_memory(d, bytes, err))
+    if (!acquire_memory(d, bytes, err))
         return false;
     const bool ok = encode_frame(d, frame, err);
     sp_encoder_trim(d->encoder);
-    sp_budget_give(d->paths->options.budget, SP_BUDGET_ENCODERS, bytes);
+    sp_budget_release(d->paths->options.budget, SP_BUDGET_ENCODERS, bytes);
     return ok;
 }
 
@@ -423,7 +423,7 @@ static bool make_movie(struct drawing *d, struct sp_error *err) {
     struct srv_path *path = d->path;
     uint64_t bytes, reserved = srv_movie_bytes_max(path->bytes, path->output.frames);
     char name[32];
-    if (!srv_path_quota_take(paths, path, reserved, "the movie up to", err))
+    if (!srv_path_quota_acquire(paths, path, reserved, "the movie up to", err))
         return false;
     if (!srv_movie_write(&paths->folder, path->id, SRV_PATH_MOVIE_NAME, &path->output, path->size,
                          &bytes, err)) {
@@ -512,7 +512,7 @@ static void clear_gone(struct drawing *d) {
         bool is_clear = clear(d, path->id);
         pthread_mutex_lock(&paths->mutex);
         if (is_clear && path->by) {
-            srv_path_quota_give_back(paths, path, path->bytes);
+            srv_path_quota_release(paths, path, path->bytes);
             srv_path_quota_release_owner(paths, path->by);
         }
         srv_path_unref(path);

@@ -117,8 +117,8 @@ int srv_folder_open_file(const struct srv_folder *folder, const char *id, const 
     return -1;
 }
 
-bool srv_folder_take(const struct srv_folder *folder, const char *id, const char *part,
-                     const char *name, struct sp_error *err) {
+bool srv_folder_publish(const struct srv_folder *folder, const char *id, const char *part,
+                        const char *name, struct sp_error *err) {
     char from[SRV_FILE_BYTES], to[SRV_FILE_BYTES], parent[SRV_FILE_BYTES];
     srv_folder_path(folder, id, part, from);
     srv_folder_path(folder, id, name, to);
@@ -160,7 +160,7 @@ bool srv_folder_write(const struct srv_folder *folder, const char *id, const cha
         ok = fail(path, "write", err);
     if (!ok)
         unlink(path);
-    return ok && srv_folder_take(folder, id, part, name, err);
+    return ok && srv_folder_publish(folder, id, part, name, err);
 }
 
 bool srv_folder_size(const struct srv_folder *folder, const char *id, const char *name,

@@ -39,8 +39,8 @@ bool srv_folder_write(const struct srv_folder *folder, const char *id, const cha
                       struct sp_error *err);
 /* Appends a seal to the file `part`, syncs it and renames it to `name`. False: SP_ERR_IO, and
  * neither file is left. */
-bool srv_folder_take(const struct srv_folder *folder, const char *id, const char *part,
-                     const char *name, struct sp_error *err);
+bool srv_folder_publish(const struct srv_folder *folder, const char *id, const char *part,
+                        const char *name, struct sp_error *err);
 /* Opens a file for reading; the caller closes the descriptor. −1: SP_ERR_NOT_FOUND, SP_ERR_BUDGET
  * (too many open files, or the disk cannot be read), SP_ERR_IO: it is damaged; its seal is missing
  * or tells another size. *size is that of the bytes before the seal. `must_have_seal` false: files

@@ -195,8 +195,8 @@ static bool read_key(const proto_json *json, unsigned i, const struct sp_view *d
 }
 
 /* Returns the last key of a track at or before a frame; *next is the one after it, NULL = none. */
-static const struct key *find(const struct srv_keyframes *keyframes, enum track track, double frame,
-                              const struct key **next) {
+static const struct key *find_key(const struct srv_keyframes *keyframes, enum track track,
+                                  double frame, const struct key **next) {
     const struct key *last = &keyframes->keys[0];
     *next = NULL;
     for (unsigned i = 1; i < keyframes->count && !*next; i++) {
@@ -216,7 +216,7 @@ static bool check_points(const struct srv_keyframes *keyframes, struct sp_error 
     for (unsigned i = 1; i < keyframes->count; i++) {
         const struct key *next, *key;
         unsigned points, gradient;
-        key = find(keyframes, TRACK_TRANSFER_FUNCTION, keyframes->keys[i - 1].at, &next);
+        key = find_key(keyframes, TRACK_TRANSFER_FUNCTION, keyframes->keys[i - 1].at, &next);
         if (next != &keyframes->keys[i] || next->ease == EASE_STEP)
             continue;
         srv_blend_count(&key->view.transfer_function, &next->view.transfer_function, &points,
@@ -354,7 +354,7 @@ bool srv_keyframes_view(const struct srv_keyframes *keyframes, uint32_t frame, s
                         struct sp_error *err) {
     memcpy(view, &keyframes->keys[0].view, sizeof *view);
     for (int t = 0; t < TRACKS; t++) {
-        const struct key *b, *a = find(keyframes, (enum track)t, frame, &b);
+        const struct key *b, *a = find_key(keyframes, (enum track)t, frame, &b);
         double u = b ? eased(b->ease, (frame - a->at) / (b->at - a->at)) : 0;
         blend((enum track)t, &a->view, b ? &b->view : &a->view, u, view);
     }

@@ -9,7 +9,7 @@
 
 #include "paths/webm_bridge.h"
 
-#define PART "movie.part"
+#define PARTIAL_NAME "movie.part"
 
 /* Reads the file of a packet into memory; malloc'ed, the caller's. NULL with *err set. */
 static uint8_t *read_packet(const struct srv_folder *folder, const char *id, const char *name,
@@ -77,7 +77,7 @@ bool srv_movie_write(const struct srv_folder *folder, const char *id, const char
                      const struct srv_path_output *output, const uint32_t size[2], uint64_t *bytes,
                      struct sp_error *err) {
     char path[SRV_FILE_BYTES], reason[SRV_WEBM_REASON];
-    srv_folder_path(folder, id, PART, path);
+    srv_folder_path(folder, id, PARTIAL_NAME, path);
     struct srv_webm *webm =
         srv_webm_create(path, size[0], size[1], output->fps, output->frames, reason);
     if (!webm)
@@ -86,7 +86,7 @@ bool srv_movie_write(const struct srv_folder *folder, const char *id, const char
     srv_webm_destroy(&webm);
     if (!ok)
         unlink(path);
-    if (!ok || !srv_folder_take(folder, id, PART, name, err))
+    if (!ok || !srv_folder_publish(folder, id, PARTIAL_NAME, name, err))
         return false;
     return srv_folder_size(folder, id, name, bytes) ||
            sp_fail(err, SP_ERR_IO, NULL, "the movie file has disappeared");

@@ -115,7 +115,7 @@ static bool is_file_of_path(void *user, const char *name) {
 }
 
 /* Finds the files of a path: its frames up to the first missing one, or its movie. */
-static void find_files(struct srv_paths *paths, struct srv_path *path) {
+static void count_files(struct srv_paths *paths, struct srv_path *path) {
     uint64_t size;
     char name[32];
     struct file_filter filter = { path, path->output.is_movie &&
@@ -166,7 +166,7 @@ static bool restore_path(struct srv_paths *paths, const char *id, const proto_js
         srv_path_unref(path);
         path = NULL;
     } else if (path) {
-        find_files(paths, path);
+        count_files(paths, path);
         if (failed && path->state != SRV_PATH_DONE) {
             path->state = SRV_PATH_FAILED;
             snprintf(path->reason, sizeof path->reason, "%s", failed);
@@ -435,8 +435,8 @@ proto_json *srv_paths_get(struct srv_paths *paths, const char *id, struct sp_err
 void srv_paths_list(struct srv_paths *paths, const char *owner, struct srv_page *page) {
     pthread_mutex_lock(&paths->mutex);
     for (struct srv_path *path = paths->list; path; path = path->next) {
-        bool is_shown = !owner || strcmp(path->owner, owner) == 0;
-        struct srv_path_info *info = is_shown ? srv_page_slot(page, path->id) : NULL;
+        bool is_listed = !owner || strcmp(path->owner, owner) == 0;
+        struct srv_path_info *info = is_listed ? srv_page_slot(page, path->id) : NULL;
         if (info)
             srv_path_describe(path, info);
     }

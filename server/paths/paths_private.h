@@ -108,13 +108,13 @@ struct srv_path_owner *srv_path_quota_request_path(struct srv_paths *paths, cons
 /* Counts one path less; release_owner() follows when its files are deleted. */
 void srv_path_quota_remove_path(struct srv_paths *paths, struct srv_path_owner *owner);
 void srv_path_quota_release_owner(struct srv_paths *paths, struct srv_path_owner *owner);
-/* Checks (has) or reserves (take) bytes for a path in the list, until give_back(). SP_ERR_BUDGET;
+/* Checks (has) or reserves (acquire) bytes for a path in the list, until release(). SP_ERR_BUDGET;
  * its text has `what`, for example "frame 7 has", in front of the bytes. */
 bool srv_path_quota_has(struct srv_paths *paths, struct srv_path *path, uint64_t bytes,
                         const char *what, struct sp_error *err);
-bool srv_path_quota_take(struct srv_paths *paths, struct srv_path *path, uint64_t bytes,
-                         const char *what, struct sp_error *err);
-void srv_path_quota_give_back(struct srv_paths *paths, struct srv_path *path, uint64_t bytes);
+bool srv_path_quota_acquire(struct srv_paths *paths, struct srv_path *path, uint64_t bytes,
+                            const char *what, struct sp_error *err);
+void srv_path_quota_release(struct srv_paths *paths, struct srv_path *path, uint64_t bytes);
 /* Counts files that exist already. */
 void srv_path_quota_add(struct srv_paths *paths, struct srv_path *path, uint64_t bytes);
 

@@ -102,7 +102,7 @@ void srv_path_quota_add(struct srv_paths *paths, struct srv_path *path, uint64_t
     path->bytes += bytes;
 }
 
-void srv_path_quota_give_back(struct srv_paths *paths, struct srv_path *path, uint64_t bytes) {
+void srv_path_quota_release(struct srv_paths *paths, struct srv_path *path, uint64_t bytes) {
     paths->bytes -= bytes;
     path->by->bytes -= bytes;
     path->bytes -= bytes;
@@ -145,8 +145,8 @@ bool srv_path_quota_has(struct srv_paths *paths, struct srv_path *path, uint64_t
     return ok;
 }
 
-bool srv_path_quota_take(struct srv_paths *paths, struct srv_path *path, uint64_t bytes,
-                         const char *what, struct sp_error *err) {
+bool srv_path_quota_acquire(struct srv_paths *paths, struct srv_path *path, uint64_t bytes,
+                            const char *what, struct sp_error *err) {
     struct srv_quota quota = quota_of(paths, path->owner);
     pthread_mutex_lock(&paths->mutex);
     bool ok = fits(paths, path, &quota, bytes, what, err);

@@ -158,14 +158,14 @@ static bool report(void *user, double fraction) {
 /* What tells that a file has changed. */
 static void add_state(const char *name, const struct stat *st, uint64_t state[2]) {
     const int64_t numbers[3] = { st->st_mtim.tv_sec, st->st_mtim.tv_nsec, st->st_size };
-    const struct srv_part parts[] = { { name, strlen(name) }, { numbers, sizeof numbers } };
-    const struct srv_fingerprint one = srv_fingerprint_of(parts, 2);
+    const struct srv_piece pieces[] = { { name, strlen(name) }, { numbers, sizeof numbers } };
+    const struct srv_fingerprint one = srv_fingerprint_of(pieces, 2);
     state[0] += one.high; /* in any order of the files */
     state[1] += one.low;
 }
 
 /* The state of a file; of a folder, and of a pattern of names, that of all files in it. */
-static void find_state(const char *source, uint64_t state[2]) {
+static void read_state(const char *source, uint64_t state[2]) {
     char path[PATH_MAX];
     struct stat st;
     snprintf(path, sizeof path, "%.*s", (int)sp_source_split(source).path_bytes, source);
@@ -186,15 +186,15 @@ static void find_state(const char *source, uint64_t state[2]) {
 }
 
 /* The path of the brick file of a source; false if it is too long. */
-static bool find_path(const struct srv_brick_cache *cache, const char *source,
+static bool fill_path(const struct srv_brick_cache *cache, const char *source,
                       const struct sp_load_options *options, char path[PATH_MAX]) {
     uint64_t state[2] = { 0 };
     const uint32_t step = options->has_step ? options->step : UINT32_MAX;
-    find_state(source, state);
-    const struct srv_part parts[] = { { source, strlen(source) },
-                                      { state, sizeof state },
-                                      { &step, sizeof step } };
-    const struct srv_fingerprint key = srv_fingerprint_of(parts, 3);
+    read_state(source, state);
+    const struct srv_piece pieces[] = { { source, strlen(source) },
+                                        { state, sizeof state },
+                                        { &step, sizeof step } };
+    const struct srv_fingerprint key = srv_fingerprint_of(pieces, 3);
     return snprintf(path, PATH_MAX, "%s/%016" PRIx64 "%016" PRIx64 SP_BRICKS_SUFFIX, cache->folder,
                     key.high, key.low) < PATH_MAX;
 }
@@ -237,7 +237,7 @@ struct sp_volume *srv_brick_cache_load(struct srv_brick_cache *cache, const char
                                        struct sp_error *err) {
     char path[PATH_MAX];
     struct sp_error why;
-    if (!find_path(cache, source, options, path)) {
+    if (!fill_path(cache, source, options, path)) {
         sp_fail(err, SP_ERR_INVALID, source, "the path of its file in the brick cache is too long");
         return NULL;
     }

@@ -26,7 +26,7 @@ const char *srv_volume_state_name(enum srv_volume_state state) {
 void srv_catalog_redact(const struct srv_catalog *catalog, const struct srv_volume *v,
                         struct sp_error *err) {
     if (v->file) {
-        const char *name = v->shown + strlen(SRV_SOURCE_UPLOAD);
+        const char *name = v->public_name + strlen(SRV_SOURCE_UPLOAD);
         struct sp_error whole = *err;
         srv_redact_folder(v->file, name, whole.place, err->place, sizeof err->place);
         srv_redact_folder(v->file, name, whole.text, err->text, sizeof err->text);
@@ -48,7 +48,7 @@ void srv_catalog_entry_free(struct srv_volume *v) {
     free(v->joint);
     free(v->source);
     free(v->file);
-    free(v->shown);
+    free(v->public_name);
     free(v);
 }
 
@@ -107,8 +107,8 @@ struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options
     pthread_mutex_init(&catalog->notify_mutex, NULL);
     pthread_mutex_init(&catalog->joint_mutex, NULL);
     pthread_cond_init(&catalog->changed, NULL);
-    catalog->windows = sp_brick_memory_create(options->memory_bytes, err);
-    if (!catalog->windows || !srv_catalog_start_loaders(catalog, err)) {
+    catalog->brick_memory = sp_brick_memory_create(options->memory_bytes, err);
+    if (!catalog->brick_memory || !srv_catalog_start_loaders(catalog, err)) {
         srv_catalog_destroy(&catalog);
         return NULL;
     }
@@ -138,7 +138,7 @@ void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
         assert(v->uses == 0);
         srv_catalog_entry_free(v);
     }
-    sp_brick_memory_unref(&catalog->windows);
+    sp_brick_memory_unref(&catalog->brick_memory);
     pthread_cond_destroy(&catalog->changed);
     pthread_mutex_destroy(&catalog->mutex);
     pthread_mutex_destroy(&catalog->notify_mutex);
@@ -155,13 +155,13 @@ static void unique_id(struct srv_catalog *catalog, char id[SP_NAME_BYTES]) {
 
 /* What a request names: strings of malloc(), or NULL (struct srv_volume). */
 struct resolved {
-    char *source, *file, *shown;
+    char *source, *file, *public_name;
 };
 
 static void resolved_finish(struct resolved *resolved) {
     free(resolved->source);
     free(resolved->file);
-    free(resolved->shown);
+    free(resolved->public_name);
 }
 
 /* Finds the file of an upload, which stays until upload_close(). */
@@ -181,9 +181,9 @@ static bool resolve_upload(struct srv_catalog *catalog, const struct srv_volume_
     resolved->source = strdup(request->source);
     if (asprintf(&resolved->file, "%s%s", path, selection) < 0)
         resolved->file = NULL;
-    if (asprintf(&resolved->shown, SRV_SOURCE_UPLOAD "%s%s", name, selection) < 0)
-        resolved->shown = NULL;
-    if (resolved->source && resolved->file && resolved->shown)
+    if (asprintf(&resolved->public_name, SRV_SOURCE_UPLOAD "%s%s", name, selection) < 0)
+        resolved->public_name = NULL;
+    if (resolved->source && resolved->file && resolved->public_name)
         return true;
     resolved_finish(resolved);
     *resolved = (struct resolved){ .source = NULL };
@@ -250,8 +250,8 @@ static void set_owner(struct srv_volume *v, const struct srv_volume_request *req
 }
 
 /* A failed entry is loaded for the owner who asks now. With the mutex held. */
-static bool take_over(struct srv_catalog *catalog, struct srv_volume *v,
-                      const struct srv_volume_request *request, struct sp_error *err) {
+static bool change_owner(struct srv_catalog *catalog, struct srv_volume *v,
+                         const struct srv_volume_request *request, struct sp_error *err) {
     if (!fits_the_owner(catalog, request, v, err))
         return false;
     set_owner(v, request);
@@ -282,8 +282,8 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
         return NULL;
     }
     set_owner(v, request);
-    const char *named =
-        resolved->shown ? resolved->shown + strlen(SRV_SOURCE_UPLOAD) : resolved->source;
+    const char *named = resolved->public_name ? resolved->public_name + strlen(SRV_SOURCE_UPLOAD)
+                                              : resolved->source;
     if (request->id) {
         snprintf(v->id, sizeof v->id, "%s", request->id);
     } else {
@@ -296,7 +296,7 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
         srv_source_default_name(named, v->name);
     v->source = resolved->source;
     v->file = resolved->file;
-    v->shown = resolved->shown;
+    v->public_name = resolved->public_name;
     struct srv_volume **link = &catalog->entries;
     while (*link)
         link = &(*link)->next;
@@ -354,8 +354,8 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
         found = found->next;
     *existed = found && found->state != SRV_VOLUME_FAILED;
     struct srv_volume *v = !found ? add_entry(catalog, request, &resolved, conflict, err)
-                           : *existed || take_over(catalog, found, request, err) ? found
-                                                                                 : NULL;
+                           : *existed || change_owner(catalog, found, request, err) ? found
+                                                                                    : NULL;
     if (!v) {
         const bool is_shared = is_upload_shared(catalog, found, resolved.source);
         pthread_mutex_unlock(&catalog->mutex);
@@ -376,24 +376,25 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
 
 static void share(struct srv_catalog *catalog) {
     const uint64_t budget = catalog->options.memory_bytes, used = catalog->used_bytes;
-    sp_brick_memory_set(catalog->windows, budget > used ? budget - used : 0);
+    sp_brick_memory_set(catalog->brick_memory, budget > used ? budget - used : 0);
 }
 
 uint64_t srv_catalog_free_bytes(struct srv_catalog *catalog) {
     struct sp_brick_usage usage;
-    sp_brick_memory_usage(catalog->windows, &usage);
+    sp_brick_memory_usage(catalog->brick_memory, &usage);
     const uint64_t budget = catalog->options.memory_bytes;
     const uint64_t loads = usage.files ? budget - budget / 8 : budget;
     return loads > catalog->used_bytes ? loads - catalog->used_bytes : 0;
 }
 
-void srv_catalog_take(struct srv_catalog *catalog, struct srv_volume *volume, uint64_t bytes) {
+void srv_catalog_acquire_bytes(struct srv_catalog *catalog, struct srv_volume *volume,
+                               uint64_t bytes) {
     catalog->used_bytes += bytes;
     volume->reserved_bytes += bytes;
     share(catalog);
 }
 
-void srv_catalog_give_back(struct srv_catalog *catalog, struct srv_volume *volume) {
+void srv_catalog_release_bytes(struct srv_catalog *catalog, struct srv_volume *volume) {
     catalog->used_bytes -= volume->reserved_bytes;
     volume->reserved_bytes = 0;
     share(catalog);
@@ -401,9 +402,9 @@ void srv_catalog_give_back(struct srv_catalog *catalog, struct srv_volume *volum
 
 void srv_catalog_free_removed(struct srv_catalog *catalog, struct srv_volume *v) {
     pthread_mutex_lock(&catalog->mutex);
-    srv_catalog_give_back(catalog, v);
+    srv_catalog_release_bytes(catalog, v);
     for (struct srv_volume *step = v->steps; step; step = step->next)
-        srv_catalog_give_back(catalog, step);
+        srv_catalog_release_bytes(catalog, step);
     pthread_mutex_unlock(&catalog->mutex);
     for (const struct srv_volume *step = v->steps; step; step = step->next)
         if (step->volume)
@@ -438,7 +439,7 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, const char 
         catalog->options.persist(catalog->options.user, v->id, NULL);
     catalog->count--;
     if (is_loading) /* its load is cancelled and reserves no more */
-        srv_catalog_give_back(catalog, v);
+        srv_catalog_release_bytes(catalog, v);
     char *upload = is_loading ? NULL : srv_catalog_upload_to_close(catalog, v);
     unsigned uses = v->uses;
     const bool has_failed_steps = srv_catalog_fail_steps(v);

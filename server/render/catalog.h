@@ -138,7 +138,7 @@ const char *srv_catalog_data(const struct srv_catalog *catalog);
 bool srv_catalog_allows_hosts(const struct srv_catalog *catalog);
 /* Bytes of the memory budget: in use without windows, the limit, and windows of brick files. */
 void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget,
-                        uint64_t *windows);
+                        uint64_t *brick_bytes);
 
 /* Uses: the functions of struct srv_volume_source (session/hub.h), with `user` the catalog. */
 struct srv_volume *srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);

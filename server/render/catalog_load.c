@@ -45,7 +45,7 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
                      "admin to open it",
                      bytes, v->owner, pool.own, pool.own + srv_fair_left(&pool, true));
     } else {
-        srv_catalog_take(catalog, load->volume, bytes);
+        srv_catalog_acquire_bytes(catalog, load->volume, bytes);
     }
     pthread_mutex_unlock(&catalog->mutex);
     srv_catalog_free_steps(catalog, evicted);
@@ -154,7 +154,7 @@ static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct s
     srv_catalog_retry_steps(catalog);
     v->progress = volume ? 1 : v->progress;
     if (!volume && !was_removed) {
-        srv_catalog_give_back(catalog, v);
+        srv_catalog_release_bytes(catalog, v);
         if (!was_stopped)
             forget_failed(catalog, v);
     }
@@ -203,7 +203,7 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
                                        .progress = progress,
                                        .user = &own,
                                        .is_finest = catalog->options.cache != NULL,
-                                       .windows = catalog->windows,
+                                       .windows = catalog->brick_memory,
                                        .root = entry->confined ? catalog->data : NULL,
                                        .allowed_hosts = catalog->options.allowed_hosts,
                                        .importer = catalog->options.importer,

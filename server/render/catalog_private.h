@@ -27,9 +27,10 @@ struct srv_volume {
     bool is_short;            /* of a step: it waits until another load gives memory back */
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
     char owner[SRV_TOKEN_NAME_BYTES]; /* "" = the operator */
-    char *source; /* resolved (render/source.h): the key; "upload:ID" for an uploaded file */
-    char *file;   /* of an upload: its path; NULL = `source` is loaded */
-    char *shown;  /* of an upload: "upload:NAME", which clients see; NULL = the redacted source */
+    char *source;      /* resolved (render/source.h): the key; "upload:ID" for an uploaded file */
+    char *file;        /* of an upload: its path; NULL = `source` is loaded */
+    char *public_name; /* of an upload: "upload:NAME", which clients see; NULL = the redacted source
+                        */
     bool confined, is_limited, is_persisted, is_restored;
     enum srv_volume_state state;
     double progress, notified_ms; /* notified_ms: when progress() was called last */
@@ -64,9 +65,9 @@ struct srv_catalog {
     pthread_cond_t changed;      /* there is something to load, or stop */
     struct srv_volume *entries;  /* in the order of adding */
     unsigned count;
-    uint64_t used_bytes;             /* of the budget, without windows: srv_catalog_take() */
-    struct sp_brick_memory *windows; /* of brick files: what the budget has left */
-    uint64_t requests;               /* how often a time step was asked for */
+    uint64_t used_bytes; /* of the budget, without windows: srv_catalog_acquire_bytes() */
+    struct sp_brick_memory *brick_memory; /* of brick files: what the budget has left */
+    uint64_t requests;                    /* how often a time step was asked for */
     bool stop;
     unsigned running;            /* load threads to join */
     unsigned loading;            /* load threads that load now */
@@ -87,8 +88,9 @@ struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id
 uint64_t srv_catalog_free_bytes(struct srv_catalog *catalog);
 /* Takes bytes of the budget for an entry or a step, or gives all of its bytes back. With the mutex
  * held. */
-void srv_catalog_take(struct srv_catalog *catalog, struct srv_volume *volume, uint64_t bytes);
-void srv_catalog_give_back(struct srv_catalog *catalog, struct srv_volume *volume);
+void srv_catalog_acquire_bytes(struct srv_catalog *catalog, struct srv_volume *volume,
+                               uint64_t bytes);
+void srv_catalog_release_bytes(struct srv_catalog *catalog, struct srv_volume *volume);
 
 /* Frees a removed entry that has no use and is not loading. With no lock of the catalog
  * held. */

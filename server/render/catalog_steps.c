@@ -339,7 +339,7 @@ struct srv_volume *srv_catalog_evict_steps(struct srv_catalog *catalog,
                                            const struct srv_volume *loading, uint64_t bytes) {
     struct srv_volume *evicted = NULL, *s;
     while ((s = step_to_evict(catalog, loading, bytes))) {
-        srv_catalog_give_back(catalog, s);
+        srv_catalog_release_bytes(catalog, s);
         unlink_step(s);
         s->next = evicted;
         evicted = s;
@@ -401,7 +401,7 @@ void srv_catalog_end_step(struct srv_catalog *catalog, struct srv_volume *step,
     step->is_short = is_short && step->state == SRV_VOLUME_LOADING;
     step->is_ahead = step->is_ahead && volume;
     if (!volume)
-        srv_catalog_give_back(catalog, step);
+        srv_catalog_release_bytes(catalog, step);
     char id[SP_NAME_BYTES];
     memcpy(id, step->id, sizeof id);
     struct srv_volume *entry = step->parent, *dropped;

@@ -25,8 +25,8 @@ static void status_of(const struct srv_catalog *catalog, const struct srv_volume
     memcpy(status->id, v->id, sizeof v->id);
     memcpy(status->name, v->name, sizeof v->name);
     memcpy(status->owner, v->owner, sizeof v->owner);
-    if (v->shown)
-        snprintf(status->source, sizeof status->source, "%s", v->shown);
+    if (v->public_name)
+        snprintf(status->source, sizeof status->source, "%s", v->public_name);
     else
         srv_redact_source(catalog->data, v->source, status->source, sizeof status->source);
     status->state = v->state;
@@ -77,10 +77,10 @@ bool srv_catalog_allows_hosts(const struct srv_catalog *catalog) {
 }
 
 void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget,
-                        uint64_t *windows) {
+                        uint64_t *brick_bytes) {
     struct sp_brick_usage usage;
-    sp_brick_memory_usage(catalog->windows, &usage);
-    *windows = usage.bytes;
+    sp_brick_memory_usage(catalog->brick_memory, &usage);
+    *brick_bytes = usage.bytes;
     pthread_mutex_lock(&catalog->mutex);
     *used = catalog->used_bytes;
     *budget = catalog->options.memory_bytes;
@@ -324,7 +324,7 @@ struct srv_fingerprint srv_catalog_fingerprint(struct srv_catalog *catalog,
                                                const struct srv_volume *volume,
                                                const struct sp_view *view) {
     struct srv_fingerprint own[2 * SP_LAYERS_MAX + 1] = { volume->fingerprint };
-    struct srv_part parts[2 * SP_LAYERS_MAX + 1] = { { &own[0], sizeof own[0] } };
+    struct srv_piece pieces[2 * SP_LAYERS_MAX + 1] = { { &own[0], sizeof own[0] } };
     unsigned count = 1;
     pthread_mutex_lock(&catalog->mutex);
     for (uint32_t i = 0; i < 2 * view->layer_count; i++) {
@@ -335,11 +335,11 @@ struct srv_fingerprint srv_catalog_fingerprint(struct srv_catalog *catalog,
             continue;
         if (v && v->state == SRV_VOLUME_READY)
             own[count] = v->fingerprint;
-        parts[count] = (struct srv_part){ &own[count], sizeof own[count] };
+        pieces[count] = (struct srv_piece){ &own[count], sizeof own[count] };
         count++;
     }
     pthread_mutex_unlock(&catalog->mutex);
-    return count > 1 ? srv_fingerprint_of(parts, count) : volume->fingerprint;
+    return count > 1 ? srv_fingerprint_of(pieces, count) : volume->fingerprint;
 }
 
 const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume) {

@@ -56,7 +56,7 @@ static bool follow(char real[PATH_MAX], const char *name, size_t length) {
     return fits;
 }
 
-enum { SHOWN_MAX = 100 }; /* bytes of a name in an error */
+enum { QUOTED_MAX = 100 }; /* bytes of a name in an error */
 
 static bool is_link(const char *real, const char *name, size_t length) {
     char joined[PATH_MAX];
@@ -69,7 +69,7 @@ static bool fail_link(struct wanted wanted, const char *name, size_t length, str
     return sp_fail(err, SP_ERR_NOT_FOUND, wanted.pointer,
                    "'%.*s' is a symbolic link that leads out of the data folder or to nothing; "
                    "only what lies below the data folder can be opened",
-                   length < SHOWN_MAX ? (int)length : SHOWN_MAX, name);
+                   length < QUOTED_MAX ? (int)length : QUOTED_MAX, name);
 }
 
 /* Explains, by errno, why the name of `length` bytes below `real` cannot be followed. */
@@ -86,7 +86,7 @@ static bool fail_to_follow(struct wanted wanted, const char *real, const char *n
                        PATH_MAX - 1, NAME_MAX);
     if (error == EACCES)
         return sp_fail(err, SP_ERR_DENIED, wanted.pointer, "the daemon's user may not read '%.*s'",
-                       length < SHOWN_MAX ? (int)length : SHOWN_MAX, name);
+                       length < QUOTED_MAX ? (int)length : QUOTED_MAX, name);
     return fail_missing(wanted, err);
 }
 

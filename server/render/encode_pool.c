@@ -101,7 +101,7 @@ static bool help(struct encode_thread *thread) {
     return false;
 }
 
-static bool may_take(const struct encode_thread *thread, const struct srv_encode_task *task) {
+static bool may_run(const struct encode_thread *thread, const struct srv_encode_task *task) {
     bool is_for_background = task->snapshot || (is_slow(task) && !task->job->is_alone);
     return thread->is_background == is_for_background;
 }
@@ -129,7 +129,7 @@ static unsigned find_task(const struct encode_thread *thread) {
     unsigned found = pool->queue_count;
     for (unsigned i = 0; i < pool->queue_count; i++) {
         const struct srv_encode_task *task = &pool->queue[i];
-        if (!may_take(thread, task))
+        if (!may_run(thread, task))
             continue;
         if (!has_thread(pool, task))
             return i;
@@ -140,7 +140,7 @@ static unsigned find_task(const struct encode_thread *thread) {
 }
 
 /* With the mutex held; false if there is nothing to take. */
-static bool take_task(struct encode_thread *thread, struct srv_encode_task *task) {
+static bool pop_task(struct encode_thread *thread, struct srv_encode_task *task) {
     struct srv_encode_pool *pool = thread->pool;
     unsigned found = find_task(thread);
     if (found == pool->queue_count)
@@ -191,7 +191,7 @@ static void *encode_main(void *user) {
         srv_background_thread_enter("an encode thread", SRV_NICE_BACKGROUND);
     pthread_mutex_lock(&pool->mutex);
     for (;;) {
-        if (take_task(thread, &task))
+        if (pop_task(thread, &task))
             run_task(thread, &task);
         else if (help(thread))
             continue;

@@ -56,7 +56,7 @@ static void encode_snapshot(struct srv_render_pool *pool, struct sp_encoder *enc
     srv_snapshot_queue_answer(&pool->snapshots, task->snapshot, &result);
     srv_blob_unref(&cached);
     sp_encoder_trim(encoder);
-    sp_budget_give(pool->options.frame_memory.snapshots, SP_BUDGET_ENCODERS, encoder_bytes);
+    sp_budget_release(pool->options.frame_memory.snapshots, SP_BUDGET_ENCODERS, encoder_bytes);
     srv_worker_wake(&pool->workers[SRV_WORKER_SNAPSHOT]); /* the next one may wait for the memory */
 }
 

@@ -13,11 +13,11 @@
 
 #include <xxhash.h>
 
-struct srv_fingerprint srv_fingerprint_of(const struct srv_part *parts, unsigned count) {
-    XXH128_hash_t hashes[SRV_PARTS_MAX];
-    assert(count <= SRV_PARTS_MAX);
+struct srv_fingerprint srv_fingerprint_of(const struct srv_piece *pieces, unsigned count) {
+    XXH128_hash_t hashes[SRV_PIECES_MAX];
+    assert(count <= SRV_PIECES_MAX);
     for (unsigned i = 0; i < count; i++)
-        hashes[i] = XXH3_128bits(parts[i].bytes, parts[i].size);
+        hashes[i] = XXH3_128bits(pieces[i].bytes, pieces[i].size);
     XXH128_hash_t all = XXH3_128bits(hashes, count * sizeof *hashes);
     return (struct srv_fingerprint){ .high = all.high64, .low = all.low64 };
 }
@@ -27,7 +27,7 @@ struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     const struct sp_grid *grid = &info->grid;
     uint32_t type = info->type;
-    struct srv_part parts[OTHERS + AXES + 3] = {
+    struct srv_piece pieces[OTHERS + AXES + 3] = {
         { grid->dims, sizeof grid->dims },
         { grid->spacing, sizeof grid->spacing },
         { grid->origin, sizeof grid->origin },
@@ -37,18 +37,18 @@ struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume) {
     };
     for (int a = 0; a < AXES; a++)
         if (grid->coordinates[a])
-            parts[OTHERS + a] = (struct srv_part){ grid->coordinates[a],
-                                                   grid->dims[a] * sizeof *grid->coordinates[a] };
+            pieces[OTHERS + a] = (struct srv_piece){ grid->coordinates[a],
+                                                     grid->dims[a] * sizeof *grid->coordinates[a] };
     unsigned count = OTHERS + AXES;
     if (info->whole.dims[0])
-        parts[count++] = (struct srv_part){ &info->whole, sizeof info->whole };
+        pieces[count++] = (struct srv_piece){ &info->whole, sizeof info->whole };
     if (info->vector_bytes)
-        parts[count++] = (struct srv_part){ sp_volume_vectors(volume), info->vector_bytes };
+        pieces[count++] = (struct srv_piece){ sp_volume_vectors(volume), info->vector_bytes };
     if (info->element_bytes) { /* all arrays lie behind the sample */
-        parts[count++] = (struct srv_part){ &info->elements, sizeof info->elements };
-        parts[count++] = (struct srv_part){ sp_volume_voxels(volume), info->element_bytes };
+        pieces[count++] = (struct srv_piece){ &info->elements, sizeof info->elements };
+        pieces[count++] = (struct srv_piece){ sp_volume_voxels(volume), info->element_bytes };
     }
-    return srv_fingerprint_of(parts, count);
+    return srv_fingerprint_of(pieces, count);
 }
 
 bool srv_fingerprint_program(struct srv_fingerprint *fingerprint) {
@@ -58,7 +58,7 @@ bool srv_fingerprint_program(struct srv_fingerprint *fingerprint) {
     void *bytes = size ? mmap(NULL, size, PROT_READ, MAP_PRIVATE, fd, 0) : MAP_FAILED;
     bool ok = bytes != MAP_FAILED;
     if (ok) {
-        *fingerprint = srv_fingerprint_of(&(struct srv_part){ bytes, size }, 1);
+        *fingerprint = srv_fingerprint_of(&(struct srv_piece){ bytes, size }, 1);
         munmap(bytes, size);
     }
     if (fd >= 0)

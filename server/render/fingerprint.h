@@ -15,18 +15,18 @@
 
 #include "sp/volume.h"
 
-enum { SRV_PARTS_MAX = 16, SRV_FINGERPRINT_TEXT = 33 };
+enum { SRV_PIECES_MAX = 16, SRV_FINGERPRINT_TEXT = 33 };
 
 struct srv_fingerprint {
     uint64_t high, low;
 };
 
-struct srv_part {
+struct srv_piece {
     const void *bytes; /* NULL only if size is 0 */
     size_t size;
 };
-/* Hashes the parts in this order, at most SRV_PARTS_MAX. The boundaries between parts count. */
-struct srv_fingerprint srv_fingerprint_of(const struct srv_part *parts, unsigned count);
+/* Hashes the parts in this order, at most SRV_PIECES_MAX. The boundaries between parts count. */
+struct srv_fingerprint srv_fingerprint_of(const struct srv_piece *pieces, unsigned count);
 /* Hashes all that decides the pixels of a volume: grid, type and voxels, or elements. Reads all of
  * them. */
 struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume);

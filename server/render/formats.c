@@ -96,7 +96,7 @@ static bool is_folder(const struct format *format) {
     return strcmp(format->extension, ".zarr") == 0;
 }
 
-static const struct format *find(const char *name) {
+static const struct format *find_format(const char *name) {
     size_t length = strlen(name);
     for (size_t i = 0; i < sizeof formats / sizeof *formats; i++) {
         size_t n = strlen(formats[i].extension);
@@ -107,7 +107,7 @@ static const struct format *find(const char *name) {
 }
 
 const char *srv_format_of(const char *name) {
-    const struct format *format = find(name);
+    const struct format *format = find_format(name);
     return format ? format->name : NULL;
 }
 
@@ -120,7 +120,7 @@ bool srv_format_has_steps(const char *format) {
 }
 
 const char *srv_format_extension(const char *name) {
-    const struct format *format = find(name);
+    const struct format *format = find_format(name);
     return format && !is_folder(format) ? format->extension : NULL;
 }
 
@@ -353,7 +353,7 @@ static void look_at_ply(const char *text, size_t size, struct srv_format_peek *p
 
 void srv_format_look(const char *name, const char *bytes, size_t size,
                      struct srv_format_peek *peek) {
-    const struct format *format = find(name);
+    const struct format *format = find_format(name);
     *peek = (struct srv_format_peek){ .kind = format ? format->kind : SP_KIND_COUNT };
     char *text = format && format->look ? malloc(size + 1) : NULL;
     if (!text)

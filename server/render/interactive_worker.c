@@ -17,7 +17,7 @@ static void finish_all(struct srv_render_pool *pool) {
 }
 
 /* Begins the job, unless its frame is cached or about to be. */
-static void take_job(struct srv_render_pool *pool, struct srv_render_job *job) {
+static void begin_job(struct srv_render_pool *pool, struct srv_render_job *job) {
     if (srv_frame_queue_has_sharp(&pool->in_flight[SRV_WORKER_INTERACTIVE], job))
         finish_all(pool);
     struct sp_frame *frame =
@@ -55,7 +55,7 @@ void *srv_interactive_worker_main(void *user) {
         bool has_capacity = srv_encode_pool_has_capacity(pool->encoders, SRV_WORKER_INTERACTIVE);
         bool may_begin = job && has_capacity && queue->count < sp_renderer_depth(worker->renderer);
         if (may_begin && srv_schedule_next(pool->schedule, srv_clock_ms(), job, &wait_ms)) {
-            take_job(pool, job);
+            begin_job(pool, job);
             job = NULL;
         } else if (queue->count > 0) {
             srv_session_frame_finish(pool, SRV_WORKER_INTERACTIVE);

@@ -30,14 +30,15 @@ static bool find_long_frame(struct srv_render_pool *pool, struct srv_running_job
     bool found = frame && info.can_pause && !pool->has_no_preemption &&
                  frame->job->order != pool->not_preempted && !atomic_load(&frame->cancel);
     if (found)
-        *running = (struct srv_running_job){ .session = frame->job->session,
-                                             .order = frame->job->order,
-                                             .start_ms = frame->job->start_ms,
-                                             .part_start_ms = frame->job->part_start_ms,
-                                             .expected_ms = frame->job->expected_ms,
-                                             .price = frame->job->price,
-                                             .drawn_ms = srv_inflight_age_ms(frame, srv_clock_ms()),
-                                             .is_first = frame->job->is_first };
+        *running =
+            (struct srv_running_job){ .session = frame->job->session,
+                                      .order = frame->job->order,
+                                      .start_ms = frame->job->start_ms,
+                                      .participant_start_ms = frame->job->participant_start_ms,
+                                      .expected_ms = frame->job->expected_ms,
+                                      .price = frame->job->price,
+                                      .drawn_ms = srv_inflight_age_ms(frame, srv_clock_ms()),
+                                      .is_first = frame->job->is_first };
     pthread_mutex_unlock(&pool->mutex);
     if (found && running->drawn_ms < LONG_MS) {
         *wait_ms = LONG_MS - running->drawn_ms;

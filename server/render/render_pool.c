@@ -62,7 +62,7 @@ static void reclaim_blobs(void *user) {
     srv_frame_cache_clear_bytes(&pool->cache);
 }
 
-static bool create_parts(struct srv_render_pool *pool, struct sp_error *err) {
+static bool create_pools(struct srv_render_pool *pool, struct sp_error *err) {
     const struct srv_encode_pool_options encoders = { .threads = pool->options.encode_threads,
                                                       .user = pool,
                                                       .run = srv_encode_task_run,
@@ -84,7 +84,7 @@ static bool create_parts(struct srv_render_pool *pool, struct sp_error *err) {
     return true;
 }
 
-/* Frees the pool with what create_parts() made. */
+/* Frees the pool with what create_pools() made. */
 static void free_parts(struct srv_render_pool *pool) {
     srv_frame_cache_finish(&pool->cache);
     srv_encode_pool_destroy(&pool->encoders);
@@ -109,7 +109,7 @@ struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_opti
     pthread_mutex_init(&pool->mutex, NULL);
     pthread_cond_init(&pool->resume, NULL);
     srv_frame_cache_init(&pool->cache);
-    if (!create_parts(pool, err)) {
+    if (!create_pools(pool, err)) {
         free_parts(pool);
         return NULL;
     }

@@ -19,14 +19,14 @@ bool srv_session_frame_reserve(struct srv_render_pool *pool, struct srv_render_j
         const uint64_t own = sp_encode_bytes(job->targets[i].format, job->view.size);
         most = own > most ? own : most; /* one after the other */
     }
-    if (!sp_budget_take(budget, SP_BUDGET_ENCODERS, most))
+    if (!sp_budget_acquire(budget, SP_BUDGET_ENCODERS, most))
         return sp_budget_fail(budget, "encoder", most, err);
     job->encoder_bytes = most;
     return true;
 }
 
 void srv_session_frame_free(struct srv_render_pool *pool, struct srv_render_job *job) {
-    sp_budget_give(pool->options.frame_memory.sessions, SP_BUDGET_ENCODERS, job->encoder_bytes);
+    sp_budget_release(pool->options.frame_memory.sessions, SP_BUDGET_ENCODERS, job->encoder_bytes);
     free(job);
 }
 

@@ -200,8 +200,8 @@ static bool can_ever_fit(const struct srv_snapshot_queue *queue,
 /* Takes the memory of the entry's encoder if it and the pixels fit beside what others have. The
  * next entry waits for its memory before any other is begun, so that small ones do not delay it for
  * ever. With the mutex held. */
-static bool take_memory(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry,
-                        double now_ms) {
+static bool acquire_memory(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry,
+                           double now_ms) {
     struct sp_budget *budget = queue->options.budget;
     const uint64_t others = sp_budget_total(budget);
     const uint64_t encoder =
@@ -211,7 +211,7 @@ static bool take_memory(struct srv_snapshot_queue *queue, struct srv_snapshot_en
     const bool fits = entry->needs_all
                           ? others == 0
                           : others + bytes_of(&entry->snapshot) <= sp_budget_limit(budget);
-    if (fits && sp_budget_take(budget, SP_BUDGET_ENCODERS, encoder)) {
+    if (fits && sp_budget_acquire(budget, SP_BUDGET_ENCODERS, encoder)) {
         entry->encoder_bytes = encoder;
         entry->waits_for_memory = 0;
         return true;
@@ -222,13 +222,14 @@ static bool take_memory(struct srv_snapshot_queue *queue, struct srv_snapshot_en
     return entry->is_refused;
 }
 
-void srv_snapshot_queue_give(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry) {
-    sp_budget_give(queue->options.budget, SP_BUDGET_ENCODERS, entry->encoder_bytes);
+void srv_snapshot_queue_release(struct srv_snapshot_queue *queue,
+                                struct srv_snapshot_entry *entry) {
+    sp_budget_release(queue->options.budget, SP_BUDGET_ENCODERS, entry->encoder_bytes);
     entry->encoder_bytes = 0;
 }
 
-struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *queue,
-                                                   double *wait_ms, bool *needs_memory) {
+struct srv_snapshot_entry *srv_snapshot_queue_pop(struct srv_snapshot_queue *queue, double *wait_ms,
+                                                  bool *needs_memory) {
     const double look_again_ms = 100;
     struct srv_snapshot_entry *next = NULL;
     double now_ms = srv_clock_ms();
@@ -241,7 +242,7 @@ struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *qu
         if (may_begin && has_volume(queue, e) && (!next || is_before(queue, e, next)))
             next = e;
     }
-    *needs_memory = next && !take_memory(queue, next, now_ms);
+    *needs_memory = next && !acquire_memory(queue, next, now_ms);
     if (*needs_memory) {
         *wait_ms = look_again_ms;
         next = NULL;
@@ -363,7 +364,7 @@ static void append(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *
 }
 
 /* Replaces the use of the volume by that of the view's time step; NULL when out of memory. */
-static void *take_step(struct srv_catalog *catalog, const struct srv_snapshot *snapshot) {
+static void *acquire_step(struct srv_catalog *catalog, const struct srv_snapshot *snapshot) {
     struct srv_volume *step = srv_catalog_step(catalog, snapshot->volume, snapshot->view.time.step);
     srv_catalog_release(catalog, snapshot->volume);
     return step;
@@ -374,7 +375,7 @@ bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue, const struct sr
     struct srv_snapshot_waiter *waiter = malloc(sizeof *waiter);
     struct srv_snapshot_entry *entry = calloc(1, sizeof *entry), *equal = NULL;
     struct srv_snapshot own = *request, *snapshot = &own;
-    own.volume = take_step(queue->options.catalog, request);
+    own.volume = acquire_step(queue->options.catalog, request);
     bool ok = (waiter && entry && own.volume &&
                srv_catalog_other_steps(queue->options.catalog, own.volume, &own.view, entry->others,
                                        &entry->other_count)) ||

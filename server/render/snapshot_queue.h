@@ -141,10 +141,10 @@ bool srv_snapshot_has_steps(struct srv_catalog *catalog, const struct srv_snapsh
  * again after *wait_ms at the latest, which stays as it is if only an event can change that.
  * *needs_memory: the next one waits until others give memory back; the worker, too. An entry that
  * has waited for SRV_MEMORY_WAIT_MS is returned with is_refused. */
-struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *queue,
-                                                   double *wait_ms, bool *needs_memory);
+struct srv_snapshot_entry *srv_snapshot_queue_pop(struct srv_snapshot_queue *queue, double *wait_ms,
+                                                  bool *needs_memory);
 /* Gives back what was taken for the entry's encoder. */
-void srv_snapshot_queue_give(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry);
+void srv_snapshot_queue_release(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry);
 /* The rendering has ended and took so long: charges the owner. is_cancelled: it is to be rendered
  * again, because it yielded or because of memory. Returns true if the entry waits for that. Else
  * the caller answers it, now or after encoding. */

@@ -69,7 +69,7 @@ static bool may_fit_alone(struct srv_render_pool *pool, struct srv_snapshot_entr
                           struct sp_error *err) {
     const struct sp_budget *budget = pool->options.frame_memory.snapshots;
     trim(pool);
-    srv_snapshot_queue_give(&pool->snapshots, entry);
+    srv_snapshot_queue_release(&pool->snapshots, entry);
     if (sp_budget_total(budget) > 0 && !entry->needs_all) {
         entry->needs_all = true;
         return true;
@@ -100,7 +100,7 @@ static void render(struct srv_render_pool *pool, struct srv_snapshot_entry *entr
     bool is_again = !frame && (err.code == SP_ERR_CANCELLED || (err.code == SP_ERR_FRAME_BUDGET &&
                                                                 may_fit_alone(pool, entry, &err)));
     if (!frame)
-        srv_snapshot_queue_give(&pool->snapshots, entry);
+        srv_snapshot_queue_release(&pool->snapshots, entry);
     bool waits_again =
         srv_snapshot_queue_end_rendering(&pool->snapshots, entry, is_again, render_ms);
     if (frame && entry->snapshot.wants_frame)
@@ -119,11 +119,11 @@ static void render(struct srv_render_pool *pool, struct srv_snapshot_entry *entr
 static struct srv_snapshot_entry *next_entry(struct srv_render_pool *pool, double *wait_ms) {
     bool needs_memory;
     struct srv_snapshot_entry *entry =
-        srv_snapshot_queue_take(&pool->snapshots, wait_ms, &needs_memory);
+        srv_snapshot_queue_pop(&pool->snapshots, wait_ms, &needs_memory);
     if (!needs_memory)
         return entry;
     trim(pool);
-    return srv_snapshot_queue_take(&pool->snapshots, wait_ms, &needs_memory);
+    return srv_snapshot_queue_pop(&pool->snapshots, wait_ms, &needs_memory);
 }
 
 void *srv_snapshot_worker_main(void *user) {

@@ -70,8 +70,8 @@ static uint64_t cost_px(const uint32_t full[2]) {
 
 static void destroy(struct encoder *encoder) {
     sp_video_destroy(&encoder->video);
-    sp_budget_give(encoder->budget, SP_BUDGET_ENCODERS,
-                   sp_video_bytes(encoder->codec, encoder->full));
+    sp_budget_release(encoder->budget, SP_BUDGET_ENCODERS,
+                      sp_video_bytes(encoder->codec, encoder->full));
     pthread_mutex_destroy(&encoder->mutex);
     free(encoder);
 }
@@ -82,7 +82,7 @@ static bool is_idle(const struct encoder *encoder, double until_ms) {
 
 /* Removes the encoders from the list that were not used since `until_ms`. With the mutex held; the
  * caller destroys them after it has released the mutex. */
-static struct encoder *take_idle(struct srv_video_encoders *encoders, double until_ms) {
+static struct encoder *unlink_idle(struct srv_video_encoders *encoders, double until_ms) {
     struct encoder *idle = NULL;
     for (struct encoder **link = &encoders->list; *link;) {
         struct encoder *encoder = *link;
@@ -117,7 +117,7 @@ bool srv_video_encoders_are_idle(struct srv_video_encoders *encoders, double now
 
 void srv_video_encoders_tick(struct srv_video_encoders *encoders, double now_ms) {
     pthread_mutex_lock(&encoders->mutex);
-    struct encoder *idle = take_idle(encoders, now_ms - IDLE_MS);
+    struct encoder *idle = unlink_idle(encoders, now_ms - IDLE_MS);
     pthread_mutex_unlock(&encoders->mutex);
     destroy_all(idle);
 }
@@ -135,7 +135,7 @@ void srv_video_encoders_destroy(struct srv_video_encoders **encoders_pointer) {
 static struct encoder *create(struct sp_budget *budget, const struct srv_render_job *job,
                               enum sp_video_codec codec) {
     const uint64_t bytes = sp_video_bytes(codec, job->full);
-    if (!sp_budget_take(budget, SP_BUDGET_ENCODERS, bytes))
+    if (!sp_budget_acquire(budget, SP_BUDGET_ENCODERS, bytes))
         return NULL;
     struct encoder *encoder = calloc(1, sizeof *encoder);
     struct sp_error err = { .code = SP_ERR_MEMORY, .text = "out of memory" };
@@ -143,7 +143,7 @@ static struct encoder *create(struct sp_budget *budget, const struct srv_render_
     if (!encoder || !(encoder->video = sp_video_create(codec, threads, &err))) {
         sp_log(SP_LOG_WARN, "cannot create a %s encoder for a session: %s",
                sp_video_codec_name(codec), err.text);
-        sp_budget_give(budget, SP_BUDGET_ENCODERS, bytes);
+        sp_budget_release(budget, SP_BUDGET_ENCODERS, bytes);
         free(encoder);
         return NULL;
     }
@@ -169,7 +169,7 @@ static struct encoder *borrow(struct srv_video_encoders *encoders, const struct 
     uint64_t cost = cost_px(job->full);
     struct encoder *idle = NULL;
     if (!encoder && encoders->px + cost > encoders->px_max)
-        idle = take_idle(encoders, now_ms - BUSY_MS);
+        idle = unlink_idle(encoders, now_ms - BUSY_MS);
     if (!encoder && encoders->px + cost <= encoders->px_max &&
         (encoder = create(encoders->budget, job, codec))) {
         encoder->next = encoders->list;

@@ -10,7 +10,7 @@
 
 #define POLL_MS 1.0           /* at least, until the network is asked again whether it is free */
 #define FIRST_BURST_MS 2500.0 /* a fifth of it is half a second of first frames */
-#define SHARE_PART 0.5        /* of an interval: a participant may share a frame so early */
+#define EARLY_PORTION 0.5     /* of an interval: a participant may share a frame so early */
 enum { SLOW_JOBS_ALONE = 2 }; /* of the only participant: one is drawn, one encoded */
 
 /* Returns when the participant's next frame may begin; INFINITY = after the next event. */
@@ -19,13 +19,13 @@ static double opens_ms(const struct srv_schedule *schedule, const struct srv_ses
     const struct srv_delivery *d = &p->delivery;
     if (srv_policy_video(p) != SP_VIDEO_CODEC_COUNT && d->outbox.blob)
         return INFINITY; /* a newer frame must not replace a video frame that waits */
-    const struct srv_window_demand demand = {
+    const struct srv_congestion_demand demand = {
         .waiting = p->schedule->jobs + (d->outbox.blob ? 1 : 0),
         .lead_ms = fmin(s->stats.render_ms + s->stats.encode_ms, SRV_QUALITY_ROUND_MS),
         .max_fps = p->settings.max_fps,
         .bytes_max = schedule->hub->options.stream_bytes,
     };
-    double at_ms = srv_window_opens_ms(&d->window, &demand, now_ms);
+    double at_ms = srv_congestion_opens_ms(&d->congestion_window, &demand, now_ms);
     return at_ms > now_ms ? fmax(at_ms, now_ms + POLL_MS) : at_ms;
 }
 
@@ -128,7 +128,7 @@ struct srv_frame_request srv_request_to_share(const struct srv_schedule *schedul
                                               const struct srv_session *s,
                                               const struct srv_participant *p, double now_ms) {
     struct srv_demand demand = demand_of(schedule, s, p, now_ms);
-    double early_ms = SHARE_PART * 1000.0 / p->settings.max_fps;
+    double early_ms = EARLY_PORTION * 1000.0 / p->settings.max_fps;
     demand.next_frame_ms -= early_ms;
     demand.opens_ms -= early_ms;
     return srv_decide_request(&demand, now_ms);
@@ -229,9 +229,9 @@ struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
     const double now_ms = schedule->now_ms;
     const unsigned siblings = s->schedule->siblings;
     const double owners = owners_with(schedule->owners, siblings, gets_frames(s, now_ms));
-    const double own = srv_participant_part(s, p) / (owners * fmax(1, siblings));
-    const double others =
-        srv_fair_used_part(&schedule->use, now_ms) - srv_fair_used_part(&p->schedule->use, now_ms);
+    const double own = srv_participant_portion(s, p) / (owners * fmax(1, siblings));
+    const double others = srv_fair_used_portion(&schedule->use, now_ms) -
+                          srv_fair_used_portion(&p->schedule->use, now_ms);
     return srv_quality_budget(max_fps, fmin(fmax(1 - others, own), 1));
 }
 
@@ -382,7 +382,7 @@ struct srv_choice srv_choose_short(struct srv_schedule *schedule,
         bool is_own = s->identity.number == running->session;
         double start_ms = is_own ? candidate->start_ms
                                  : srv_fair_start(&s->schedule->account, schedule->clock_ms);
-        const double reached_ms = is_own ? running->part_start_ms + running->drawn_ms
+        const double reached_ms = is_own ? running->participant_start_ms + running->drawn_ms
                                          : running->start_ms + running->drawn_ms * running->price;
         candidate->lead_ms = start_ms - reached_ms;
         if (candidate->rank == SRV_RANK_FIRST)

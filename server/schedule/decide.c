@@ -8,7 +8,7 @@
 
 #define FIRST_FRAME_MS 150.0 /* a first frame that takes longer has less detail at first */
 #define ROUNDING_MS 1e-6     /* of a mean of equal numbers */
-#define SHORT_PART 0.1       /* of the work that it preempts */
+#define SHORT_PORTION 0.1    /* of the work that it preempts */
 
 /* True if the sharp frame is expected soon, so that no other frame has to precede it. */
 static bool is_sharp_soon(const struct srv_demand *d) {
@@ -117,7 +117,7 @@ double srv_decide_quiet_ms(bool has_motion, double last_motion_ms, double now_ms
 bool srv_decide_is_short(double expected_ms, double running_ms, double drawn_ms) {
     double left_ms = running_ms > drawn_ms ? running_ms - drawn_ms : drawn_ms;
     double known_ms = isfinite(left_ms) ? left_ms : drawn_ms;
-    return expected_ms <= fmin(left_ms, fmax(SRV_QUALITY_ROUND_MS, known_ms * SHORT_PART));
+    return expected_ms <= fmin(left_ms, fmax(SRV_QUALITY_ROUND_MS, known_ms * SHORT_PORTION));
 }
 
 int srv_decide_preemption(const struct srv_candidate *candidates, int count, double *wait_ms) {

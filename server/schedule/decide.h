@@ -32,7 +32,7 @@ enum srv_rank {
 /* What the next frame of one participant depends on.
  *
  *   the participant wants a frame if          and gets it if
- *     the view is newer than its last job       its window is open (session/window.h)
+ *     the view is newer than its last job       its window is open (session/congestion.h)
  *     or the view rests, and its last frame     and its frame rate allows it
  *     was not of final quality */
 struct srv_demand {

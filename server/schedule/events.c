@@ -130,7 +130,7 @@ static void on_event(void *user, enum srv_session_event event, struct srv_sessio
         p->schedule->next_frame_ms =
             fmin(p->schedule->next_frame_ms, now_ms + 1000.0 / p->settings.max_fps);
         break;
-    case SRV_WINDOW_CHANGED:
+    case SRV_CONGESTION_CHANGED:
         break;
     }
     srv_schedule_wake(schedule, session);

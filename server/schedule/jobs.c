@@ -65,7 +65,7 @@ static double participant_weight(const struct srv_session *s, const struct srv_p
     return p == s->holder && s->participant_count > 1 ? s->participant_count - 1 : 1;
 }
 
-double srv_participant_part(const struct srv_session *s, const struct srv_participant *p) {
+double srv_participant_portion(const struct srv_session *s, const struct srv_participant *p) {
     const double all = s->holder ? 2 * (s->participant_count - 1.0) : s->participant_count;
     return participant_weight(s, p) / fmax(1, all);
 }
@@ -79,7 +79,7 @@ static void charge(struct srv_schedule *schedule, struct srv_session *s,
     job->charged_ms = srv_quality_expected_ms(&plan->quality, &detail);
     job->expected_ms = is_known && job->charged_ms > 0 ? job->charged_ms : INFINITY;
     job->start_ms = srv_fair_start(&plan->account, schedule->clock_ms);
-    job->part_start_ms = plan->clock_ms;
+    job->participant_start_ms = plan->clock_ms;
     job->price = srv_session_price(schedule, s);
     srv_fair_charge(&plan->account, schedule->clock_ms, job->charged_ms * job->price);
     srv_fair_add_use(&schedule->use, job->charged_ms, schedule->now_ms);
@@ -215,9 +215,9 @@ static void add_target(struct srv_schedule *schedule, struct srv_session *s,
 }
 
 /* Collects the participants of the session that want the same frame as the chosen one. */
-static uint32_t find_recipients(const struct srv_schedule *schedule,
-                                const struct srv_choice *choice, double now_ms,
-                                struct srv_participant *recipients[SRV_PARTICIPANTS_MAX]) {
+static uint32_t collect_recipients(const struct srv_schedule *schedule,
+                                   const struct srv_choice *choice, double now_ms,
+                                   struct srv_participant *recipients[SRV_PARTICIPANTS_MAX]) {
     struct srv_session *s = choice->participant->session;
     uint32_t count = 0;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
@@ -299,7 +299,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     struct srv_participant *first = choice->participant, *recipients[SRV_PARTICIPANTS_MAX];
     struct srv_session *s = first->session;
     struct srv_session_schedule *plan = s->schedule;
-    uint32_t count = find_recipients(schedule, choice, now_ms, recipients);
+    uint32_t count = collect_recipients(schedule, choice, now_ms, recipients);
     int max_fps = 1;
     for (uint32_t i = 0; i < count; i++)
         max_fps =

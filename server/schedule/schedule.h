@@ -71,7 +71,7 @@ struct srv_render_job {
     double expected_ms;         /* INFINITY = not known, or it begins with classification */
     /* Virtual times at which its session's and its first participant's accounts start, and what was
      * charged until its true time is known; the session pays `price` times that. */
-    double start_ms, part_start_ms, charged_ms, price;
+    double start_ms, participant_start_ms, charged_ms, price;
     unsigned mip_level;          /* as in sp/renderer.h; 0 if final */
     uint32_t full[2];            /* size at rest, px */
     struct sp_view view;         /* with the size to render */
@@ -108,7 +108,7 @@ bool srv_schedule_next(struct srv_schedule *schedule, double now_ms, struct srv_
 
 struct srv_running_job {
     uint64_t session, order; /* these six as in the job */
-    double start_ms, part_start_ms, expected_ms, price;
+    double start_ms, participant_start_ms, expected_ms, price;
     double drawn_ms; /* for how long it has been drawn */
     bool is_first;   /* as in the job */
 };

@@ -112,8 +112,8 @@ bool srv_has_motion(const struct srv_schedule *schedule);
  * one owner equal parts of its share. 1 if each owner has as many. */
 double srv_session_price(const struct srv_schedule *schedule, const struct srv_session *session);
 /* Returns the part of its session's time that a participant has if all want frames. */
-double srv_participant_part(const struct srv_session *session,
-                            const struct srv_participant *participant);
+double srv_participant_portion(const struct srv_session *session,
+                               const struct srv_participant *participant);
 /* Time that a moving frame for the participant may take: the part of its interval that others
  * leave, but at least its own fair part. So it gets less detail instead of fewer frames. */
 struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,

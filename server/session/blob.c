@@ -31,7 +31,7 @@ struct srv_blob_pool *srv_blob_pool_create(const struct srv_blob_pool_options *o
         return NULL;
     }
     pool->options = *options;
-    pool->most = sp_budget_limit(options->budget) / SRV_BLOB_PART;
+    pool->most = sp_budget_limit(options->budget) / SRV_BLOB_DIVISOR;
     pthread_mutex_init(&pool->mutex, NULL);
     return pool;
 }
@@ -80,9 +80,9 @@ static uint64_t left_for(const struct srv_blob_pool *pool, const struct srv_blob
 }
 
 /* With the mutex held. */
-static enum sp_code take_from(struct srv_blob_pool *pool, struct srv_blob_account *account,
-                              const struct srv_blob_owner *owner, uint64_t bytes,
-                              struct sp_error *err) {
+static enum sp_code acquire_bytes(struct srv_blob_pool *pool, struct srv_blob_account *account,
+                                  const struct srv_blob_owner *owner, uint64_t bytes,
+                                  struct sp_error *err) {
     struct sp_budget *budget = pool->options.budget;
     const uint64_t left = left_for(pool, account, owner);
     const uint64_t own = owner->is_guests ? account->guests : account->bytes;
@@ -93,7 +93,7 @@ static enum sp_code take_from(struct srv_blob_pool *pool, struct srv_blob_accoun
                 " bytes that were not read, and may have %" PRIu64
                 "; read faster, or ask for smaller images",
                 bytes, owner->is_guests ? "guests" : "clients", own, own + left);
-    else if (!sp_budget_take(budget, SP_BUDGET_ANSWERS, bytes))
+    else if (!sp_budget_acquire(budget, SP_BUDGET_ANSWERS, bytes))
         sp_budget_fail(budget, "encoded image", bytes, err);
     else {
         pool->used += bytes;
@@ -111,7 +111,7 @@ static enum sp_code reserve(struct srv_blob_pool *pool, const struct srv_blob_ow
     pthread_mutex_lock(&pool->mutex);
     *account = find_or_add(pool, owner->name);
     if (*account) {
-        code = take_from(pool, *account, owner, bytes, err);
+        code = acquire_bytes(pool, *account, owner, bytes, err);
         remove_if_empty(pool, *account);
     } else {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the owner of an encoded frame");
@@ -125,7 +125,7 @@ static void give(struct srv_blob_pool *pool, struct srv_blob_account *account, b
     if (!pool)
         return;
     pthread_mutex_lock(&pool->mutex);
-    sp_budget_give(pool->options.budget, SP_BUDGET_ANSWERS, bytes);
+    sp_budget_release(pool->options.budget, SP_BUDGET_ANSWERS, bytes);
     pool->used -= bytes;
     account->bytes -= bytes;
     account->guests -= is_guests ? bytes : 0;

@@ -23,7 +23,7 @@
 
 struct srv_blob_pool; /* opaque */
 
-enum { SRV_BLOB_PART = 4 }; /* the pool has 1 / SRV_BLOB_PART of the budget's limit */
+enum { SRV_BLOB_DIVISOR = 4 }; /* the pool has 1 / SRV_BLOB_DIVISOR of the budget's limit */
 
 struct srv_blob_pool_options {
     struct sp_budget *budget; /* bytes are SP_BUDGET_ANSWERS of it; NULL = no limit. Outlives the

@@ -50,7 +50,7 @@ void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
         srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_CONTROL);
 }
 
-bool srv_control_take(struct srv_hub *hub, struct srv_participant *p, double now_ms) {
+bool srv_control_acquire(struct srv_hub *hub, struct srv_participant *p, double now_ms) {
     if (!p->session->holder && may_control(p))
         give(hub, p->session, p, now_ms);
     return p->session->holder == p;
@@ -105,7 +105,7 @@ bool srv_call_request_control(struct srv_call *call) {
         return srv_call_refuse(
             call, PROTO_RPC_DENIED, NULL,
             "this token may only watch, and no participant holds control that could grant it");
-    if (!srv_control_take(call->hub, p, call->now_ms) && !is_asking(p)) {
+    if (!srv_control_acquire(call->hub, p, call->now_ms) && !is_asking(p)) {
         p->control.order = ++call->hub->participants.next_request;
         p->control.since_ms = call->now_ms;
         srv_timer_set_by(&call->hub->active.timers, &p->session->timer,

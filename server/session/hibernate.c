@@ -94,12 +94,12 @@ struct snapshot {
 };
 
 /* Takes the session that has been unsaved for the longest time, if its number is at most `last`. */
-static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
-                          struct snapshot *snapshot) {
+static bool pop_unsaved(struct srv_hub *hub, uint64_t last, double now_ms,
+                        struct snapshot *snapshot) {
     const struct srv_session *next;
     pthread_mutex_lock(&hub->mutex);
     do
-        next = srv_timer_take(&hub->persistence.unsaved, (double)last);
+        next = srv_timer_pop(&hub->persistence.unsaved, (double)last);
     while (next && is_saved(hub, next, now_ms));
     if (next) {
         snapshot->identity = next->identity;
@@ -139,7 +139,7 @@ bool srv_hub_save(struct srv_hub *hub, double now_ms,
     pthread_mutex_lock(&hub->mutex);
     const uint64_t last = hub->persistence.next_unsaved;
     pthread_mutex_unlock(&hub->mutex);
-    while (ok && take_snapshot(hub, last, now_ms, snapshot)) {
+    while (ok && pop_unsaved(hub, last, now_ms, snapshot)) {
         size_t size;
         char *text = text_of(snapshot, &size);
         pthread_mutex_lock(&hub->mutex);
@@ -173,7 +173,7 @@ unsigned srv_hub_bucket(const char *id) {
     return hash % SRV_HUB_BUCKETS;
 }
 
-static struct srv_hibernated_session **find(struct srv_hub *hub, const char *id) {
+static struct srv_hibernated_session **find_hibernated(struct srv_hub *hub, const char *id) {
     struct srv_hibernated_session **link = &hub->hibernated.buckets[srv_hub_bucket(id)];
     while (*link && strcmp((*link)->id, id) != 0)
         link = &(*link)->next;
@@ -247,7 +247,7 @@ static void end_hibernated(struct srv_hub *hub, const struct srv_hibernated_sess
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", entry->id }), "session %s ended: %s",
                 entry->id, why);
     srv_hub_ended(hub, entry->id);
-    unlink_hibernated(hub, find(hub, entry->id));
+    unlink_hibernated(hub, find_hibernated(hub, entry->id));
 }
 
 bool srv_hibernated_add(struct srv_hub *hub, const struct srv_session *session) {
@@ -385,7 +385,7 @@ static bool resolve(struct srv_hub *hub, struct srv_session *session, struct sp_
 
 struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, double now_ms,
                                           struct sp_error *err) {
-    struct srv_hibernated_session **link = find(hub, id);
+    struct srv_hibernated_session **link = find_hibernated(hub, id);
     if (!*link) {
         srv_hibernated_missing(hub, id, err);
         return NULL;
@@ -409,7 +409,7 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
         srv_hub_free_session(hub, session);
         return NULL;
     }
-    link = find(hub, id); /* ensure_capacity() may have changed the list */
+    link = find_hibernated(hub, id); /* ensure_capacity() may have changed the list */
     session->saved.used_ms = (*link)->used_ms;
     unlink_hibernated(hub, link);
     srv_hub_link_session(hub, session, now_ms);
@@ -422,17 +422,17 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
 }
 
 const char *srv_hibernated_owner(struct srv_hub *hub, const char *id) {
-    const struct srv_hibernated_session *entry = *find(hub, id);
+    const struct srv_hibernated_session *entry = *find_hibernated(hub, id);
     return entry ? entry->owner->name : "";
 }
 
 const char *srv_hibernated_token(struct srv_hub *hub, const char *id, enum srv_role role) {
-    const struct srv_hibernated_session *entry = *find(hub, id);
+    const struct srv_hibernated_session *entry = *find_hibernated(hub, id);
     return entry ? entry->tokens[role] : NULL;
 }
 
 bool srv_hibernated_remove(struct srv_hub *hub, const char *id) {
-    struct srv_hibernated_session **link = find(hub, id);
+    struct srv_hibernated_session **link = find_hibernated(hub, id);
     if (!*link)
         return false;
     unlink_hibernated(hub, link);
@@ -444,7 +444,7 @@ double srv_hibernated_tick(struct srv_hub *hub, double now_ms) {
     snprintf(why, sizeof why, "unused for %.0f s (--hibernation-time)",
              hub->options.hibernation_ms / 1000);
     for (const struct srv_hibernated_session *entry;
-         (entry = srv_timer_take(&hub->hibernated.ends, now_ms));)
+         (entry = srv_timer_pop(&hub->hibernated.ends, now_ms));)
         end_hibernated(hub, entry, why);
     return srv_timer_next(&hub->hibernated.ends);
 }

@@ -74,7 +74,7 @@ void *srv_call_later(struct srv_call *call, size_t bytes, struct srv_work_queue 
     return late;
 }
 
-char *srv_late_answer_take(struct srv_participant *participant, size_t *size) {
+char *srv_late_answer_pop(struct srv_participant *participant, size_t *size) {
     struct srv_late_answer *answer = participant->pending.answers;
     char *text = answer->text;
     *size = answer->size;
@@ -86,5 +86,5 @@ char *srv_late_answer_take(struct srv_participant *participant, size_t *size) {
 void srv_late_answers_free(struct srv_participant *participant) {
     size_t size;
     while (participant->pending.answers)
-        free(srv_late_answer_take(participant, &size));
+        free(srv_late_answer_pop(participant, &size));
 }

@@ -205,7 +205,7 @@ static void handle_timer(struct srv_hub *hub, struct srv_session *session, doubl
 
 double srv_hub_tick(struct srv_hub *hub, double now_ms) {
     pthread_mutex_lock(&hub->mutex);
-    for (struct srv_session *s; (s = srv_timer_take(&hub->active.timers, now_ms));)
+    for (struct srv_session *s; (s = srv_timer_pop(&hub->active.timers, now_ms));)
         handle_timer(hub, s, now_ms);
     double next_ms = fmin(srv_timer_next(&hub->active.timers), srv_hibernated_tick(hub, now_ms));
     srv_hub_note_time(hub, now_ms);

@@ -44,16 +44,16 @@ static const char *id_place(const struct srv_measure_edit *edit) {
 }
 
 /* Checks the id, or makes one. */
-static bool take_id(struct srv_measure_edit *edit, const char *id,
-                    char taken[PROTO_MEASURE_ID_MAX + 1], struct sp_error *err) {
+static bool choose_id(struct srv_measure_edit *edit, const char *id,
+                      char chosen[PROTO_MEASURE_ID_MAX + 1], struct sp_error *err) {
     if (!id)
-        return srv_secret_hex(taken, MADE_ID_DIGITS, err) || refuse(edit, PROTO_RPC_INTERNAL);
+        return srv_secret_hex(chosen, MADE_ID_DIGITS, err) || refuse(edit, PROTO_RPC_INTERNAL);
     if (!proto_measure_is_id(id)) {
         sp_fail(err, SP_ERR_INVALID, id_place(edit),
                 "must be 1 to %d characters of A-Z a-z 0-9 _ -", PROTO_MEASURE_ID_MAX);
         return refuse(edit, PROTO_RPC_PARAMS);
     }
-    strcpy(taken, id);
+    strcpy(chosen, id);
     return true;
 }
 
@@ -144,8 +144,8 @@ static void changed(struct srv_measure_edit *edit) {
 
 bool srv_measure_edit_prepare(struct srv_measure_edit *edit, const char *id, const proto_json *body,
                               struct sp_error *err) {
-    char taken[PROTO_MEASURE_ID_MAX + 1];
-    if (!take_id(edit, id, taken, err) || !begin(edit, taken, id != NULL, body, err))
+    char chosen[PROTO_MEASURE_ID_MAX + 1];
+    if (!choose_id(edit, id, chosen, err) || !begin(edit, chosen, id != NULL, body, err))
         return false;
     const bool is_whole = edit->is_new || edit->change == SRV_MEASURE_REPLACE;
     if (!proto_measure_apply(body, is_whole, &edit->made, err))
@@ -161,11 +161,11 @@ bool srv_measure_edit_commit(struct srv_measure_edit *edit, struct sp_error *err
 }
 
 bool srv_measure_edit_remove(struct srv_measure_edit *edit, const char *id, struct sp_error *err) {
-    char taken[PROTO_MEASURE_ID_MAX + 1];
-    if (!take_id(edit, id ? id : "", taken, err) || !has_quota(edit, err))
+    char chosen[PROTO_MEASURE_ID_MAX + 1];
+    if (!choose_id(edit, id ? id : "", chosen, err) || !has_quota(edit, err))
         return false;
-    if (!srv_measures_remove(&edit->session->measures, taken)) {
-        sp_fail(err, SP_ERR_NOT_FOUND, id_place(edit), "there is no measurement '%s'", taken);
+    if (!srv_measures_remove(&edit->session->measures, chosen)) {
+        sp_fail(err, SP_ERR_NOT_FOUND, id_place(edit), "there is no measurement '%s'", chosen);
         return refuse(edit, PROTO_RPC_NOT_FOUND);
     }
     changed(edit);

@@ -77,10 +77,13 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     proto_json_set_integer(&params, "splats", (int64_t)last->splats);
     proto_json_set_integer(&params, "visible_voxels", (int64_t)last->visible_voxels);
     set_bricks(&params, &last->bricks);
-    proto_json_set_number(&params, "rtt_ms", srv_window_rtt_ms(&to->delivery.window));
-    proto_json_set_number(&params, "bandwidth", srv_window_rate(&to->delivery.window) * 1000);
-    proto_json_set_integer(&params, "window",
-                           srv_window_frames(&to->delivery.window, to->settings.max_fps));
+    proto_json_set_number(&params, "rtt_ms",
+                          srv_congestion_rtt_ms(&to->delivery.congestion_window));
+    proto_json_set_number(&params, "bandwidth",
+                          srv_congestion_rate(&to->delivery.congestion_window) * 1000);
+    proto_json_set_integer(
+        &params, "window",
+        srv_congestion_frames(&to->delivery.congestion_window, to->settings.max_fps));
     proto_json_set_integer(&params, "frames", (int64_t)to->delivery.frames_sent);
     proto_json_set_integer(&params, "bytes", (int64_t)to->delivery.bytes_sent);
     proto_json_set_integer(&params, "dropped", (int64_t)to->delivery.outbox.dropped);
@@ -127,9 +130,9 @@ static char *text_of_error(const struct srv_participant *p, size_t *size) {
 }
 
 /* Returns the text of one pending answer, or of the end of the daemon, and clears it. */
-static char *take_urgent(struct srv_participant *p, size_t *size) {
+static char *consume_urgent(struct srv_participant *p, size_t *size) {
     if (p->pending.answers)
-        return srv_late_answer_take(p, size);
+        return srv_late_answer_pop(p, size);
     if (p->pending.notifications & SRV_NOTIFY_DRAINING) {
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_DRAINING;
         return proto_rpc_notification("server.draining", proto_json_object(), size);
@@ -138,8 +141,8 @@ static char *take_urgent(struct srv_participant *p, size_t *size) {
 }
 
 /* Returns the text of one pending notification of a state and clears it. */
-static char *take_state(struct srv_hub *hub, struct srv_participant *p, double now_ms,
-                        size_t *size) {
+static char *consume_state(struct srv_hub *hub, struct srv_participant *p, double now_ms,
+                           size_t *size) {
     if (p->pending.notifications & SRV_NOTIFY_PARTICIPANTS) {
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_PARTICIPANTS;
         return text_of_participants(p, size);
@@ -182,20 +185,20 @@ static uint32_t queue_us_of(const struct srv_delivery *delivery,
                             const struct proto_frame_header *header, double now_ms) {
     double took_us = (now_ms - delivery->outbox.updated_ms) * 1000;
     double waited_us = took_us - header->render_us - (double)header->encode_us;
-    if (header->seq == delivery->shown_seq || !(waited_us > 0))
+    if (header->seq == delivery->sent_seq || !(waited_us > 0))
         return 0;
     return waited_us < UINT32_MAX ? (uint32_t)waited_us : UINT32_MAX;
 }
 
-static void take_frame(struct srv_hub *hub, struct srv_participant *p, double now_ms,
-                       struct srv_message *message) {
+static void pop_frame(struct srv_hub *hub, struct srv_participant *p, double now_ms,
+                      struct srv_message *message) {
     srv_metrics_add(hub->options.metrics, SRV_COUNT_FRAMES, 1);
-    message->blob = srv_outbox_take(&p->delivery.outbox, &message->header);
+    message->blob = srv_outbox_pop(&p->delivery.outbox, &message->header);
     message->header.frame = ++p->delivery.frame;
     message->header.queue_us = queue_us_of(&p->delivery, &message->header, now_ms);
-    p->delivery.shown_seq = message->header.seq;
-    srv_window_sent(&p->delivery.window, p->delivery.frame,
-                    message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);
+    p->delivery.sent_seq = message->header.seq;
+    srv_congestion_sent(&p->delivery.congestion_window, p->delivery.frame,
+                        message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);
     p->delivery.frames_sent++;
     p->delivery.bytes_sent += message->blob->size + PROTO_FRAME_HEADER_BYTES;
     if (now_ms - p->pending.stats_ms >= 500)
@@ -203,7 +206,7 @@ static void take_frame(struct srv_hub *hub, struct srv_participant *p, double no
 }
 
 enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_participant *p,
-                                           enum srv_take take, double now_ms,
+                                           enum srv_next allowed, double now_ms,
                                            struct srv_message *message) {
     enum srv_message_kind kind = SRV_MESSAGE_NONE;
     *message = (struct srv_message){ .text = NULL };
@@ -213,16 +216,16 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
         message->close_code = p->pending.close_code;
         message->reason = p->pending.close_reason;
     } else if (p->session) {
-        if (take != SRV_TAKE_NOTIFICATIONS && p->delivery.outbox.blob &&
-            p->delivery.window.count < SRV_WINDOW_MAX) {
-            take_frame(hub, p, now_ms, message);
+        if (allowed != SRV_NEXT_NOTIFICATIONS && p->delivery.outbox.blob &&
+            p->delivery.congestion_window.count < SRV_CONGESTION_MAX) {
+            pop_frame(hub, p, now_ms, message);
             if (srv_policy_video(p) != SP_VIDEO_CODEC_COUNT) /* the next frame waits for that */
-                srv_hub_emit(hub, SRV_WINDOW_CHANGED, p->session, p, now_ms);
+                srv_hub_emit(hub, SRV_CONGESTION_CHANGED, p->session, p, now_ms);
             kind = SRV_MESSAGE_FRAME;
         } else {
-            message->text = take_urgent(p, &message->size);
-            if (!message->text && take != SRV_TAKE_FRAMES)
-                message->text = take_state(hub, p, now_ms, &message->size);
+            message->text = consume_urgent(p, &message->size);
+            if (!message->text && allowed != SRV_NEXT_FRAMES)
+                message->text = consume_state(hub, p, now_ms, &message->size);
             kind = message->text ? SRV_MESSAGE_TEXT : SRV_MESSAGE_NONE;
         }
     }
@@ -232,13 +235,13 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
 
 double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *p) {
     pthread_mutex_lock(&hub->mutex);
-    double oldest = srv_window_oldest_ms(&p->delivery.window);
+    double oldest = srv_congestion_oldest_ms(&p->delivery.congestion_window);
     pthread_mutex_unlock(&hub->mutex);
     return oldest;
 }
 
 void srv_hub_ponged(struct srv_hub *hub, struct srv_participant *p, double rtt_ms, double now_ms) {
     pthread_mutex_lock(&hub->mutex);
-    srv_window_ponged(&p->delivery.window, rtt_ms, now_ms);
+    srv_congestion_ponged(&p->delivery.congestion_window, rtt_ms, now_ms);
     pthread_mutex_unlock(&hub->mutex);
 }

@@ -26,7 +26,7 @@ bool srv_outbox_put(struct srv_outbox *outbox, uint64_t order,
     return true;
 }
 
-struct srv_blob *srv_outbox_take(struct srv_outbox *outbox, struct proto_frame_header *header) {
+struct srv_blob *srv_outbox_pop(struct srv_outbox *outbox, struct proto_frame_header *header) {
     struct srv_blob *blob = outbox->blob;
     *header = outbox->header;
     outbox->blob = NULL;

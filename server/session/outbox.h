@@ -37,6 +37,6 @@ bool srv_outbox_put(struct srv_outbox *outbox, uint64_t order,
                     const struct proto_frame_header *header, struct srv_blob *blob);
 
 /* Hands over the waiting frame with its reference; NULL = none. */
-struct srv_blob *srv_outbox_take(struct srv_outbox *outbox, struct proto_frame_header *header);
+struct srv_blob *srv_outbox_pop(struct srv_outbox *outbox, struct proto_frame_header *header);
 
 #endif

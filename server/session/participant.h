@@ -22,7 +22,7 @@ struct srv_participant;
 enum { SRV_PARTICIPANT_NAME_BYTES = 65 };
 
 /* Joins a session. `token`: the name of the daemon's token that the client used, "" = a join token
- * of the session. srv_hub_take_ready() returns `user`. NULL with SP_ERR_NOT_FOUND, SP_ERR_BUDGET
+ * of the session. srv_hub_pop_ready() returns `user`. NULL with SP_ERR_NOT_FOUND, SP_ERR_BUDGET
  * (too many participants) or SP_ERR_DENIED (the token changed meanwhile). */
 struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum srv_role role,
                                      const char *token, void *user, double now_ms,
@@ -36,7 +36,7 @@ bool srv_hub_message(struct srv_hub *hub, struct srv_participant *participant, c
 
 /* Returns the user pointer of a participant that has something to send; NULL = none. Each is
  * returned once, until something new comes up for it. */
-void *srv_hub_take_ready(struct srv_hub *hub);
+void *srv_hub_pop_ready(struct srv_hub *hub);
 
 enum srv_message_kind { SRV_MESSAGE_NONE, SRV_MESSAGE_TEXT, SRV_MESSAGE_FRAME, SRV_MESSAGE_CLOSE };
 struct srv_message {
@@ -49,9 +49,9 @@ struct srv_message {
 };
 /* What srv_hub_next_message() may take besides answers, the notification of the shutdown, and the
  * end of the stream. Notifications can wait, because a later one reports a newer state. */
-enum srv_take { SRV_TAKE_NOTIFICATIONS, SRV_TAKE_ALL, SRV_TAKE_FRAMES };
+enum srv_next { SRV_NEXT_NOTIFICATIONS, SRV_NEXT_ALL, SRV_NEXT_FRAMES };
 enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_participant *participant,
-                                           enum srv_take take, double now_ms,
+                                           enum srv_next allowed, double now_ms,
                                            struct srv_message *message);
 /* Returns when the oldest unacknowledged frame was sent, ms; 0 = there is none. */
 double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *participant);

@@ -29,8 +29,8 @@ static unsigned free_color(const struct srv_session *session) {
 }
 
 /* True for the owner of the session and for admins. */
-static bool may_take_all(const struct srv_hub *hub, const struct srv_session *session,
-                         const char *token) {
+static bool may_use_all(const struct srv_hub *hub, const struct srv_session *session,
+                        const char *token) {
     struct srv_quota unused;
     unsigned rights = 0;
     if (!token[0] || strcmp(session->identity.owner.name, token) == 0)
@@ -48,7 +48,7 @@ static bool has_capacity(const struct srv_hub *hub, const struct srv_session *se
     struct srv_pool pool = { most, session->participant_count, 0 };
     for (const struct srv_participant *p = session->participants; p; p = p->next)
         pool.own += strcmp(p->identity.token, token) == 0;
-    uint64_t left = srv_fair_left(&pool, token[0] && !may_take_all(hub, session, token));
+    uint64_t left = srv_fair_left(&pool, token[0] && !may_use_all(hub, session, token));
     if (!token[0] && most >= SRV_FAIR_LEAST && left == 1 && pool.own + 1 == most)
         left = 0;
     return left > 0 || sp_fail(err, SP_ERR_BUDGET, NULL,
@@ -110,7 +110,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     p->settings.quality = QUALITY_DEFAULT;
     p->settings.progressive = true;
     p->pending.stats_ms = now_ms;
-    srv_window_init(&p->delivery.window);
+    srv_congestion_init(&p->delivery.congestion_window);
     srv_rate_control_init(&p->delivery.rate_control);
     srv_outbox_init(&p->delivery.outbox);
     pthread_mutex_lock(&hub->mutex);
@@ -196,7 +196,7 @@ void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, do
     free_participant(p);
 }
 
-void *srv_hub_take_ready(struct srv_hub *hub) {
+void *srv_hub_pop_ready(struct srv_hub *hub) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_participant *p = hub->participants.ready_head;
     if (p)

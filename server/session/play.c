@@ -75,7 +75,7 @@ void srv_play_stop_steps(struct srv_hub *hub, struct srv_session *session) {
 }
 
 /* Steps that are late do not follow one another any faster. */
-static void take_step(struct srv_hub *hub, struct srv_session *session, double now_ms) {
+static void advance_step(struct srv_hub *hub, struct srv_session *session, double now_ms) {
     struct srv_play *play = &session->play;
     const uint32_t count = session->shared.steps;
     const double interval_ms = 1000 / fabs(play->steps);
@@ -98,7 +98,7 @@ void srv_play_advance(struct srv_hub *hub, struct srv_session *session, double n
     session->shared.image++;
     session->shared.changed_ms = now_ms;
     if (has_step)
-        take_step(hub, session, now_ms);
+        advance_step(hub, session, now_ms);
 }
 
 /* NULL = out of memory. */
@@ -155,12 +155,12 @@ bool srv_call_time_play(struct srv_call *call) {
     if (steps != 0 && session->shared.steps < 2)
         return srv_call_refuse(call, PROTO_RPC_VIEW, NULL,
                                "nothing can be played: the volume has one time step");
-    return srv_call_take_control(call) && answer(call, rate, steps);
+    return srv_call_acquire_control(call) && answer(call, rate, steps);
 }
 
 bool srv_call_time_stop(struct srv_call *call) {
     static const char *const known[] = { NULL };
-    if (!srv_call_knows(call, known) || !srv_call_take_control(call))
+    if (!srv_call_knows(call, known) || !srv_call_acquire_control(call))
         return false;
     if (srv_play_is_on(call->participant->session))
         return answer(call, 0, 0);

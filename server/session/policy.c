@@ -22,7 +22,7 @@ enum sp_video_codec srv_policy_video(const struct srv_participant *p) {
 
 void srv_policy_update_rate(struct srv_participant *p) {
     const struct srv_rate_demand demand = {
-        .bytes_per_ms = srv_window_rate(&p->delivery.window),
+        .bytes_per_ms = srv_congestion_rate(&p->delivery.congestion_window),
         .interval_ms = 1000.0 / p->settings.max_fps,
         .takes_video = p->settings.slow_video != SP_VIDEO_CODEC_COUNT,
         .quality = p->settings.quality,

@@ -49,39 +49,39 @@ void srv_rate_control_size(const struct srv_rate_control *control, const uint32_
 /* Returns the bytes of a JPEG in relation to one of the best quality: a power of the factor by
  * which the quality scales the tables of libjpeg, fitted to tests/bench/results. Video codecs use a
  * quantiser of similar quality. */
-static double part_of_quality(int quality) {
+static double portion_of_quality(int quality) {
     double scale = quality < 50 ? 5000.0 / quality : 200 - 2 * fmin(quality, 97);
     return pow(scale / (200 - 2 * SRV_RATE_QUALITY_MAX), -0.32);
 }
 
 /* The same of a smaller frame: its pixels have more detail. */
-static double part_of_size(double pixels) {
+static double portion_of_size(double pixels) {
     return pow(pixels, 0.75);
 }
 
-static double part_of_step(const struct srv_rate_control *control, unsigned i) {
+static double portion_of_step(const struct srv_rate_control *control, unsigned i) {
     const struct srv_rate_step step = step_at(control, i);
     double side = (double)step.side / SRV_RATE_SIDES;
-    double part = part_of_size(side * side);
+    double portion = portion_of_size(side * side);
     bool is_lossless = control->is_lossless && !control->is_video;
-    return is_lossless ? part : part * part_of_quality(step.quality);
+    return is_lossless ? portion : portion * portion_of_quality(step.quality);
 }
 
 void srv_rate_control_learn(struct srv_rate_control *control, const struct srv_rate_frame *frame) {
     double pixels = (double)frame->size[0] * frame->size[1];
-    double part = part_of_size(pixels / ((double)frame->full_size[0] * frame->full_size[1]));
+    double portion = portion_of_size(pixels / ((double)frame->full_size[0] * frame->full_size[1]));
     if (!frame->is_lossless)
-        part *= part_of_quality(frame->quality);
+        portion *= portion_of_quality(frame->quality);
     if (!frame->is_video)
         control->is_lossless = frame->is_lossless;
-    double *mean = &control->bytes[frame->is_video], bytes = (double)frame->bytes / part;
+    double *mean = &control->bytes[frame->is_video], bytes = (double)frame->bytes / portion;
     *mean = *mean == 0 ? bytes : DECAY * *mean + (1 - DECAY) * bytes;
 }
 
 /* Returns the first step whose frames need at most limit_ms, else the last one. */
 static unsigned finest(const struct srv_rate_control *control, double full_ms, double limit_ms) {
     unsigned step = 0;
-    while (step + 1 < STEPS && full_ms * part_of_step(control, step) > limit_ms)
+    while (step + 1 < STEPS && full_ms * portion_of_step(control, step) > limit_ms)
         step++;
     return step;
 }
@@ -92,7 +92,7 @@ void srv_rate_control_forget(struct srv_rate_control *control) {
 }
 
 static bool is_video_better(const struct srv_rate_control *control, double bytes_per_ms) {
-    double quality = control->is_lossless ? 1 : part_of_quality(control->quality);
+    double quality = control->is_lossless ? 1 : portion_of_quality(control->quality);
     double image_ms = control->bytes[false] * quality / bytes_per_ms;
     return image_ms > (control->is_video ? IMAGES_AGAIN : 1) * VIDEO_MS;
 }
@@ -110,6 +110,6 @@ void srv_rate_control_update(struct srv_rate_control *control,
     if (full_ms == 0)
         return;
     unsigned best = finest(control, full_ms, limit_ms * RAISE);
-    if (best < control->step || full_ms * part_of_step(control, control->step) > limit_ms)
+    if (best < control->step || full_ms * portion_of_step(control, control->step) > limit_ms)
         control->step = best;
 }

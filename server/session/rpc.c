@@ -22,9 +22,9 @@ bool srv_call_knows(struct srv_call *call, const char *const *known) {
     return proto_json_only(call->params, known, &call->err);
 }
 
-bool srv_call_take_control(struct srv_call *call) {
+bool srv_call_acquire_control(struct srv_call *call) {
     struct srv_participant *p = call->participant;
-    if (srv_control_take(call->hub, p, call->now_ms))
+    if (srv_control_acquire(call->hub, p, call->now_ms))
         return true;
     return p->identity.role == SRV_ROLE_CONTROL
                ? srv_call_refuse(call, PROTO_RPC_HELD, NULL,
@@ -49,7 +49,7 @@ static bool view_update(struct srv_call *call) {
     if (proto_json_type(patch) != PROTO_JSON_OBJECT)
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/patch",
                                "must be an object: a merge patch");
-    if (!srv_call_take_control(call))
+    if (!srv_call_acquire_control(call))
         return false;
     const uint64_t image = p->session->shared.image;
     if (!srv_hub_apply(call->hub, p->session, patch, p->identity.id, call->now_ms, &call->err)) {
@@ -79,18 +79,19 @@ static bool view_get(struct srv_call *call) {
 static bool stream_ack(struct srv_call *call) {
     static const char *const known[] = { "frame", NULL };
     struct srv_participant *p = call->participant;
-    double sent_ms = srv_window_oldest_ms(&p->delivery.window);
+    double sent_ms = srv_congestion_oldest_ms(&p->delivery.congestion_window);
     int64_t frame;
     if (!srv_call_knows(call, known))
         return false;
     if (!proto_json_integer(proto_json_get(call->params, "frame"), &frame) || frame < 1 ||
-        frame > UINT32_MAX || !srv_window_acked(&p->delivery.window, (uint32_t)frame, call->now_ms))
+        frame > UINT32_MAX ||
+        !srv_congestion_acked(&p->delivery.congestion_window, (uint32_t)frame, call->now_ms))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/frame",
                                "must be the number of a frame that was sent");
     srv_policy_update_rate(p);
     if (sent_ms > 0)
         srv_metrics_time(call->hub->options.metrics, SRV_TIME_ROUND_TRIP, call->now_ms - sent_ms);
-    srv_hub_emit(call->hub, SRV_WINDOW_CHANGED, p->session, p, call->now_ms);
+    srv_hub_emit(call->hub, SRV_CONGESTION_CHANGED, p->session, p, call->now_ms);
     call->result = proto_json_object();
     return true;
 }

@@ -47,7 +47,7 @@ bool srv_call_refuse(struct srv_call *call, enum proto_rpc_code code, const char
 bool srv_call_knows(struct srv_call *call, const char *const *known);
 
 /* Takes control for a method that changes the view. False with code and error: it may not. */
-bool srv_call_take_control(struct srv_call *call);
+bool srv_call_acquire_control(struct srv_call *call);
 
 srv_method_fn srv_call_time_play, srv_call_time_stop; /* play.c */
 srv_method_fn srv_call_request_control, srv_call_release_control, srv_call_grant_control,

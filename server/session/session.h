@@ -15,12 +15,12 @@
 #include "common/timer_heap.h"
 #include "config/secret.h"
 #include "protocol/rpc.h"
+#include "session/congestion.h"
 #include "session/encode_params.h"
 #include "session/hub.h"
 #include "session/measures.h"
 #include "session/participant.h"
 #include "session/rate_control.h"
-#include "session/window.h"
 #include "sp/renderer.h"
 
 enum srv_notification { /* a participant has to be told about */
@@ -88,11 +88,11 @@ struct srv_stream_settings { /* of stream.configure */
 };
 
 struct srv_delivery {
-    uint32_t seq;       /* newest view.update of this client */
-    double updated_ms;  /* when that arrived */
-    uint32_t shown_seq; /* of the newest frame sent */
-    uint32_t frame;     /* number of the newest frame sent */
-    struct srv_window window;
+    uint32_t seq;      /* newest view.update of this client */
+    double updated_ms; /* when that arrived */
+    uint32_t sent_seq; /* of the newest frame sent */
+    uint32_t frame;    /* number of the newest frame sent */
+    struct srv_congestion congestion_window;
     struct srv_rate_control rate_control;
     struct srv_outbox outbox;
     struct srv_video_mark mark; /* the video frame that it can take next; epoch 0 = a key frame */
@@ -215,9 +215,9 @@ enum srv_session_event {
     SRV_VOLUME_CHANGED,
     SRV_SLICES_CHANGED, /* the view has a new version, which gives the same image */
     SRV_PARTICIPANT_JOINED,
-    SRV_IMAGE_CHANGED, /* the participant asked for another size, format or quality */
-    SRV_CONFIGURED,    /* the participant's settings were read, changed or not */
-    SRV_WINDOW_CHANGED /* the participant acknowledged or took a frame */
+    SRV_IMAGE_CHANGED,     /* the participant asked for another size, format or quality */
+    SRV_CONFIGURED,        /* the participant's settings were read, changed or not */
+    SRV_CONGESTION_CHANGED /* the participant acknowledged or took a frame */
 };
 
 /* What decides on frames: schedule/. Session and participant own zeroed memory for it. */
@@ -427,7 +427,7 @@ char *srv_measures_text(struct srv_participant *to, size_t *size);
 /* Late answers (measure_late.c). */
 
 /* Takes the oldest one, which exists; malloc'ed. */
-char *srv_late_answer_take(struct srv_participant *participant, size_t *size);
+char *srv_late_answer_pop(struct srv_participant *participant, size_t *size);
 void srv_late_answers_free(struct srv_participant *participant);
 
 /* Control (control.c). */
@@ -436,7 +436,7 @@ void srv_late_answers_free(struct srv_participant *participant);
 void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
                        const struct srv_participant *participant, double now_ms);
 /* Returns whether it holds control; takes control if it may and control is free. */
-bool srv_control_take(struct srv_hub *hub, struct srv_participant *participant, double now_ms);
+bool srv_control_acquire(struct srv_hub *hub, struct srv_participant *participant, double now_ms);
 /* Passes control on when --control-time is over; returns when that is next, INFINITY = never. */
 double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double now_ms);
 /* Returns the notification session.control; malloc'ed. */

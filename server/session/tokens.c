@@ -27,8 +27,8 @@ const char *srv_hub_denies(const struct srv_hub *hub, const struct srv_participa
         return NULL;
     if (!hub->options.token(hub->options.user, p->identity.token, &rights, &unused))
         return "the token is no longer valid";
-    bool takes_part = srv_owner_role(&p->session->identity.owner, p->identity.token, rights, &role);
-    return takes_part && role >= p->identity.role ? NULL : "the role of the token is lower now";
+    bool has_role = srv_owner_role(&p->session->identity.owner, p->identity.token, rights, &role);
+    return has_role && role >= p->identity.role ? NULL : "the role of the token is lower now";
 }
 
 void srv_hub_renew_tokens(struct srv_hub *hub) {

@@ -93,11 +93,11 @@ static bool make_folder(const char *folder, struct sp_error *err) {
                        strerror(errno));
     int size = snprintf(above, sizeof above, "%s/..", folder);
     return size >= (int)sizeof above ||
-           srv_database_files_sync(above, err); /* take_folder() reports a path that is too long */
+           srv_database_files_sync(above, err); /* lock_folder() reports a path that is too long */
 }
 
 /* Locks the folder for this daemon, and creates it if it is missing. */
-static bool take_folder(struct srv_database *d, const char *folder, struct sp_error *err) {
+static bool lock_folder(struct srv_database *d, const char *folder, struct sp_error *err) {
     struct stat found;
     if (!make_folder(folder, err))
         return false;
@@ -245,7 +245,7 @@ struct srv_database *srv_database_open(const char *folder, const char *vfs, stru
     }
     d->files.lock = -1;
     d->vfs = vfs;
-    if (!take_folder(d, folder, err) || !open_file(d, err))
+    if (!lock_folder(d, folder, err) || !open_file(d, err))
         srv_database_close(&d);
     return d;
 }

@@ -47,7 +47,7 @@ static bool is_same_content(const struct srv_file_mark *a, const struct srv_file
            a->modified.tv_nsec == b->modified.tv_nsec;
 }
 
-static bool take_lock(struct srv_database_files *files, struct sp_error *err) {
+static bool acquire_lock(struct srv_database_files *files, struct sp_error *err) {
     char path[PATH_MAX];
     if (!name_path(files->folder, SRV_DATABASE_LOCK, path))
         return sp_fail(err, SP_ERR_INVALID, "--state", "the path is longer than %d bytes",
@@ -103,7 +103,7 @@ bool srv_database_files_open(struct srv_database_files *files, const char *folde
         !name_path(folder, SRV_DATABASE_NAME, files->path))
         return sp_fail(err, SP_ERR_INVALID, "--state", "the path is longer than %d bytes",
                        PATH_MAX - 1);
-    if (!take_lock(files, err))
+    if (!acquire_lock(files, err))
         return false;
     if (stat(folder, &st) != 0)
         return sp_fail(err, SP_ERR_IO, folder, "cannot read this folder: %s", strerror(errno));
@@ -163,7 +163,7 @@ bool srv_database_files_hold(struct srv_database_files *files, struct sp_error *
     const struct srv_file_mark found = mark(path);
     const struct srv_file_mark held =
         fstat(files->lock, &lock) == 0 ? mark_of(&lock) : (struct srv_file_mark){ .ino = 0 };
-    return is_same(&found, &held) || take_lock(files, err);
+    return is_same(&found, &held) || acquire_lock(files, err);
 }
 
 static bool fail(const char *path, const char *what, struct sp_error *err) {

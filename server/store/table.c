@@ -65,7 +65,8 @@ static struct record **bucket_of(const struct srv_table *table, enum srv_kind ki
     return &table->buckets[h & (table->bucket_count - 1)];
 }
 
-static struct record *find(const struct srv_table *table, enum srv_kind kind, const char *id) {
+static struct record *find_record(const struct srv_table *table, enum srv_kind kind,
+                                  const char *id) {
     struct record *r = *bucket_of(table, kind, id);
     while (r && (r->kind != kind || strcmp(r->id, id) != 0))
         r = r->in_bucket;
@@ -159,7 +160,7 @@ static struct record *add(struct srv_table *table, enum srv_kind kind, const cha
 bool srv_table_put(struct srv_table *table, enum srv_kind kind, const char *id, const char *text,
                    size_t size, bool is_changed) {
     char *copy = malloc(size + 1);
-    struct record *r = copy ? find(table, kind, id) : NULL;
+    struct record *r = copy ? find_record(table, kind, id) : NULL;
     if (copy && !r)
         r = add(table, kind, id);
     if (!r) {
@@ -187,7 +188,7 @@ bool srv_table_put(struct srv_table *table, enum srv_kind kind, const char *id, 
 
 bool srv_table_remove(struct srv_table *table, enum srv_kind kind, const char *id,
                       bool is_changed) {
-    struct record *r = find(table, kind, id);
+    struct record *r = find_record(table, kind, id);
     if (!r || !r->text)
         return false;
     count(table, r, -1);
@@ -204,7 +205,7 @@ bool srv_table_remove(struct srv_table *table, enum srv_kind kind, const char *i
 
 const char *srv_table_get(const struct srv_table *table, enum srv_kind kind, const char *id,
                           size_t *size) {
-    const struct record *r = find(table, kind, id);
+    const struct record *r = find_record(table, kind, id);
     if (r && r->text)
         *size = r->size;
     return r ? r->text : NULL;
@@ -212,7 +213,7 @@ const char *srv_table_get(const struct srv_table *table, enum srv_kind kind, con
 
 bool srv_table_damage(struct srv_table *table, enum srv_kind kind, const char *id,
                       const char *why) {
-    struct record *r = find(table, kind, id);
+    struct record *r = find_record(table, kind, id);
     char *copy = r && r->text ? strdup(why) : NULL;
     if (!copy)
         return false;
@@ -222,7 +223,7 @@ bool srv_table_damage(struct srv_table *table, enum srv_kind kind, const char *i
 }
 
 const char *srv_table_damaged(const struct srv_table *table, enum srv_kind kind, const char *id) {
-    const struct record *r = find(table, kind, id);
+    const struct record *r = find_record(table, kind, id);
     return r ? r->damage : NULL;
 }
 
@@ -288,7 +289,7 @@ bool srv_table_copy_changes(const struct srv_table *table, struct srv_change **c
 
 void srv_table_written(struct srv_table *table, const struct srv_change *changes) {
     for (const struct srv_change *c = changes; c; c = c->next) {
-        struct record *r = find(table, c->kind, c->id);
+        struct record *r = find_record(table, c->kind, c->id);
         if (!r || r->stamp != c->stamp)
             continue;
         if (r->text)

@@ -72,7 +72,7 @@ static void append(struct srv_uploads *uploads, struct srv_upload *upload) {
 }
 
 /* With the mutex held. */
-static struct srv_upload *take_out(struct srv_uploads *uploads, struct srv_upload **at) {
+static struct srv_upload *unlink_upload(struct srv_uploads *uploads, struct srv_upload **at) {
     struct srv_upload *upload = *at;
     *at = upload->next;
     if (!*at)
@@ -83,15 +83,15 @@ static struct srv_upload *take_out(struct srv_uploads *uploads, struct srv_uploa
 }
 
 /* Takes an upload and its companions out; returns them as a list. With the mutex held. */
-static struct srv_upload *take_set(struct srv_uploads *uploads, struct srv_upload **at) {
-    struct srv_upload *set = take_out(uploads, at);
+static struct srv_upload *unlink_set(struct srv_uploads *uploads, struct srv_upload **at) {
+    struct srv_upload *set = unlink_upload(uploads, at);
     set->next = NULL;
     for (at = &uploads->first; *at;) {
         if (strcmp((*at)->header, set->id) != 0) {
             at = &(*at)->next;
             continue;
         }
-        struct srv_upload *companion = take_out(uploads, at);
+        struct srv_upload *companion = unlink_upload(uploads, at);
         companion->next = set->next;
         set->next = companion;
     }
@@ -123,7 +123,7 @@ static void remove_orphans(struct srv_uploads *uploads) {
             at = &(*at)->next;
             continue;
         }
-        struct srv_upload *orphan = take_out(uploads, at);
+        struct srv_upload *orphan = unlink_upload(uploads, at);
         remove_now(uploads, orphan->id);
         free(orphan);
     }
@@ -188,7 +188,7 @@ void srv_uploads_destroy(struct srv_uploads **uploads_pointer) {
     if (!uploads)
         return;
     while (uploads->first) {
-        struct srv_upload *upload = take_out(uploads, &uploads->first);
+        struct srv_upload *upload = unlink_upload(uploads, &uploads->first);
         if (uploads->is_private)
             srv_folder_remove_id(uploads->root, upload->id);
         free(upload);
@@ -379,7 +379,7 @@ bool srv_uploads_remove(struct srv_uploads *uploads, const char *id, const char 
         ok = sp_fail(err, SP_ERR_NOT_READY, NULL,
                      "the upload belongs to a volume; close the volume instead");
     if (ok)
-        removed = take_set(uploads, srv_uploads_find(uploads, id));
+        removed = unlink_set(uploads, srv_uploads_find(uploads, id));
     pthread_mutex_unlock(&uploads->mutex);
     if (!ok)
         return false;
@@ -398,20 +398,20 @@ static bool is_expired(const struct srv_uploads *uploads, const struct srv_uploa
 }
 
 /* Takes an expired upload and its companions out of the list; NULL = there is none. */
-static struct srv_upload *take_expired(struct srv_uploads *uploads, double now_ms) {
+static struct srv_upload *unlink_expired(struct srv_uploads *uploads, double now_ms) {
     struct srv_upload *expired = NULL;
     pthread_mutex_lock(&uploads->mutex);
     struct srv_upload **at = &uploads->first;
     while (*at && !is_expired(uploads, *at, now_ms))
         at = &(*at)->next;
     if (*at)
-        expired = take_set(uploads, at);
+        expired = unlink_set(uploads, at);
     pthread_mutex_unlock(&uploads->mutex);
     return expired;
 }
 
 void srv_uploads_tick(struct srv_uploads *uploads, double now_ms) {
-    for (struct srv_upload *set; (set = take_expired(uploads, now_ms));) {
+    for (struct srv_upload *set; (set = unlink_expired(uploads, now_ms));) {
         for (const struct srv_upload *u = set; u; u = u->next) {
             sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "upload", u->id }),
                         "upload %s of %s expired: %s, %" PRIu64 " of %" PRIu64
@@ -477,7 +477,7 @@ void srv_upload_close(void *user, const char *id, enum srv_upload_end end) {
             if (is_in_set(u, id))
                 u->is_of_volume = false;
     } else if (*at && (end == SRV_UPLOAD_UNUSED || !uploads->options.keeps_loaded)) {
-        gone = take_set(uploads, at);
+        gone = unlink_set(uploads, at);
     }
     pthread_mutex_unlock(&uploads->mutex);
     remove_files(uploads, gone);

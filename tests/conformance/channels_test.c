@@ -39,7 +39,7 @@ static double field(const void *user, double x, double y, double z) {
     return 200 * exp(-(dx * dx + dy * dy + dz * dz) / (60 + 20 * i));
 }
 
-static struct sp_volume *find(void *user, const char *id) {
+static struct sp_volume *find_volume(void *user, const char *id) {
     const struct rig *rig = user;
     for (int i = 0; i < FIELDS; i++)
         if (strcmp(id, ids[i]) == 0)
@@ -115,7 +115,7 @@ static void make_view(struct rig *rig, int first, int count, struct sp_view *vie
 static bool draw_by(const struct test_renderer *renderer, const struct rig *rig, int volume,
                     const struct sp_view *view, struct test_image *image, struct sp_error *err) {
     const struct sp_render_options options = { .format = SP_RGBAF32,
-                                               .find = find,
+                                               .find = find_volume,
                                                .user = (void *)rig };
     struct sp_frame *frame = sp_renderer_render(renderer->renderer, rig->volumes[volume], view,
                                                 renderer->pool, &options, err);
@@ -151,7 +151,7 @@ static double largest(const double color[3]) {
 static bool add_field(const struct marcher *m, int i, const double world[3], const double ahead[3],
                       double sums[5]) {
     double index[3], gradient[3] = { 0 }, color[3], opacity;
-    if (!test_interpolant_find(&m->fields[i], world, index))
+    if (!test_interpolant_to_index(&m->fields[i], world, index))
         return false;
     if (test_needs_gradient(m->view))
         test_interpolant_gradient(&m->fields[i], index, gradient);
@@ -188,7 +188,7 @@ static void march(void *user, const double eye[3], const double ahead[3], double
 }
 
 /* Renders the fields from number 0 on by brute force. */
-static void find_truth(struct rig *rig, const struct sp_view *view, struct test_image *image) {
+static void render_truth(struct rig *rig, const struct sp_view *view, struct test_image *image) {
     struct marcher m = { .view = view, .count = (int)view->layer_count };
     for (int i = 0; i < m.count; i++) {
         rig->scenes[i].view.clip = view->clip;
@@ -268,7 +268,7 @@ static void a_mixture_is_the_integral(void **state) {
         struct sp_view view;
         make_view(rig, 0, FIELDS, &view);
         rows[i].change(&view);
-        find_truth(rig, &view, &truths[i]);
+        render_truth(rig, &view, &truths[i]);
     }
     for (unsigned t = 0; test_target_at(t, &target) && strcmp(target.backend, "cpu") == 0; t++) {
         struct test_renderer renderer;

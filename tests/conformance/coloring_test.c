@@ -101,7 +101,7 @@ static void finish(struct volumes *v) {
         sp_volume_unref(&v->fields[f]);
 }
 
-static struct sp_volume *find(void *user, const char *id) {
+static struct sp_volume *find_volume(void *user, const char *id) {
     const struct volumes *v = user;
     for (int f = 0; f < FIELDS; f++)
         if (strcmp(id, ids[f]) == 0)
@@ -120,7 +120,9 @@ static void make_view(struct sp_view *view, enum sp_layer_type type) {
 
 static void draw(const struct test_renderer *renderer, struct volumes *v,
                  const struct sp_view *view, struct test_image *image) {
-    const struct sp_render_options options = { .format = SP_RGBAF32, .find = find, .user = v };
+    const struct sp_render_options options = { .format = SP_RGBAF32,
+                                               .find = find_volume,
+                                               .user = v };
     struct sp_error err = { 0 };
     struct sp_frame *frame = sp_renderer_render(renderer->renderer, v->fields[OWN], view,
                                                 renderer->pool, &options, &err);
@@ -229,7 +231,9 @@ static void colors_follow_other_numbers(void **state) {
 
 static void expect_error(const struct test_renderer *renderer, struct volumes *v,
                          const char *color_by, enum sp_code code, const char *text) {
-    const struct sp_render_options options = { .format = SP_RGBAF32, .find = find, .user = v };
+    const struct sp_render_options options = { .format = SP_RGBAF32,
+                                               .find = find_volume,
+                                               .user = v };
     struct sp_error err = { 0 };
     struct sp_view view;
     make_view(&view, sp_volume_elements(v->fields[OWN]) ? SP_LAYER_POINTS : SP_LAYER_VECTORS);

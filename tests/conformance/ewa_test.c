@@ -198,8 +198,8 @@ static void compare_adaptive(struct run *run, const struct manifest_scene *entry
         }
 }
 
-static bool find_truth(const struct test_scene *scene, const struct manifest_scene *entry,
-                       struct truth *truth, struct sp_error *err) {
+static bool compute_truth(const struct test_scene *scene, const struct manifest_scene *entry,
+                          struct truth *truth, struct sp_error *err) {
     struct test_rays rays;
     *truth = (struct truth){ .count = 0 };
     if (!test_truth_integrate(&scene->info, scene->voxels, &scene->view, NULL, &rays, err))
@@ -233,7 +233,7 @@ static bool run_scene(struct run *run, const struct manifest_scene *entry) {
     struct test_scene scene;
     struct truth truth;
     struct sp_error err = { .text = "out of memory" };
-    bool ok = entry->build(&scene) && find_truth(&scene, entry, &truth, &err);
+    bool ok = entry->build(&scene) && compute_truth(&scene, entry, &truth, &err);
     if (!ok) {
         printf("FAILED %s: %s\n", entry->name, err.text);
         return false;

@@ -30,8 +30,8 @@ static const double within_a_sheet[2] = { 3e-4, 2e-3 };
 
 /* The distance at which the ray meets a surface; INFINITY = it does not. Surfaces lie between
  * samples, so that they end half a gap before the volume. */
-static double find_surface(const struct test_medium *s, double value, const double from[3],
-                           const double along[3], const double t[2]) {
+static double intersect_surface(const struct test_medium *s, double value, const double from[3],
+                                const double along[3], const double t[2]) {
     double slope = test_dot(test_medium_field, along);
     double at = (value - test_medium_value(from)) / slope, p[3];
     if (!(at > t[0] && at < t[1]))
@@ -68,7 +68,7 @@ static unsigned expect(const struct test_medium *s, double x, double y, double r
             const struct sp_layer *layer = &s->view.layers[i];
             if (layer->type != SP_LAYER_SURFACE || met >> i & 1)
                 continue;
-            double found = find_surface(s, layer->value, from, along, t);
+            double found = intersect_surface(s, layer->value, from, along, t);
             if (found < next) {
                 next = found;
                 nearest = layer;

@@ -291,8 +291,8 @@ static bool check_corner(void) {
 static const double shadow_light[3] = { 0.7, 1, 0.3 }, slant = 1.257;
 
 /* Finds where a profile across the shadow passes a share of the light, from the middle on. */
-static double find_edge(const struct test_image *image, const struct test_scene *scene,
-                        const double middle[2], const double across[2], double share) {
+static double measure_edge(const struct test_image *image, const struct test_scene *scene,
+                           const double middle[2], const double across[2], double share) {
     const double diffuse = 0.65 / slant, lit = 0.9 * (0.35 + diffuse);
     const double dark = 0.35 / (0.35 + diffuse);
     double last = 0;
@@ -329,9 +329,9 @@ static bool check_shadow(void) {
         for (int k = 0; k < 2; k++) {
             const double across[2] = { (side ? l[2] : -l[2]) / aside,
                                        (side ? -l[0] : l[0]) / aside };
-            double edge = find_edge(&images[k], &scene, middle, across, 0.5);
-            double soft = find_edge(&images[k], &scene, middle, across, 0.9) -
-                          find_edge(&images[k], &scene, middle, across, 0.1);
+            double edge = measure_edge(&images[k], &scene, middle, across, 0.5);
+            double soft = measure_edge(&images[k], &scene, middle, across, 0.9) -
+                          measure_edge(&images[k], &scene, middle, across, 0.1);
             printf("  %s: %.2f (6), %.2f (%.2f)\n", k ? "reference" : "image", edge, soft, width);
             ok = is_near("the edge", edge, 6.2, 0.5) && ok;
             ok = is_near("its width", soft, width, k ? 0.6 : 1.6) && ok;

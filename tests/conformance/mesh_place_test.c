@@ -110,7 +110,7 @@ static void make_plane(struct sp_elements *mesh, const double n[3], double offse
     memcpy(mesh->triangles[1], (uint32_t[]){ 0, 3, 2 }, sizeof mesh->triangles[1]);
 }
 
-static struct sp_volume *find(void *user, const char *id) {
+static struct sp_volume *find_plane(void *user, const char *id) {
     assert_string_equal(id, "plane");
     return sp_volume_ref(user);
 }
@@ -175,7 +175,9 @@ static void check_medium(enum sp_projection projection, enum sp_compositing mode
     s.view.layers[0] = sp_layer_default(SP_LAYER_VOLUME);
     s.view.layers[1] = sp_layer_default(SP_LAYER_GEOMETRY);
     snprintf(s.view.layers[1].id, sizeof s.view.layers[1].id, "plane");
-    const struct sp_render_options options = { .format = SP_RGBAF32, .find = find, .user = plane };
+    const struct sp_render_options options = { .format = SP_RGBAF32,
+                                               .find = find_plane,
+                                               .user = plane };
     struct sp_frame *frame =
         sp_renderer_render(renderer.renderer, s.volume, &s.view, renderer.pool, &options, &err);
     if (!frame)

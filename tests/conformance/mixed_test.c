@@ -116,14 +116,14 @@ static int close_targets(void **state) {
 
 static struct sp_volume *shown; /* found under the id "element" */
 
-static struct sp_volume *find(void *user, const char *id) {
+static struct sp_volume *find_element(void *user, const char *id) {
     (void)user;
     return strcmp(id, "element") == 0 ? sp_volume_ref(shown) : NULL;
 }
 
 static struct sp_frame *draw(const struct test_renderer *renderer, struct sp_volume *fog,
                              const struct sp_view *view, struct sp_error *err) {
-    const struct sp_render_options options = { .format = SP_RGBAF32, .find = find };
+    const struct sp_render_options options = { .format = SP_RGBAF32, .find = find_element };
     return sp_renderer_render(renderer->renderer, fog, view, renderer->pool, &options, err);
 }
 

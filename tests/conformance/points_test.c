@@ -37,7 +37,7 @@ static const struct row {
 enum { ROWS = sizeof rows / sizeof rows[0] };
 
 /* The lower triangular factor of σ²·A·Aᵀ. */
-static void find_factor(double a[3][3], double sigma, float out[6]) {
+static void compute_factor(double a[3][3], double sigma, float out[6]) {
     double l[3][3] = { { 0 } };
     for (int r = 0; r < 3; r++)
         for (int c = 0; c <= r; c++) {
@@ -77,7 +77,7 @@ static void fill_point(const struct sp_grid *grid, const uint32_t at[3], double 
                                                                       : grid->spacing[a] * at[a]);
         to->positions[n][r] = (float)position;
     }
-    find_factor(axes, sigma, to->factors[n]);
+    compute_factor(axes, sigma, to->factors[n]);
     to->volumes[n] = (float)fabs(det);
 }
 

@@ -147,8 +147,8 @@ struct wanted {
 };
 
 /* Returns the PSNR against the nearer of the wanted images [dB]; NAN on failure. */
-static double find_psnr(struct wanted *wanted, const struct test_scene *scene,
-                        const struct test_image *image, struct sp_error *err) {
+static double compute_psnr(struct wanted *wanted, const struct test_scene *scene,
+                           const struct test_image *image, struct sp_error *err) {
     double psnr = test_image_psnr(image, &wanted->near);
     /* Kernels end at a cutoff below 3 in both renderers. */
     if (psnr >= FOOTPRINTS || scene->view.filter.cutoff < 3)
@@ -180,7 +180,7 @@ static double compare(const struct test_renderer *r, const struct test_scene *sc
     struct sp_error err = { .text = "a value is not finite" };
     double psnr = NAN;
     if (test_render_scene(r, scene, &image, &err)) {
-        psnr = find_psnr(wanted, scene, &image, &err);
+        psnr = compute_psnr(wanted, scene, &image, &err);
         test_image_finish(&image);
     }
     if (isnan(psnr))

@@ -116,7 +116,7 @@ static bool check_images(const struct run *run, const char *name, const struct t
 }
 
 /* Scenes do not fill it. */
-static bool find_range(struct test_scene *scene) {
+static bool fill_range(struct test_scene *scene) {
     struct sp_error err;
     struct sp_volume *volume = test_scene_volume(scene, &err);
     if (volume)
@@ -153,7 +153,7 @@ static unsigned check_row(const struct run *run, const struct row *row) {
     struct test_scene scene;
     struct test_image numbers[2] = { 0 };
     unsigned failed = 0;
-    if (!row->scene(&scene) || !find_range(&scene))
+    if (!row->scene(&scene) || !fill_range(&scene))
         return MODES;
     scene.view.level_of_detail = SP_LOD_OFF;
     for (int a = 0; a < 2; a++) /* brute force takes most of the time of the test */

@@ -145,8 +145,8 @@ static float *image_at(const struct images *p, unsigned s, unsigned t) {
     return p->value + (size_t)(t * plane->moves[0] + s) * plane->size[0] * plane->size[1];
 }
 
-static struct images take_images(const struct quality *q, const struct plane *p,
-                                 struct sp_volume *volume, struct sp_view *view) {
+static struct images render_images(const struct quality *q, const struct plane *p,
+                                   struct sp_volume *volume, struct sp_view *view) {
     size_t pixels = (size_t)p->size[0] * p->size[1];
     struct images all = { p, malloc(pixels * p->moves[0] * p->moves[1] * sizeof(float)) };
     if (!all.value)
@@ -262,7 +262,7 @@ static struct spectrum measure_spectrum(const struct images *all) {
 
 static struct spectrum run(const struct quality *q, const struct plane *p, struct sp_volume *volume,
                            struct sp_view *view) {
-    struct images all = take_images(q, p, volume, view);
+    struct images all = render_images(q, p, volume, view);
     struct spectrum spectrum = measure_spectrum(&all);
     free(all.value);
     printf("  %-10s %-14s %4.2f  %9.2f  %9.1f  %9.1f  %9.1f\n", p->name,

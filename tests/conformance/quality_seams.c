@@ -37,7 +37,7 @@ struct seam {
 };
 
 /* The most visible border between tiles. */
-static struct seam find_seam(const struct test_image *image) {
+static struct seam measure_worst_seam(const struct test_image *image) {
     struct seam worst = { .excess = -INFINITY };
     for (int is_down = 0; is_down < 2; is_down++) {
         unsigned across = is_down ? image->height : image->width;
@@ -73,7 +73,7 @@ static void measure(struct quality *q) {
             view.shading.mode = n % 2 ? SP_SHADING_NONE : SP_SHADING_PHONG;
             quality_turn(&view, n);
             struct test_image image = quality_render(q, volume, &view);
-            struct seam seam = find_seam(&image);
+            struct seam seam = measure_worst_seam(&image);
             printf("  %-30s view %d  %7.3f  at %u, %u %s\n", volumes[i], n, 100 * seam.excess,
                    seam.is_down ? seam.y : seam.x, seam.is_down ? seam.x : seam.y,
                    seam.is_down ? "downwards" : "across");

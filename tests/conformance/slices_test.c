@@ -28,8 +28,8 @@ enum { SIDE = TEST_MEDIUM_SIDE };
 
 /* The distance to the first slice on the ray inside the volume, and its axis; INFINITY, -1 = none.
  */
-static double find_slice(const struct test_medium *s, const double from[3], const double along[3],
-                         const double t[2], int *axis) {
+static double intersect_slices(const struct test_medium *s, const double from[3],
+                               const double along[3], const double t[2], int *axis) {
     const struct sp_slices *slices = &s->view.slices;
     double first = INFINITY;
     *axis = -1;
@@ -57,7 +57,7 @@ static int expect(const struct test_medium *s, double x, double y, double rgb[3]
     int axis = -1;
     test_medium_ray(&s->view.camera, x, y, from, along);
     if (test_medium_cut(s, from, along, false, t)) /* the clip does not cut slices */
-        slice = find_slice(s, from, along, t, &axis);
+        slice = intersect_slices(s, from, along, t, &axis);
     if (test_medium_cut(s, from, along, true, inside))
         depth = fmax(fmin(inside[1], slice) - inside[0], 0);
     double through = exp(-s->sigma * depth), shown[3] = { 0 };

@@ -73,8 +73,8 @@ struct passage {
 };
 
 /* Returns how the ray p + l·d passes the kernel at sample i, whose widths are `size`. */
-static struct passage find_passage(const struct sp_grid *g, const uint32_t i[3],
-                                   const double size[3], const double p[3], const double d[3]) {
+static struct passage compute_passage(const struct sp_grid *g, const uint32_t i[3],
+                                      const double size[3], const double p[3], const double d[3]) {
     double m[3][3], at[3], away[3], q[3], e[3];
     test_sample_place(g, i, at);
     for (int r = 0; r < 3; r++) {
@@ -183,7 +183,7 @@ static void check_single(struct test_scene *s, const double size[3]) {
                 else
                     to = fmin(to, -a / b);
             }
-            struct passage q = find_passage(&s->info.grid, single, size, p, d);
+            struct passage q = compute_passage(&s->info.grid, single, size, p, d);
             double alpha = -expm1(log1p(-opacity) * depth_between(&q, &v->filter, from, to));
             const double *got = test_image_at(&image, x, y);
             if (!(fabs(got[3] - alpha) < 2e-6) || !(fabs(got[2] - 0.8 * alpha) < 2e-6))

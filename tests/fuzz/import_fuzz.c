@@ -73,7 +73,7 @@ static void read_elements(const struct import_format *format, const struct impor
     const size_t count = elements.triangles ? elements.shape.vertex_count : elements.shape.count;
     bool ok = format->read_elements(reader, &elements, &progress, &err);
     while (ok &&
-           import_shift_find(file->shift, elements.positions, sizeof *elements.positions, count))
+           import_shift_choose(file->shift, elements.positions, sizeof *elements.positions, count))
         ok = format->read_elements(reader, &elements, &progress, &err);
     import_shift_warn(file);
     ok = ok && import_elements_finish(file, header, &elements, &progress, &folded, &err);
@@ -82,12 +82,12 @@ static void read_elements(const struct import_format *format, const struct impor
     free(memory);
 }
 
-static void check_header(const struct import_header *header, const char *shown) {
+static void check_header(const struct import_header *header, const char *title) {
     struct sp_error err;
     uint64_t bytes;
     if (header->elements.kind != SP_KIND_GRID && sp_elements_shape_problem(&header->elements))
         abort();
-    if (!sp_grid_check(&header->grid, header->type, shown, &bytes, &err) ||
+    if (!sp_grid_check(&header->grid, header->type, title, &bytes, &err) ||
         bytes != header->bytes || !memchr(header->unit, 0, sizeof header->unit) ||
         !memchr(header->value_name, 0, sizeof header->value_name) ||
         !memchr(header->vector_name, 0, sizeof header->vector_name) ||
@@ -96,7 +96,7 @@ static void check_header(const struct import_header *header, const char *shown) 
         abort();
 }
 
-int fuzz_import(const struct import_format *format, const char *shown, const uint8_t *data,
+int fuzz_import(const struct import_format *format, const char *title, const uint8_t *data,
                 size_t size) {
     if (!folder[0])
         make_folder();
@@ -107,7 +107,7 @@ int fuzz_import(const struct import_format *format, const char *shown, const uin
     struct import_shift shift = { .is_found = false };
     const struct import_file file = { .fd = fd,
                                       .size = size,
-                                      .shown = shown,
+                                      .title = title,
                                       .root = folder,
                                       .folder = folder,
                                       .field = size % 2 ? "s" : "v x",
@@ -123,7 +123,7 @@ int fuzz_import(const struct import_format *format, const char *shown, const uin
     if (!reader && err.code == SP_OK)
         abort();
     if (reader) {
-        check_header(&header, shown);
+        check_header(&header, title);
         if (header.elements.kind == SP_KIND_GRID) {
             if (header.bytes <= READ_MAX)
                 read_samples(format, reader, &header);

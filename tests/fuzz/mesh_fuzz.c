@@ -79,7 +79,7 @@ static void draw_lines(const uint8_t *data, size_t size) {
 }
 
 static void check(const uint8_t *data, size_t size) {
-    const struct import_file file = { .shown = "input" };
+    const struct import_file file = { .title = "input" };
     struct mesh_bytes bytes = { data, size };
     bool is_empty;
     struct sp_error err;

@@ -9,7 +9,7 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    const struct import_file file = { .fd = -1, .shown = "input", .field = "" };
+    const struct import_file file = { .fd = -1, .title = "input", .field = "" };
     struct tiff_planes planes = { .slices = 0 };
     struct sp_error err = { .code = SP_OK };
     const uint32_t pages = size > 0 ? data[0] % 64 + 1U : 1;

@@ -66,9 +66,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct sp_error err;
     const int memory = memfd_create("remote", MFD_CLOEXEC);
     uint8_t *out = malloc(READ_MAX);
-    check(out && memory >= 0 && ftruncate(memory, REMOTE_WINDOW) == 0 &&
+    check(out && memory >= 0 && ftruncate(memory, REMOTE_BUFFER) == 0 &&
           socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) == 0);
-    check(pwrite(memory, data, size < REMOTE_WINDOW ? size : REMOTE_WINDOW, 0) >= 0);
+    check(pwrite(memory, data, size < REMOTE_BUFFER ? size : REMOTE_BUFFER, 0) >= 0);
     const int count = answer(pair[1], data, size, operations);
     shutdown(pair[1], SHUT_WR); /* a call that waits for more than was sent fails */
     struct zarr_store *store = zarr_remote_open(pair[0], memory, "input", &err);

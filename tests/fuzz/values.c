@@ -109,7 +109,7 @@ static void check_range(const char *text, uint64_t size) {
     char again[64];
     uint64_t from, count, more[2];
     enum srv_range range = srv_header_range(text, NULL, "\"e\"", size, &from, &count);
-    if (range != SRV_RANGE_PART) {
+    if (range != SRV_RANGE_PARTIAL) {
         must(from == 0 && count == size);
         must(range == SRV_RANGE_WHOLE || strchr(text, '-'));
         return;

@@ -23,7 +23,7 @@ struct input {
 };
 
 /* Finds an object; NULL = there is none. */
-static const uint8_t *find(const struct input *in, const char *key, size_t *size) {
+static const uint8_t *find_object(const struct input *in, const char *key, size_t *size) {
     for (size_t at = 0; at + 3 <= in->size;) {
         const size_t name = in->data[at], bytes = in->data[at + 1] + 256U * in->data[at + 2];
         const uint8_t *start = in->data + at + 3;
@@ -40,7 +40,7 @@ static const uint8_t *find(const struct input *in, const char *key, size_t *size
 
 static enum zarr_found size_of(void *user, const char *key, uint64_t *size, struct sp_error *err) {
     size_t bytes = 0;
-    const bool is_there = find(user, key, &bytes) != NULL;
+    const bool is_there = find_object(user, key, &bytes) != NULL;
     (void)err;
     *size = bytes;
     return is_there ? ZARR_FOUND : ZARR_MISSING;
@@ -49,7 +49,7 @@ static enum zarr_found size_of(void *user, const char *key, uint64_t *size, stru
 static enum zarr_found read_from(void *user, const char *key, uint64_t offset, void *out,
                                  size_t size, size_t *got, struct sp_error *err) {
     size_t bytes = 0;
-    const uint8_t *object = find(user, key, &bytes);
+    const uint8_t *object = find_object(user, key, &bytes);
     (void)err;
     *got = 0;
     if (!object)
@@ -81,7 +81,7 @@ const void *import_module_load(const struct import_file *file, const char *modul
     (void)err;
     return &splat_zarr_bridge;
 #else
-    sp_fail(err, SP_ERR_UNSUPPORTED, file->shown, "needs %s", package);
+    sp_fail(err, SP_ERR_UNSUPPORTED, file->title, "needs %s", package);
     return NULL;
 #endif
 }
@@ -113,10 +113,10 @@ static void read_chunks(void *reader, enum sp_type type) {
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct input input = { data, size };
     const struct zarr_store store = {
-        .user = &input, .shown = "input", .size = size_of, .read = read_from, .list = list
+        .user = &input, .title = "input", .size = size_of, .read = read_from, .list = list
     };
     const struct import_file file = {
-        .fd = -1, .shown = "input", .folder = "/image/0", .field = "s", .level = -1
+        .fd = -1, .title = "input", .folder = "/image/0", .field = "s", .level = -1
     };
     const struct import_progress progress = { .report = ignore };
     struct import_header header = { .bytes = 0 };

@@ -435,8 +435,8 @@ static double share_before(const struct bench *b, double e, double depth) {
 
 /* Sets the weight and the depth bounds of a pixel by the definition. False where rounding decides
  * whether the pixel counts. */
-static bool find_pixel(const struct bench *b, int x, int y, double *weight, double *low,
-                       double *high) {
+static bool compute_pixel(const struct bench *b, int x, int y, double *weight, double *low,
+                          double *high) {
     const struct sp_splat *s = &b->splat;
     double e = exponent(s, x, y), cut = (double)b->blend.cut;
     double dx = x + 0.5 - (double)s->x, dy = y + 0.5 - (double)s->y;
@@ -461,8 +461,8 @@ static bool find_pixel(const struct bench *b, int x, int y, double *weight, doub
 }
 
 /* Sets the share of each slab: none is negative, and they add up to what the planes keep. */
-static void find_shares(const struct bench *b, double x, double y, double low, double high,
-                        double shares[SLOTS]) {
+static void compute_shares(const struct bench *b, double x, double y, double low, double high,
+                           double shares[SLOTS]) {
     const struct sp_splat *s = &b->splat;
     const struct sp_span *p = &b->span;
     double dx = x + 0.5 - (double)s->x, dy = y + 0.5 - (double)s->y,
@@ -497,9 +497,9 @@ static void check_slabs(const struct cpu_kernels *kernels) {
         for (int y = 0; y < SP_TILE; y++)
             for (int x = 0; x < SP_TILE; x++) {
                 double weight, low, high, shares[SLOTS];
-                if (!find_pixel(b, x, y, &weight, &low, &high))
+                if (!compute_pixel(b, x, y, &weight, &low, &high))
                     continue;
-                find_shares(b, x, y, low, high, shares);
+                compute_shares(b, x, y, low, high, shares);
                 for (uint32_t k = 0; k < SLOTS; k++) {
                     const float *sum = sp_sums_row(&b->tile, &b->blend, k, y) + x;
                     double slack = b->blend.cubic ? 4e-4 : 8e-5; /* error of the table, or of Φ */
@@ -537,7 +537,7 @@ static void check_composites(const struct cpu_kernels *kernels) {
         for (int y = 0; y < SP_TILE; y++)
             for (int x = 0; x < SP_TILE; x++) {
                 double weight, low, high, e = exponent(&b->splat, x, y);
-                if (!find_pixel(b, x, y, &weight, &low, &high))
+                if (!compute_pixel(b, x, y, &weight, &low, &high))
                     continue;
                 if (b->splat.cuts)
                     weight *= fmax(share_before(b, e, fmin(high, 1e4)) -

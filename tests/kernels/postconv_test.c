@@ -41,7 +41,7 @@ static double uniform(double low, double high) {
 }
 
 /* Finds the instruction sets that this build and this machine support. Returns their number. */
-static unsigned find_sets(struct cpu_kernels sets[SETS]) {
+static unsigned collect_sets(struct cpu_kernels sets[SETS]) {
     unsigned count = 0;
     const char *isa;
     for (unsigned i = 0; (isa = cpu_isa_at(i)); i++) {
@@ -213,7 +213,7 @@ static void check_bytes(struct test_postconv *t, const struct test_image *floats
 static void tiles_match_the_formulas(void **state) {
     (void)state;
     struct cpu_kernels sets[SETS];
-    unsigned count = find_sets(sets);
+    unsigned count = collect_sets(sets);
     struct drawing seen = { 0 };
     double lowest = INFINITY, lowest_between = INFINITY;
     if (!count)
@@ -272,7 +272,7 @@ static double one(const void *user, double x, double y, double z) {
 }
 
 /* Returns the largest relative difference between a pixel and its right or lower neighbour. */
-static double find_step(const struct test_image *image) {
+static double compute_step(const struct test_image *image) {
     double most = 0;
     for (unsigned y = 0; y + 1 < image->height; y++)
         for (unsigned x = 0; x + 1 < image->width; x++)
@@ -289,7 +289,7 @@ static void tiles_have_no_seams(void **state) {
     (void)state;
     static const double widths[] = { 0.7, 2.3, 3, 5.5, 12, 30 }; /* px per voxel */
     struct cpu_kernels sets[SETS];
-    unsigned count = find_sets(sets);
+    unsigned count = collect_sets(sets);
     if (!count)
         skip();
     for (int n = 0; n < 24; n++) {
@@ -316,7 +316,7 @@ static void tiles_have_no_seams(void **state) {
             assert_non_null(t);
             draw(t, t->frame, &seen);
             assert_true(test_image_from_frame(&image, t->frame));
-            double step = find_step(&image);
+            double step = compute_step(&image);
             if (!(step < SEAM) || seen.unfit)
                 fail_msg("plate %d, %s: neighbouring pixels differ by %g, limit %g; %u bricks use "
                          "footprints, expected 0",
@@ -368,7 +368,7 @@ static void make_extreme(struct test_scene *s, int n) {
 static void extreme_cameras_give_a_finite_image(void **state) {
     (void)state;
     struct cpu_kernels sets[SETS];
-    unsigned count = find_sets(sets), drawn = 0;
+    unsigned count = collect_sets(sets), drawn = 0;
     if (!count)
         skip();
     srand(32);
@@ -410,7 +410,7 @@ static void draw_unguarded(const struct sp_postconv *s, struct sp_postconv_scrat
 static void one_and_five_threads_draw_the_same_frame(void **state) {
     (void)state;
     struct cpu_kernels sets[SETS];
-    unsigned count = find_sets(sets);
+    unsigned count = collect_sets(sets);
     if (!count)
         skip();
     srand(33);
@@ -466,7 +466,7 @@ static void draw_forced(const struct sp_postconv *s, struct sp_postconv_scratch 
 static void voxels_that_filters_cannot_draw_get_footprints(void **state) {
     (void)state;
     struct cpu_kernels sets[SETS];
-    unsigned count = find_sets(sets);
+    unsigned count = collect_sets(sets);
     double lowest = INFINITY;
     if (!count)
         skip();
@@ -523,7 +523,7 @@ static void cancel_and_draw(const struct sp_postconv *s, struct sp_postconv_scra
 static void a_tile_stops_when_cancelled(void **state) {
     (void)state;
     struct cpu_kernels sets[SETS];
-    unsigned count = find_sets(sets);
+    unsigned count = collect_sets(sets);
     struct test_scene scene;
     struct sp_error err;
     if (!count)

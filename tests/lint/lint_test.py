@@ -190,12 +190,15 @@ class Tree(unittest.TestCase):
                            ('renderer/README.md', 'thirty frames a ' 'second'), ('server/render/a.h', '/* the still ' 'lane */'),
                            ('clients/web/a.js', 'no' 'body waits'), ('renderer/draw/footprints/a.c', '/* one pic' 'ture */'),
                            ('server/schedule/a.c', 'int wi' 'sh_count;'), ('server/render/a.c', '/* bytes a ' 'pixel */'),
-                           ('server/http/a.c', 'int la' 'ne = 1;'), ('server/config/a.c', '/* two sti' 'lls */')]:
+                           ('server/http/a.c', 'int la' 'ne = 1;'), ('renderer/splat/a.c', 'static float fi' 'nd_width(float x) {'),
+                           ('renderer/base/a.h', 'void sp_budget_ta' 'ke(int bytes);'), ('protocol/a.h', 'enum { BYTES_MO' 'ST = 4 };'),
+                            ('server/config/a.c', '/* two sti' 'lls */')]:
             with self.subTest(text):
                 self.assertNotEqual(self.findings('glossary', {path: text}), [])
         for path, text in [('renderer/base/wide.h', '/* SIMD lanes */'), ('server/a.md', 'frames in fl' 'ight, in_fl' 'ight'),
                            ('clients/web/a.js', 'save the picture'), ('renderer/draw/footprints/a.c', '/* frames per second, headroom */'),
-                           ('server/http/a.c', 'set(json, "lanes", info->lanes)')]:
+                           ('server/http/a.c', 'set(json, "lanes", info->lanes)'),
+                           ('server/http/a.c', 'static bool find_route(int at) {'), ('server/http/a.c', 'srv_finding(mistake(1));')]:
             with self.subTest(text):
                 self.assertEqual(self.findings('glossary', {path: text}), [])
 

@@ -89,7 +89,7 @@ void memory_exempt_thread(bool spared) {
     is_spared = spared;
 }
 
-size_t memory_take_largest(void) {
+size_t memory_consume_largest(void) {
     return atomic_exchange(&largest, 0);
 }
 

@@ -29,7 +29,7 @@ void memory_forget_places(void);
  * memory_fail_at_place(). */
 bool memory_restore(void);
 /* Returns the size of the largest allocation since the last call [bytes]. */
-size_t memory_take_largest(void);
+size_t memory_consume_largest(void);
 /* true: the allocations of the calling thread succeed and do not count. false: the default. */
 void memory_exempt_thread(bool is_spared);
 

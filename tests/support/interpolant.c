@@ -73,7 +73,7 @@ static void invert(double m[3][3], double out[3][3]) {
 }
 
 /* The sample index at a distance along an axis; false outside the volume. */
-static bool find_index(const struct sp_grid *grid, int a, double distance, double *index) {
+static bool compute_index(const struct sp_grid *grid, int a, double distance, double *index) {
     int last = (int)grid->dims[a] - 1;
     const double *c = grid->coordinates[a];
     double spacing = grid->spacing[a];
@@ -160,14 +160,14 @@ static bool is_kept(const struct test_interpolant *f, const double distance[3],
     return true;
 }
 
-bool test_interpolant_find(const struct test_interpolant *f, const double world[3],
-                           double index[3]) {
+bool test_interpolant_to_index(const struct test_interpolant *f, const double world[3],
+                               double index[3]) {
     double distance[3];
     for (int a = 0; a < 3; a++) {
         distance[a] = 0;
         for (int r = 0; r < 3; r++)
             distance[a] += f->inverse[a][r] * (world[r] - f->grid->origin[r]);
-        if (!find_index(f->grid, a, distance[a], &index[a]))
+        if (!compute_index(f->grid, a, distance[a], &index[a]))
             return false;
     }
     return is_kept(f, distance, world);

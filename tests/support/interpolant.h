@@ -24,8 +24,8 @@ bool test_interpolant_init(struct test_interpolant *f, const struct test_scene *
 void test_interpolant_finish(struct test_interpolant *f);
 
 /* Sets the sample index at a point; false outside of the volume and where clipping removes it. */
-bool test_interpolant_find(const struct test_interpolant *f, const double world[3],
-                           double index[3]);
+bool test_interpolant_to_index(const struct test_interpolant *f, const double world[3],
+                               double index[3]);
 
 double test_interpolant_value(const struct test_interpolant *f, const double index[3]);
 

@@ -31,7 +31,7 @@ static void march(void *user, const double eye[3], const double ahead[3], double
         double world[3], index[3], gradient[3] = { 0 }, color[3], opacity;
         for (int r = 0; r < 3; r++)
             world[r] = eye[r] + l * ahead[r];
-        if (!test_interpolant_find(&m->field, world, index))
+        if (!test_interpolant_to_index(&m->field, world, index))
             continue;
         if (test_needs_gradient(view))
             test_interpolant_gradient(&m->field, index, gradient);

@@ -91,8 +91,8 @@ struct place {
 };
 
 /* False outside of the samples. */
-static bool find_place(const struct test_isosurface *iso, const double world[3],
-                       struct place *place) {
+static bool compute_place(const struct test_isosurface *iso, const double world[3],
+                          struct place *place) {
     const struct sp_grid *grid = &iso->scene->info.grid;
     int low[3];
     double share[3];
@@ -126,7 +126,7 @@ static bool find_place(const struct test_isosurface *iso, const double world[3],
 static double value_at(const struct test_isosurface *iso, const double world[3]) {
     struct place place;
     double sum = 0;
-    if (!find_place(iso, world, &place))
+    if (!compute_place(iso, world, &place))
         return NAN;
     for (int c = 0; c < 8; c++)
         sum += place.weight[c] * iso->values[place.corner[c]];
@@ -162,8 +162,8 @@ static void along(const double eye[3], const double ahead[3], double distance, d
 }
 
 /* The distances between which a ray is inside of the samples, by slabs. */
-static bool find_span(const struct test_isosurface *iso, const double eye[3], const double ahead[3],
-                      double span[2]) {
+static bool compute_span(const struct test_isosurface *iso, const double eye[3],
+                         const double ahead[3], double span[2]) {
     const struct sp_grid *grid = &iso->scene->info.grid;
     span[0] = -INFINITY;
     span[1] = INFINITY;
@@ -199,7 +199,7 @@ static void set_hit(const struct test_isosurface *iso, const double eye[3], cons
     hit->distance = distance;
     memset(hit->normal, 0, sizeof hit->normal);
     along(eye, ahead, distance, hit->world);
-    if (find_place(iso, hit->world, &place))
+    if (compute_place(iso, hit->world, &place))
         for (int c = 0; c < 8; c++)
             for (int r = 0; r < 3; r++)
                 hit->normal[r] += place.weight[c] * iso->slopes[3 * place.corner[c] + (size_t)r];
@@ -211,7 +211,7 @@ int test_isosurface_hits(const struct test_isosurface *iso, const double eye[3],
     const double step = 0.4 * smallest_gap(iso);
     double span[2], last = NAN, world[3];
     int count = 0;
-    if (!find_span(iso, eye, ahead, span))
+    if (!compute_span(iso, eye, ahead, span))
         return 0;
     double start = fmax(span[0], from) + 1e-9, end = span[1];
     for (double t = start; t < end && count < most; t += step) {

@@ -43,7 +43,7 @@ static void list_directions(struct test_lit *lit) {
 }
 
 /* Extinction at evenly spaced values of the volume's range. */
-static bool find_depths(struct test_lit *lit, double low, double high) {
+static bool fill_depths(struct test_lit *lit, double low, double high) {
     const struct sp_transfer_function *tf = &lit->view->transfer_function;
     lit->low = low;
     lit->per_unit = high > low ? (TEST_LIT_VALUES - 1) / (high - low) : 0;
@@ -58,7 +58,7 @@ static bool find_depths(struct test_lit *lit, double low, double high) {
 }
 
 /* Where one of eight neighbouring values is visible, or one between them. */
-static bool find_visible(struct test_lit *lit) {
+static bool mark_visible(struct test_lit *lit) {
     const struct test_interpolant *f = lit->field;
     const int *n = f->count;
     const size_t count = (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
@@ -69,7 +69,7 @@ static bool find_visible(struct test_lit *lit) {
         most = fmax(most, f->values[i]);
     }
     lit->visible = calloc(count, 1);
-    if (!lit->visible || !find_depths(lit, least, most))
+    if (!lit->visible || !fill_depths(lit, least, most))
         return false;
     int seen[TEST_LIT_VALUES + 1] = { 0 }; /* visible entries below */
     for (int i = 0; i < TEST_LIT_VALUES; i++)
@@ -115,7 +115,7 @@ bool test_lit_init(struct test_lit *lit, const struct test_interpolant *field, d
     for (int i = 0; i < 1000; i++)
         lit->plane += exp(-lit->cell / lit->fading / ((i + 0.5) / 1000)) / 1000;
     list_directions(lit);
-    return find_visible(lit);
+    return mark_visible(lit);
 }
 
 void test_lit_finish(struct test_lit *lit) {
@@ -139,7 +139,7 @@ static double extinction_at(const struct test_lit *lit, const double world[3],
         at[a] = (int)(2 * inside[a]);
     }
     if (!lit->visible[(at[2] * f->count[1] + at[1]) * f->count[0] + at[0]] ||
-        (lit->is_clipped && !test_interpolant_find(f, world, inside)))
+        (lit->is_clipped && !test_interpolant_to_index(f, world, inside)))
         return 0;
     double value = test_interpolant_value(f, inside);
     if (view->transfer_function.gradient_count) {

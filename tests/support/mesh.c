@@ -172,7 +172,7 @@ static void init_planes(struct scene *s, const struct sp_grid *grid) {
 }
 
 /* Finds the pixels that a triangle may touch. */
-static void find_box(const struct scene *s, struct triangle *t) {
+static void compute_box(const struct scene *s, struct triangle *t) {
     const bool is_perspective = s->view->camera.projection == SP_PERSPECTIVE;
     t->box[0] = t->box[1] = INFINITY;
     t->box[2] = t->box[3] = -INFINITY;
@@ -230,7 +230,7 @@ static void init_triangles(struct scene *s, const struct sp_elements *mesh) {
         }
         if (!is_finite)
             continue;
-        find_box(s, t);
+        compute_box(s, t);
         s->count++;
     }
 }

@@ -25,7 +25,7 @@ static void follow(void *user, const double eye[3], const double ahead[3], doubl
         double world[3], index[3];
         for (int r = 0; r < 3; r++)
             world[r] = eye[r] + l * ahead[r];
-        if (!test_interpolant_find(&w->field, world, index))
+        if (!test_interpolant_to_index(&w->field, world, index))
             continue;
         double value = test_interpolant_value(&w->field, index);
         number[0] = fmax(number[0], value);

@@ -58,8 +58,7 @@ void test_shell_add_vectors(struct test_shell *rig,
     free(vectors);
 }
 
-static const struct sp_voxel_list *find_list(struct test_shell *rig,
-                                             struct sp_interrupt interrupt) {
+static const struct sp_voxel_list *get_list(struct test_shell *rig, struct sp_interrupt interrupt) {
     const struct sp_vectors_job vectors = { .volume = rig->volume,
                                             .tf = &rig->scene.view.transfer_function,
                                             .clip = &rig->scene.view.clip,
@@ -90,7 +89,7 @@ const struct sp_voxel_input *test_shell_start(struct test_shell *rig, struct sp_
     rig->input = (struct sp_voxel_input){ .view = view,
                                           .layer = &rig->layer,
                                           .grid = &sp_volume_info(rig->volume)->grid,
-                                          .list = find_list(rig, interrupt),
+                                          .list = get_list(rig, interrupt),
                                           .frame = frame,
                                           .camera = &rig->camera,
                                           .shade = is_lit ? &rig->shade : NULL,
@@ -270,7 +269,7 @@ struct test_ray test_shell_ray(const struct test_shell *rig, double x, double y)
 }
 
 /* The ends of a voxel's cell along an axis. */
-static void find_cell(const struct test_shell *rig, unsigned a, uint32_t i, double ends[2]) {
+static void compute_cell(const struct test_shell *rig, unsigned a, uint32_t i, double ends[2]) {
     const struct sp_grid *grid = &rig->scene.info.grid;
     double extent[2], own = distance(rig, a, i);
     sp_grid_extent(grid, a, extent);
@@ -284,7 +283,7 @@ bool test_shell_hit(const struct test_shell *rig, const struct test_ray *ray, co
     t[1] = INFINITY;
     for (unsigned a = 0; a < 3; a++) {
         double ends[2];
-        find_cell(rig, a, i[a], ends);
+        compute_cell(rig, a, i[a], ends);
         double s[2] = { (ends[0] - ray->origin[a]) / ray->direction[a],
                         (ends[1] - ray->origin[a]) / ray->direction[a] };
         t[0] = fmax(t[0], fmin(s[0], s[1]));
@@ -297,7 +296,7 @@ bool test_shell_hit(const struct test_shell *rig, const struct test_ray *ray, co
 static int64_t cell_at(const struct test_shell *rig, unsigned a, double at) {
     for (uint32_t i = 0; i < rig->scene.info.grid.dims[a]; i++) {
         double ends[2];
-        find_cell(rig, a, i, ends);
+        compute_cell(rig, a, i, ends);
         if (at >= ends[0] && at < ends[1])
             return i;
     }

@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* R of the quaternion, times the scales: its columns are the axes of the Gaussian. */
-static void find_axes(const struct test_gaussian *g, double axes[3][3]) {
+static void compute_axes(const struct test_gaussian *g, double axes[3][3]) {
     const double *q = g->rotation;
     double n = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     double w = q[0] / n, x = q[1] / n, y = q[2] / n, z = q[3] / n;
@@ -20,7 +20,7 @@ static void find_axes(const struct test_gaussian *g, double axes[3][3]) {
             axes[r][k] = turn[r][k] * g->scales[k];
 }
 
-static void find_covariance(const double axes[3][3], double v[3][3]) {
+static void compute_covariance(const double axes[3][3], double v[3][3]) {
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++) {
             v[r][c] = 0;
@@ -31,8 +31,8 @@ static void find_covariance(const double axes[3][3], double v[3][3]) {
 
 void test_gaussian_store(const struct test_gaussian *g, const struct sp_elements *to, unsigned at) {
     double axes[3][3], v[3][3], l[3][3] = { { 0 } };
-    find_axes(g, axes);
-    find_covariance(axes, v);
+    compute_axes(g, axes);
+    compute_covariance(axes, v);
     for (int r = 0; r < 3; r++)
         for (int c = 0; c <= r; c++) {
             double rest = v[r][c];
@@ -51,8 +51,8 @@ void test_gaussian_store(const struct test_gaussian *g, const struct sp_elements
 }
 
 /* Associated Legendre functions give the real harmonics; here they are written out. */
-static void find_color(const struct test_gaussian *g, unsigned degree, const double d[3],
-                       double color[3]) {
+static void compute_color(const struct test_gaussian *g, unsigned degree, const double d[3],
+                          double color[3]) {
     const double x = d[0], y = d[1], z = d[2];
     const double basis[16] = {
         0.5 / sqrt(M_PI),
@@ -131,7 +131,7 @@ static int compare_depths(const void *a, const void *b) {
 }
 
 /* The 2 by 3 Jacobian at u: Kerbl et al. bound the ratios to 1.3 times those of the image. */
-static void find_jacobian(const struct eye *eye, const double u[3], double j[2][3]) {
+static void compute_jacobian(const struct eye *eye, const double u[3], double j[2][3]) {
     memset(j, 0, 6 * sizeof(double));
     for (int i = 0; i < 2; i++) {
         double most = 1.3 * eye->tangent[i];
@@ -145,8 +145,8 @@ static bool project(const struct test_gaussian *g, unsigned degree, const struct
                     const struct sp_layer *layer, double near, struct splat *s) {
     const double *m = layer->transform, filter = 0.3;
     double axes[3][3], v[3][3], away[3], u[3], t[2][3], j[2][3], flat[2][2] = { { 0 } };
-    find_axes(g, axes);
-    find_covariance(axes, v);
+    compute_axes(g, axes);
+    compute_covariance(axes, v);
     for (int r = 0; r < 3; r++) {
         away[r] = m[4 * r + 3] - eye->at[r];
         for (int a = 0; a < 3; a++)
@@ -156,7 +156,7 @@ static bool project(const struct test_gaussian *g, unsigned degree, const struct
         u[r] = dot(eye->axes[r], away);
     if (u[2] < near)
         return false;
-    find_jacobian(eye, u, j);
+    compute_jacobian(eye, u, j);
     for (int i = 0; i < 2; i++) /* T = J W M */
         for (int a = 0; a < 3; a++) {
             t[i][a] = 0;
@@ -187,12 +187,12 @@ static bool project(const struct test_gaussian *g, unsigned degree, const struct
     for (int a = 0; a < 3; a++)
         direction[a] = m[a] * seen[0] + m[4 + a] * seen[1] + m[8 + a] * seen[2];
     normalize(direction);
-    find_color(g, degree, direction, s->color);
+    compute_color(g, degree, direction, s->color);
     return true;
 }
 
 /* The opacity at a point of the image; 0 = it is not drawn there. */
-static double find_alpha(const struct splat *s, double x, double y) {
+static double compute_alpha(const struct splat *s, double x, double y) {
     double dx = x - s->x, dy = y - s->y;
     double square = s->conic[0] * dx * dx + 2 * s->conic[1] * dx * dy + s->conic[2] * dy * dy;
     double alpha = fmin(0.99, s->opacity * exp(-0.5 * square));
@@ -236,7 +236,7 @@ unsigned test_trained_hits(const struct test_trained *trained, double x, double 
     unsigned found = 0;
     for (unsigned i = 0; i < trained->count; i++) {
         const struct splat *s = &trained->splats[i];
-        double alpha = find_alpha(s, x, y);
+        double alpha = compute_alpha(s, x, y);
         if (alpha <= 0)
             continue;
         hits[found] = (struct test_hit){ .depth = s->depth, .alpha = alpha };
@@ -248,7 +248,7 @@ unsigned test_trained_hits(const struct test_trained *trained, double x, double 
 static void composite(const struct test_trained *trained, double x, double y, double rgba[4]) {
     double through = 1;
     for (unsigned i = 0; i < trained->count && through >= 1e-4; i++) {
-        double alpha = find_alpha(&trained->splats[i], x, y);
+        double alpha = compute_alpha(&trained->splats[i], x, y);
         for (int k = 0; k < 3; k++)
             rgba[k] += through * alpha * trained->splats[i].color[k];
         through *= 1 - alpha;

@@ -106,7 +106,7 @@ static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job 
                                        .bytes_max = cpu_cache_rest(state, CPU_CACHE_SAMPLES),
                                        .mip_level = job->mip_level,
                                        .draw_tile = state->kernels.resample_tile,
-                                       .find_ranges = state->kernels.ranges_find,
+                                       .compute_ranges = state->kernels.ranges_compute,
                                        .pool = state->pool,
                                        .arena = &state->arena };
     if (!draw_channels(job, &input, err))

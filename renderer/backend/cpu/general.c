@@ -449,7 +449,7 @@ static bool draw_band(struct draw *d, int y, struct sp_error *err) {
     d->grid.y = y;
     int end = y + d->grid.rows * SP_TILE;
     set_rows(d, y, end < d->frame->ewa->size[1] ? end : d->frame->ewa->size[1]);
-    if (!sp_fragments_find(d->frame->fragments, y, end, err))
+    if (!sp_fragments_ensure(d->frame->fragments, y, end, err))
         return false;
     d->bins.tiles = (uint32_t)(d->grid.columns * d->grid.rows);
     for (int r = 0; r < d->grid.rows; r++)

@@ -34,12 +34,12 @@ struct cpu_kernels {
     void (*tile_close)(struct sp_tile *tile, const struct sp_blend *blend); /* sp_tile_close() */
     sp_postconv_tile_fn *postconv_tile;                                     /* sp_postconv_tile() */
     sp_resample_tile_fn *resample_tile;                                     /* sp_resample_tile() */
-    sp_ranges_find_fn *ranges_find;                                         /* sp_ranges_find() */
-    struct sp_light_kernels light;    /* draw/light/kernels.h */
-    struct sp_voxel_kernels voxels;   /* draw/layers/splat_list/kernels.h */
-    sp_voxel_set_up_fn *cloud_set_up; /* sp_cloud_set_up() */
-    sp_surface_tile_fn *surface_tile; /* sp_surface_tile() */
-    struct sp_mesh_kernels mesh;      /* draw/layers/mesh/kernels.h */
+    sp_ranges_compute_fn *ranges_compute; /* sp_ranges_compute() */
+    struct sp_light_kernels light;        /* draw/light/kernels.h */
+    struct sp_voxel_kernels voxels;       /* draw/layers/splat_list/kernels.h */
+    sp_voxel_set_up_fn *cloud_set_up;     /* sp_cloud_set_up() */
+    sp_surface_tile_fn *surface_tile;     /* sp_surface_tile() */
+    struct sp_mesh_kernels mesh;          /* draw/layers/mesh/kernels.h */
     /* Draws sheets by the fast path where it can (draw/postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;

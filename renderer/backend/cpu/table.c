@@ -26,9 +26,9 @@ const struct cpu_kernels cpu_table = {
     .postconv_tile = sp_postconv_tile,
     .resample_tile = sp_resample_tile,
     .surface_tile = sp_surface_tile,
-    .mesh = { sp_mesh_place, sp_mesh_find_spans, sp_mesh_tile },
-    .ranges_find = sp_ranges_find,
-    .light = { sp_light_find_cells, sp_light_pass, sp_light_turn_in, sp_light_turn_out },
+    .mesh = { sp_mesh_place, sp_mesh_compute_spans, sp_mesh_tile },
+    .ranges_compute = sp_ranges_compute,
+    .light = { sp_light_compute_cells, sp_light_pass, sp_light_turn_in, sp_light_turn_out },
     .voxels = { sp_voxel_set_up, sp_voxel_start, sp_voxel_add, sp_voxel_resolve, sp_voxel_merge },
     .cloud_set_up = sp_cloud_set_up,
 #ifdef SP_ISA

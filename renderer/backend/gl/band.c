@@ -18,7 +18,7 @@ void gl_band_end(struct gl_band *band, uint32_t rows) {
 }
 
 bool gl_band_reserve(struct gl_band *band, struct sp_error *err) {
-    const struct gl_fragments_part fragments = gl_band_fragments(band);
+    const struct gl_fragments_band fragments = gl_band_fragments(band);
     struct gl_state *s = band->state;
     uint64_t most = s->block_bytes, pixels = gl_band_pixels(band);
     uint64_t bytes = pixels * pixel_bytes(band->job->frame);
@@ -55,7 +55,7 @@ bool gl_band_plan(struct gl_band *band, struct sp_error *err) {
 
 bool gl_band_start(const struct gl_band *band, struct sp_error *err) {
     static const float clear_pixel[4] = { 1, 0, 0, 0 };
-    const struct gl_fragments_part fragments = gl_band_fragments(band);
+    const struct gl_fragments_band fragments = gl_band_fragments(band);
     gl_timer_start(&band->slot->timer);
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, band->state->buffers.image.name);
     glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, 0,
@@ -125,7 +125,7 @@ bool gl_band_send(const struct gl_band *band, struct sp_error *err) {
     return gl_check("drawn", err);
 }
 
-bool gl_band_take(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
+bool gl_band_read(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
                   struct sp_error *err) {
     size_t row = (size_t)frame->width * pixel_bytes(frame);
     const unsigned char *from = gl_readback_read(&slot->readback, err);

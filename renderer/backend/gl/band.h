@@ -2,7 +2,7 @@
  *
  * A band: the rows of tiles of a frame that are drawn, resolved and read back together.
  *
- *   reserve ─► start ─► dispatches, each followed by gl_band_follow() ─► send ─► … ─► take
+ *   reserve ─► start ─► dispatches, each followed by gl_band_follow() ─► send ─► … ─► read
  */
 #ifndef GL_BAND_H
 #define GL_BAND_H
@@ -31,8 +31,8 @@ static inline uint32_t gl_band_pixels(const struct gl_band *band) {
     return band->job->frame->width * (band->end - band->y);
 }
 
-static inline struct gl_fragments_part gl_band_fragments(const struct gl_band *band) {
-    return (struct gl_fragments_part){ band->state, band->fragments, band->job->frame->width,
+static inline struct gl_fragments_band gl_band_fragments(const struct gl_band *band) {
+    return (struct gl_fragments_band){ band->state, band->fragments, band->job->frame->width,
                                        band->y, band->end };
 }
 
@@ -77,7 +77,7 @@ void gl_band_drop_fences(struct gl_band *band);
 bool gl_band_send(const struct gl_band *band, struct sp_error *err);
 
 /* Copies the slot's readback into the frame and *head. */
-bool gl_band_take(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
+bool gl_band_read(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
                   struct sp_error *err);
 
 #endif

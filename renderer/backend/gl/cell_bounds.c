@@ -12,8 +12,9 @@ enum { RANGE_BYTES = 2 * sizeof(int32_t), CELLS = SP_BRICK / SP_CELL };
 
 bool gl_cell_bounds_init(struct gl_cell_bounds *bounds, struct sp_error *err) {
     return (bounds->measure =
-                gl_program_open("samples find_cell_bounds", "#define PASS 0\n", err)) &&
-           (bounds->widen = gl_program_open("samples find_cell_bounds", "#define PASS 1\n", err));
+                gl_program_open("samples compute_cell_bounds", "#define PASS 0\n", err)) &&
+           (bounds->widen =
+                gl_program_open("samples compute_cell_bounds", "#define PASS 1\n", err));
 }
 
 void gl_cell_bounds_finish(struct gl_cell_bounds *bounds) {

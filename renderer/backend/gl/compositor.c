@@ -30,8 +30,8 @@ unsigned gl_compositor_open(struct gl_state *s, const struct gl_compositor_choic
     return own->program;
 }
 
-unsigned gl_compositor_find(struct gl_state *s, const struct gl_frame *f,
-                            const struct sp_view *view, bool has_layers, struct sp_error *err) {
+unsigned gl_compositor_choose(struct gl_state *s, const struct gl_frame *f,
+                              const struct sp_view *view, bool has_layers, struct sp_error *err) {
     const struct gl_compositor_choices choices = {
         .mode = f->compositing,
         .is_flat = view->filter.mode == SP_FILTER_NONE,

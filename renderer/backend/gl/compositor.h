@@ -20,8 +20,8 @@ bool gl_compositor_init(struct gl_state *state, struct sp_error *err);
 /* Return the program, and compile it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). */
 unsigned gl_compositor_open(struct gl_state *state, const struct gl_compositor_choices *choices,
                             struct sp_error *err);
-unsigned gl_compositor_find(struct gl_state *state, const struct gl_frame *frame,
-                            const struct sp_view *view, bool has_layers, struct sp_error *err);
+unsigned gl_compositor_choose(struct gl_state *state, const struct gl_frame *frame,
+                              const struct sp_view *view, bool has_layers, struct sp_error *err);
 
 /* Deletes all of them. */
 void gl_compositor_finish(struct gl_state *state);

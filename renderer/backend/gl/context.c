@@ -291,7 +291,7 @@ static struct gl_context *open_kind(const struct gl_place *place, bool software,
     return NULL;
 }
 
-bool gl_contexts_try(const struct gl_options *options, gl_context_take *take, void *user,
+bool gl_contexts_try(const struct gl_options *options, gl_context_adopt *adopt, void *user,
                      struct sp_error *err) {
     struct gl_places places;
     if (!gl_places_list(&places, err))
@@ -309,7 +309,7 @@ bool gl_contexts_try(const struct gl_options *options, gl_context_take *take, vo
         if (options->platform != GL_PLATFORM_ANY && options->platform != places.list[i].platform)
             continue;
         struct gl_context *c = open_kind(&places.list[i], options->software, &why);
-        if (c && take(user, c, &why))
+        if (c && adopt(user, c, &why))
             return true;
         gl_place_add_cause(&places.list[i], &why);
         char name[96];

@@ -42,12 +42,12 @@ struct gl_context;
 
 /* Receives a context that is current on no thread. The callee owns it, whatever it returns. False
  * with *err set: the context is not usable. */
-typedef bool gl_context_take(void *user, struct gl_context *context, struct sp_error *err);
+typedef bool gl_context_adopt(void *user, struct gl_context *context, struct sp_error *err);
 
-/* Opens a context at each place in turn until take() accepts one. False with *err set:
+/* Opens a context at each place in turn until adopt() accepts one. False with *err set:
  * SP_ERR_BACKEND with the reason of every place, or SP_ERR_INVALID if no device has the index.
  * Refusals are logged. */
-bool gl_contexts_try(const struct gl_options *options, gl_context_take *take, void *user,
+bool gl_contexts_try(const struct gl_options *options, gl_context_adopt *adopt, void *user,
                      struct sp_error *err);
 
 /* Opens the first context that can be opened; NULL with *err set as above. */

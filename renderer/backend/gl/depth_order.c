@@ -12,7 +12,7 @@ enum {
     PASSES = 3,
     ITEMS = 32 * GL_GROUP, /* of a work group: shaders/depth_order.glsl */
     ITEM_BYTES = 8,
-    PARTS = 40, /* locations in shaders/passes/find_depths.glsl */
+    PARTS = 40, /* locations in shaders/passes/compute_depths.glsl */
     PART_AT = 41
 };
 _Static_assert((int)DIGITS == (int)GL_GROUP, "a thread per digit");
@@ -28,8 +28,8 @@ static void write_form(float to[4], const struct sp_cloud *cloud, const float no
                 normal[2] * cloud->place[2][a];
 }
 
-static void find_depths(struct gl_state *s, const struct gl_splats_made *made, uint32_t count,
-                        bool is_chosen) {
+static void compute_depths(struct gl_state *s, const struct gl_splats_made *made, uint32_t count,
+                           bool is_chosen) {
     const struct sp_cloud *cloud = &made->cloud;
     const struct sp_voxel_frame *frame = &made->source.frame;
     const struct sp_clip_frame *clip = &frame->ewa.clip;
@@ -72,8 +72,8 @@ static void sort_digit(struct gl_state *s, uint32_t count, int pass) {
 
 bool gl_depth_order_open(struct gl_state *s, struct sp_error *err) {
     static const char what[] = "the order of elements";
-    return gl_program_late(&s->depth_order.depths, "ordinal depth_order find_depths", "", s->device,
-                           what, err) &&
+    return gl_program_late(&s->depth_order.depths, "ordinal depth_order compute_depths", "",
+                           s->device, what, err) &&
            gl_program_late(&s->depth_order.digits, "ordinal depth_order count_digits", "",
                            s->device, what, err) &&
            gl_program_late(&s->depth_order.starts, "scan scan_digits", "", s->device, what, err) &&
@@ -105,7 +105,7 @@ void gl_depth_order_make(struct gl_state *s, const struct gl_splats_made *made,
     gl_buffer_bind(&s->buffers.range, 3);
     gl_buffer_bind(elements, 4);
     gl_buffer_bind(choice ? choice : elements, 5);
-    find_depths(s, made, count, choice != NULL);
+    compute_depths(s, made, count, choice != NULL);
     gl_buffer_bind(order, 4);
     for (int pass = 0; pass < PASSES; pass++)
         sort_digit(s, count, pass);

@@ -89,7 +89,7 @@ static void bin(struct draw *d, const struct gl_batch *batch) {
 static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_error *err) {
     struct gl_state *s = d->band.state;
     const struct gl_frame *f = &d->frame;
-    const struct gl_fragments_part fragments = gl_band_fragments(&d->band);
+    const struct gl_fragments_band fragments = gl_band_fragments(&d->band);
     use(d, d->compositor, batch);
     glUniform3ui(1, d->band.job->frame->width, (GLuint)s->workload.pairs,
                  d->band.slot->pieces.pass_pairs);
@@ -251,7 +251,7 @@ static bool plan_in_capacity(struct draw *d, struct sp_error *err) {
 
 /* Draws the batches, if there are any, and what is behind them. */
 static bool draw_splats(struct draw *d, struct sp_error *err) {
-    const struct gl_fragments_part fragments = gl_band_fragments(&d->band);
+    const struct gl_fragments_band fragments = gl_band_fragments(&d->band);
     d->band.layer = 0;
     for (uint32_t layer = 1; d->band.fragments && layer < 3; layer++)
         gl_band_clear(&d->band, layer);
@@ -291,13 +291,13 @@ static void add_counts(struct gl_slot *slot, const struct gl_bins_head *head) {
 
 /* Waits for the submitted band. If it did not fit, it was not drawn and the next attempt gets other
  * sizes; otherwise its pixels are in the image and the slot's y is its end. */
-static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
-                      struct sp_error *err) {
+static bool finish_band(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
+                        struct sp_error *err) {
     struct gl_bins_head head;
     if (!gl_fence_wait(&slot->readback.fence, job->cancel, err))
         return false;
     double start_ms = sp_clock_ms();
-    if (!gl_band_take(slot, job->frame, &head, err))
+    if (!gl_band_read(slot, job->frame, &head, err))
         return false;
     slot->stage_ms[GL_STAGE_READ] += sp_clock_ms() - start_ms;
     double longest[GL_STAGES] = { 0 };
@@ -356,7 +356,7 @@ static bool plan_splats(struct draw *d, struct sp_error *err) {
         (d->band.fragments && !gl_fragments_relate(&d->layers.fragments, f, s, err)) ||
         !gl_upload_frame(&s->upload, f, &s->partition, s->block_bytes, err) ||
         !write_curve(d, err) ||
-        !(d->compositor = gl_compositor_find(s, f, d->band.job->view, d->band.fragments, err)))
+        !(d->compositor = gl_compositor_choose(s, f, d->band.job->view, d->band.fragments, err)))
         return false;
     d->band.slot->stage_ms[GL_STAGE_CLASSIFY] += f->classify_ms;
     d->band.slot->mip_level = f->mip_level;
@@ -461,7 +461,7 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
         if (!may_wait && (d->band.end < height || count_dispatches(d) > d->band.queued_max))
             return true;
         ok = draw_band(d, err) &&
-             (d->band.end == height || take_band(d->band.state, slot, d->band.job, err));
+             (d->band.end == height || finish_band(d->band.state, slot, d->band.job, err));
     } while (ok && slot->end < height);
     return ok;
 }
@@ -536,7 +536,7 @@ bool gl_draw_end(struct gl_state *s, const struct sp_backend_job *job, struct sp
                 glFinish();
             ok = draw(s, slot, job, true, err);
         }
-        ok = ok && take_band(s, slot, job, err);
+        ok = ok && finish_band(s, slot, job, err);
     }
     gl_fence_drop(&slot->readback.fence);
     s->oldest = (s->oldest + 1) % GL_IN_FLIGHT;

@@ -58,7 +58,7 @@ struct gl_resident *gl_elements_load(const struct gl_band *band, struct sp_volum
     for (int i = 0; i < count; i++)
         bytes += arrays[i].bytes;
     struct gl_resident *item =
-        gl_residency_find(&band->state->residency, volume, kind, made, bytes, what, err);
+        gl_residency_get_item(&band->state->residency, volume, kind, made, bytes, what, err);
     if (!item)
         return NULL;
     if (!item->held)

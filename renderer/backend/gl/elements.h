@@ -16,7 +16,7 @@ struct gl_elements_array {
 };
 
 /* Returns an item with the arrays, one behind the other; they are uploaded unless they are
- * resident. `what` as in gl_residency_find(). NULL with *err set: SP_ERR_BUDGET, SP_ERR_MEMORY,
+ * resident. `what` as in gl_residency_get_item(). NULL with *err set: SP_ERR_BUDGET, SP_ERR_MEMORY,
  * SP_ERR_CANCELLED. A context must be current, here and below. */
 struct gl_resident *gl_elements_load(const struct gl_band *band, struct sp_volume *volume,
                                      enum gl_resident_kind kind, uint64_t made,

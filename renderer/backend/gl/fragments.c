@@ -46,29 +46,29 @@ bool gl_fragments_relate(struct gl_fragments *fragments, const struct gl_frame *
            sp_arena_fail(&s->arena, "data", err);
 }
 
-static uint32_t count_pixels(const struct gl_fragments_part *part) {
-    return part->width * (part->end - part->y);
+static uint32_t count_pixels(const struct gl_fragments_band *band) {
+    return band->width * (band->end - band->y);
 }
 
 /* Bytes before the fragments. */
-static uint64_t head_bytes(const struct gl_fragments_part *part) {
-    return (part->fragments->insert.planes + (uint64_t)count_pixels(part)) * sizeof(uint32_t);
+static uint64_t head_bytes(const struct gl_fragments_band *band) {
+    return (band->fragments->insert.planes + (uint64_t)count_pixels(band)) * sizeof(uint32_t);
 }
 
-bool gl_fragments_reserve(const struct gl_fragments_part *part, struct sp_error *err) {
-    struct gl_state *s = part->state;
-    const struct gl_fragments *f = part->fragments;
+bool gl_fragments_reserve(const struct gl_fragments_band *band, struct sp_error *err) {
+    struct gl_state *s = band->state;
+    const struct gl_fragments *f = band->fragments;
     if (!f)
         return true;
     s->surfaces.per_pixel =
         s->surfaces.per_pixel > PER_PIXEL_LEAST ? s->surfaces.per_pixel : PER_PIXEL_LEAST;
-    uint64_t pixels = count_pixels(part);
+    uint64_t pixels = count_pixels(band);
     uint64_t count = f->grows ? (uint64_t)(s->surfaces.per_pixel * (double)pixels) : 0;
     if (count >= COUNT_MAX)
         return sp_fail(err, SP_ERR_BUDGET, "", "a band has %llu fragments and at most %d fit",
                        (unsigned long long)count, COUNT_MAX);
     return gl_buffer_reserve(&s->buffers.fragments, "fragments",
-                             head_bytes(part) + count * sizeof(struct sp_fragment), s->block_bytes,
+                             head_bytes(band) + count * sizeof(struct sp_fragment), s->block_bytes,
                              GL_USE_SCRATCH, err) &&
            (!f->state_words || gl_buffer_reserve(&s->buffers.sheets, "sheets of surfaces",
                                                  pixels * f->state_words * WORD_OF_FOUR,
@@ -84,9 +84,9 @@ bool gl_fragments_fit(struct gl_state *s, uint32_t stored, uint32_t most, uint64
 }
 
 /* Uploads the planes of sheets. */
-static bool upload_planes(const struct gl_fragments_part *part, struct sp_error *err) {
-    const struct sp_insert *insert = &part->fragments->insert;
-    struct sp_arena *arena = &part->state->arena;
+static bool upload_planes(const struct gl_fragments_band *band, struct sp_error *err) {
+    const struct sp_insert *insert = &band->fragments->insert;
+    struct sp_arena *arena = &band->state->arena;
     if (!insert->planes)
         return true;
     float *offset = sp_arena_alloc(arena, "planes of sheets", insert->planes, sizeof *offset);
@@ -95,46 +95,46 @@ static bool upload_planes(const struct gl_fragments_part *part, struct sp_error 
     for (uint32_t i = 0; i < insert->planes; i++)
         offset[i] = (float)insert->offset[i];
     glFinish(); /* the previous frame may still read them */
-    gl_buffer_update(&part->state->buffers.fragments, 0, offset, insert->planes * sizeof *offset);
+    gl_buffer_update(&band->state->buffers.fragments, 0, offset, insert->planes * sizeof *offset);
     return true;
 }
 
-bool gl_fragments_start(const struct gl_fragments_part *part, uint32_t *most,
+bool gl_fragments_start(const struct gl_fragments_band *band, uint32_t *most,
                         struct sp_error *err) {
-    const uint64_t planes = part->fragments ? part->fragments->insert.planes * sizeof(float) : 0;
+    const uint64_t planes = band->fragments ? band->fragments->insert.planes * sizeof(float) : 0;
     *most = 0;
-    if (!part->fragments)
+    if (!band->fragments)
         return true;
-    const struct gl_buffer *buffer = &part->state->buffers.fragments;
-    uint64_t fit = (buffer->bytes - head_bytes(part)) / sizeof(struct sp_fragment);
+    const struct gl_buffer *buffer = &band->state->buffers.fragments;
+    uint64_t fit = (buffer->bytes - head_bytes(band)) / sizeof(struct sp_fragment);
     *most = fit < COUNT_MAX ? (uint32_t)fit : COUNT_MAX;
-    if (!upload_planes(part, err))
+    if (!upload_planes(band, err))
         return false;
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
     glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_R32UI, (GLintptr)planes,
-                         (GLsizeiptr)(head_bytes(part) - planes), GL_RED_INTEGER, GL_UNSIGNED_INT,
+                         (GLsizeiptr)(head_bytes(band) - planes), GL_RED_INTEGER, GL_UNSIGNED_INT,
                          &(GLuint){ 0 });
     return true;
 }
 
-void gl_fragments_use(const struct gl_fragments_part *part) {
-    if (!part->fragments)
+void gl_fragments_use(const struct gl_fragments_band *band) {
+    if (!band->fragments)
         return;
-    const struct sp_insert *insert = &part->fragments->insert;
-    gl_buffer_bind(&part->state->buffers.fragments, GL_FRAGMENTS);
+    const struct sp_insert *insert = &band->fragments->insert;
+    gl_buffer_bind(&band->state->buffers.fragments, GL_FRAGMENTS);
     glUniform4f(6, (float)insert->normal[0], (float)insert->normal[1], (float)insert->normal[2],
                 (float)insert->planes);
     glUniform4f(7, (float)insert->nearest, (float)insert->thickness, (float)insert->reach,
                 (float)insert->unit);
 }
 
-void gl_fragments_finish(const struct gl_fragments_part *part) {
-    struct gl_state *s = part->state;
-    if (!part->fragments)
+void gl_fragments_finish(const struct gl_fragments_band *band) {
+    struct gl_state *s = band->state;
+    if (!band->fragments)
         return;
     glUseProgram(s->fragments.program);
-    glUniform2ui(0, count_pixels(part), part->fragments->insert.planes);
+    glUniform2ui(0, count_pixels(band), band->fragments->insert.planes);
     gl_buffer_bind(&s->buffers.image, 4);
     gl_buffer_bind(&s->buffers.fragments, GL_FRAGMENTS);
-    glDispatchCompute(gl_divide_up(count_pixels(part), GL_GROUP), 1, 1);
+    glDispatchCompute(gl_divide_up(count_pixels(band), GL_GROUP), 1, 1);
 }

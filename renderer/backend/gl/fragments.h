@@ -30,7 +30,7 @@ bool gl_fragments_relate(struct gl_fragments *fragments, const struct gl_frame *
                          struct gl_state *state, struct sp_error *err);
 
 /* Those of rows [y, end) of an image: of a band. */
-struct gl_fragments_part {
+struct gl_fragments_band {
     struct gl_state *state;
     const struct gl_fragments *fragments; /* NULL = there are none: nothing is done */
     uint32_t width, y, end;               /* px */
@@ -42,19 +42,19 @@ bool gl_fragments_open(struct gl_state *state, struct sp_error *err);
 void gl_fragments_close(struct gl_state *state);
 
 /* Reserves memory for a part. SP_ERR_MEMORY, SP_ERR_BUDGET. */
-bool gl_fragments_reserve(const struct gl_fragments_part *part, struct sp_error *err);
+bool gl_fragments_reserve(const struct gl_fragments_band *band, struct sp_error *err);
 
 /* Empties the lists of all pixels; *most: fragments for which there is memory. SP_ERR_MEMORY. */
-bool gl_fragments_start(const struct gl_fragments_part *part, uint32_t *most, struct sp_error *err);
+bool gl_fragments_start(const struct gl_fragments_band *band, uint32_t *most, struct sp_error *err);
 
 /* After a part that was drawn: true if its `stored` fragments fit into the memory for `most`. Else
  * the next attempt reserves more. */
 bool gl_fragments_fit(struct gl_state *state, uint32_t stored, uint32_t most, uint64_t pixels);
 
 /* Binds the buffer and sets the uniforms of shaders/insert.glsl. */
-void gl_fragments_use(const struct gl_fragments_part *part);
+void gl_fragments_use(const struct gl_fragments_band *band);
 
 /* Composites the fragments behind the volume, or all of them if there is none. */
-void gl_fragments_finish(const struct gl_fragments_part *part);
+void gl_fragments_finish(const struct gl_fragments_band *band);
 
 #endif

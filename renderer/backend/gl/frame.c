@@ -71,7 +71,7 @@ static bool get_lists(struct gl_frame *f, const struct sp_backend_job *job,
 
 /* Finds the first voxel of the brick that is nearest to the eye. Positions are relative to it, so
  * that single precision suffices for voxels close to the eye. */
-static void find_origin(const struct sp_ewa_frame *e, uint32_t origin[3]) {
+static void choose_origin(const struct sp_ewa_frame *e, uint32_t origin[3]) {
     struct sp_mat3 step;
     double determinant;
     memcpy(step.m, e->step_hi, sizeof step.m);
@@ -111,7 +111,7 @@ static void write_part(struct gl_part *to, const struct sp_ewa_frame *e,
                        const struct gl_visible_list *list, enum sp_filter_mode mode,
                        unsigned level) {
     struct sp_ewa_brick brick;
-    find_origin(e, to->origin);
+    choose_origin(e, to->origin);
     sp_ewa_brick_init(&brick, e, to->origin);
     for (int r = 0; r < 3; r++) {
         memcpy(to->step[r], e->step[r], sizeof e->step[r]);

@@ -28,7 +28,7 @@ _Static_assert(sizeof(struct sp_mesh_half) == sizeof(float[4]), "a word of four"
 
 /* The power of two by which lengths are divided, so that their cubes stay in the range of floats:
  * about the distance of the mesh. */
-static float find_unit(const struct sp_mesh *m) {
+static float choose_unit(const struct sp_mesh *m) {
     int exponent;
     const float away = fmaxf(fabsf(m->shift[0]), fmaxf(fabsf(m->shift[1]), fabsf(m->shift[2])));
     frexpf(fmaxf(away, m->near), &exponent);
@@ -36,7 +36,7 @@ static float find_unit(const struct sp_mesh *m) {
 }
 
 static void write_constants(struct constants *c, const struct sp_mesh *m) {
-    const float unit = find_unit(m), inverse = 1 / unit;
+    const float unit = choose_unit(m), inverse = 1 / unit;
     const float across = m->is_perspective ? 1 : unit; /* from a length of the shader to px */
     *c = (struct constants){
         .origin = { m->origin[0], m->origin[1], m->origin[2] },

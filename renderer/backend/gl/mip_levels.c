@@ -9,7 +9,7 @@ struct work {
 };
 
 /* Fills the sources of the lists of all levels up to `last`. */
-static void find_sources(struct work *w, const struct sp_classification *c, unsigned last) {
+static void fill_sources(struct work *w, const struct sp_classification *c, unsigned last) {
     for (unsigned l = 0; l <= last; l++)
         w->sources[l] =
             (struct gl_list_source){ .volume = c->volume,
@@ -29,7 +29,7 @@ static bool count(void *user, const struct sp_classification *c, unsigned level,
     if (level == 0)
         return gl_residency_load(w->residency, w->voxels, w->job->tf->order, w->job->cancel, err) &&
                gl_classify_count(classify, w->voxels, &c->levels[0], w->job->cancel, counts, err);
-    find_sources(w, c, level - 1);
+    fill_sources(w, c, level - 1);
     const struct gl_visible_list *finer =
         gl_residency_get(w->residency, &w->sources[level - 1], err);
     return finer && gl_classify_count_mip(classify, finer, w->job->tf->order == SP_TF_POST,
@@ -53,7 +53,7 @@ static bool get(struct gl_mip_levels *levels, struct work *w, struct sp_classify
     *levels = (struct gl_mip_levels){ .visible = c ? c->visible : 0 };
     if (!c)
         return false;
-    find_sources(w, c, SP_LEVELS - 1);
+    fill_sources(w, c, SP_LEVELS - 1);
     for (unsigned l = 0; job.levels >> l; l++)
         if (job.levels >> l & 1 &&
             !(levels->lists[l] = gl_residency_get(w->residency, &w->sources[l], err)))

@@ -148,8 +148,8 @@ static bool list_items(struct gl_partition *partition, const struct gl_partition
 }
 
 /* Finds the sheets that a brick has slices in. */
-static void find_sheets(const struct gl_partition *partition, const struct gl_visible_list *list,
-                        struct gl_item *item) {
+static void bound_sheets(const struct gl_partition *partition, const struct gl_visible_list *list,
+                         struct gl_item *item) {
     uint32_t corner[3], first, dim = list->grid.dims[partition->axis];
     sp_visible_brick_corner(list->bricks, item->brick, corner);
     first = corner[partition->axis];
@@ -180,13 +180,13 @@ bool gl_partition_sheets(struct gl_partition *partition, const struct gl_partiti
         return sp_arena_fail(&partition->kept, "data", err);
     memcpy(partition->sheets, sheets, count * sizeof *sheets);
     for (uint32_t i = 0; i < partition->item_count; i++)
-        find_sheets(partition, from->lists[partition->items[i].level], &partition->items[i]);
+        bound_sheets(partition, from->lists[partition->items[i].level], &partition->items[i]);
     return true;
 }
 
 /* Finds the layers, counted from the eye, that kernels of a brick may lie in: those of the sphere
  * around it, and one more on each side for rounding. */
-static void find_distances(const struct gl_partition_depth *depth, struct gl_item *item) {
+static void bound_distances(const struct gl_partition_depth *depth, struct gl_item *item) {
     const struct sp_camera_transform *camera = depth->camera;
     struct sp_vec3 away = sp_vec3_sub(item->centre, camera->eye);
     double distance = camera->projection == SP_PERSPECTIVE
@@ -206,7 +206,7 @@ bool gl_partition_distances(struct gl_partition *partition, const struct gl_part
         return false;
     for (uint32_t i = 0; i < partition->item_count; i++) {
         struct gl_item *item = &partition->items[i];
-        find_distances(depth, item);
+        bound_distances(depth, item);
         near = item->near < near ? item->near : near;
         far = item->far > far ? item->far : far;
     }

@@ -68,7 +68,7 @@ static bool add_axis(struct gl_resample_frame *f, const struct sp_resample_input
 
 /* Finds the passes of all axes that have a share of the image. Without memory for an axis the
  * others have its share. */
-static bool find_passes(struct gl_resample_frame *f, const struct sp_resample_input *input,
+static bool list_passes(struct gl_resample_frame *f, const struct sp_resample_input *input,
                         struct gl_state *s, struct sp_error *err) {
     const int best = f->resample.axis;
     float sum = (float)f->resample.share[best];
@@ -116,7 +116,7 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
     if (!sp_resample_prepare(&input, &f->resample, err) ||
         !gl_resample_data_get(&f->data, &s->residency, job->volume, &f->resample, s->pool, err) ||
         !gl_upload_shading(&s->upload, &f->camera, job->view, s->block_bytes, err) ||
-        !upload_colors(f, s, err) || !find_passes(f, &input, s, err))
+        !upload_colors(f, s, err) || !list_passes(f, &input, s, err))
         return false;
     use = f->resample.reduction.is_on  ? GL_RESAMPLE_PROJECTION
           : f->resample.needs_gradient ? GL_RESAMPLE_GRADIENTS

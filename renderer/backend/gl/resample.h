@@ -5,7 +5,7 @@
  * chooses the mip level, finds which intervals between slices may be visible, and computes the rays
  * of squares of pixels in double precision.
  *
- *   begin   samples, levels, visible intervals and the transfer function's integral are uploaded
+ *   begin   samples, codes, visible intervals and the transfer function's integral are uploaded
  *           unless they are resident; constants and squares always
  *   draw    passes × rows of blocks × ranges of intervals, front to back; a dispatch continues with
  *           the pixels of the previous one

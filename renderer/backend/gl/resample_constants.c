@@ -49,18 +49,18 @@ static void write_depths(struct gl_resample_constants *c, const struct sp_resamp
     }
 }
 
-/* The base of levels: of integers as an integer and a rest, of reals as two floats. */
+/* The base of codes: of integers as an integer and a rest, of reals as two floats. */
 static void write_base(struct gl_resample_constants *c, const struct sp_resample *r) {
     enum sp_type type = r->samples->type;
     double base = r->curve.base;
     float high = (float)base;
-    c->level_scale[1] = high;
-    c->level_scale[2] = (float)(base - (double)high);
+    c->code_scale[1] = high;
+    c->code_scale[2] = (float)(base - (double)high);
     if (type == SP_FLOAT32 || type == SP_FLOAT64)
         return;
     double whole = fmin(fmax(floor(base), INT32_MIN), INT32_MAX);
     c->base[0] = (int32_t)whole;
-    c->level_scale[2] = (float)(base - whole);
+    c->code_scale[2] = (float)(base - whole);
 }
 
 static void write_reduction(struct gl_resample_constants *c, const struct sp_reduction *r) {
@@ -82,10 +82,10 @@ void gl_resample_constants_init(struct gl_resample_constants *c, const struct sp
     write_depths(c, r);
     memcpy(c->steep, r->steep, sizeof r->steep);
     write_base(c, r);
-    c->level_scale[0] = (float)r->curve.levels_per_unit;
-    c->level_scale[3] = r->lowest;
+    c->code_scale[0] = (float)r->curve.codes_per_unit;
+    c->code_scale[3] = r->lowest;
     memcpy(c->bin_scale,
-           (float[]){ r->curve.bins_per_level, r->curve.first_bin, r->curve.visible[0],
+           (float[]){ r->curve.bins_per_code, r->curve.first_bin, r->curve.visible[0],
                       r->curve.visible[1] },
            sizeof c->bin_scale);
     memcpy(c->above_bins, r->curve.above, sizeof c->above_bins);

@@ -37,26 +37,27 @@ static bool send(const struct source *from, const struct gl_buffer *to, uint64_t
     return true;
 }
 
-static struct gl_resident *find_item(const struct source *from, enum gl_resident_kind kind,
-                                     uint64_t made, uint64_t bytes, const char *what,
-                                     struct sp_error *err) {
-    return gl_residency_find(from->residency, from->volume, kind, made, round_up(bytes), what, err);
+static struct gl_resident *get_item(const struct source *from, enum gl_resident_kind kind,
+                                    uint64_t made, uint64_t bytes, const char *what,
+                                    struct sp_error *err) {
+    return gl_residency_get_item(from->residency, from->volume, kind, made, round_up(bytes), what,
+                                 err);
 }
 
 /* An item with a copy of memory. */
 static const struct gl_buffer *copy(const struct source *from, enum gl_resident_kind kind,
                                     uint64_t made, const void *data, uint64_t bytes,
                                     const char *what, struct sp_error *err) {
-    struct gl_resident *item = find_item(from, kind, made, bytes, what, err);
+    struct gl_resident *item = get_item(from, kind, made, bytes, what, err);
     if (item && !item->is_filled)
         item->is_filled = send(from, &item->buffer, 0, data, bytes, err);
     return item && item->is_filled ? &item->buffer : NULL;
 }
 
-/* A shader computes levels of 32-bit numbers in single precision. */
-static bool has_levels(const struct source *from) {
+/* A shader computes codes of 32-bit numbers in single precision. */
+static bool has_codes(const struct source *from) {
     const double most = 1e30;
-    double scale = from->resample->curve.levels_per_unit;
+    double scale = from->resample->curve.codes_per_unit;
     const struct sp_volume_info *info = sp_volume_info(from->volume);
     return info->type == SP_FLOAT64 ||
            (info->type == SP_FLOAT32 &&
@@ -67,11 +68,11 @@ struct filling {
     const struct sp_samples *samples;
     const struct sp_curve *curve;
     const struct sp_interrupt *interrupt;
-    float *levels;
+    float *codes;
 };
 
-/* Levels as draw/resample/refine.c reads them. */
-static void fill_levels(void *user, size_t begin, size_t end, unsigned worker) {
+/* Codes as draw/resample/refine.c reads them. */
+static void fill_codes(void *user, size_t begin, size_t end, unsigned worker) {
     const double farthest = 1e6;
     const struct filling *f = user;
     const uint32_t *dims = f->samples->dims;
@@ -79,30 +80,30 @@ static void fill_levels(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t row = begin; row < end && !sp_interrupt_is_cancelled(f->interrupt); row++)
         for (uint64_t i = row * dims[0]; i < (row + 1) * dims[0]; i++) {
             double x = sp_sample(f->samples->voxels, f->samples->type, i);
-            double level = (x - f->curve->base) * f->curve->levels_per_unit + CURVE_LEVEL_MIN;
-            f->levels[i] = isfinite(x) ? (float)fmin(fmax(level, -farthest), farthest) : 0;
+            double code = (x - f->curve->base) * f->curve->codes_per_unit + CURVE_CODE_MIN;
+            f->codes[i] = isfinite(x) ? (float)fmin(fmax(code, -farthest), farthest) : 0;
         }
 }
 
-static bool make_levels(const struct source *from, struct gl_resident *item, struct sp_error *err) {
+static bool make_codes(const struct source *from, struct gl_resident *item, struct sp_error *err) {
     const struct sp_resample *r = from->resample;
     uint64_t bytes = sample_count(r->samples) * sizeof(float);
     struct filling filling = { r->samples, &r->curve, &r->interrupt,
                                gl_buffer_map(&item->buffer, bytes, err) };
-    if (!filling.levels)
+    if (!filling.codes)
         return false;
-    sp_parallel_for(from->pool, (size_t)r->samples->dims[1] * r->samples->dims[2], 16, fill_levels,
+    sp_parallel_for(from->pool, (size_t)r->samples->dims[1] * r->samples->dims[2], 16, fill_codes,
                     &filling);
     from->residency->uploaded += bytes;
     return gl_buffer_unmap(&item->buffer, err) && !gl_pass_cancelled(r->interrupt.cancel, err);
 }
 
-static const struct gl_buffer *get_levels(const struct source *from, struct sp_error *err) {
+static const struct gl_buffer *get_codes(const struct source *from, struct sp_error *err) {
     const struct sp_resample *r = from->resample;
-    struct gl_resident *item = find_item(from, GL_RESIDENT_LEVELS, r->class->made,
-                                         sample_count(r->samples) * sizeof(float), "samples", err);
+    struct gl_resident *item = get_item(from, GL_RESIDENT_CODES, r->class->made,
+                                        sample_count(r->samples) * sizeof(float), "samples", err);
     if (item && !item->is_filled)
-        item->is_filled = make_levels(from, item, err);
+        item->is_filled = make_codes(from, item, err);
     return item && item->is_filled ? &item->buffer : NULL;
 }
 
@@ -147,8 +148,8 @@ static bool get_places(const struct source *from, const struct gl_buffer **place
     *places = NULL;
     if (!floats)
         return true;
-    struct gl_resident *item = find_item(from, GL_RESIDENT_PLACES, r->samples->made,
-                                         floats * sizeof(float), "coordinates", err);
+    struct gl_resident *item = get_item(from, GL_RESIDENT_PLACES, r->samples->made,
+                                        floats * sizeof(float), "coordinates", err);
     if (item && !item->is_filled)
         item->is_filled = fill_places(from, &item->buffer, err);
     *places = item && item->is_filled ? &item->buffer : NULL;
@@ -174,17 +175,17 @@ bool gl_resample_data_get(struct gl_resample_data *data, struct gl_residency *re
                           struct sp_volume *volume, const struct sp_resample *r,
                           struct sp_pool *pool, struct sp_error *err) {
     static const enum gl_samples_kind kinds[SP_TYPE_COUNT] = {
-        [SP_UINT8] = GL_SAMPLES_UINT8,    [SP_INT8] = GL_SAMPLES_INT8,
-        [SP_UINT16] = GL_SAMPLES_UINT16,  [SP_INT16] = GL_SAMPLES_INT16,
-        [SP_INT32] = GL_SAMPLES_INT32,    [SP_FLOAT32] = GL_SAMPLES_FLOAT32,
-        [SP_FLOAT64] = GL_SAMPLES_LEVELS,
+        [SP_UINT8] = GL_SAMPLES_UINT8,   [SP_INT8] = GL_SAMPLES_INT8,
+        [SP_UINT16] = GL_SAMPLES_UINT16, [SP_INT16] = GL_SAMPLES_INT16,
+        [SP_INT32] = GL_SAMPLES_INT32,   [SP_FLOAT32] = GL_SAMPLES_FLOAT32,
+        [SP_FLOAT64] = GL_SAMPLES_CODES,
     };
     const struct source from = { residency, volume, r, pool };
     const struct sp_samples *samples = r->samples;
-    bool is_made = has_levels(&from);
+    bool is_made = has_codes(&from);
     gl_residency_begin(residency);
-    data->kind = is_made ? GL_SAMPLES_LEVELS : kinds[samples->type];
-    data->samples = is_made ? get_levels(&from, err) : get_samples(&from, err);
+    data->kind = is_made ? GL_SAMPLES_CODES : kinds[samples->type];
+    data->samples = is_made ? get_codes(&from, err) : get_samples(&from, err);
     if (!data->samples)
         return false;
     data->visible = get_visible(&from, err);

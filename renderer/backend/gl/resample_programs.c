@@ -16,12 +16,12 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
                           enum gl_resample_use use, bool has_layers, bool is_even,
                           const char *device, struct sp_error *err) {
     static const struct {
-        int samples, bytes, is_signed; /* samples: 0 integer, 1 real, 2 levels */
+        int samples, bytes, is_signed; /* samples: 0 integer, 1 real, 2 codes */
     } kinds[GL_SAMPLES_KINDS] = {
         [GL_SAMPLES_UINT8] = { 0, 1, 0 },  [GL_SAMPLES_INT8] = { 0, 1, 1 },
         [GL_SAMPLES_UINT16] = { 0, 2, 0 }, [GL_SAMPLES_INT16] = { 0, 2, 1 },
         [GL_SAMPLES_INT32] = { 0, 4, 1 },  [GL_SAMPLES_FLOAT32] = { 1, 4, 0 },
-        [GL_SAMPLES_LEVELS] = { 2, 4, 0 },
+        [GL_SAMPLES_CODES] = { 2, 4, 0 },
     };
     struct gl_resample_program *own = &resample->programs[kind][use][has_layers][is_even];
     struct sp_error why = { .text = "it failed before; the log has the reason" };

@@ -7,7 +7,7 @@
 
 #include "backend/gl/buffer.h"
 
-/* The programs of shaders/passes/draw_sheets.glsl by what they read. GL_SAMPLES_LEVELS: levels that
+/* The programs of shaders/passes/draw_sheets.glsl by what they read. GL_SAMPLES_CODES: codes that
  * the processor has made, of 64-bit reals and of numbers that a float does not hold. */
 enum gl_samples_kind {
     GL_SAMPLES_UINT8,
@@ -16,7 +16,7 @@ enum gl_samples_kind {
     GL_SAMPLES_INT16,
     GL_SAMPLES_INT32,
     GL_SAMPLES_FLOAT32,
-    GL_SAMPLES_LEVELS,
+    GL_SAMPLES_CODES,
     GL_SAMPLES_KINDS
 };
 

@@ -147,7 +147,7 @@ static bool upload_tables(struct gl_residency *residency, struct gl_visible_list
 }
 
 /* Empties and returns a slot for another list: an unused one, or the least recently used one. */
-static struct gl_visible_list *take_place(struct gl_residency *residency) {
+static struct gl_visible_list *recycle_list(struct gl_residency *residency) {
     struct gl_visible_list *oldest = &residency->list[0];
     for (int i = 1; i < GL_LISTS; i++)
         if (residency->list[i].used < oldest->used)
@@ -156,8 +156,8 @@ static struct gl_visible_list *take_place(struct gl_residency *residency) {
     return oldest;
 }
 
-static struct gl_visible_list *find(struct gl_residency *residency,
-                                    const struct gl_list_source *from) {
+static struct gl_visible_list *find_list(struct gl_residency *residency,
+                                         const struct gl_list_source *from) {
     for (int i = 0; i < GL_LISTS; i++)
         if (residency->list[i].volume == from->volume &&
             residency->list[i].list_made == from->level->list_made)
@@ -379,9 +379,9 @@ static void describe(struct gl_visible_list *list, const struct sp_level *level)
 const struct gl_visible_list *gl_residency_get(struct gl_residency *residency,
                                                const struct gl_list_source *from,
                                                struct sp_error *err) {
-    struct gl_visible_list *list = find(residency, from);
+    struct gl_visible_list *list = find_list(residency, from);
     if (!list)
-        list = take_place(residency);
+        list = recycle_list(residency);
     list->volume = from->volume;
     list->original = sp_volume_original(from->volume);
     list->used = ++residency->clock;
@@ -394,7 +394,7 @@ const struct gl_visible_list *gl_residency_get(struct gl_residency *residency,
 }
 
 /* Returns an empty item in place of the least recently used one. */
-static struct gl_resident *take_item(struct gl_residency *residency) {
+static struct gl_resident *recycle_item(struct gl_residency *residency) {
     struct gl_resident *oldest = &residency->items[0];
     for (int i = 1; i < GL_RESIDENTS; i++)
         if (residency->items[i].used < oldest->used)
@@ -403,10 +403,10 @@ static struct gl_resident *take_item(struct gl_residency *residency) {
     return oldest;
 }
 
-struct gl_resident *gl_residency_find(struct gl_residency *residency,
-                                      const struct sp_volume *volume, enum gl_resident_kind kind,
-                                      uint64_t made, uint64_t bytes, const char *what,
-                                      struct sp_error *err) {
+struct gl_resident *gl_residency_get_item(struct gl_residency *residency,
+                                          const struct sp_volume *volume,
+                                          enum gl_resident_kind kind, uint64_t made, uint64_t bytes,
+                                          const char *what, struct sp_error *err) {
     char use[96];
     struct gl_resident *item = NULL;
     for (int i = 0; i < GL_RESIDENTS && !item; i++)
@@ -414,7 +414,7 @@ struct gl_resident *gl_residency_find(struct gl_residency *residency,
             residency->items[i].made == made)
             item = &residency->items[i];
     if (!item) {
-        item = take_item(residency);
+        item = recycle_item(residency);
         *item = (struct gl_resident){
             .volume = volume, .original = sp_volume_original(volume), .kind = kind, .made = made
         };

@@ -26,7 +26,7 @@ enum {
 /* A buffer of resampled sheets (resample_data.h), or of other layers. */
 enum gl_resident_kind {
     GL_RESIDENT_SAMPLES,
-    GL_RESIDENT_LEVELS,
+    GL_RESIDENT_CODES,
     GL_RESIDENT_VISIBLE,
     GL_RESIDENT_INTEGRAL,
     GL_RESIDENT_PLACES,
@@ -110,10 +110,10 @@ const struct gl_visible_list *gl_residency_get(struct gl_residency *residency,
 /* Returns the item with these contents, valid until the next frame begins. If it is not filled, it
  * is new: its buffer holds `bytes`, and the caller fills it and sets is_filled. `what` as in
  * "samples". NULL with *err set: SP_ERR_BUDGET, SP_ERR_MEMORY. */
-struct gl_resident *gl_residency_find(struct gl_residency *residency,
-                                      const struct sp_volume *volume, enum gl_resident_kind kind,
-                                      uint64_t made, uint64_t bytes, const char *what,
-                                      struct sp_error *err);
+struct gl_resident *gl_residency_get_item(struct gl_residency *residency,
+                                          const struct sp_volume *volume,
+                                          enum gl_resident_kind kind, uint64_t made, uint64_t bytes,
+                                          const char *what, struct sp_error *err);
 
 /* Evicts data of other frames until everything and beside_bytes fit. SP_ERR_BUDGET. */
 bool gl_residency_trim(struct gl_residency *residency, struct sp_error *err);

@@ -214,7 +214,7 @@ static bool send_points(struct gl_state *state, const struct gl_buffer *to,
 static const struct gl_buffer *get_points(const struct gl_band *band, const struct sp_surface *s,
                                           struct sp_error *err) {
     struct gl_state *state = band->state;
-    struct gl_resident *item = gl_residency_find(
+    struct gl_resident *item = gl_residency_get_item(
         &state->residency, band->job->volume, GL_RESIDENT_SURFACE, s->points->made,
         s->points->count * sizeof(struct point), "points of a surface", err);
     if (item && !item->is_filled)

@@ -64,7 +64,7 @@ bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f,
 }
 
 /* The chunks of a batch are contiguous across levels. */
-static void find_chunks(const struct gl_batch *batch, uint32_t *first, uint32_t *count) {
+static void sum_chunks(const struct gl_batch *batch, uint32_t *first, uint32_t *count) {
     *first = *count = 0;
     for (int l = SP_LEVELS - 1; l >= 0; l--) {
         *first = batch->chunks[l] ? batch->chunk[l] : *first;
@@ -77,7 +77,7 @@ bool gl_upload_chunks(struct gl_upload *upload, const struct gl_partition *parti
     uint64_t capacity = enough / sizeof *partition->chunks;
     for (uint32_t i = 0; i < partition->batch_count; i++) {
         uint32_t first, count;
-        find_chunks(&partition->batches[i], &first, &count);
+        sum_chunks(&partition->batches[i], &first, &count);
         capacity = capacity > count ? capacity : count;
     }
     capacity = capacity < partition->chunk_count ? capacity : partition->chunk_count;
@@ -94,7 +94,7 @@ bool gl_upload_chunks(struct gl_upload *upload, const struct gl_partition *parti
 void gl_upload_batch(struct gl_upload *upload, const struct gl_partition *partition,
                      const struct gl_batch *batch) {
     uint32_t first, count;
-    find_chunks(batch, &first, &count);
+    sum_chunks(batch, &first, &count);
     if (first >= upload->chunk_first && first + count <= upload->chunk_end)
         return;
     uint32_t left = partition->chunk_count - first;

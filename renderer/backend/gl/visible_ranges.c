@@ -27,7 +27,7 @@ static double value_of(const struct scale *scale, int64_t ordinal) {
     return scale->is_post ? (double)(float)(value - scale->base) : value;
 }
 
-static void find_bounds(enum sp_type type, int64_t bounds[2]) {
+static void fill_bounds(enum sp_type type, int64_t bounds[2]) {
     static const int64_t all[][2] = {
         [SP_UINT8] = { 0, UINT8_MAX },           [SP_INT8] = { INT8_MIN, INT8_MAX },
         [SP_UINT16] = { 0, UINT16_MAX },         [SP_INT16] = { INT16_MIN, INT16_MAX },
@@ -41,7 +41,7 @@ static void find_bounds(enum sp_type type, int64_t bounds[2]) {
  * beyond the largest ordinal if there is none. */
 static int64_t find_first(const struct scale *scale, double value, bool or_equal) {
     int64_t bounds[2];
-    find_bounds(scale->type, bounds);
+    fill_bounds(scale->type, bounds);
     int64_t low = bounds[0], high = bounds[1] + 1;
     while (low < high) {
         int64_t middle = low + (high - low) / 2;
@@ -60,7 +60,7 @@ void gl_visible_ranges_init(struct gl_visible_ranges *ranges, const struct sp_tr
                            .is_post = transfer->tf.order == SP_TF_POST,
                            .base = sp_transfer_base(transfer) };
     int64_t bounds[2];
-    find_bounds(scale.type, bounds);
+    fill_bounds(scale.type, bounds);
     if (scale.is_post)
         sp_visible_ranges_init_keys(&values, &transfer->tf, scale.base);
     else

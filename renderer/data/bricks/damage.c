@@ -61,7 +61,7 @@ void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_nee
     }
 }
 
-bool sp_bricks_find_damage(const struct sp_volume *volume, struct sp_bricks_damage *damage) {
+bool sp_bricks_get_damage(const struct sp_volume *volume, struct sp_bricks_damage *damage) {
     struct sp_brick_store *store = sp_brick_store_of(volume);
     if (!store)
         return false;

@@ -22,7 +22,7 @@ struct sp_brick_file {
     struct sp_brick_learned *learned[BRICK_LEVELS_MAX]; /* owned; NULL = read from a file */
     pthread_rwlock_t *lock; /* owned, guards the entries; NULL = read from a file */
     uint64_t bytes;         /* of the file when it was opened */
-    char shown[SP_ERROR_PLACE];
+    char title[SP_ERROR_PLACE];
     struct sp_brick_header header;
     struct sp_brick_entry *entries[BRICK_LEVELS_MAX];
     struct sp_brick_entry *vectors[BRICK_LEVELS_MAX]; /* of their bricks; NULL = there are none */
@@ -50,10 +50,10 @@ static bool read_at(const struct sp_brick_file *file, void *out, size_t size, ui
         if (n < 0 && errno == EINTR)
             continue;
         if (n < 0)
-            return sp_fail(err, SP_ERR_IO, file->shown, "cannot read %zu bytes at %" PRIu64 ": %s",
+            return sp_fail(err, SP_ERR_IO, file->title, "cannot read %zu bytes at %" PRIu64 ": %s",
                            size, at, strerror(errno));
         if (n == 0)
-            return sp_fail(err, SP_ERR_FORMAT, file->shown, "the file ends at byte %" PRIu64,
+            return sp_fail(err, SP_ERR_FORMAT, file->title, "the file ends at byte %" PRIu64,
                            at + done);
         done += (size_t)n;
     }
@@ -68,15 +68,15 @@ static bool read_index(struct sp_brick_file *file, unsigned l, const struct sp_b
     unsigned char *bytes = malloc(size);
     bool ok = (*entries = malloc(count * sizeof **entries)) && bytes;
     if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the index");
+        sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the index");
     ok = ok && read_at(file, bytes, size, index->at, err);
     if (ok && sp_brick_checksum(bytes, size) != index->checksum)
-        ok = sp_fail(err, SP_ERR_FORMAT, file->shown,
+        ok = sp_fail(err, SP_ERR_FORMAT, file->title,
                      "the brick file is damaged, convert the volume again: the checksum of the "
                      "index of level %u",
                      l);
     for (uint64_t i = 0; ok && i < count; i++)
-        ok = sp_brick_entry_decode(bytes + i * BRICK_ENTRY_BYTES, file->bytes, file->shown,
+        ok = sp_brick_entry_decode(bytes + i * BRICK_ENTRY_BYTES, file->bytes, file->title,
                                    &(*entries)[i], err);
     free(bytes);
     return ok;
@@ -103,11 +103,11 @@ static bool read_axes(struct sp_brick_file *file, struct sp_error *err) {
     file->places = malloc(sp_brick_places_count(header) * sizeof *file->places);
     bool ok = bytes && file->places;
     if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the axes");
+        sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the axes");
     ok = ok && read_at(file, bytes, size, header->axes_at, err);
     if (ok && sp_brick_checksum(bytes, size) != header->axes_checksum)
         ok = sp_fail(
-            err, SP_ERR_FORMAT, file->shown,
+            err, SP_ERR_FORMAT, file->title,
             "the brick file is damaged, convert the volume again: the checksum of its axes");
     for (size_t i = 0; ok && i < first; i++)
         file->places[i] = decode_double(bytes + i * sizeof(double));
@@ -115,7 +115,7 @@ static bool read_axes(struct sp_brick_file *file, struct sp_error *err) {
     if (!ok)
         return false;
     sp_brick_places_fill(header, file->places);
-    return sp_grid_check(&header->info.grid, header->info.type, file->shown, &voxel_bytes, err);
+    return sp_grid_check(&header->info.grid, header->info.type, file->title, &voxel_bytes, err);
 }
 
 static bool read_notes(struct sp_brick_file *file, struct sp_error *err) {
@@ -125,14 +125,14 @@ static bool read_notes(struct sp_brick_file *file, struct sp_error *err) {
         return true;
     bool ok = (file->times = malloc(size)) && bytes;
     if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the notes");
+        sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the notes");
     ok = ok && read_at(file, bytes, size, file->header.notes_at, err);
     if (ok && sp_brick_checksum(bytes, size) != file->header.notes_checksum)
         ok = sp_fail(
-            err, SP_ERR_FORMAT, file->shown,
+            err, SP_ERR_FORMAT, file->title,
             "the brick file is damaged, convert the volume again: the checksum of its notes");
     ok =
-        ok && sp_brick_notes_decode(bytes, size, file->shown, &file->header.info, file->times, err);
+        ok && sp_brick_notes_decode(bytes, size, file->title, &file->header.info, file->times, err);
     free(bytes);
     return ok;
 }
@@ -141,10 +141,10 @@ static bool read_header(struct sp_brick_file *file, struct sp_error *err) {
     unsigned char bytes[BRICK_HEADER_BYTES];
     struct stat st;
     if (fstat(file->fd, &st) != 0)
-        return sp_fail(err, SP_ERR_IO, file->shown, "cannot read the size: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, file->title, "cannot read the size: %s", strerror(errno));
     file->bytes = (uint64_t)st.st_size;
     if (!read_at(file, bytes, sizeof bytes, 0, err) ||
-        !sp_brick_header_decode(bytes, file->bytes, file->shown, &file->header, err))
+        !sp_brick_header_decode(bytes, file->bytes, file->title, &file->header, err))
         return false;
     for (unsigned l = 0; l < file->header.levels; l++) {
         const struct sp_brick_level *level = &file->header.level[l];
@@ -156,15 +156,15 @@ static bool read_header(struct sp_brick_file *file, struct sp_error *err) {
     return read_axes(file, err) && read_notes(file, err);
 }
 
-struct sp_brick_file *sp_brick_file_open(int fd, const char *shown, struct sp_error *err) {
+struct sp_brick_file *sp_brick_file_open(int fd, const char *title, struct sp_error *err) {
     struct sp_brick_file *file = calloc(1, sizeof *file);
     if (!file) {
         close(fd);
-        sp_fail(err, SP_ERR_MEMORY, shown, "out of memory for a brick file");
+        sp_fail(err, SP_ERR_MEMORY, title, "out of memory for a brick file");
         return NULL;
     }
     file->fd = fd;
-    snprintf(file->shown, sizeof file->shown, "%s", shown);
+    snprintf(file->title, sizeof file->title, "%s", title);
     if (!read_header(file, err))
         sp_brick_file_close(&file);
     return file;
@@ -182,21 +182,21 @@ static bool init_level(struct sp_brick_file *file, unsigned l, struct sp_error *
     file->entries[l] = malloc(count * sizeof *file->entries[l]);
     file->learned[l] = sp_brick_learned_create(level);
     if (!file->entries[l] || !file->learned[l])
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the index");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the index");
     for (uint64_t i = 0; i < count; i++)
         file->entries[l][i] = (struct sp_brick_entry){ .range = { -INFINITY, INFINITY } };
     return true;
 }
 
 struct sp_brick_file *sp_brick_file_of_chunks(const struct sp_chunk_source *source,
-                                              const char *shown, struct sp_error *err) {
+                                              const char *title, struct sp_error *err) {
     struct sp_brick_file *file = calloc(1, sizeof *file);
     pthread_rwlock_t *lock = malloc(sizeof *lock);
     if (!file || !lock || pthread_rwlock_init(lock, NULL) != 0) {
         free(file);
         free(lock);
         source->close(source->user);
-        sp_fail(err, SP_ERR_MEMORY, shown, "out of memory for its chunks");
+        sp_fail(err, SP_ERR_MEMORY, title, "out of memory for its chunks");
         return NULL;
     }
     file->fd = -1;
@@ -207,7 +207,7 @@ struct sp_brick_file *sp_brick_file_of_chunks(const struct sp_chunk_source *sour
     for (int a = 0; a < 3; a++)
         file->header.info.voxel_bytes *= source->info.grid.dims[a];
     file->header.levels = source->levels;
-    snprintf(file->shown, sizeof file->shown, "%s", shown);
+    snprintf(file->title, sizeof file->title, "%s", title);
     for (unsigned l = 0; l < source->levels; l++)
         if (!init_level(file, l, err)) {
             sp_brick_file_close(&file);
@@ -310,13 +310,13 @@ static void fill_constant(uint64_t sample, size_t size, size_t count, void *out)
         memcpy((char *)out + i * size, &stored, size);
 }
 
-static bool grow(struct sp_brick_scratch *scratch, size_t size, const char *shown,
+static bool grow(struct sp_brick_scratch *scratch, size_t size, const char *title,
                  struct sp_error *err) {
     if (size <= scratch->capacity)
         return true;
     unsigned char *packed = realloc(scratch->packed, size);
     if (!packed)
-        return sp_fail(err, SP_ERR_MEMORY, shown, "out of memory for a brick");
+        return sp_fail(err, SP_ERR_MEMORY, title, "out of memory for a brick");
     scratch->packed = packed;
     scratch->capacity = size;
     return true;
@@ -327,14 +327,14 @@ static bool unpack(const struct sp_brick_file *file, const struct sp_brick_entry
                    unsigned level, uint64_t number, struct sp_brick_scratch *scratch, void *out,
                    size_t size, struct sp_error *err) {
     const uint32_t *bricks = file->header.level[level].bricks;
-    if (!grow(scratch, entry->bytes, file->shown, err) ||
+    if (!grow(scratch, entry->bytes, file->title, err) ||
         !read_at(file, scratch->packed, entry->bytes, entry->at, err))
         return false;
     const size_t got =
         ZSTD_decompressDCtx(scratch->context, out, size, scratch->packed, entry->bytes);
     if (got == size)
         return true;
-    return sp_fail(err, SP_ERR_FORMAT, file->shown,
+    return sp_fail(err, SP_ERR_FORMAT, file->title,
                    "brick (%" PRIu64 ", %" PRIu64 ", %" PRIu64
                    ") of level %u is damaged, convert the volume again: %s",
                    number % bricks[0], number / bricks[0] % bricks[1],

@@ -15,14 +15,14 @@ struct sp_brick_file;
 /* True if the file begins as a brick file. */
 bool sp_brick_file_is(int fd);
 
-/* Takes over the descriptor, also on failure. `shown` is the name in errors. SP_ERR_FORMAT,
+/* Takes over the descriptor, also on failure. `title` is the name in errors. SP_ERR_FORMAT,
  * SP_ERR_UNSUPPORTED, SP_ERR_IO, SP_ERR_MEMORY. */
-struct sp_brick_file *sp_brick_file_open(int fd, const char *shown, struct sp_error *err);
+struct sp_brick_file *sp_brick_file_open(int fd, const char *title, struct sp_error *err);
 /* Makes a brick file from chunks: no file is behind it. Takes over the source, also on failure. The
  * ranges of its entries are infinite until they are learned, and their `bytes` and `at` are 0.
  * SP_ERR_MEMORY. */
 struct sp_brick_file *sp_brick_file_of_chunks(const struct sp_chunk_source *source,
-                                              const char *shown, struct sp_error *err);
+                                              const char *title, struct sp_error *err);
 /* The chunks that it is made of; NULL = it is read from a file. */
 const struct sp_chunk_source *sp_brick_file_chunks(const struct sp_brick_file *file);
 /* Stores the ranges of a brick that was cut from chunks. Thread-safe. */

@@ -183,13 +183,13 @@ static void fill_wanted(void *user, size_t begin, size_t end_, unsigned worker) 
 }
 
 /* Reads some bricks after the other, and tells which are there. */
-static void fill_parts(struct fill *f) {
+static void fill_batches(struct fill *f) {
     const struct sp_brick_fill_job *job = f->job;
-    const size_t part = (size_t)BRICK_PART * sp_pool_threads(job->pool);
-    for (f->begin = 0; f->begin < f->order_count && !is_ended(f); f->begin += part) {
+    const size_t batch = (size_t)BRICK_BATCH * sp_pool_threads(job->pool);
+    for (f->begin = 0; f->begin < f->order_count && !is_ended(f); f->begin += batch) {
         const size_t left = f->order_count - f->begin;
-        sp_parallel_for(job->pool, left < part ? left : part, 1, fill_wanted, f);
-        if (left > part && !f->missing && job->is_due && job->is_due(job->user))
+        sp_parallel_for(job->pool, left < batch ? left : batch, 1, fill_wanted, f);
+        if (left > batch && !f->missing && job->is_due && job->is_due(job->user))
             job->progress(job->user, f->has);
     }
 }
@@ -266,7 +266,7 @@ bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
     ok = allocate(f, threads, err);
     if (ok) {
         sp_parallel_for(job->pool, (size_t)sp_brick_need_count(job->need), 1, fill_others, f);
-        fill_parts(f);
+        fill_batches(f);
     }
     if (ok && atomic_load(&f->ended))
         ok = sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

@@ -189,8 +189,8 @@ void sp_brick_box(const struct sp_brick_level *level, uint64_t number, uint32_t 
     }
 }
 
-static bool fail(const char *shown, const char *what, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_FORMAT, shown,
+static bool fail(const char *title, const char *what, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_FORMAT, title,
                    "the brick file is damaged, convert the volume again: %s", what);
 }
 
@@ -206,18 +206,18 @@ static bool is_anatomy(const char *letters) {
     return axes == 7;
 }
 
-static bool check_statistics(const struct sp_volume_info *info, const char *shown,
+static bool check_statistics(const struct sp_volume_info *info, const char *title,
                              struct sp_error *err) {
     const struct sp_projected *p = &info->projected;
     const double shares[5] = { p->maximum[0], p->maximum[1], p->mean[0], p->mean[1], p->sum };
     for (int i = 0; i < 5; i++)
         if (!(shares[i] >= 0 && shares[i] < 1e30))
-            return fail(shown, "its statistics", err);
+            return fail(title, "its statistics", err);
     if (!(info->longest >= 0 && isfinite(info->longest)))
-        return fail(shown, "the length of its longest vector", err);
+        return fail(title, "the length of its longest vector", err);
     return (isfinite(info->range[0]) && isfinite(info->range[1]) &&
             info->range[0] <= info->range[1]) ||
-           fail(shown, "its range of values", err);
+           fail(title, "its range of values", err);
 }
 
 static bool is_beyond(uint64_t at, uint64_t bytes, uint64_t file_bytes) {
@@ -225,58 +225,58 @@ static bool is_beyond(uint64_t at, uint64_t bytes, uint64_t file_bytes) {
 }
 
 static bool check_levels(struct sp_brick_header *h, uint32_t levels, uint64_t file_bytes,
-                         const char *shown, struct sp_error *err) {
+                         const char *title, struct sp_error *err) {
     sp_brick_header_init(h);
     if (levels != h->levels)
-        return fail(shown, "its number of levels", err);
+        return fail(title, "its number of levels", err);
     for (unsigned l = 0; l < levels; l++) {
         const struct sp_brick_level *level = &h->level[l];
         const uint64_t bytes = sp_brick_count(level) * BRICK_ENTRY_BYTES;
         if (is_beyond(level->samples.at, bytes, file_bytes) ||
             (h->info.vector_bytes && is_beyond(level->vectors.at, bytes, file_bytes)))
-            return fail(shown, "an index lies beyond its end", err);
+            return fail(title, "an index lies beyond its end", err);
     }
     return true;
 }
 
-static bool check_axes(const struct sp_brick_header *h, uint64_t file_bytes, const char *shown,
+static bool check_axes(const struct sp_brick_header *h, uint64_t file_bytes, const char *title,
                        struct sp_error *err) {
     uint64_t bytes = 0;
     if (h->rectilinear > 7)
-        return fail(shown, "the kinds of its axes", err);
+        return fail(title, "the kinds of its axes", err);
     for (int a = 0; a < 3; a++)
         bytes += h->rectilinear >> a & 1 ? h->info.grid.dims[a] * sizeof(double) : 0;
     return !is_beyond(h->axes_at, bytes, file_bytes) ||
-           fail(shown, "its axes lie beyond its end", err);
+           fail(title, "its axes lie beyond its end", err);
 }
 
 bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint64_t file_bytes,
-                            const char *shown, struct sp_brick_header *h, struct sp_error *err) {
+                            const char *title, struct sp_brick_header *h, struct sp_error *err) {
     unsigned char copy[BRICK_HEADER_BYTES];
     struct cursor c = { .bytes = memcpy(copy, bytes, sizeof copy), .at = CHECKSUM_AT };
     uint32_t constants[3];
     uint64_t checksum;
     memset(h, 0, sizeof *h);
     if (memcmp(bytes, sp_brick_magic, sizeof sp_brick_magic) != 0)
-        return sp_fail(err, SP_ERR_FORMAT, shown, "this is no brick file");
+        return sp_fail(err, SP_ERR_FORMAT, title, "this is no brick file");
     field_u64(&c, &checksum);
     c.at = sizeof sp_brick_magic;
     fields(&c, h, constants);
     if (constants[0] != SP_BRICKS_VERSION)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, title,
                        "version %u of brick files is unknown, %d is supported; convert it again",
                        constants[0], SP_BRICKS_VERSION);
     if (checksum != sp_brick_checksum(bytes, CHECKSUM_AT))
-        return fail(shown, "the checksum of its header", err);
+        return fail(title, "the checksum of its header", err);
     if (constants[1] != BRICK_SIDE || constants[2] != BRICK_MARGIN ||
         h->info.type >= SP_TYPE_COUNT || h->info.meaning >= SP_MEANING_COUNT ||
         !isfinite(h->info.vertical.per_unit))
-        return fail(shown, "its header", err);
-    if (!sp_grid_check(&h->info.grid, h->info.type, shown, &h->info.voxel_bytes, err) ||
-        !check_statistics(&h->info, shown, err))
+        return fail(title, "its header", err);
+    if (!sp_grid_check(&h->info.grid, h->info.type, title, &h->info.voxel_bytes, err) ||
+        !check_statistics(&h->info, title, err))
         return false;
     if (h->info.vector_bytes > 1)
-        return fail(shown, "its vectors", err);
+        return fail(title, "its vectors", err);
     h->info.vector_bytes *= h->info.voxel_bytes / sp_type_size(h->info.type) * BRICK_VECTOR_BYTES;
     h->info.components = 1;
     if (!is_anatomy(h->info.anatomy))
@@ -284,9 +284,9 @@ bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint6
     if (h->notes_bytes && (h->notes_bytes < BRICK_NOTES_BYTES ||
                            h->notes_bytes > BRICK_NOTES_BYTES + SP_STEPS_MAX * sizeof(double) ||
                            is_beyond(h->notes_at, h->notes_bytes, file_bytes)))
-        return fail(shown, "its notes lie beyond its end", err);
-    return check_axes(h, file_bytes, shown, err) &&
-           check_levels(h, h->levels, file_bytes, shown, err);
+        return fail(title, "its notes lie beyond its end", err);
+    return check_axes(h, file_bytes, title, err) &&
+           check_levels(h, h->levels, file_bytes, title, err);
 }
 
 size_t sp_brick_notes_bytes(const struct sp_volume_info *info) {
@@ -318,23 +318,23 @@ void sp_brick_notes_encode(const struct sp_volume_info *info, unsigned char *out
     }
 }
 
-bool sp_brick_notes_decode(unsigned char *bytes, size_t size, const char *shown,
+bool sp_brick_notes_decode(unsigned char *bytes, size_t size, const char *title,
                            struct sp_volume_info *info, double *times, struct sp_error *err) {
     struct cursor c = { .bytes = bytes };
     uint32_t has_times;
     if (size < BRICK_NOTES_BYTES)
-        return fail(shown, "its notes", err);
+        return fail(title, "its notes", err);
     notes_fields(&c, info, &has_times);
     const size_t count = has_times ? info->steps.count : 0;
     info->steps.times = NULL;
     if (info->steps.count < 1 || info->steps.count > SP_STEPS_MAX ||
         info->steps.index >= info->steps.count || has_times > 1 ||
         (size - BRICK_NOTES_BYTES) / sizeof(double) < count)
-        return fail(shown, "its time steps", err);
+        return fail(title, "its time steps", err);
     for (size_t i = 0; i < count; i++) {
         field_doubles(&c, &times[i], 1);
         if (!isfinite(times[i]))
-            return fail(shown, "its times", err);
+            return fail(title, "its times", err);
     }
     info->steps.times = count ? times : NULL;
     return true;
@@ -355,15 +355,15 @@ void sp_brick_entry_encode(const struct sp_brick_entry *entry,
 }
 
 bool sp_brick_entry_decode(const unsigned char bytes[BRICK_ENTRY_BYTES], uint64_t file_bytes,
-                           const char *shown, struct sp_brick_entry *entry, struct sp_error *err) {
+                           const char *title, struct sp_brick_entry *entry, struct sp_error *err) {
     unsigned char copy[BRICK_ENTRY_BYTES];
     struct cursor c = { .bytes = memcpy(copy, bytes, sizeof copy) };
     entry_fields(&c, entry);
     bool has_range = entry->range[0] <= entry->range[1];
     if (isnan(entry->range[0]) || isnan(entry->range[1]) ||
         (has_range && !(isfinite(entry->range[0]) && isfinite(entry->range[1]))))
-        return fail(shown, "the range of a brick", err);
+        return fail(title, "the range of a brick", err);
     return entry->bytes == 0 ||
            (entry->bytes <= BRICK_PACKED_MAX && !is_beyond(entry->at, entry->bytes, file_bytes)) ||
-           fail(shown, "a brick lies beyond its end", err);
+           fail(title, "a brick lies beyond its end", err);
 }

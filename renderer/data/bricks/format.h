@@ -101,9 +101,9 @@ void sp_brick_header_encode(const struct sp_brick_header *header,
                             unsigned char out[BRICK_HEADER_BYTES]);
 
 /* Decodes and checks every field against the size of the file. SP_ERR_FORMAT, SP_ERR_UNSUPPORTED
- * (version) with `shown` as the place. */
+ * (version) with `title` as the place. */
 bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint64_t file_bytes,
-                            const char *shown, struct sp_brick_header *header,
+                            const char *title, struct sp_brick_header *header,
                             struct sp_error *err);
 
 enum {
@@ -117,14 +117,14 @@ size_t sp_brick_notes_bytes(const struct sp_volume_info *info);
 void sp_brick_notes_encode(const struct sp_volume_info *info, unsigned char *out);
 /* Decodes them into *info; the bytes stay. The times go to `times`, for which there is space for
  * one number per 8 bytes, and which info->steps names if they are known. SP_ERR_FORMAT. */
-bool sp_brick_notes_decode(unsigned char *bytes, size_t size, const char *shown,
+bool sp_brick_notes_decode(unsigned char *bytes, size_t size, const char *title,
                            struct sp_volume_info *info, double *times, struct sp_error *err);
 
 void sp_brick_entry_encode(const struct sp_brick_entry *entry,
                            unsigned char out[BRICK_ENTRY_BYTES]);
 /* SP_ERR_FORMAT if the samples do not lie in the file. */
 bool sp_brick_entry_decode(const unsigned char bytes[BRICK_ENTRY_BYTES], uint64_t file_bytes,
-                           const char *shown, struct sp_brick_entry *entry, struct sp_error *err);
+                           const char *title, struct sp_brick_entry *entry, struct sp_error *err);
 
 enum {
     BRICK_VECTOR_BYTES = 3 * sizeof(float),

@@ -48,8 +48,8 @@ static bool intersect(const uint32_t first[3], const uint32_t size[3], const uin
 }
 
 /* Copies what a chunk has of brick i of the box, from `first` and `size` of the chunk. */
-static void copy_part(const struct gather *g, const char *chunk, const uint32_t first[3],
-                      const uint32_t size[3], uint64_t i) {
+static void copy_overlap(const struct gather *g, const char *chunk, const uint32_t first[3],
+                         const uint32_t size[3], uint64_t i) {
     const struct sp_brick_place place = sp_brick_place(g->job->box, g->level, g->sample, i);
     uint32_t brick[3], extent[3], low[3], high[3];
     sp_brick_box(g->level, sp_brick_need_at(g->job->need, g->level, i), brick, extent);
@@ -94,9 +94,9 @@ struct chunk {
     uint32_t first[3], size[3];
 };
 
-static void take_part(struct gather *g, uint64_t i, void *user) {
+static void copy_to_brick(struct gather *g, uint64_t i, void *user) {
     const struct chunk *chunk = user;
-    copy_part(g, chunk->samples, chunk->first, chunk->size, i);
+    copy_overlap(g, chunk->samples, chunk->first, chunk->size, i);
 }
 
 /* Several chunks of a brick may fail at once. */
@@ -131,7 +131,7 @@ static void gather_chunk(struct gather *g, const uint32_t place[3], unsigned wor
     chunk.samples = g->buffers[worker];
     if (g->source->read(g->source->user, worker, g->job->need->level, place, g->buffers[worker],
                         is_ended, g, &err)) {
-        visit_missing(g, chunk.first, chunk.size, take_part, &chunk);
+        visit_missing(g, chunk.first, chunk.size, copy_to_brick, &chunk);
     } else if (err.code == SP_ERR_CANCELLED) {
         end_with(g, &err);
     } else {
@@ -143,7 +143,7 @@ static void gather_chunk(struct gather *g, const uint32_t place[3], unsigned wor
 }
 
 /* The place of a chunk, which is number `i` of those that meet the box. */
-static void find_place(const struct gather *g, size_t i, uint32_t place[3]) {
+static void compute_place(const struct gather *g, size_t i, uint32_t place[3]) {
     for (int a = 0; a < 3; a++) {
         const size_t count = g->end[a] - g->first_chunk[a];
         place[a] = g->first_chunk[a] + (uint32_t)(i % count);
@@ -155,7 +155,7 @@ static void gather_chunks(void *user, size_t begin, size_t end, unsigned worker)
     struct gather *g = user;
     for (size_t n = begin; n < end && !is_ended(g); n++) {
         uint32_t place[3];
-        find_place(g, g->order[g->begin + n], place);
+        compute_place(g, g->order[g->begin + n], place);
         gather_chunk(g, place, worker);
     }
 }
@@ -166,47 +166,47 @@ static void mark_unread(struct gather *g, uint64_t i, void *user) {
 }
 
 /* Missing bricks are there if none of their chunks is left, from `end` on, and none failed. */
-static void find_read(struct gather *g, size_t end) {
+static void mark_read(struct gather *g, size_t end) {
     for (uint64_t i = 0; i < sp_brick_need_count(g->job->need); i++)
         if (g->job->missing[i])
             g->job->has[i] = !g->job->failed[i];
     for (; end < g->order_count; end++) {
         uint32_t place[3], first[3], size[3];
-        find_place(g, g->order[end], place);
+        compute_place(g, g->order[end], place);
         sp_chunk_box(g->chunks, place, first, size);
         visit_missing(g, first, size, mark_unread, NULL);
     }
 }
 
 /* Reads some chunks after the other, and tells which bricks are there. */
-static void gather_parts(struct gather *g) {
+static void gather_batches(struct gather *g) {
     const struct sp_gather_job *job = g->job;
-    const size_t part = (size_t)BRICK_PART * sp_pool_threads(job->pool);
-    for (g->begin = 0; g->begin < g->order_count && !is_ended(g); g->begin += part) {
+    const size_t batch = (size_t)BRICK_BATCH * sp_pool_threads(job->pool);
+    for (g->begin = 0; g->begin < g->order_count && !is_ended(g); g->begin += batch) {
         const size_t left = g->order_count - g->begin;
-        sp_parallel_for(job->pool, left < part ? left : part, 1, gather_chunks, g);
-        if (left <= part || !job->is_due || !job->is_due(job->user))
+        sp_parallel_for(job->pool, left < batch ? left : batch, 1, gather_chunks, g);
+        if (left <= batch || !job->is_due || !job->is_due(job->user))
             continue;
-        find_read(g, g->begin + part);
+        mark_read(g, g->begin + batch);
         job->progress(job->user, job->has);
     }
 }
 
-static void take_largest(struct gather *g, uint64_t i, void *user) {
+static void update_largest(struct gather *g, uint64_t i, void *user) {
     uint16_t *number = user;
     const uint16_t own = g->job->need->wanted[i];
     *number = own > *number ? own : *number;
 }
 
 /* Finds which chunks are read, and in which order. False if memory ran out. */
-static bool find_order(struct gather *g, size_t count) {
+static bool order_chunks(struct gather *g, size_t count) {
     if (!(g->numbers = calloc(count, sizeof *g->numbers)))
         return false;
     for (size_t i = 0; i < count; i++) {
         uint32_t place[3], first[3], size[3];
-        find_place(g, i, place);
+        compute_place(g, i, place);
         sp_chunk_box(g->chunks, place, first, size);
-        visit_missing(g, first, size, take_largest, &g->numbers[i]);
+        visit_missing(g, first, size, update_largest, &g->numbers[i]);
     }
     return (g->order = sp_brick_order(g->numbers, count, &g->order_count)) != NULL;
 }
@@ -226,7 +226,7 @@ static void learn(void *user, size_t begin, size_t end, unsigned worker) {
                                       .height = place.slice / place.row };
         struct sp_brick_ranges ranges;
         memcpy(view.size, place.size, sizeof view.size);
-        sp_brick_ranges_find(&view, &ranges);
+        sp_brick_ranges_measure(&view, &ranges);
         sp_brick_file_learn(job->file, job->need->level, number, &ranges);
     }
 }
@@ -251,8 +251,8 @@ bool sp_gather(const struct sp_gather_job *job, struct sp_error *why, struct sp_
     }
     atomic_init(&g->ended, false);
     pthread_mutex_init(&g->mutex, NULL);
-    if (find_order(g, count)) {
-        gather_parts(g);
+    if (order_chunks(g, count)) {
+        gather_batches(g);
     } else {
         struct sp_error memory;
         sp_fail(&memory, SP_ERR_MEMORY, "", "out of memory for reading chunks");

@@ -45,7 +45,7 @@ static float round_down(double value) {
     return (double)narrow > value ? nextafterf(narrow, -INFINITY) : narrow;
 }
 
-void sp_brick_ranges_find(const struct sp_brick_view *view, struct sp_brick_ranges *ranges) {
+void sp_brick_ranges_measure(const struct sp_brick_view *view, struct sp_brick_ranges *ranges) {
     for (int i = 0; i < RANGES; i++) {
         struct sp_brick_view part = *view;
         const int axis = (i - 1) / 2;
@@ -54,7 +54,7 @@ void sp_brick_ranges_find(const struct sp_brick_view *view, struct sp_brick_rang
                 part.first[axis] += part.size[axis] - BRICK_MARGIN;
             part.size[axis] = BRICK_MARGIN;
         }
-        const struct sp_brick_range range = sp_brick_find_range(&part);
+        const struct sp_brick_range range = sp_brick_measure_range(&part);
         ranges->low[i] = range.least;
         ranges->high[i] = range.most;
     }

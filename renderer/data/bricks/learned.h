@@ -27,7 +27,7 @@ struct sp_brick_ranges {
 };
 
 /* Finds the ranges of the samples in the box of the view, which is one brick. */
-void sp_brick_ranges_find(const struct sp_brick_view *view, struct sp_brick_ranges *ranges);
+void sp_brick_ranges_measure(const struct sp_brick_view *view, struct sp_brick_ranges *ranges);
 
 /* Stores the ranges of brick `number`, and writes the range of each entry that is known now. */
 void sp_brick_learned_add(struct sp_brick_learned *learned, const struct sp_brick_level *level,

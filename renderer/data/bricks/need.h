@@ -15,7 +15,7 @@ enum {
     BRICK_WANTED  /* from here on: it is read, and those with the largest numbers are read first */
 };
 
-enum { BRICK_PART = 16 }; /* bricks or chunks that a thread reads until progress is told */
+enum { BRICK_BATCH = 16 }; /* bricks or chunks that a thread reads until progress is told */
 
 /* Which bricks of a level a frame needs. */
 struct sp_brick_need {

@@ -146,7 +146,7 @@ static bool has_lost_all(const struct sp_brick_store *store) {
 
 /* Of chunks, finer levels may have any value of the type. Real numbers are expected to exceed the
  * coarse ones by a few spans at most; what is beyond looks like the ends. */
-static void find_limits(struct sp_volume_info *info, const void *samples) {
+static void estimate_limits(struct sp_volume_info *info, const void *samples) {
     static const double ends[SP_TYPE_COUNT][2] = { { 0, UINT8_MAX },
                                                    { INT8_MIN, INT8_MAX },
                                                    { 0, UINT16_MAX },
@@ -158,7 +158,7 @@ static void find_limits(struct sp_volume_info *info, const void *samples) {
                                         .height = info->grid.dims[1],
                                         .size = { info->grid.dims[0], info->grid.dims[1],
                                                   info->grid.dims[2] } };
-    const struct sp_brick_range range = sp_brick_find_range(&view);
+    const struct sp_brick_range range = sp_brick_measure_range(&view);
     const double beyond = 8 * (range.most / 2 - range.least / 2);
     memcpy(info->whole.limits, ends[info->type], sizeof ends[0]);
     if (info->type < SP_FLOAT32 || range.least > range.most)
@@ -175,7 +175,7 @@ static struct sp_volume *adopt(const struct sp_brick_store *store, struct sp_vol
         memcpy(info->whole.limits, info->range, sizeof info->range);
         return sp_volume_adopt_measured(info, samples, vectors, bytes, sp_brick_unmap, err);
     }
-    find_limits(info, samples);
+    estimate_limits(info, samples);
     info->whole.content = sp_brick_checksum(samples, bytes);
     return sp_volume_adopt(info, samples, NULL, bytes, sp_brick_unmap, err);
 }
@@ -287,7 +287,7 @@ static struct sp_volume *open_store(struct sp_brick_file *file, const char *name
         return NULL;
     }
     store->retry_ms = 10000;
-    store->part_ms = 1000;
+    store->publish_ms = 1000;
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);

@@ -20,7 +20,7 @@ struct known {
 };
 
 /* With the mutex held. */
-static void take_known(struct sp_brick_store *store, unsigned level, struct known *known) {
+static void copy_known(struct sp_brick_store *store, unsigned level, struct known *known) {
     known->count = 0;
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
         struct sp_brick_store_window *w = &store->windows[i];
@@ -124,7 +124,7 @@ static bool derive(const struct reading *r, struct sp_brick_store_window *w, voi
 }
 
 /* Shows the bricks that are there. If memory runs out, they are shown later. */
-static void show_part(void *user, const uint8_t *has) {
+static void publish_partial(void *user, const uint8_t *has) {
     struct reading *r = user;
     struct sp_brick_store *store = r->store;
     const struct sp_brick_need *need = &r->window->need;
@@ -162,7 +162,7 @@ static bool fill(struct reading *r, void *samples, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     struct known known;
     pthread_mutex_lock(&store->memory->mutex);
-    take_known(store, w->need.level, &known);
+    copy_known(store, w->need.level, &known);
     pthread_mutex_unlock(&store->memory->mutex);
     const struct sp_brick_fill_job job = {
         .file = store->file,
@@ -176,7 +176,7 @@ static bool fill(struct reading *r, void *samples, struct sp_error *err) {
         .pool = store->pool,
         .is_cancelled = is_stopped,
         .is_due = is_due,
-        .progress = show_part,
+        .progress = publish_partial,
         .user = r,
         .samples = samples,
         .blocks = r->blocks,
@@ -222,8 +222,8 @@ bool sp_brick_store_fill(struct sp_brick_store *store, struct sp_brick_need *nee
     struct reading reading = { .store = store,
                                .window = w,
                                .coarser = coarser,
-                               .due_ms = sp_clock_ms() + store->part_ms,
-                               .wait_ms = 2 * store->part_ms };
+                               .due_ms = sp_clock_ms() + store->publish_ms,
+                               .wait_ms = 2 * store->publish_ms };
     *w = (struct sp_brick_store_window){ .need = *need,
                                          .bytes = sp_brick_need_cost(store->file, need),
                                          .lost = calloc(1, sp_brick_need_count(need)) };

@@ -56,13 +56,13 @@ INTEGER_RANGE(int32, int32_t)
 REAL_RANGE(float32, float)
 REAL_RANGE(float64, double)
 
-struct sp_brick_range sp_brick_find_range(const struct sp_brick_view *view) {
-    static void (*const find[SP_TYPE_COUNT])(
+struct sp_brick_range sp_brick_measure_range(const struct sp_brick_view *view) {
+    static void (*const measure[SP_TYPE_COUNT])(
         const struct sp_brick_view *,
         struct sp_brick_range *) = { range_uint8, range_int8,    range_uint16, range_int16,
                                      range_int32, range_float32, range_float64 };
     struct sp_brick_range range;
-    find[view->type](view, &range);
+    measure[view->type](view, &range);
     return range;
 }
 
@@ -80,7 +80,7 @@ struct eight {
     int count;
 };
 
-static inline struct eight find_eight(const struct sp_brick_view *v, uint32_t x, uint32_t y,
+static inline struct eight list_eight(const struct sp_brick_view *v, uint32_t x, uint32_t y,
                                       uint32_t z) {
     struct eight e = { .count = 0 };
     for (uint32_t k = 0; k < 8; k++) {
@@ -95,7 +95,7 @@ static inline struct eight find_eight(const struct sp_brick_view *v, uint32_t x,
 #define EDGE_AVERAGE(name, element)                                                                \
     static element edge_##name(const struct sp_brick_view *v, uint32_t x, uint32_t y,              \
                                uint32_t z) {                                                       \
-        struct eight e = find_eight(v, x, y, z);                                                   \
+        struct eight e = list_eight(v, x, y, z);                                                   \
         double sum = 0;                                                                            \
         for (int k = 0; k < e.count; k++)                                                          \
             sum += ((const element *)v->samples)[e.at[k]];                                         \
@@ -127,7 +127,7 @@ static inline struct eight find_eight(const struct sp_brick_view *v, uint32_t x,
     static void average_##name(const struct sp_brick_view *v, uint32_t y, uint32_t z,              \
                                uint32_t width, void *out) {                                        \
         for (uint32_t x = 0; x < width; x++) {                                                     \
-            struct eight e = find_eight(v, x, y, z);                                               \
+            struct eight e = list_eight(v, x, y, z);                                               \
             double sum = 0;                                                                        \
             int count = 0;                                                                         \
             for (int k = 0; k < e.count; k++) {                                                    \
@@ -151,7 +151,7 @@ REAL_AVERAGE(float64, double)
 static void choose_label(const struct sp_brick_view *v, uint32_t x, uint32_t y, uint32_t z,
                          char *out) {
     const size_t sample = sp_type_size(v->type);
-    const struct eight e = find_eight(v, x, y, z);
+    const struct eight e = list_eight(v, x, y, z);
     const char *chosen = (const char *)v->samples + e.at[0] * sample;
     double values[8];
     size_t at[8];

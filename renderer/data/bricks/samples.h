@@ -22,7 +22,7 @@ struct sp_brick_range {
     uint64_t nonfinite;
     bool is_constant; /* all samples have the same bytes */
 };
-struct sp_brick_range sp_brick_find_range(const struct sp_brick_view *view);
+struct sp_brick_range sp_brick_measure_range(const struct sp_brick_view *view);
 
 /* Copies the samples of a box, one after the other. */
 void sp_brick_copy(const struct sp_brick_view *view, void *out);

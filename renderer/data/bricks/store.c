@@ -165,9 +165,9 @@ bool sp_brick_store_coarsen(const struct sp_brick_store *store, const struct sp_
 
 /* Counts the bricks of a need of which one of `arrays` could not be read, and finds one of them.
  * `lost` is by brick of the box `have`; `need` NULL = all of them count. */
-static void find_lost(const struct sp_brick_store *store, const struct sp_brick_need *have,
-                      const uint8_t *lost, const struct sp_brick_need *need, unsigned arrays,
-                      struct sp_brick_window *out) {
+static void count_lost(const struct sp_brick_store *store, const struct sp_brick_need *have,
+                       const uint8_t *lost, const struct sp_brick_need *need, unsigned arrays,
+                       struct sp_brick_window *out) {
     const struct sp_brick_level *level = level_of(store, have->level);
     for (uint64_t i = 0; i < sp_brick_need_count(have); i++) {
         uint64_t at;
@@ -198,7 +198,7 @@ static void describe(const struct sp_brick_store *store, struct sp_brick_store_w
     const bool is_fine = is_own && !out->missing && !sp_brick_need_coarse(need);
     out->coarsest = is_fine ? w->need.level : w->coarsest;
     if (w->lost_count)
-        find_lost(store, &w->need, w->lost, is_own ? need : NULL, sp_brick_need_arrays(need), out);
+        count_lost(store, &w->need, w->lost, is_own ? need : NULL, sp_brick_need_arrays(need), out);
     sp_brick_need_box(&w->need, level_of(store, w->need.level), out->first, out->size);
 }
 
@@ -209,7 +209,7 @@ static void describe_base(struct sp_brick_store *store, bool has_vectors,
     *out = (struct sp_brick_window){ .volume = store->base,
                                      .level = store->base_level,
                                      .coarsest = store->base_level };
-    find_lost(store, &store->base_need, store->base_lost, NULL, arrays, out);
+    count_lost(store, &store->base_need, store->base_lost, NULL, arrays, out);
     sp_brick_need_box(&store->base_need, level_of(store, out->level), out->first, out->size);
 }
 
@@ -234,8 +234,8 @@ static struct sp_brick_store_window *find_coarser(struct sp_brick_store *store,
 }
 
 /* With the mutex held: what a frame shows until its window is there. */
-static void find_instead(struct sp_brick_store *store, const struct sp_brick_need *need,
-                         struct sp_brick_window *out) {
+static void choose_fallback(struct sp_brick_store *store, const struct sp_brick_need *need,
+                            struct sp_brick_window *out) {
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
         struct sp_brick_store_window *w = &store->windows[i];
         if (w->volume && w->is_partial && sp_brick_need_is_covered(need, &w->need)) {
@@ -450,7 +450,7 @@ bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need
                    (takes_parts && store->published != published)) {
             if (r && r->has_failed)
                 sp_brick_request_clear(r); /* the next frame tries again */
-            find_instead(store, need, out);
+            choose_fallback(store, need, out);
         } else {
             wait_a_while(store, left);
         }

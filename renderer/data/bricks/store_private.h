@@ -43,7 +43,8 @@ struct sp_brick_store {
     uint8_t *base_lost;             /* the same of it */
     uint64_t budget; /* memory for windows when it was opened: the base takes a quarter at most */
     double retry_ms; /* chunks that could not be read are read again after this time */
-    double part_ms;  /* what was read is shown first after this time, then after twice of it ... */
+    double
+        publish_ms; /* what was read is shown first after this time, then after twice of it ... */
     struct sp_brick_memory *memory; /* a reference */
     struct sp_brick_store *next;    /* of the memory */
     struct sp_pool *pool;

@@ -14,7 +14,7 @@
 struct unpacking {
     struct sp_brick_file *file;
     struct sp_brick_scratch *scratch;
-    const char *shown;
+    const char *title;
     const struct sp_brick_level *level;
     bool is_vectors;    /* the array that is read now: samples, or vectors */
     size_t sample;      /* bytes of its samples */
@@ -50,7 +50,7 @@ static bool write_row(const struct unpacking *u, uint64_t number, struct sp_erro
     for (uint32_t z = 0; z < size[2]; z++) {
         const uint64_t at = ((uint64_t)(first[2] + z) * dims[1] + first[1]) * dims[0] * u->sample;
         if (!sp_write_sparse(u->out, u->row + z * part, part, u->at + at))
-            return sp_fail(err, SP_ERR_IO, u->shown, "cannot write its samples: %s",
+            return sp_fail(err, SP_ERR_IO, u->title, "cannot write its samples: %s",
                            strerror(errno));
     }
     return true;
@@ -63,7 +63,7 @@ static bool unpack(struct unpacking *u, const struct sp_load_options *options,
     for (uint64_t row = 0; row < rows; row++) {
         const double done = u->from + u->share * (double)row / (double)rows;
         if (options->progress && !options->progress(options->user, done))
-            return sp_fail(err, SP_ERR_CANCELLED, u->shown, "cancelled");
+            return sp_fail(err, SP_ERR_CANCELLED, u->title, "cancelled");
         for (uint32_t b = 0; b < bricks[0]; b++)
             if (!read_brick(u, row * bricks[0] + b, err))
                 return false;
@@ -100,37 +100,37 @@ static bool start(struct unpacking *u, const struct sp_volume_info *info, const 
     u->brick = malloc(side * side * side * item);
     u->row = malloc(side * side * info->grid.dims[0] * item);
     if (!u->brick || !u->row)
-        return sp_fail(err, SP_ERR_MEMORY, u->shown, "out of memory for a row of bricks");
+        return sp_fail(err, SP_ERR_MEMORY, u->title, "out of memory for a row of bricks");
     u->scratch = sp_brick_scratch_create(err);
     u->out = u->scratch ? sp_temporary_file(folder, err) : -1;
     return u->out >= 0 &&
            (ftruncate(u->out, (off_t)size) == 0 ||
-            sp_fail(err, SP_ERR_IO, u->shown, "cannot write its samples: %s", strerror(errno)));
+            sp_fail(err, SP_ERR_IO, u->title, "cannot write its samples: %s", strerror(errno)));
 }
 
 /* Copies the coordinates, which the file owns. */
-static bool copy_axes(struct sp_volume_info *info, double **numbers, const char *shown,
+static bool copy_axes(struct sp_volume_info *info, double **numbers, const char *title,
                       struct sp_error *err) {
     *numbers = malloc(sp_grid_axes_max(&info->grid) * sizeof **numbers);
     if (!*numbers)
-        return sp_fail(err, SP_ERR_MEMORY, shown, "out of memory for the axes");
+        return sp_fail(err, SP_ERR_MEMORY, title, "out of memory for the axes");
     sp_grid_copy_axes(&info->grid, *numbers);
     return true;
 }
 
-int sp_bricks_unpack(int file, const char *shown, const char *folder, bool keeps_axes,
+int sp_bricks_unpack(int file, const char *title, const char *folder, bool keeps_axes,
                      const struct sp_load_options *options, struct sp_volume_info *info,
                      double **numbers, struct sp_error *err) {
-    struct unpacking u = { .shown = shown, .out = -1 };
-    u.file = sp_brick_file_open(file, shown, err);
+    struct unpacking u = { .title = title, .out = -1 };
+    u.file = sp_brick_file_open(file, title, err);
     if (!u.file)
         return -1;
     *info = sp_brick_file_header(u.file)->info;
     info->steps.times = NULL; /* the file has them */
     u.level = &sp_brick_file_header(u.file)->level[0];
     const bool is_refused = !keeps_axes && sp_grid_is_rectilinear(&info->grid);
-    const bool ok = sp_grid_require_even(is_refused, shown, err) &&
-                    copy_axes(info, numbers, shown, err) && start(&u, info, folder, err) &&
+    const bool ok = sp_grid_require_even(is_refused, title, err) &&
+                    copy_axes(info, numbers, title, err) && start(&u, info, folder, err) &&
                     unpack_all(&u, info, options, err);
     if (!ok && u.out >= 0) {
         close(u.out);

@@ -17,20 +17,20 @@ enum { ZSTD_LEVEL = 1 };
 static const double level_share = 0.7, histogram_share = 0.2;
 
 bool sp_bricks_write_fail_memory(const struct sp_brick_writer *w, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, w->job->shown, "out of memory for a strip of bricks");
+    return sp_fail(err, SP_ERR_MEMORY, w->job->title, "out of memory for a strip of bricks");
 }
 
 static bool write_at(const struct sp_brick_writer *w, int fd, const void *bytes, size_t size,
                      uint64_t at, struct sp_error *err) {
     return sp_write_at(fd, bytes, size, at) ||
-           sp_fail(err, SP_ERR_IO, w->job->shown, "cannot write: %s", strerror(errno));
+           sp_fail(err, SP_ERR_IO, w->job->title, "cannot write: %s", strerror(errno));
 }
 
 bool sp_bricks_write_report(const struct sp_brick_writer *w, double fraction,
                             struct sp_error *err) {
     const double done = w->array.from + w->array.share * fraction;
     return !w->job->progress || w->job->progress(w->job->user, done) ||
-           sp_fail(err, SP_ERR_CANCELLED, w->job->shown, "cancelled");
+           sp_fail(err, SP_ERR_CANCELLED, w->job->title, "cancelled");
 }
 
 /* The samples [*from, *from + *count) that `size` samples from `first` on need around them. */
@@ -52,7 +52,7 @@ static bool read_strip(struct sp_brick_writer *w, struct sp_error *err) {
     for (uint32_t z = 0; z < s->count[1]; z++) {
         uint64_t at = start_of(w) + ((uint64_t)(s->from[1] + z) * dims[1] + s->from[0]) * row;
         if (!sp_read_sparse(w->fine, (char *)s->samples + z * part, part, at))
-            return sp_fail(err, SP_ERR_IO, w->job->shown, "cannot read the samples: %s",
+            return sp_fail(err, SP_ERR_IO, w->job->title, "cannot read the samples: %s",
                            strerror(errno));
     }
     return true;
@@ -122,7 +122,8 @@ static void pack_samples(struct sp_brick_writer *w, uint32_t b, struct sp_brick_
     around.first[1] = around.first[2] = 0;
     around.size[1] = s->count[0];
     around.size[2] = s->count[1];
-    const struct sp_brick_range all = sp_brick_find_range(&around), in = sp_brick_find_range(&own);
+    const struct sp_brick_range all = sp_brick_measure_range(&around),
+                                in = sp_brick_measure_range(&own);
     *entry = (struct sp_brick_entry){ .range = { all.least, all.most } };
     *packed = (struct sp_brick_packed){ .bytes = packed->bytes, .nonfinite = in.nonfinite };
     sp_brick_copy(&own, worker->copy);
@@ -194,7 +195,7 @@ static bool write_means(struct sp_brick_writer *w, struct sp_error *err) {
     for (uint32_t z = 0; 2 * z < s->size[1]; z++) {
         uint64_t at = ((uint64_t)(s->first[1] / 2 + z) * dims[1] + s->first[0] / 2) * row;
         if (!sp_write_sparse(w->coarse, (char *)w->means + z * part, part, at))
-            return sp_fail(err, SP_ERR_IO, w->job->shown, "cannot write: %s", strerror(errno));
+            return sp_fail(err, SP_ERR_IO, w->job->title, "cannot write: %s", strerror(errno));
     }
     return true;
 }
@@ -295,7 +296,7 @@ static void release(struct sp_brick_writer *w) {
     sp_pool_destroy(&w->pool);
 }
 
-static void find_range(struct sp_brick_writer *w) {
+static void combine_ranges(struct sp_brick_writer *w) {
     double range[2] = { INFINITY, -INFINITY };
     for (uint64_t i = 0; i < sp_brick_count(&w->header.level[0]); i++) {
         range[0] = fmin(range[0], w->entries[i].range[0]);
@@ -310,7 +311,7 @@ static bool set_size(const struct sp_brick_writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.level[w->l + 1].dims;
     const uint64_t bytes = (uint64_t)dims[0] * dims[1] * dims[2] * w->array.item;
     return ftruncate(w->coarse, (off_t)bytes) == 0 ||
-           sp_fail(err, SP_ERR_IO, w->job->shown, "cannot write: %s", strerror(errno));
+           sp_fail(err, SP_ERR_IO, w->job->title, "cannot write: %s", strerror(errno));
 }
 
 static bool write_level(struct sp_brick_writer *w, struct sp_error *err) {
@@ -325,23 +326,23 @@ static bool write_level(struct sp_brick_writer *w, struct sp_error *err) {
     if (!write_strips(w, err) || !write_index(w, err))
         return false;
     if (w->l == 0 && !w->array.is_vectors)
-        find_range(w);
+        combine_ranges(w);
     return true;
 }
 
 /* Finds what the header says of the values, from the samples of the level that was written. */
-static bool find_values(struct sp_brick_writer *w, bool *is_projected, struct sp_error *err) {
+static bool measure_values(struct sp_brick_writer *w, bool *is_projected, struct sp_error *err) {
     return w->array.is_vectors ||
            ((w->l > 0 ||
              sp_bricks_count_values(w, level_share, level_share + histogram_share, err)) &&
-            sp_bricks_find_projected(w, is_projected, err));
+            sp_bricks_measure_projected(w, is_projected, err));
 }
 
 static bool write_array(struct sp_brick_writer *w, struct sp_error *err) {
     bool is_projected = false;
     w->fine = w->job->samples;
     for (w->l = 0; w->l < w->header.levels; w->l++) {
-        if (!write_level(w, err) || !find_values(w, &is_projected, err))
+        if (!write_level(w, err) || !measure_values(w, &is_projected, err))
             return false;
         if (w->fine != w->job->samples)
             close(w->fine);
@@ -415,7 +416,7 @@ static bool write_header(struct sp_brick_writer *w, struct sp_error *err) {
     if (!write_at(w, w->job->out, bytes, sizeof bytes, 0, err))
         return false;
     return fsync(w->job->out) == 0 ||
-           sp_fail(err, SP_ERR_IO, w->job->shown, "cannot write: %s", strerror(errno));
+           sp_fail(err, SP_ERR_IO, w->job->title, "cannot write: %s", strerror(errno));
 }
 
 /* What the file has of the description. */
@@ -452,7 +453,7 @@ static bool init_header(struct sp_brick_writer *w, struct sp_error *err) {
 bool sp_bricks_write(const struct sp_bricks_write_job *job, struct sp_error *err) {
     struct sp_brick_writer *w = calloc(1, sizeof *w);
     if (!w)
-        return sp_fail(err, SP_ERR_MEMORY, job->shown, "out of memory for a brick file");
+        return sp_fail(err, SP_ERR_MEMORY, job->title, "out of memory for a brick file");
     w->job = job;
     w->fine = w->coarse = -1;
     w->at = BRICK_HEADER_BYTES;

@@ -19,7 +19,7 @@ struct sp_bricks_write_job {
                            vectors where sp_volume_layout() says */
     int out;            /* descriptor of an empty file */
     const char *folder; /* of temporary files, which take a seventh of the samples and vectors */
-    const char *shown;  /* the name in errors */
+    const char *title;  /* the name in errors */
     /* Called from the calling thread with the finished fraction; false cancels. NULL = none. */
     bool (*progress)(void *user, double fraction);
     void *user;

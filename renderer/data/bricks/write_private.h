@@ -76,6 +76,7 @@ bool sp_bricks_count_values(struct sp_brick_writer *writer, double from, double 
                             struct sp_error *err);
 /* Finds what projections show, if the level is the first one with at most 256³ samples, or the last
  * one; it is writer->fine. *is_found says whether that was done. */
-bool sp_bricks_find_projected(struct sp_brick_writer *writer, bool *is_found, struct sp_error *err);
+bool sp_bricks_measure_projected(struct sp_brick_writer *writer, bool *is_found,
+                                 struct sp_error *err);
 
 #endif

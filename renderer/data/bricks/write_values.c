@@ -14,7 +14,7 @@ static bool count_data(const struct sp_brick_writer *w, struct sp_brick_worker *
                        uint64_t end) {
     uint64_t from, to;
     for (; at < end; at = to) {
-        sp_find_data(w->job->samples, at, end, &from, &to);
+        sp_skip_holes(w->job->samples, at, end, &from, &to);
         from -= from % w->array.item; /* whole samples, wherever the holes begin and end */
         to = to < end ? to + (w->array.item - to % w->array.item) % w->array.item : end;
         own->zeros += (from - at) / w->array.item;
@@ -55,7 +55,7 @@ bool sp_bricks_count_values(struct sp_brick_writer *w, double from, double to,
     }
     for (unsigned t = 0; t < sp_pool_threads(w->pool); t++) {
         if (w->workers[t].failed)
-            return sp_fail(err, SP_ERR_IO, w->job->shown, "cannot read the samples again");
+            return sp_fail(err, SP_ERR_IO, w->job->title, "cannot read the samples again");
         uint64_t zero[SP_HISTOGRAM_BINS] = { 0 };
         const double sample = 0; /* as many bytes of 0 as any type has */
         sp_brick_count_values(&sample, w->header.info.type, 1, w->header.info.range, zero);
@@ -84,7 +84,7 @@ static struct sp_grid grid_of(const struct sp_brick_writer *w) {
     return grid;
 }
 
-bool sp_bricks_find_projected(struct sp_brick_writer *w, bool *is_found, struct sp_error *err) {
+bool sp_bricks_measure_projected(struct sp_brick_writer *w, bool *is_found, struct sp_error *err) {
     const struct sp_brick_level *level = &w->header.level[w->l];
     struct sp_volume_info coarse = w->header.info;
     size_t bytes = w->array.item;
@@ -98,7 +98,7 @@ bool sp_bricks_find_projected(struct sp_brick_writer *w, bool *is_found, struct 
     if (!ok)
         sp_bricks_write_fail_memory(w, err);
     else if (!sp_read_at(w->fine, samples, bytes, 0))
-        ok = sp_fail(err, SP_ERR_IO, w->job->shown, "cannot read the samples again");
+        ok = sp_fail(err, SP_ERR_IO, w->job->title, "cannot read the samples again");
     ok = ok && sp_volume_project(&coarse, samples, err);
     w->header.info.projected = coarse.projected;
     *is_found = true;

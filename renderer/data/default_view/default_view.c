@@ -21,7 +21,7 @@ static void extend(struct box *box, const uint32_t at[3]) {
 }
 
 /* The box of all voxels of the least visible value or more. False if there are none. */
-static bool find_box(const struct sp_volume *volume, double least, struct box *box) {
+static bool bound_visible(const struct sp_volume *volume, double least, struct box *box) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     const uint32_t *dims = info->grid.dims;
     const void *voxels = sp_volume_voxels(volume);
@@ -45,11 +45,11 @@ static bool is_missed(const struct sp_default_samples *samples, const double ext
 }
 
 /* Takes samples again, in the box of an object that fell between them, with a margin. */
-static bool take_closer(struct sp_default_samples *samples, const struct sp_volume *volume,
-                        double least) {
+static bool sample_closer(struct sp_default_samples *samples, const struct sp_volume *volume,
+                          double least) {
     const uint32_t *dims = samples->info->grid.dims;
     struct box box;
-    if (!find_box(volume, least, &box))
+    if (!bound_visible(volume, least, &box))
         return true;
     for (int a = 0; a < 3; a++) {
         box.low[a] -= box.low[a] > 0;
@@ -57,7 +57,7 @@ static bool take_closer(struct sp_default_samples *samples, const struct sp_volu
         box.high[a] -= box.low[a] - 1; /* now its size */
     }
     sp_default_samples_finish(samples);
-    return sp_default_samples_take(samples, volume, box.low, box.high);
+    return sp_default_samples_init(samples, volume, box.low, box.high);
 }
 
 /* Chooses what is visible. True if values matter more than light. */
@@ -82,12 +82,12 @@ void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const 
         sp_default_elements(volume, view);
         return;
     }
-    if (!sp_default_samples_take(&samples, volume, NULL, NULL))
+    if (!sp_default_samples_init(&samples, volume, NULL, NULL))
         return;
     bool values_matter = show(view, volume, &samples);
     sp_default_extinction(&samples, tf, extinction);
     if (tf->order != SP_TF_PRE && is_missed(&samples, extinction)) {
-        if (!take_closer(&samples, volume, tf->points[0].value))
+        if (!sample_closer(&samples, volume, tf->points[0].value))
             return;
         values_matter = show(view, volume, &samples);
         sp_default_extinction(&samples, tf, extinction);

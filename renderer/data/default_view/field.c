@@ -94,8 +94,8 @@ void sp_default_show_signed(const struct sp_default_samples *s, struct sp_transf
 
 /* Slopes at an even choice of samples, in world units and per voxel; returns how many there are.
  * Values near the ends are left out: level sets end there. */
-static size_t take_slopes(const struct sp_volume *volume, double *world, double *index,
-                          size_t most) {
+static size_t sample_slopes(const struct sp_volume *volume, double *world, double *index,
+                            size_t most) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     const uint32_t *dims = info->grid.dims;
     const void *voxels = sp_volume_voxels(volume);
@@ -160,7 +160,7 @@ bool sp_default_is_distance(const struct sp_volume *volume, const struct sp_defa
         (!is_known && fabs(share_outside(s) - 0.5) < 0.4))
         return is_known;
     double *slopes = malloc(2 * SLOPES * sizeof *slopes), *index = slopes ? slopes + SLOPES : NULL;
-    const size_t n = slopes ? take_slopes(volume, slopes, index, SLOPES) : 0;
+    const size_t n = slopes ? sample_slopes(volume, slopes, index, SLOPES) : 0;
     bool is_even = false;
     if (n >= SLOPES_MIN) {
         qsort(slopes, n, sizeof *slopes, sp_compare_doubles);

@@ -81,7 +81,7 @@ static bool cloud_init(struct cloud *c, const struct sp_default_samples *s,
 }
 
 /* The values between which all but the share `tail` of the weight lies, on each side. */
-static void find_ends(const float *values, const float *weight, size_t n, double ends[2]) {
+static void compute_ends(const float *values, const float *weight, size_t n, double ends[2]) {
     double sums[STEPS] = { 0 }, total = 0, low = INFINITY, high = -INFINITY;
     for (size_t i = 0; i < n; i++) {
         low = fmin(low, (double)values[i]);
@@ -104,7 +104,7 @@ static void find_ends(const float *values, const float *weight, size_t n, double
 
 /* How far from the middle all but a small share of the visible samples lie towards the camera,
  * however faint they are: inside of a cloud, nothing is seen but haze. */
-static double find_front(const struct cloud *c) {
+static double measure_front(const struct cloud *c) {
     const double share = 0.002;
     double low = INFINITY, high = -INFINITY;
     size_t counts[STEPS] = { 0 }, beyond = 0;
@@ -143,12 +143,12 @@ void sp_default_frame(const struct sp_default_samples *s, const double extinctio
     }
     double ends[3][2], centre[3], half = 0;
     for (int i = 0; i < 3; i++) {
-        find_ends(c.at[i], c.weight, c.count, ends[i]);
+        compute_ends(c.at[i], c.weight, c.count, ends[i]);
         centre[i] = 0.5 * (ends[i][0] + ends[i][1]);
         middle = sp_vec3_add(middle, sp_vec3_scale(axes[i], centre[i]));
         half = i < 2 ? fmax(half, 0.5 * (ends[i][1] - ends[i][0])) : half;
     }
-    const double front = find_front(&c) - centre[2];
+    const double front = measure_front(&c) - centre[2];
     double tangent = tan(0.5 * camera->fov_y * (M_PI / 180)) * fill;
     double cell = fmax(s->cell[0], fmax(s->cell[1], s->cell[2]));
     for (size_t i = 0; i < c.count; i++) { /* the distance at which this sample is just inside */
@@ -156,7 +156,7 @@ void sp_default_frame(const struct sp_default_samples *s, const double extinctio
         double above = fabs((double)c.at[1][i] - centre[1]);
         c.at[2][i] = (float)((double)c.at[2][i] - centre[2] + fmax(right, above) / tangent);
     }
-    find_ends(c.at[2], c.weight, c.count, ends[2]);
+    compute_ends(c.at[2], c.weight, c.count, ends[2]);
     double distance = fmax(ends[2][1], 0) + cell / tangent;
     distance = fmax(distance, front + 0.25 * half); /* outside, with the haze before the eye */
     cloud_finish(&c);

@@ -27,7 +27,7 @@ struct table {
 };
 
 /* The place of a number, which becomes one of the table. NULL = there are too many. */
-static struct label *find(struct table *t, double number) {
+static struct label *find_or_add_label(struct table *t, double number) {
     uint64_t bits;
     memcpy(&bits, &number, sizeof bits);
     uint32_t at = (uint32_t)((bits ^ bits >> 29) * UINT64_C(0x9e3779b97f4a7c15) >> 40) % SLOTS;
@@ -60,7 +60,7 @@ static bool count(const struct sp_volume *volume, uint64_t looks, struct table *
             }
             if (before && before->number == number)
                 label = before;
-            else if (trunc(number) != number || !(label = find(t, number)))
+            else if (trunc(number) != number || !(label = find_or_add_label(t, number)))
                 return false;
             label->count++;
             if (before) {

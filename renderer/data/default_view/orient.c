@@ -8,8 +8,8 @@
 #include "data/volume/grid.h"
 
 /* Opacity of one taken sample, by bin. */
-static void find_opacity(const struct sp_default_samples *s, const double extinction[SP_FIRST_BINS],
-                         float opacity[SP_FIRST_BINS]) {
+static void compute_opacity(const struct sp_default_samples *s,
+                            const double extinction[SP_FIRST_BINS], float opacity[SP_FIRST_BINS]) {
     double cell = cbrt(s->cell[0] * s->cell[1] * s->cell[2]);
     for (int b = 0; b < SP_FIRST_BINS; b++)
         opacity[b] = (float)(1 - exp(-extinction[b] * cell));
@@ -41,8 +41,8 @@ static void add_profiles(const struct sp_default_samples *s, const float opacity
 
 /* The first and last layer of an axis between which all but 0.5 % of the opacity lies on each
  * side. */
-static void find_ends(const struct sp_default_samples *s, const struct profiles *p, unsigned axis,
-                      uint32_t ends[2]) {
+static void compute_ends(const struct sp_default_samples *s, const struct profiles *p,
+                         unsigned axis, uint32_t ends[2]) {
     double sum = 0;
     ends[0] = 0;
     ends[1] = s->count[axis] - 1;
@@ -87,11 +87,11 @@ static void measure_shape(const struct sp_default_samples *s,
                           const double extinction[SP_FIRST_BINS], struct shape *shape) {
     float opacity[SP_FIRST_BINS];
     struct profiles p;
-    find_opacity(s, extinction, opacity);
+    compute_opacity(s, extinction, opacity);
     add_profiles(s, opacity, &p);
     for (unsigned a = 0; a < 3; a++) {
         uint32_t ends[2];
-        find_ends(s, &p, a, ends);
+        compute_ends(s, &p, a, ends);
         uint32_t n = ends[1] - ends[0] + 1, depth = 1 + n / 32;
         shape->size[a] = n * s->cell[a];
         for (int side = 0; side < 2; side++) {

@@ -74,7 +74,7 @@ static uint64_t count_fine(const double *values, size_t n, double low, double hi
 /* Narrows [low, high] while nearly all samples lie in a small part of it: a few wild samples, or a
  * value that stands for "no data", must not take the whole scale. The surroundings are often one
  * constant value; they do not count. */
-static void find_range(struct sp_default_samples *s, const double *values, size_t n) {
+static void narrow_range(struct sp_default_samples *s, const double *values, size_t n) {
     uint64_t fine[FINE_BINS], lowest = 0;
     s->low = s->info->data[0];
     s->high = s->info->data[1];
@@ -108,7 +108,7 @@ static void find_range(struct sp_default_samples *s, const double *values, size_
 /* Real numbers that are never negative and span many powers of ten, such as densities of galaxies
  * and orbitals, have most of their structure in a small part of a linear range. Their bins have
  * equal ratios, from the highest value down to where little more is to be seen. */
-static void find_log_range(struct sp_default_samples *s, const double *values, size_t n) {
+static void choose_log_range(struct sp_default_samples *s, const double *values, size_t n) {
     const bool is_real = s->info->type == SP_FLOAT32 || s->info->type == SP_FLOAT64;
     const double steep = 300, decades = 1e4;
     const size_t few = 1024;
@@ -189,8 +189,8 @@ static bool sample_volume(struct sp_default_samples *s, const void *voxels) {
     if (ok) {
         read_values(s, voxels, values);
         bool is_padded = drop_padding(s, values);
-        find_range(s, values, n);
-        find_log_range(s, values, n);
+        narrow_range(s, values, n);
+        choose_log_range(s, values, n);
         for (size_t i = 0; i < n; i++) {
             s->bins[i] = bin_of(s, values[i]);
             if (s->bins[i] != SP_FIRST_NONE)
@@ -202,7 +202,7 @@ static bool sample_volume(struct sp_default_samples *s, const void *voxels) {
     return ok;
 }
 
-bool sp_default_samples_take(struct sp_default_samples *samples, const struct sp_volume *volume,
+bool sp_default_samples_init(struct sp_default_samples *samples, const struct sp_volume *volume,
                              const uint32_t begin[3], const uint32_t dims[3]) {
     *samples = (struct sp_default_samples){ .info = sp_volume_info(volume) };
     for (int a = 0; a < 3; a++) {

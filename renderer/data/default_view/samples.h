@@ -39,7 +39,7 @@ struct sp_default_samples {
 
 /* Takes samples of a box of voxels; `begin` NULL = of the whole volume. False when memory is short,
  * or when the volume has no two different finite samples; nothing is left to finish then. */
-bool sp_default_samples_take(struct sp_default_samples *samples, const struct sp_volume *volume,
+bool sp_default_samples_init(struct sp_default_samples *samples, const struct sp_volume *volume,
                              const uint32_t begin[3], const uint32_t dims[3]);
 void sp_default_samples_finish(struct sp_default_samples *samples);
 

@@ -47,7 +47,7 @@ enum { FULL = -1, MASKED = -2 };
 /* The surroundings are what most of the volume's faces show. An object may be cut by some faces, so
  * the second darkest of them decides. Returns the highest bin of the surroundings; FULL if the
  * faces show many values, as the object fills the volume; MASKED if they show no number. */
-static int find_surroundings(const struct sp_default_samples *s) {
+static int measure_surroundings(const struct sp_default_samples *s) {
     int tops[6], faces = 0;
     for (int f = 0; f < 6; f++)
         if (total_of(s->faces[f])) {
@@ -228,9 +228,9 @@ static unsigned leave_edges(const uint64_t histogram[BINS], unsigned bin, unsign
     return bin;
 }
 
-static void find_classes(const struct sp_default_samples *s, struct classes *c) {
+static void choose_classes(const struct sp_default_samples *s, struct classes *c) {
     *c = (struct classes){ 0 };
-    int top = find_surroundings(s);
+    int top = measure_surroundings(s);
     c->has_surroundings = top != FULL;
     c->are_faint = top >= BINS / 16;
     sp_default_split(s->histogram, 0, BINS, CLASSES, c->cut);
@@ -462,7 +462,7 @@ static bool choose_points(const struct sp_default_samples *s, struct sp_transfer
     const bool is_coarse = s->info->whole.dims[0] > 0;
     const double *spacing = is_coarse ? s->info->whole.spacing : s->info->grid.spacing;
     struct classes c;
-    find_classes(s, &c);
+    choose_classes(s, &c);
     struct look look = choose_look(&c);
     if (c.has_surroundings && c.hidden > 0.9)
         look_inside(s, &c, &look);

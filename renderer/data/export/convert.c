@@ -74,7 +74,7 @@ static bool write_cached(const struct sp_export_job *job, struct sp_error *err) 
                                              .samples = job->samples,
                                              .out = job->out,
                                              .folder = job->folder,
-                                             .shown = job->shown,
+                                             .title = job->title,
                                              .progress = job->progress,
                                              .user = job->user };
     return sp_bricks_write(&own, err);
@@ -95,7 +95,7 @@ static bool write_file(struct sp_export_job *job, sp_export_fn *write, struct sp
     job->out = open(job->folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
     if (job->out < 0)
         return sp_fail(err, SP_ERR_IO, job->folder, "cannot create a file: %s", strerror(errno));
-    bool ok = write(job, err) && name_file(job->out, job->shown, err);
+    bool ok = write(job, err) && name_file(job->out, job->title, err);
     close(job->out);
     return ok;
 }
@@ -157,7 +157,7 @@ static bool convert(const char *source, const char *out, const struct format *fo
     struct sp_export_job job = { .info = info,
                                  .samples = samples,
                                  .folder = folder,
-                                 .shown = path,
+                                 .title = path,
                                  .progress = report,
                                  .user = &progress };
     bool ok = format->is_folder ? sp_export_folder(&job, format->write, err)

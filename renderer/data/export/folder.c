@@ -74,13 +74,13 @@ static bool name_folder(const char *part, const char *out, struct sp_error *err)
 
 bool sp_export_folder(struct sp_export_job *job, sp_export_fn *write, struct sp_error *err) {
     char *part;
-    if (asprintf(&part, "%s.%ld.part", job->shown, (long)getpid()) < 0)
-        return sp_fail(err, SP_ERR_MEMORY, job->shown, "out of memory for a path");
+    if (asprintf(&part, "%s.%ld.part", job->title, (long)getpid()) < 0)
+        return sp_fail(err, SP_ERR_MEMORY, job->title, "out of memory for a path");
     const bool is_made = mkdir(part, 0777) == 0;
     job->out = is_made ? open(part, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
     bool ok = job->out >= 0 ||
               sp_fail(err, SP_ERR_IO, job->folder, "cannot create a folder: %s", strerror(errno));
-    ok = ok && write(job, err) && name_folder(part, job->shown, err);
+    ok = ok && write(job, err) && name_folder(part, job->title, err);
     if (job->out >= 0)
         close(job->out);
     if (!ok && is_made)

@@ -11,7 +11,7 @@
  * replaced. SP_ERR_INVALID. */
 bool sp_export_check_folder(const char *out, struct sp_error *err);
 
-/* Makes a folder "OUT.PID.part" as job->out, calls write(), and names the folder OUT = job->shown.
+/* Makes a folder "OUT.PID.part" as job->out, calls write(), and names the folder OUT = job->title.
  * On failure nothing is left of it. SP_ERR_IO and the errors of write(). */
 bool sp_export_folder(struct sp_export_job *job, sp_export_fn *write, struct sp_error *err);
 

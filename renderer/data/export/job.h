@@ -18,7 +18,7 @@ struct sp_export_job {
     int samples;        /* descriptor: the samples from byte 0 on, native order, i0 fastest */
     int out;            /* descriptor of an empty file, or of an empty folder */
     const char *folder; /* of temporary files: that of the output, with a '/' at its end or "." */
-    const char *shown;  /* the path of the output, for errors; its end chooses among the variants of
+    const char *title;  /* the path of the output, for errors; its end chooses among the variants of
                            a format */
     /* Called from the calling thread with the finished fraction; false cancels. NULL = none. */
     bool (*progress)(void *user, double fraction);

@@ -106,8 +106,8 @@ static void put_one(struct header *h, size_t at, enum kind kind, double number) 
 }
 
 /* The unit of NIfTI and its length in that of the volume. */
-static bool find_unit(const struct sp_export_job *job, int *code, double *factor,
-                      struct sp_error *err) {
+static bool choose_unit(const struct sp_export_job *job, int *code, double *factor,
+                        struct sp_error *err) {
     static const struct {
         int code;
         double meters;
@@ -118,7 +118,7 @@ static bool find_unit(const struct sp_export_job *job, int *code, double *factor
     if (!job->info->unit[0])
         return true;
     if (!own)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, job->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, job->title,
                        "NIfTI measures in m, mm or um, and this volume in \"%s\"; write .nrrd or "
                        ".ome.zarr",
                        job->info->unit);
@@ -144,7 +144,7 @@ static bool is_orthogonal(const double d[3][3]) {
 
 /* The rotation as b, c and d of a unit quaternion, and −1 in *third if the third axis is turned
  * around before (nifti1.h, method 2). */
-static void find_quaternion(const double direction[3][3], double q[3], double *third) {
+static void compute_quaternion(const double direction[3][3], double q[3], double *third) {
     double r[3][3], full[4];
     memcpy(r, direction, sizeof r);
     const double volume = r[0][0] * (r[1][1] * r[2][2] - r[1][2] * r[2][1]) -
@@ -181,7 +181,7 @@ static bool has_place(const struct sp_grid *grid) {
     return false;
 }
 
-static int find_form(const struct sp_export_job *job) {
+static int choose_form(const struct sp_export_job *job) {
     if (job->info->anatomy[0])
         return FORM_SCANNER;
     if (!has_place(&job->info->grid))
@@ -189,17 +189,17 @@ static int find_form(const struct sp_export_job *job) {
     sp_log(SP_LOG_WARN,
            "%s: the source does not say where its axes point to in a patient; those of NIfTI are "
            "right, anterior and superior",
-           job->shown);
+           job->title);
     return FORM_ALIGNED;
 }
 
 static bool put_place(const struct sp_export_job *job, struct header *h, struct sp_error *err) {
     const struct layout *l = h->layout;
-    const int form = find_form(job);
+    const int form = choose_form(job);
     double direction[3][3], origin[3], rows[3][4], quaternion[3], factor;
     double pixdim[8] = { 1, 1, 1, 1, 1, 1, 1, 1 };
     int unit;
-    if (!find_unit(job, &unit, &factor, err))
+    if (!choose_unit(job, &unit, &factor, err))
         return false;
     sp_export_place(job->info, "RAS", direction, origin);
     for (int row = 0; row < 3; row++) {
@@ -211,7 +211,7 @@ static bool put_place(const struct sp_export_job *job, struct header *h, struct 
         for (int axis = 0; axis < 3; axis++)
             rows[row][axis] = direction[row][axis] * pixdim[axis + 1];
     if (form != FORM_NONE && is_orthogonal(direction)) {
-        find_quaternion(direction, quaternion, &pixdim[0]);
+        compute_quaternion(direction, quaternion, &pixdim[0]);
         put_one(h, l->forms, l->code, form);
         put(h, l->quaternion, l->real, quaternion, 3);
         put(h, l->shift, l->real, origin, 3);
@@ -256,8 +256,8 @@ static void put_shape(const struct sp_volume_info *info, struct header *h) {
 
 bool sp_export_nifti(const struct sp_export_job *job, struct sp_error *err) {
     const struct sp_volume_info *info = job->info;
-    const size_t length = strlen(job->shown);
-    const bool is_packed = length > 3 && strcmp(job->shown + length - 3, ".gz") == 0;
+    const size_t length = strlen(job->title);
+    const bool is_packed = length > 3 && strcmp(job->title + length - 3, ".gz") == 0;
     struct header h = { .layout = layouts };
     for (int axis = 0; axis < 3; axis++)
         if (info->grid.dims[axis] > DIM_ONE_MAX)

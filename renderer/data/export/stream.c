@@ -18,11 +18,11 @@ struct stream {
 
 bool sp_export_report(const struct sp_export_job *job, double fraction, struct sp_error *err) {
     return !job->progress || job->progress(job->user, fraction) ||
-           sp_fail(err, SP_ERR_CANCELLED, job->shown, "cancelled");
+           sp_fail(err, SP_ERR_CANCELLED, job->title, "cancelled");
 }
 
 static bool fail_write(const struct stream *s, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_IO, s->job->shown, "cannot write: %s",
+    return sp_fail(err, SP_ERR_IO, s->job->title, "cannot write: %s",
                    errno ? strerror(errno) : "the data cannot be packed");
 }
 
@@ -41,7 +41,7 @@ static bool open_packed(struct stream *s, struct sp_error *err) {
         return gzbuffer(s->packed, PACKED_BUFFER) == 0;
     if (fd >= 0)
         close(fd);
-    return sp_fail(err, SP_ERR_MEMORY, s->job->shown, "out of memory for gzip");
+    return sp_fail(err, SP_ERR_MEMORY, s->job->title, "out of memory for gzip");
 }
 
 static bool put_samples(struct stream *s, struct sp_error *err) {
@@ -49,11 +49,11 @@ static bool put_samples(struct stream *s, struct sp_error *err) {
     const uint32_t *dims = info->grid.dims;
     const uint64_t size = (uint64_t)dims[0] * dims[1] * dims[2] * sp_type_size(info->type);
     char *block = malloc(BLOCK_BYTES);
-    bool ok = block || sp_fail(err, SP_ERR_MEMORY, s->job->shown, "out of memory");
+    bool ok = block || sp_fail(err, SP_ERR_MEMORY, s->job->title, "out of memory");
     for (uint64_t at = 0; ok && at < size; at += BLOCK_BYTES) {
         const size_t part = size - at < BLOCK_BYTES ? (size_t)(size - at) : BLOCK_BYTES;
         if (!sp_read_sparse(s->job->samples, block, part, at))
-            ok = sp_fail(err, SP_ERR_IO, s->job->shown, "cannot read the samples: %s",
+            ok = sp_fail(err, SP_ERR_IO, s->job->title, "cannot read the samples: %s",
                          strerror(errno));
         ok = ok && put(s, block, part, err) &&
              sp_export_report(s->job, (double)at / (double)size, err);

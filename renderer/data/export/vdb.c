@@ -74,7 +74,7 @@ struct writer {
 typedef bool block_fn(struct writer *w, struct sp_error *err);
 
 static bool fail(const struct writer *w, const char *what, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_IO, w->job->shown, "cannot %s: %s", what, strerror(errno));
+    return sp_fail(err, SP_ERR_IO, w->job->title, "cannot %s: %s", what, strerror(errno));
 }
 
 /* Output. */
@@ -218,7 +218,7 @@ static bool has_voxels(const struct writer *w, size_t leaf) {
     return memcmp(w->masks[leaf], none, sizeof none) != 0;
 }
 
-static void find_masks(void *user, size_t begin, size_t end, unsigned worker) {
+static void fill_masks(void *user, size_t begin, size_t end, unsigned worker) {
     struct writer *w = user;
     float *values = w->workers[worker].values;
     for (size_t leaf = begin; leaf < end; leaf++) {
@@ -230,12 +230,12 @@ static void find_masks(void *user, size_t begin, size_t end, unsigned worker) {
 }
 
 /* Reads a block and finds its active voxels. */
-static bool take_block(struct writer *w, struct sp_error *err) {
+static bool read_block(struct writer *w, struct sp_error *err) {
     static const uint32_t first[3];
     const uint32_t *dims = w->job->info->grid.dims, *count = w->blocks.count;
     if (!sp_vdb_blocks_read(&w->blocks, w->block, w->samples))
         return fail(w, "read the samples again", err);
-    sp_parallel_for(w->pool, BLOCK_LEAVES, LEAVES, find_masks, w);
+    sp_parallel_for(w->pool, BLOCK_LEAVES, LEAVES, fill_masks, w);
     if (w->block == 0)
         set_active(w, first);
     if (w->block + 1 == (uint64_t)count[0] * count[1] * count[2])
@@ -355,7 +355,7 @@ static bool put_blocks(struct writer *w, const uint32_t first[3], block_fn *put_
         if (!find_block(w, first, i, &w->block))
             continue;
         const double done = (double)w->done++ / (double)w->blocks.used;
-        if (!sp_export_report(w->job, from + share * done, err) || !take_block(w, err) ||
+        if (!sp_export_report(w->job, from + share * done, err) || !read_block(w, err) ||
             !put_block(w, err))
             return false;
     }
@@ -411,7 +411,7 @@ static bool allocate(struct writer *w, struct sp_error *err) {
     for (unsigned t = 0; ok && t < sp_pool_threads(w->pool); t++)
         ok = deflateInit2(&w->workers[t].packer, FASTEST, Z_DEFLATED, WINDOW_BITS, MEMORY_LEVEL,
                           Z_DEFAULT_STRATEGY) == Z_OK;
-    return ok || sp_fail(err, SP_ERR_MEMORY, w->job->shown, "out of memory for a block");
+    return ok || sp_fail(err, SP_ERR_MEMORY, w->job->title, "out of memory for a block");
 }
 
 static void release(struct writer *w) {
@@ -431,7 +431,7 @@ bool sp_export_vdb(const struct sp_export_job *job, struct sp_error *err) {
     struct writer w = { .job = job, .blocks = { .file = -1 } };
     if (job->info->type == SP_INT32 || job->info->type == SP_FLOAT64)
         sp_log(SP_LOG_WARN, "%s: the samples become float, which has 24 significant bits",
-               job->shown);
+               job->title);
     w.pool = sp_pool_create(sp_volume_threads(), err);
     bool ok = w.pool && allocate(&w, err) && sp_vdb_blocks_init(&w.blocks, job, sort_share, err) &&
               put_start(&w, err) && put_grid(&w, err);

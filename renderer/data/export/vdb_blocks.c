@@ -20,7 +20,7 @@ struct strip {
 };
 
 static bool fail(const struct strip *s, const char *what, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_IO, s->job->shown, "cannot %s: %s", what, strerror(errno));
+    return sp_fail(err, SP_ERR_IO, s->job->title, "cannot %s: %s", what, strerror(errno));
 }
 
 static uint64_t slice_at(const struct strip *s, uint32_t z) {
@@ -46,7 +46,7 @@ static bool read_strip(const struct strip *s, struct sp_error *err) {
 }
 
 /* Copies the part of the strip that lies in column x of blocks. Returns the copied bytes. */
-static size_t take_piece(const struct strip *s, uint32_t x) {
+static size_t copy_piece(const struct strip *s, uint32_t x) {
     const uint32_t *dims = s->job->info->grid.dims;
     const uint32_t left = dims[0] - x * VDB_BLOCK, width = left < VDB_BLOCK ? left : VDB_BLOCK;
     const size_t row = VDB_BLOCK * s->sample, bytes = s->size[1] * VDB_BLOCK * row;
@@ -65,7 +65,7 @@ static bool write_strip(const struct sp_vdb_blocks *b, const struct strip *s,
                         struct sp_error *err) {
     const uint32_t y = s->first[0] / VDB_BLOCK, z = s->first[1] / VDB_BLOCK;
     for (uint32_t x = 0; x < b->count[0]; x++) {
-        const size_t bytes = take_piece(s, x);
+        const size_t bytes = copy_piece(s, x);
         const uint64_t block = ((uint64_t)x * b->count[1] + y) * b->count[2] + z;
         const uint64_t slice = s->first[1] % VDB_BLOCK;
         if (s->piece[0] == 0 && memcmp(s->piece, s->piece + 1, bytes - 1) == 0)
@@ -114,7 +114,7 @@ bool sp_vdb_blocks_init(struct sp_vdb_blocks *b, const struct sp_export_job *job
     s.samples = malloc((size_t)SLICES * VDB_BLOCK * dims[0] * s.sample);
     s.piece = malloc((size_t)SLICES * VDB_BLOCK * VDB_BLOCK * s.sample);
     bool ok = (b->is_used && s.samples && s.piece) ||
-              sp_fail(err, SP_ERR_MEMORY, job->shown, "out of memory for rows of blocks");
+              sp_fail(err, SP_ERR_MEMORY, job->title, "out of memory for rows of blocks");
     if (ok && ftruncate(b->file, (off_t)(blocks * b->bytes)) != 0)
         ok = fail(&s, "write", err);
     ok = ok && sort_samples(b, &s, share, err);

@@ -43,11 +43,11 @@ struct writer {
 };
 
 static bool fail_write(const struct writer *w, int why, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_IO, w->image.job->shown, "cannot write: %s", strerror(why));
+    return sp_fail(err, SP_ERR_IO, w->image.job->title, "cannot write: %s", strerror(why));
 }
 
 static bool fail_memory(const struct writer *w, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, w->image.job->shown, "out of memory for a row of chunks");
+    return sp_fail(err, SP_ERR_MEMORY, w->image.job->title, "out of memory for a row of chunks");
 }
 
 static bool write_chunk(const struct writer *w, uint32_t x, const void *bytes, size_t size) {
@@ -97,7 +97,7 @@ static void pack_chunk(const struct writer *w, uint32_t x, struct worker *worker
     view.first[0] = x * ZARR_CHUNK;
     const uint32_t left = level->dims[0] - view.first[0];
     view.size[0] = left < ZARR_CHUNK ? left : ZARR_CHUNK;
-    const struct sp_brick_range range = sp_brick_find_range(&view);
+    const struct sp_brick_range range = sp_brick_measure_range(&view);
     if (w->l == 0) {
         worker->range[0] = fmin(worker->range[0], range.least);
         worker->range[1] = fmax(worker->range[1], range.most);
@@ -127,7 +127,7 @@ static bool read_strip(struct writer *w, struct sp_error *err) {
         const uint64_t at =
             ((uint64_t)(w->at[1] * ZARR_CHUNK + z) * dims[1] + w->at[0] * ZARR_CHUNK) * row;
         if (!sp_read_sparse(w->fine, (char *)w->strip + z * part, part, at))
-            return sp_fail(err, SP_ERR_IO, w->image.job->shown, "cannot read the samples: %s",
+            return sp_fail(err, SP_ERR_IO, w->image.job->title, "cannot read the samples: %s",
                            strerror(errno));
     }
     return true;
@@ -261,7 +261,7 @@ static bool write_levels(struct writer *w, struct sp_error *err) {
 bool sp_export_zarr(const struct sp_export_job *job, struct sp_error *err) {
     struct writer *w = calloc(1, sizeof *w);
     if (!w)
-        return sp_fail(err, SP_ERR_MEMORY, job->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, job->title, "out of memory");
     w->sample = sp_type_size(job->info->type);
     w->fine = job->samples;
     w->coarse = -1;

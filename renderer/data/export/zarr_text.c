@@ -13,7 +13,7 @@
 
 /* The anatomical direction of each axis of the grid: false unless all point along an axis of the
  * world. */
-static bool find_letters(const struct sp_volume_info *info, char letters[4]) {
+static bool choose_letters(const struct sp_volume_info *info, char letters[4]) {
     static const char opposites[] = "RLAPSI";
     for (int axis = 0; axis < 3; axis++) {
         letters[axis] = 0;
@@ -31,9 +31,9 @@ static bool find_letters(const struct sp_volume_info *info, char letters[4]) {
 }
 
 /* OME-Zarr has a scale and a translation, no directions; but its axes may have an orientation. */
-static bool find_world(struct sp_zarr_image *image, struct sp_error *err) {
+static bool set_place(struct sp_zarr_image *image, struct sp_error *err) {
     double direction[3][3];
-    if (!find_letters(image->job->info, image->anatomy))
+    if (!choose_letters(image->job->info, image->anatomy))
         image->anatomy[0] = 0;
     sp_export_place(image->job->info,
                     image->anatomy[0] ? image->anatomy : image->job->info->anatomy, direction,
@@ -41,7 +41,7 @@ static bool find_world(struct sp_zarr_image *image, struct sp_error *err) {
     for (int row = 0; row < 3; row++)
         for (int axis = 0; axis < 3; axis++)
             if (fabs(direction[row][axis] - (row == axis)) > ALMOST)
-                return sp_fail(err, SP_ERR_UNSUPPORTED, image->job->shown,
+                return sp_fail(err, SP_ERR_UNSUPPORTED, image->job->title,
                                "the axes of OME-Zarr are those of the world, and those of this "
                                "volume are turned; write .nrrd or .nii.gz, which keep that");
     return true;
@@ -53,7 +53,7 @@ bool sp_zarr_image_init(struct sp_zarr_image *image, const struct sp_export_job 
     *image = (struct sp_zarr_image){ .job = job };
     memcpy(image->level[0].dims, grid->dims, sizeof grid->dims);
     memcpy(image->level[0].spacing, grid->spacing, sizeof grid->spacing);
-    if (!find_world(image, err))
+    if (!set_place(image, err))
         return false;
     for (bool is_last = false; !is_last;) {
         struct sp_zarr_level *level = &image->level[image->levels++];
@@ -194,7 +194,7 @@ static bool finish(FILE *file, const struct sp_zarr_image *image, struct sp_erro
     const bool is_written = file && fflush(file) == 0 && !ferror(file);
     const int why = errno;
     const bool is_closed = file && fclose(file) == 0;
-    return (is_written && is_closed) || sp_fail(err, SP_ERR_IO, image->job->shown,
+    return (is_written && is_closed) || sp_fail(err, SP_ERR_IO, image->job->title,
                                                 "cannot write: %s", strerror(file ? why : errno));
 }
 

@@ -65,14 +65,14 @@ struct parser {
     struct sp_error *err;
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    (void)shown;
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    (void)title;
     return (size >= 11 && memcmp(start, "# AmiraMesh", 11) == 0) ||
            (size >= 7 && memcmp(start, "# Avizo", 7) == 0);
 }
 
 static bool fail_at(const struct parser *p, enum sp_code code, const char *text) {
-    return import_fail(p->err, code, p->amira->file->shown, p->token_at, NULL, "%s", text);
+    return import_fail(p->err, code, p->amira->file->title, p->token_at, NULL, "%s", text);
 }
 
 /* Reads the next token: a word, a text in quotes, or one of { } ( ) , =. At a section's begin it is
@@ -259,7 +259,7 @@ static bool read_magic(struct amira *a, const char *text, struct sp_error *err) 
     a->is_text = strstr(line, "ASCII") != NULL;
     a->big_endian = !strstr(line, "LITTLE-ENDIAN");
     return a->is_text || strstr(line, "BINARY") ||
-           import_fail(err, SP_ERR_UNSUPPORTED, a->file->shown, 0, NULL,
+           import_fail(err, SP_ERR_UNSUPPORTED, a->file->title, 0, NULL,
                        "expected ASCII, BINARY or BINARY-LITTLE-ENDIAN in the first line");
 }
 
@@ -275,7 +275,7 @@ static uint64_t values_of(const struct amira *a, const struct field *f) {
 static bool find_sections(struct amira *a, uint64_t at, struct sp_error *err) {
     struct import_text *text = malloc(sizeof *text);
     char word[IMPORT_WORD_MAX + 1];
-    bool ok = text || sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory");
+    bool ok = text || sp_fail(err, SP_ERR_MEMORY, a->file->title, "out of memory");
     for (unsigned n = 0; ok && n < a->count; n++) {
         uint64_t word_at;
         struct field *f = NULL;
@@ -286,7 +286,7 @@ static bool find_sections(struct amira *a, uint64_t at, struct sp_error *err) {
             if (a->fields[i].section == strtoul(word + 1, NULL, 10) && !a->fields[i].at)
                 f = &a->fields[i];
         if (!f) {
-            ok = import_fail(err, SP_ERR_FORMAT, a->file->shown, word_at, NULL,
+            ok = import_fail(err, SP_ERR_FORMAT, a->file->title, word_at, NULL,
                              "expected a section that the header names, or the numbers are cut "
                              "off");
             break;
@@ -302,7 +302,7 @@ static bool find_sections(struct amira *a, uint64_t at, struct sp_error *err) {
             f->at += ends[0] == '\r' && ends[1] == '\n' ? 2 : 1;
         at = f->at + (f->packed_bytes ? f->packed_bytes : values_of(a, f) * f->number.size);
         if (at > a->file->size)
-            ok = import_fail(err, SP_ERR_FORMAT, a->file->shown, f->at, f->name,
+            ok = import_fail(err, SP_ERR_FORMAT, a->file->title, f->at, f->name,
                              "the numbers end at byte %" PRIu64 ", the file has %" PRIu64
                              ": it is cut off or Lattice is wrong",
                              at, a->file->size);
@@ -315,18 +315,18 @@ static bool read_header(struct amira *a, struct sp_error *err) {
     struct parser p = { .amira = a, .err = err };
     p.text = malloc(HEADER_MAX + 1);
     if (!p.text)
-        return sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, a->file->title, "out of memory");
     const ssize_t got = pread(a->file->fd, p.text, HEADER_MAX, 0);
     p.size = got > 0 ? (size_t)got : 0;
     p.text[p.size] = 0;
     bool ok = read_magic(a, p.text, err) && read_statements(&p);
     free(p.text);
     if (ok && (a->dims[0] < 1 || a->count == 0))
-        ok = import_fail(err, SP_ERR_UNSUPPORTED, a->file->shown, 0, NULL,
+        ok = import_fail(err, SP_ERR_UNSUPPORTED, a->file->title, 0, NULL,
                          "this mesh has no field on a lattice; only lattices are supported");
     for (int axis = 0; axis < 3 && ok; axis++)
         if (a->dims[axis] > SP_DIM_MAX)
-            ok = import_fail(err, SP_ERR_FORMAT, a->file->shown, 0, "Lattice",
+            ok = import_fail(err, SP_ERR_FORMAT, a->file->title, 0, "Lattice",
                              "size %" PRIu32 " is outside [1, %u]", a->dims[axis], SP_DIM_MAX);
     return ok && find_sections(a, p.token_at, err);
 }
@@ -341,7 +341,7 @@ static bool read_numbers(const struct amira *a, const struct field *f, double *o
     char word[IMPORT_WORD_MAX + 1];
     uint8_t bytes[IMPORT_NUMBER_BYTES];
     uint64_t at = f->at;
-    bool ok = text || sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory");
+    bool ok = text || sp_fail(err, SP_ERR_MEMORY, a->file->title, "out of memory");
     if (ok)
         import_text_init(text, a->file, f->at, a->file->size);
     for (uint64_t i = 0; ok && i < count; i++) {
@@ -352,7 +352,7 @@ static bool read_numbers(const struct amira *a, const struct field *f, double *o
         }
         ok = pread(a->file->fd, bytes, f->number.size, (off_t)at) == (ssize_t)f->number.size ||
              import_fail(
-                 err, SP_ERR_FORMAT, a->file->shown, at, f->name,
+                 err, SP_ERR_FORMAT, a->file->title, at, f->name,
                  "cannot read the numbers: the file became shorter, or its disk or network fails");
         if (a->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
             import_swap_numbers(bytes, f->number, 1);
@@ -367,13 +367,13 @@ static bool place_axes(struct amira *a, struct sp_grid *grid, struct sp_error *e
     const uint64_t needed = (uint64_t)a->dims[0] + a->dims[1] + a->dims[2];
     if (!a->axes || a->coordinate_count != needed || a->axes->components != 1 ||
         a->axes->packing != PACK_NONE)
-        return import_fail(err, SP_ERR_FORMAT, a->file->shown, 0, "Coordinates",
+        return import_fail(err, SP_ERR_FORMAT, a->file->title, 0, "Coordinates",
                            "%" PRIu64 " numbers in a section that is not packed are needed, for x, "
                            "y and z",
                            needed);
     a->positions = malloc(needed * sizeof *a->positions);
     if (!a->positions)
-        return sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory for coordinates");
+        return sp_fail(err, SP_ERR_MEMORY, a->file->title, "out of memory for coordinates");
     if (!read_numbers(a, a->axes, a->positions, err))
         return false;
     double *positions = a->positions;
@@ -390,7 +390,7 @@ static bool place(struct amira *a, struct import_header *header, struct sp_error
     if (strcasecmp(a->coordinates, "rectilinear") == 0)
         return place_axes(a, grid, err);
     if (*a->coordinates && strcasecmp(a->coordinates, "uniform") != 0)
-        return import_fail(err, SP_ERR_UNSUPPORTED, a->file->shown, 0, "CoordType",
+        return import_fail(err, SP_ERR_UNSUPPORTED, a->file->title, 0, "CoordType",
                            "\"%s\" is not supported; supported are uniform and rectilinear",
                            a->coordinates);
     for (int axis = 0; axis < 3 && a->has_box; axis++) {
@@ -441,7 +441,7 @@ static struct import_conversion conversion_of(const struct amira *a, const struc
 static bool check_packing(const struct amira *a, const struct field *f, struct sp_error *err) {
     if (f->packing != PACK_RUNS || (f->number.size == 1 && f->components == 1))
         return true;
-    return import_fail(err, SP_ERR_UNSUPPORTED, a->file->shown, f->at, f->name,
+    return import_fail(err, SP_ERR_UNSUPPORTED, a->file->title, f->at, f->name,
                        "HxByteRLE is supported for the type byte only; save the field without it");
 }
 
@@ -453,7 +453,7 @@ static bool open_amira(void *reader, const struct import_file *file, struct impo
         return false;
     choose(a, header);
     if (!a->chosen && !a->vectors)
-        return import_fail(err, SP_ERR_UNSUPPORTED, a->file->shown, 0, NULL,
+        return import_fail(err, SP_ERR_UNSUPPORTED, a->file->title, 0, NULL,
                            "this mesh has no field on its lattice");
     if (a->chosen)
         header->type = conversion_of(a, a->chosen).type;
@@ -463,7 +463,7 @@ static bool open_amira(void *reader, const struct import_file *file, struct impo
         import_header_use_vectors(header, a->file->field);
     return (!a->chosen || check_packing(a, a->chosen, err)) &&
            (!a->vectors || check_packing(a, a->vectors, err)) && place(a, header, err) &&
-           sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err);
+           sp_grid_check(&header->grid, header->type, a->file->title, &header->bytes, err);
 }
 
 static void close_amira(void *reader) {
@@ -490,7 +490,7 @@ static bool read_text(const struct amira *a, const struct field *f, const struct
     struct import_text *text = malloc(sizeof *text);
     double *part = malloc(PART * sizeof *part);
     char word[IMPORT_WORD_MAX + 1], *end;
-    bool ok = (text && part) || sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory");
+    bool ok = (text && part) || sp_fail(err, SP_ERR_MEMORY, a->file->title, "out of memory");
     if (ok)
         import_text_init(text, a->file, f->at, a->file->size);
     const size_t step = PART - PART % f->components;
@@ -501,7 +501,7 @@ static bool read_text(const struct amira *a, const struct field *f, const struct
             ok = import_text_word(text, word, &byte, err);
             part[i] = ok ? strtod(word, &end) : 0;
             if (ok && (!*word || *end))
-                ok = import_fail(err, SP_ERR_FORMAT, a->file->shown, byte, f->name,
+                ok = import_fail(err, SP_ERR_FORMAT, a->file->title, byte, f->name,
                                  "expected a number");
         }
         if (ok && to->vectors)
@@ -523,7 +523,7 @@ static bool read_runs(const struct amira *a, const struct field *f, uint8_t *vox
     const uint64_t count = values_of(a, f);
     uint8_t *packed = malloc(f->packed_bytes);
     if (!packed)
-        return sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory for packed numbers");
+        return sp_fail(err, SP_ERR_MEMORY, a->file->title, "out of memory for packed numbers");
     const ssize_t got = pread(a->file->fd, packed, f->packed_bytes, (off_t)f->at);
     uint64_t at = 0, done = 0;
     const uint64_t size = got > 0 ? (uint64_t)got : 0;
@@ -542,7 +542,7 @@ static bool read_runs(const struct amira *a, const struct field *f, uint8_t *vox
     }
     free(packed);
     return done == count ||
-           import_fail(err, SP_ERR_FORMAT, a->file->shown, f->at + at, f->name,
+           import_fail(err, SP_ERR_FORMAT, a->file->title, f->at + at, f->name,
                        "the packed numbers end after %" PRIu64 " of %" PRIu64, done, count);
 }
 

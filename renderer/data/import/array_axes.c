@@ -93,7 +93,7 @@ static bool read_values(const struct arrays *a, int n, unsigned d, struct coordi
     bool is_sound =
         ok && a->call->read(a->handle, (unsigned)n, start, count, numbers, why, sizeof why);
     if (is_sound) {
-        arrays_take_packing(a, (unsigned)n, &info, &conversion);
+        arrays_read_packing(a, (unsigned)n, &info, &conversion);
         conversion.type = SP_FLOAT64;
         import_conversion_put(&conversion, numbers, count[0], c->values);
         const bool is_round = is_angle(c->unit) || (!*c->unit && begins(a->info.dims[d], "lon"));
@@ -195,7 +195,7 @@ static bool is_down(const struct arrays *a, int n, unsigned d, const struct coor
            c->values[a->info.shape[d] - 1] >= 0;
 }
 
-static bool take_coordinates(const struct arrays *a, unsigned d, struct coordinates *c) {
+static bool read_coordinates(const struct arrays *a, unsigned d, struct coordinates *c) {
     int n = find_array(a, d);
     if (n < 0)
         n = arrays_find_auxiliary(a, d);
@@ -324,7 +324,7 @@ static void place_axis(struct arrays *a, struct coordinates *c, int axis, double
 }
 
 /* "hours since 1900-01-01": the unit before the date. */
-static void take_times(struct arrays *a, struct coordinates *c, struct import_header *header) {
+static void adopt_times(struct arrays *a, struct coordinates *c, struct import_header *header) {
     static const char *const known[][2] = { { "second", "s" },       { "minute", "min" },
                                             { "hour", "h" },         { "day", "d" },
                                             { "msec", "ms" },        { "millisecond", "ms" },
@@ -341,27 +341,27 @@ static void take_times(struct arrays *a, struct coordinates *c, struct import_he
             snprintf(header->steps.unit, sizeof header->steps.unit, "%s", known[i][1]);
 }
 
-static bool take_steps(struct arrays *a, struct coordinates *c, struct import_header *header,
-                       struct sp_error *err) {
+static bool set_steps(struct arrays *a, struct coordinates *c, struct import_header *header,
+                      struct sp_error *err) {
     const uint64_t steps = a->axes.time < 0 ? 1 : a->info.shape[a->axes.time];
     if (!import_header_use_steps(header, a->file, steps, err))
         return false;
     if (steps > 1 && c[a->axes.time].values)
-        take_times(a, &c[a->axes.time], header);
+        adopt_times(a, &c[a->axes.time], header);
     return true;
 }
 
-static void take_unit(const struct arrays *a, const struct coordinates *c,
-                      struct import_header *header) {
+static void set_unit(const struct arrays *a, const struct coordinates *c,
+                     struct import_header *header) {
     const char *name = a->axes.space[0] < 0 ? "" : c[a->axes.space[0]].unit;
     const struct sp_unit *unit = sp_unit_find(name);
     snprintf(header->unit, sizeof header->unit, "%.31s",
-             unit                                       ? unit->shown
+             unit                                       ? unit->symbol
              : is_angle(name) && begins(name, "degree") ? "degrees"
                                                         : name);
 }
 
-static bool take_dims(const struct arrays *a, struct import_header *header, struct sp_error *err) {
+static bool set_dims(const struct arrays *a, struct import_header *header, struct sp_error *err) {
     for (int axis = 0; axis < 3; axis++) {
         const int d = a->axes.space[axis];
         const uint64_t size = d < 0 ? 1 : a->info.shape[d];
@@ -374,15 +374,15 @@ static bool take_dims(const struct arrays *a, struct import_header *header, stru
     return true;
 }
 
-static bool take_conventions(struct arrays *a, struct coordinates *c, struct import_header *header,
-                             struct sp_error *err) {
+static bool apply_conventions(struct arrays *a, struct coordinates *c, struct import_header *header,
+                              struct sp_error *err) {
     double factor[3];
     if (!assign(a, c, err) || !import_axes_choose(&a->axes, a->file, a->info.shape, header, err) ||
-        !take_dims(a, header, err) || !take_steps(a, c, header, err))
+        !set_dims(a, header, err) || !set_steps(a, c, header, err))
         return false;
     for (int axis = 0; axis < 3; axis++)
         factor[axis] = factor_of(a, c, axis, header); /* before any axis changes its coordinates */
-    take_unit(a, c, header);
+    set_unit(a, c, header);
     for (int axis = 0; axis < 3; axis++)
         place_axis(a, c, axis, factor[axis], &header->grid);
     return true;
@@ -407,8 +407,8 @@ static void warn_of_guess(const struct arrays *a) {
                     c == 0 ? "; with ?as=time its entries are steps in time" : "");
 }
 
-static bool take_plain(struct arrays *a, struct coordinates *c, struct import_header *header,
-                       struct sp_error *err) {
+static bool apply_guess(struct arrays *a, struct coordinates *c, struct import_header *header,
+                        struct sp_error *err) {
     const char *names[IMPORT_RANK_MAX] = { NULL };
     if (!import_axes_guess(&a->axes, a->info.rank, a->info.shape, names, a->info.number.size == 1))
         return arrays_fail(a, err, SP_ERR_UNSUPPORTED,
@@ -417,24 +417,24 @@ static bool take_plain(struct arrays *a, struct coordinates *c, struct import_he
     if (!import_as_is_axis(a->file->selection.as))
         warn_of_guess(a);
     return import_axes_choose(&a->axes, a->file, a->info.shape, header, err) &&
-           take_dims(a, header, err) && take_steps(a, c, header, err);
+           set_dims(a, header, err) && set_steps(a, c, header, err);
 }
 
-bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err) {
+bool arrays_read_axes(struct arrays *a, struct import_header *header, struct sp_error *err) {
     struct coordinates c[IMPORT_RANK_MAX];
     bool ok = arrays_check_cells(a, err), is_told = false; /* by a name or coordinates */
     memset(c, 0, sizeof c);
     if (!ok)
         return false;
-    arrays_take_tags(a);
+    arrays_read_tags(a);
     for (unsigned d = 0; ok && d < a->info.rank; d++) {
-        ok = take_coordinates(a, d, &c[d]);
+        ok = read_coordinates(a, d, &c[d]);
         is_told |= ok && (c[d].role != ARRAYS_ROLE_NONE || c[d].values);
     }
-    ok = ok ? is_told ? take_conventions(a, c, header, err) : take_plain(a, c, header, err)
-            : sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory for coordinates");
+    ok = ok ? is_told ? apply_conventions(a, c, header, err) : apply_guess(a, c, header, err)
+            : sp_fail(err, SP_ERR_MEMORY, a->title, "out of memory for coordinates");
     if (ok) {
-        arrays_take_sizes(a, header);
+        arrays_read_sizes(a, header);
         arrays_warn_of_auxiliary(a);
     }
     for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)

@@ -20,7 +20,7 @@ bool arrays_fail(const struct arrays *a, struct sp_error *err, enum sp_code code
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    snprintf(place, sizeof place, a->info.name[0] ? "%.160s: %.80s" : "%.160s", a->shown,
+    snprintf(place, sizeof place, a->info.name[0] ? "%.160s: %.80s" : "%.160s", a->title,
              a->info.name);
     return sp_fail(err, code, place, "%s", text);
 }
@@ -36,7 +36,7 @@ static const char *own_name(const char *path) {
 
 /* Collects the names in the attributes of all arrays that name others: 2-D latitudes, bounds, …
  * Without memory, or if there are too many, the rest is not known. */
-static void find_auxiliary(struct arrays *a) {
+static void collect_auxiliary(struct arrays *a) {
     static const char *const attributes[] = { "coordinates", "bounds", "climatology",
                                               "grid_mapping", "ancillary_variables" };
     struct array_info info;
@@ -119,8 +119,8 @@ static const char *wanted_of(const struct arrays *a) {
 }
 
 /* True if the field names the array, or one of its channels: "NAME 2", or of vectors "NAME x".
- * *channel gets its number. A file that is one array has no name for it; take_component() reads the
- * field. */
+ * *channel gets its number. A file that is one array has no name for it; choose_component() reads
+ * the field. */
 static bool is_wanted(const struct arrays *a, const char *field, const char *name,
                       uint32_t *channel) {
     const char *own = *name == '/' ? name + 1 : name;
@@ -164,10 +164,10 @@ static bool fail_choice(const struct arrays *a, const char *text, struct sp_erro
             import_list_add(&list, found++ ? "; " : " ", one);
         }
     if (found == 0)
-        return sp_fail(err, *a->file->field ? SP_ERR_NOT_FOUND : SP_ERR_UNSUPPORTED, a->shown,
+        return sp_fail(err, *a->file->field ? SP_ERR_NOT_FOUND : SP_ERR_UNSUPPORTED, a->title,
                        "the file has no arrays of numbers");
     import_list_end(&list, false);
-    return sp_fail(err, *a->file->field ? SP_ERR_NOT_FOUND : SP_ERR_UNSUPPORTED, a->shown, "%s",
+    return sp_fail(err, *a->file->field ? SP_ERR_NOT_FOUND : SP_ERR_UNSUPPORTED, a->title, "%s",
                    text_and_list);
 }
 
@@ -217,8 +217,8 @@ bool arrays_choose(struct arrays *a, struct sp_error *err) {
     const char *field = wanted_of(a);
     const char *refusal = refusal_of(a);
     if (refusal)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, a->shown, "%s", refusal);
-    find_auxiliary(a);
+        return sp_fail(err, SP_ERR_UNSUPPORTED, a->title, "%s", refusal);
+    collect_auxiliary(a);
     const unsigned least = least_rank(a);
     struct array_info info;
     unsigned found = 0;
@@ -275,7 +275,7 @@ static void name_channel(const struct arrays *a, uint32_t channel, char name[SP_
 }
 
 /* A file that is one array: its field is a colour, "channel 2", or its long name. */
-static bool take_component(struct arrays *a, struct import_header *header, struct sp_error *err) {
+static bool choose_component(struct arrays *a, struct import_header *header, struct sp_error *err) {
     const char *field = a->file->field;
     char long_name[SP_FIELD_BYTES], name[SP_FIELD_BYTES], *end;
     if (a->axes.are_colors) {
@@ -333,7 +333,7 @@ static void list_other_arrays(const struct arrays *a, struct import_header *head
     a->call->text(a->handle, a->chosen, "units", header->value_unit, sizeof header->value_unit);
 }
 
-bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp_error *err) {
+bool arrays_set_names(struct arrays *a, struct import_header *header, struct sp_error *err) {
     char name[SP_FIELD_BYTES];
     if (a->axes.are_vectors) {
         a->channels = 1;
@@ -342,13 +342,13 @@ bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp
         return true;
     }
     a->channels = a->axes.channel < 0 ? 1 : (uint32_t)fmin(a->info.shape[a->axes.channel], 1e9);
-    if (!a->info.name[0] && !take_component(a, header, err))
+    if (!a->info.name[0] && !choose_component(a, header, err))
         return false;
     if (a->channel >= a->channels)
         return arrays_fail(a, err, SP_ERR_NOT_FOUND,
                            "there is no channel %" PRIu32 ", only 1 to %u", a->channel + 1,
                            a->channels);
-    const bool has_names = header->value_name[0]; /* from take_component() */
+    const bool has_names = header->value_name[0]; /* from choose_component() */
     if (!has_names && a->info.name[0] && *a->file->field)
         import_name(header->value_name, a->file->field);
     else if (!has_names)
@@ -362,16 +362,16 @@ bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp
     return true;
 }
 
-bool arrays_take(struct arrays *a, struct import_header *header, struct sp_error *err) {
-    arrays_take_values(a, header);
-    if (!arrays_take_axes(a, header, err))
+bool arrays_fill_header(struct arrays *a, struct import_header *header, struct sp_error *err) {
+    arrays_set_conversion(a, header);
+    if (!arrays_read_axes(a, header, err))
         return false;
     if (a->axes.are_vectors) {
         header->type = a->conversion.type = SP_FLOAT32;
         if (!isnan(a->default_fill))
             arrays_use_default_fill(a);
     }
-    return arrays_take_names(a, header, err);
+    return arrays_set_names(a, header, err);
 }
 
 void arrays_finish(struct arrays *a) {

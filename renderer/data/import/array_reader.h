@@ -16,7 +16,7 @@
 
 struct arrays {
     const struct import_file *file;
-    const char *shown;        /* the name in errors */
+    const char *title;        /* the name in errors */
     struct array_place place; /* of HDF5 and NetCDF */
     char path[40];            /* of the place */
     const struct array_functions *call;
@@ -43,7 +43,7 @@ struct arrays {
 bool arrays_choose(struct arrays *a, struct sp_error *err);
 
 /* Fills the header from the chosen array: type, grid, steps, names. The caller checks the grid. */
-bool arrays_take(struct arrays *a, struct import_header *header, struct sp_error *err);
+bool arrays_fill_header(struct arrays *a, struct import_header *header, struct sp_error *err);
 
 /* Frees what these functions allocated. */
 void arrays_finish(struct arrays *a);
@@ -52,14 +52,14 @@ void arrays_finish(struct arrays *a);
 __attribute__((format(printf, 4, 5))) bool arrays_fail(const struct arrays *a, struct sp_error *err,
                                                        enum sp_code code, const char *format, ...);
 
-/* The parts of arrays_take(). */
+/* The parts of arrays_fill_header(). */
 
 /* How stored numbers become samples: scale_factor, add_offset, _FillValue and others. */
-void arrays_take_values(struct arrays *a, struct import_header *header);
+void arrays_set_conversion(struct arrays *a, struct import_header *header);
 
 /* The same for array n, which may have coordinates, as its own attributes say. Returns whether it
  * has a _FillValue. The type in memory is the caller's matter. */
-bool arrays_take_packing(const struct arrays *a, unsigned n, const struct array_info *info,
+bool arrays_read_packing(const struct arrays *a, unsigned n, const struct array_info *info,
                          struct import_conversion *conversion);
 
 enum { ARRAYS_SIDE_MAX = 4 };
@@ -74,7 +74,7 @@ void arrays_use_default_fill(struct arrays *a);
 
 /* Finds the axes of the array, and from the attributes and coordinates the place of the grid and
  * the times. */
-bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err);
+bool arrays_read_axes(struct arrays *a, struct import_header *header, struct sp_error *err);
 
 enum arrays_role {
     ARRAYS_ROLE_NONE,
@@ -101,12 +101,12 @@ void arrays_warn_of_auxiliary(const struct arrays *a);
 
 /* Takes names and spacing of the dimensions from the attribute "axistags" of vigra, and names from
  * those of HDF5 images in colours. */
-void arrays_take_tags(struct arrays *a);
+void arrays_read_tags(struct arrays *a);
 
 /* Takes the size of a voxel from attributes, where there are no coordinates. */
-void arrays_take_sizes(struct arrays *a, struct import_header *header);
+void arrays_read_sizes(struct arrays *a, struct import_header *header);
 
 /* Names the samples and lists what else the file has. */
-bool arrays_take_names(struct arrays *a, struct import_header *header, struct sp_error *err);
+bool arrays_set_names(struct arrays *a, struct import_header *header, struct sp_error *err);
 
 #endif

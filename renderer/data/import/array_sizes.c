@@ -17,7 +17,7 @@ enum { TAGS_BYTES = 8192 };
 enum { VIGRA_CHANNELS = 1, VIGRA_TIME = 8 };
 
 /* An image of HDF5 in colours: rows of pixels, or a plane per colour. */
-static void take_colors(struct arrays *a) {
+static void read_color_tags(struct arrays *a) {
     char class[24], mode[24];
     a->call->text(a->handle, a->chosen, "IMAGE_SUBCLASS", class, sizeof class);
     a->call->text(a->handle, a->chosen, "INTERLACE_MODE", mode, sizeof mode);
@@ -28,12 +28,12 @@ static void take_colors(struct arrays *a) {
         snprintf(a->info.dims[d], sizeof a->info.dims[d], "%c", (is_plane ? "cyx" : "yxc")[d]);
 }
 
-void arrays_take_tags(struct arrays *a) {
+void arrays_read_tags(struct arrays *a) {
     char text[TAGS_BYTES];
     const json_t *axes, *axis;
     json_error_t why;
     size_t d;
-    take_colors(a);
+    read_color_tags(a);
     a->call->text(a->handle, a->chosen, "axistags", text, sizeof text);
     if (!*text)
         return;
@@ -101,7 +101,7 @@ static unsigned list_space(const struct arrays *a, int axes[3]) {
     return count;
 }
 
-static void take_unit(const struct arrays *a, const struct size_name *from, unsigned owner,
+static void read_unit(const struct arrays *a, const struct size_name *from, unsigned owner,
                       struct import_header *header) {
     char name[64], text[SP_UNIT_BYTES];
     const char *const more[] = { name, "unit", "spatial_unit", "spacing_units" };
@@ -111,7 +111,7 @@ static void take_unit(const struct arrays *a, const struct size_name *from, unsi
         a->call->text(a->handle, owner, more[i], text, sizeof text);
     const struct sp_unit *unit = sp_unit_find(text);
     if (*text)
-        snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : text);
+        snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->symbol : text);
 }
 
 /* True if the array of WRF lies on the faces of cells along an axis: the dimension has one place
@@ -129,7 +129,7 @@ static bool is_staggered(const struct arrays *a, int axis) {
 
 /* The grid of WRF is even on its map: DX and DY of the file are its steps. Its levels have no even
  * height, so they get a share of the horizontal extent of the cells. */
-static void take_wrf_steps(struct arrays *a, struct import_header *header) {
+static void read_wrf_steps(struct arrays *a, struct import_header *header) {
     static const char *const dims[2] = { "west_east", "south_north" };
     static const char *const attributes[2] = { "DX", "DY" };
     struct sp_grid *grid = &header->grid;
@@ -164,22 +164,22 @@ static void take_wrf_steps(struct arrays *a, struct import_header *header) {
 }
 
 /* The centre of the first cell is at 0; its first face lies half a cell before. */
-static void take_wrf(struct arrays *a, struct import_header *header) {
+static void apply_wrf(struct arrays *a, struct import_header *header) {
     bool has_coordinates[3];
     memcpy(has_coordinates, a->is_placed, sizeof has_coordinates);
-    take_wrf_steps(a, header);
+    read_wrf_steps(a, header);
     for (int axis = 0; axis < 3; axis++)
         if (!has_coordinates[axis] && is_staggered(a, axis))
             header->grid.origin[axis] = -header->grid.spacing[axis] / 2;
 }
 
-void arrays_take_sizes(struct arrays *a, struct import_header *header) {
+void arrays_read_sizes(struct arrays *a, struct import_header *header) {
     double sizes[IMPORT_RANK_MAX], offsets[IMPORT_RANK_MAX];
     int axes[3];
     size_t count;
     unsigned owner;
     const unsigned space = list_space(a, axes);
-    take_wrf(a, header);
+    apply_wrf(a, header);
     for (unsigned i = 0; i < space; i++)
         if (a->steps[a->axes.space[axes[i]]] > 0 && !a->is_placed[axes[i]])
             header->grid.spacing[axes[i]] = a->steps[a->axes.space[axes[i]]];
@@ -204,7 +204,7 @@ void arrays_take_sizes(struct arrays *a, struct import_header *header) {
     }
     if (space == 2 && count == 3) /* of one slice */
         header->grid.spacing[3 - axes[0] - axes[1]] = sizes[0];
-    take_unit(a, from, owner, header);
+    read_unit(a, from, owner, header);
     if (!from->unit)
         import_warn(a->file->warnings,
                     "The attribute %s gives the spacing, in the order of the dimensions%s.",

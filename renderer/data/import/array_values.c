@@ -51,7 +51,7 @@ static bool default_fill(struct import_number number, double *fill) {
 
 /* Numbers that stand for no sample: _FillValue and missing_value, and those outside of valid_range
  * or of valid_min and valid_max. Returns whether there is a _FillValue. */
-static bool take_missing(const struct arrays *a, unsigned n, const struct array_info *info,
+static bool read_missing(const struct arrays *a, unsigned n, const struct array_info *info,
                          struct import_conversion *c) {
     double values[IMPORT_MISSING_MAX], range[2] = { -INFINITY, INFINITY };
     const bool has_fill = a->call->numbers(a->handle, n, "_FillValue", values, 1) == 1;
@@ -89,11 +89,11 @@ static struct import_number number_of(const struct arrays *a, unsigned n,
     return number;
 }
 
-bool arrays_take_packing(const struct arrays *a, unsigned n, const struct array_info *info,
+bool arrays_read_packing(const struct arrays *a, unsigned n, const struct array_info *info,
                          struct import_conversion *c) {
     double value;
     *c = import_conversion_of(number_of(a, n, info), a->file->warnings);
-    const bool has_fill = take_missing(a, n, info, c);
+    const bool has_fill = read_missing(a, n, info, c);
     if (a->call->numbers(a->handle, n, "scale_factor", &value, 1) && isfinite(value) && value != 0)
         c->slope = value;
     if (a->call->numbers(a->handle, n, "add_offset", &value, 1) && isfinite(value))
@@ -101,10 +101,10 @@ bool arrays_take_packing(const struct arrays *a, unsigned n, const struct array_
     return has_fill;
 }
 
-void arrays_take_values(struct arrays *a, struct import_header *header) {
+void arrays_set_conversion(struct arrays *a, struct import_header *header) {
     struct import_conversion *c = &a->conversion;
     double fill;
-    const bool has_fill = arrays_take_packing(a, a->chosen, &a->info, c);
+    const bool has_fill = arrays_read_packing(a, a->chosen, &a->info, c);
     a->default_fill = NAN;
     if (!has_fill && a->info.has_default_fill && default_fill(a->info.number, &fill))
         a->default_fill = stored_value(c->number, &a->info, fill);

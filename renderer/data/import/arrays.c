@@ -34,17 +34,17 @@ static bool is_hdf5(const uint8_t *start, size_t size) {
 }
 
 /* NetCDF-4 files are HDF5 files by their first bytes. */
-static bool probe_netcdf(const uint8_t *start, size_t size, const char *shown) {
+static bool probe_netcdf(const uint8_t *start, size_t size, const char *title) {
     const bool is_classic = size >= 4 && memcmp(start, "CDF", 3) == 0 &&
                             (start[3] == 1 || start[3] == 2 || start[3] == 5);
     return is_classic || (is_hdf5(start, size) &&
-                          (import_ends_with(shown, ".nc") || import_ends_with(shown, ".nc4") ||
-                           import_ends_with(shown, ".cdf")));
+                          (import_ends_with(title, ".nc") || import_ends_with(title, ".nc4") ||
+                           import_ends_with(title, ".cdf")));
 }
 
 /* NetCDF-4 files begin in the same way, so only the name tells which of the two it is. */
-static bool probe_hdf5(const uint8_t *start, size_t size, const char *shown) {
-    (void)shown;
+static bool probe_hdf5(const uint8_t *start, size_t size, const char *title) {
+    (void)title;
     return is_hdf5(start, size);
 }
 
@@ -189,7 +189,7 @@ static bool read_all(struct reading *r, const struct import_progress *progress,
     r->numbers = malloc(bytes);
     r->row = malloc(steps[r->count - 1] * sizeof(double));
     bool ok = (r->numbers && r->row) ||
-              sp_fail(err, SP_ERR_MEMORY, r->arrays->file->shown, "out of memory for numbers");
+              sp_fail(err, SP_ERR_MEMORY, r->arrays->file->title, "out of memory for numbers");
     ok = ok && read_boxes(r, steps, progress, err);
     free(r->numbers);
     free(r->row);
@@ -265,7 +265,7 @@ static bool find_source(const struct array_place *place, const char *name, char 
 static bool open_arrays(struct arrays *a, const struct import_file *file,
                         struct import_header *header, struct sp_error *err) {
     a->file = file;
-    a->shown = file->shown;
+    a->title = file->title;
     char why[SP_ERROR_TEXT] = "";
     a->call = a->is_netcdf ? import_module_load(a->file, NETCDF_BRIDGE_MODULE, NETCDF_BRIDGE_SYMBOL,
                                                 "NetCDF", "libnetcdf19", err)
@@ -280,21 +280,21 @@ static bool open_arrays(struct arrays *a, const struct import_file *file,
     };
     a->handle = a->call->open(&a->place, why, sizeof why);
     if (!a->handle)
-        return sp_fail(err, SP_ERR_FORMAT, a->file->shown, "%s", why);
+        return sp_fail(err, SP_ERR_FORMAT, a->file->title, "%s", why);
     struct imaris *imaris;
     if (!imaris_open(a, &imaris, err) || !arrays_choose(a, err))
         return false;
     itk_hdf5_name_dimensions(a);
     hdf5_grids_name_dimensions(a);
-    if (!arrays_take(a, header, err) || (imaris && !imaris_place(imaris, a, header, err)))
+    if (!arrays_fill_header(a, header, err) || (imaris && !imaris_place(imaris, a, header, err)))
         return false;
     itk_hdf5_place(a, header);
     hdf5_grids_place(a, header);
-    if (!sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err) ||
+    if (!sp_grid_check(&header->grid, header->type, a->file->title, &header->bytes, err) ||
         !look_for_default_fill(a, header, err))
         return false;
     header->type = a->conversion.type;
-    return sp_grid_check(&header->grid, header->type, a->file->shown, &header->bytes, err);
+    return sp_grid_check(&header->grid, header->type, a->file->title, &header->bytes, err);
 }
 
 static void close_arrays(void *reader) {

@@ -48,15 +48,15 @@ static bool open_channels(struct sp_import_child *c, const char *scratch, int *c
     if (c->memory >= 0)
         c->memory = raise_fd(c->memory);
     if (c->memory < 0)
-        return sp_fail(err, SP_ERR_IO, scratch ? scratch : c->shown,
+        return sp_fail(err, SP_ERR_IO, scratch ? scratch : c->title,
                        "cannot create shared memory: %s", strerror(errno));
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0)
-        return sp_fail(err, SP_ERR_IO, c->shown, "cannot talk to the import process: %s",
+        return sp_fail(err, SP_ERR_IO, c->title, "cannot talk to the import process: %s",
                        strerror(errno));
     c->socket = raise_fd(pair[0]);
     *child_socket = raise_fd(pair[1]);
     return (c->socket >= 0 && *child_socket >= 0) ||
-           sp_fail(err, SP_ERR_IO, c->shown, "cannot hand the file to the import process: %s",
+           sp_fail(err, SP_ERR_IO, c->title, "cannot hand the file to the import process: %s",
                    strerror(errno));
 }
 
@@ -117,7 +117,7 @@ bool sp_import_child_start(struct sp_import_child *c, const char *program, char 
     bool ok = open_channels(c, scratch, &child_socket, err);
     for (unsigned i = 0; ok && i < count; i++)
         if ((fds[i] = raise_fd(fds[i])) < 0)
-            ok = sp_fail(err, SP_ERR_IO, c->shown, "cannot hand the file to the import process: %s",
+            ok = sp_fail(err, SP_ERR_IO, c->title, "cannot hand the file to the import process: %s",
                          strerror(errno));
     if (ok) {
         passed[0] = child_socket;
@@ -205,20 +205,20 @@ static const char *cause_of(int signal) {
 bool sp_import_child_fail_ended(struct sp_import_child *c, struct sp_error *err) {
     int status = sp_import_child_reap(c);
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return sp_fail(err, SP_ERR_TIMEOUT, c->shown,
+        return sp_fail(err, SP_ERR_TIMEOUT, c->title,
                        "the import process took more than the %d s of CPU time that a load may "
                        "take; a smaller file or one with less compression may load",
                        c->timeout_ms / 1000 + 1);
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGBUS && c->is_sparse)
-        return sp_fail(err, SP_ERR_IO, c->shown,
+        return sp_fail(err, SP_ERR_IO, c->title,
                        "cannot write the samples: the disk is full or fails");
     if (WIFSIGNALED(status)) {
         const char *name = sigabbrev_np(WTERMSIG(status));
-        return sp_fail(err, SP_ERR_CRASHED, c->shown,
+        return sp_fail(err, SP_ERR_CRASHED, c->title,
                        "the import process was killed by signal %d (SIG%s): %s", WTERMSIG(status),
                        name ? name : "?", cause_of(WTERMSIG(status)));
     }
-    return sp_fail(err, SP_ERR_CRASHED, c->shown,
+    return sp_fail(err, SP_ERR_CRASHED, c->title,
                    "the import process exited with status %d and without a result; the file is "
                    "damaged, or the reader has a bug",
                    WEXITSTATUS(status));
@@ -253,7 +253,7 @@ bool sp_import_child_receive(struct sp_import_child *c, struct sp_handover *mess
             *ended = true;
             return false;
         }
-        return sp_handover_decode(bytes, (size_t)n, message, c->shown, err);
+        return sp_handover_decode(bytes, (size_t)n, message, c->title, err);
     }
 }
 
@@ -277,11 +277,11 @@ bool sp_import_child_provide(struct sp_import_child *c, uint64_t bytes, enum sp_
                                                            : 0;
     while (failed == EINTR);
     if (failed)
-        return sp_fail(err, SP_ERR_MEMORY, c->shown,
+        return sp_fail(err, SP_ERR_MEMORY, c->title,
                        "cannot allocate %" PRIu64 " bytes for the samples: %s", bytes,
                        strerror(failed));
     if (kind == SP_IMPORT_SEALED && fcntl(c->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
-        return sp_fail(err, SP_ERR_IO, c->shown, "cannot protect the samples from changes: %s",
+        return sp_fail(err, SP_ERR_IO, c->title, "cannot protect the samples from changes: %s",
                        strerror(errno));
     sp_handover_init(&go, SP_HANDOVER_GO);
     go.bytes = bytes;
@@ -292,8 +292,8 @@ bool sp_import_child_refuse(const struct sp_import_child *c, const struct sp_han
                             struct sp_error *err) {
     const struct sp_handover_error *e = &message->error;
     if (message->kind == SP_HANDOVER_ERROR)
-        return sp_fail(err, (enum sp_code)e->code, e->place[0] ? e->place : c->shown, "%s",
+        return sp_fail(err, (enum sp_code)e->code, e->place[0] ? e->place : c->title, "%s",
                        e->text);
-    return sp_fail(err, SP_ERR_CRASHED, c->shown, "the import process sent message %u out of order",
+    return sp_fail(err, SP_ERR_CRASHED, c->title, "the import process sent message %u out of order",
                    message->kind);
 }

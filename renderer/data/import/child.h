@@ -47,7 +47,7 @@ struct sp_import_request {
 };
 
 struct sp_import_child {
-    const char *shown;  /* the name in errors, owned by the caller */
+    const char *title;  /* the name in errors, owned by the caller */
     int timeout_ms;     /* its limit of CPU time, for errors */
     pid_t pid;          /* 0 = none */
     int socket, memory; /* this end; −1 = not open */

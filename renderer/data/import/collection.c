@@ -13,24 +13,24 @@
 
 enum { TEXT_MAX = 16 << 20 }; /* bytes */
 
-bool collection_probe(const uint8_t *start, size_t size, const char *shown) {
+bool collection_probe(const uint8_t *start, size_t size, const char *title) {
     (void)start;
     (void)size;
-    return import_ends_with(shown, ".pvd") || import_ends_with(shown, ".series");
+    return import_ends_with(title, ".pvd") || import_ends_with(title, ".series");
 }
 
 static bool add(struct collection *c, const struct import_file *file, double time, const char *name,
                 struct sp_error *err) {
     if (c->count == SP_STEPS_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                        "the list has more than %u files, the limit", SP_STEPS_MAX);
     if (!isfinite(time) || !*name)
-        return sp_fail(err, SP_ERR_FORMAT, file->shown,
+        return sp_fail(err, SP_ERR_FORMAT, file->title,
                        *name ? "the time of file %.80s is not a number" : "a file has no name%s",
                        name);
     char *copy = sp_grow(&c->files, c->count, sizeof *c->files) ? strdup(name) : NULL;
     if (!copy)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the list");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the list");
     c->files[c->count++] = (struct collection_file){ .time = time, .name = copy };
     return true;
 }
@@ -73,7 +73,7 @@ static void XMLCALL begin_element(void *user, const char *tag, const char **attr
             *value = a[1];
     }
     if (strtol(part, NULL, 10) != 0) {
-        sp_fail(x->err, SP_ERR_UNSUPPORTED, x->file->shown,
+        sp_fail(x->err, SP_ERR_UNSUPPORTED, x->file->title,
                 "line %lu: a step has several parts; save each step as one file",
                 (unsigned long)XML_GetCurrentLineNumber(x->parser));
         stop(x);
@@ -93,7 +93,7 @@ static void XMLCALL refuse_doctype(void *user, const char *name, const char *sys
     (void)system;
     (void)public;
     (void)has_subset;
-    sp_fail(x->err, SP_ERR_UNSUPPORTED, x->file->shown, "document types are not supported");
+    sp_fail(x->err, SP_ERR_UNSUPPORTED, x->file->title, "document types are not supported");
     stop(x);
 }
 
@@ -101,13 +101,13 @@ static bool read_xml(const struct import_file *file, const char *text, size_t si
                      struct collection *c, struct sp_error *err) {
     struct xml x = { .parser = XML_ParserCreate(NULL), .file = file, .collection = c, .err = err };
     if (!x.parser)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the list");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the list");
     XML_SetUserData(x.parser, &x);
     XML_SetStartElementHandler(x.parser, begin_element);
     XML_SetStartDoctypeDeclHandler(x.parser, refuse_doctype);
     const bool ok = XML_Parse(x.parser, text, (int)size, 1) == XML_STATUS_OK;
     if (!ok && !x.failed)
-        sp_fail(err, SP_ERR_FORMAT, file->shown, "line %lu: the XML is damaged: %s",
+        sp_fail(err, SP_ERR_FORMAT, file->title, "line %lu: the XML is damaged: %s",
                 (unsigned long)XML_GetCurrentLineNumber(x.parser),
                 XML_ErrorString(XML_GetErrorCode(x.parser)));
     XML_ParserFree(x.parser);
@@ -123,9 +123,9 @@ static bool read_json(const struct import_file *file, const char *text, size_t s
     size_t i;
     bool ok = json_is_array(files);
     if (!root)
-        sp_fail(err, SP_ERR_FORMAT, file->shown, "line %d: %s", why.line, why.text);
+        sp_fail(err, SP_ERR_FORMAT, file->title, "line %d: %s", why.line, why.text);
     else if (!ok)
-        sp_fail(err, SP_ERR_FORMAT, file->shown, "the list \"files\" is missing");
+        sp_fail(err, SP_ERR_FORMAT, file->title, "the list \"files\" is missing");
     json_array_foreach(files, i, entry) {
         const char *name = json_string_value(json_object_get(entry, "name"));
         const json_t *time = json_object_get(entry, "time");
@@ -147,15 +147,15 @@ static int by_time(const void *a, const void *b) {
 /* Puts the steps in the order of time. */
 static bool sort(const struct import_file *file, struct collection *c, struct sp_error *err) {
     if (c->count == 0)
-        return sp_fail(err, SP_ERR_FORMAT, file->shown, "the list names no file");
+        return sp_fail(err, SP_ERR_FORMAT, file->title, "the list names no file");
     qsort(c->files, c->count, sizeof *c->files, by_time);
     c->times = malloc(c->count * sizeof *c->times);
     if (!c->times)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the list");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the list");
     for (uint32_t i = 0; i < c->count; i++) {
         c->times[i] = c->files[i].time;
         if (i > 0 && c->times[i] == c->times[i - 1])
-            return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+            return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                            "%.80s and %.80s have the same time; a step is one file",
                            c->files[i - 1].name, c->files[i].name);
     }
@@ -164,15 +164,15 @@ static bool sort(const struct import_file *file, struct collection *c, struct sp
 
 bool collection_read(const struct import_file *file, struct collection *c, struct sp_error *err) {
     if (file->size > TEXT_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown, "the list is larger than %d bytes",
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title, "the list is larger than %d bytes",
                        TEXT_MAX);
     char *text = malloc(file->size + 1);
     if (!text)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the list");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the list");
     const ssize_t got = pread(file->fd, text, file->size, 0);
-    const bool is_json = import_ends_with(file->shown, ".series");
+    const bool is_json = import_ends_with(file->title, ".series");
     const bool ok =
-        got < 0 ? sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file: %s", strerror(errno))
+        got < 0 ? sp_fail(err, SP_ERR_IO, file->title, "cannot read the file: %s", strerror(errno))
         : is_json ? read_json(file, text, (size_t)got, c, err)
                   : read_xml(file, text, (size_t)got, c, err);
     free(text);

@@ -19,7 +19,7 @@ struct collection {                /* all zero = empty */
 };
 
 /* As import_format.probe. */
-bool collection_probe(const uint8_t *start, size_t size, const char *shown);
+bool collection_probe(const uint8_t *start, size_t size, const char *title);
 
 /* Reads the list, which has one file at least. After a failure, too, the caller finishes it. */
 bool collection_read(const struct import_file *file, struct collection *collection,

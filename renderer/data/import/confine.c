@@ -17,7 +17,7 @@ bool sp_is_below(const char *root, const char *real) {
 }
 
 /* No file has this name, and its end is no query. */
-static bool fail_choices(struct sp_error *err, const char *shown, const char *query) {
+static bool fail_choices(struct sp_error *err, const char *title, const char *query) {
     static const char *const keys[] = { "level", "series", "as", "unit", "vectors", "field" };
     for (const char *at = query; *at; at += 1 + strcspn(at + 1, "&")) {
         const size_t length = strcspn(at + 1, "=&");
@@ -26,33 +26,33 @@ static bool fail_choices(struct sp_error *err, const char *shown, const char *qu
             is_known |= strlen(keys[i]) == length && strncmp(keys[i], at + 1, length) == 0;
         if (at[length + 1] == '=' && !is_known)
             return sp_fail(
-                err, SP_ERR_NOT_FOUND, shown,
+                err, SP_ERR_NOT_FOUND, title,
                 "there is no such file, and \"%.*s=\" is not known behind '?'; known are "
                 "level=, series=, as=, unit=, vectors= and field=",
                 length > 40 ? 40 : (int)length, at + 1);
         if (at[length + 1] == '=' && (!at[length + 2] || at[length + 2] == '&'))
-            return sp_fail(err, SP_ERR_NOT_FOUND, shown,
+            return sp_fail(err, SP_ERR_NOT_FOUND, title,
                            "there is no such file, and \"%.*s=\" needs a value; add it, or leave "
                            "\"%.*s=\" out",
                            (int)length, at + 1, (int)length, at + 1);
     }
     return sp_fail(
-        err, SP_ERR_NOT_FOUND, shown,
+        err, SP_ERR_NOT_FOUND, title,
         "there is no such file, and \"%.60s\" cannot be read: give level=, series=, as=, "
         "unit=, vectors= and field= once each, the last two at the end, such as "
         "FILE?as=time&field=NAME",
         query);
 }
 
-bool sp_fail_missing(struct sp_error *err, const char *shown) {
-    const char *query = strrchr(shown, '?');
-    if (!*shown)
-        return sp_fail(err, SP_ERR_NOT_FOUND, shown, "the name is empty; give a file or a folder");
+bool sp_fail_missing(struct sp_error *err, const char *title) {
+    const char *query = strrchr(title, '?');
+    if (!*title)
+        return sp_fail(err, SP_ERR_NOT_FOUND, title, "the name is empty; give a file or a folder");
     if (query && strchr(query, '=') && (strncmp(query, "?field=", 7) != 0 || !query[7]))
-        return fail_choices(err, shown, query);
+        return fail_choices(err, title, query);
     return sp_fail(
-        err, SP_ERR_NOT_FOUND, shown,
-        strstr(shown, ":/") || strstr(shown, "?field=")
+        err, SP_ERR_NOT_FOUND, title,
+        strstr(title, ":/") || strstr(title, "?field=")
             ? "there is no such file; in a source with choices the array comes last, such "
               "as FILE.h5?as=time&field=/NAME"
             : "there is no such file");
@@ -65,16 +65,16 @@ void sp_tell_namer(struct sp_error *err, const char *namer) {
                  "; %.80s names it: put it there, or correct the name", namer);
 }
 
-static bool fail_errno(struct sp_error *err, int error, const char *shown, const char *what) {
+static bool fail_errno(struct sp_error *err, int error, const char *title, const char *what) {
     if (error == ENOENT || error == ENOTDIR)
-        return sp_fail_missing(err, shown);
+        return sp_fail_missing(err, title);
     if (error == ELOOP)
-        return sp_fail(err, SP_ERR_INVALID, shown, "is a symbolic link that leads in a circle");
+        return sp_fail(err, SP_ERR_INVALID, title, "is a symbolic link that leads in a circle");
     if (error == ENAMETOOLONG)
-        return sp_fail(err, SP_ERR_INVALID, shown,
+        return sp_fail(err, SP_ERR_INVALID, title,
                        "the path has more than %d bytes, or a name of it more than %d",
                        PATH_MAX - 1, NAME_MAX);
-    return sp_fail(err, SP_ERR_IO, shown, "cannot %s: %s", what, strerror(error));
+    return sp_fail(err, SP_ERR_IO, title, "cannot %s: %s", what, strerror(error));
 }
 
 /* The walk from "/" along a path, which only looks below the root: names above and beside the root
@@ -221,24 +221,24 @@ static const char *kind_name(mode_t mode) {
                             : "not a regular file";
 }
 
-static bool fail_outside(struct sp_error *err, const struct walk *w, const char *shown) {
+static bool fail_outside(struct sp_error *err, const struct walk *w, const char *title) {
     if (strcmp(w->root, w->real) == 0)
-        return sp_fail(err, SP_ERR_DENIED, shown, "is a folder, not a regular file");
-    return sp_fail(err, SP_ERR_DENIED, shown,
+        return sp_fail(err, SP_ERR_DENIED, title, "is a folder, not a regular file");
+    return sp_fail(err, SP_ERR_DENIED, title,
                    w->links ? "is a symbolic link that leads out of %s" : "lies outside of %s",
                    w->root);
 }
 
 /* Resolves a path and opens what it names without reading it. -1 with *err set. */
-static int open_unread(const char *root, const char *path, const char *shown, char real[PATH_MAX],
+static int open_unread(const char *root, const char *path, const char *title, char real[PATH_MAX],
                        bool may_be_root, struct stat *st, struct sp_error *err) {
     struct walk w = { .root = root, .real = real, .fd = -1 };
     if (!walk(&w, path))
-        fail_errno(err, errno, shown, "open");
+        fail_errno(err, errno, title, "open");
     else if (!sp_is_below(root, real) && !(may_be_root && strcmp(root, real) == 0))
-        fail_outside(err, &w, shown);
+        fail_outside(err, &w, title);
     else if (fstat(w.fd, st) != 0)
-        fail_errno(err, errno, shown, "look at the file");
+        fail_errno(err, errno, title, "look at the file");
     else
         return w.fd;
     leave(&w);
@@ -246,41 +246,41 @@ static int open_unread(const char *root, const char *path, const char *shown, ch
 }
 
 /* Opens for reading what `unread` refers to, which is closed. */
-static int open_read(int unread, int flags, const char *shown, struct sp_error *err) {
+static int open_read(int unread, int flags, const char *title, struct sp_error *err) {
     char self[40];
     snprintf(self, sizeof self, "/proc/self/fd/%d", unread);
     const int fd = open(self, O_RDONLY | O_CLOEXEC | flags);
     if (fd < 0)
-        sp_fail(err, SP_ERR_IO, shown, "cannot open: %s", strerror(errno));
+        sp_fail(err, SP_ERR_IO, title, "cannot open: %s", strerror(errno));
     close(unread);
     return fd;
 }
 
-int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
+int sp_open_confined(const char *root, const char *path, const char *title, char real[PATH_MAX],
                      uint64_t *size, struct sp_error *err) {
     struct stat st;
-    const int unread = open_unread(root, path, shown, real, false, &st, err);
+    const int unread = open_unread(root, path, title, real, false, &st, err);
     if (unread < 0)
         return -1;
     if (!S_ISREG(st.st_mode)) {
-        sp_fail(err, SP_ERR_INVALID, shown, "is %s, not a regular file", kind_name(st.st_mode));
+        sp_fail(err, SP_ERR_INVALID, title, "is %s, not a regular file", kind_name(st.st_mode));
         close(unread);
         return -1;
     }
     *size = (uint64_t)st.st_size;
-    return open_read(unread, O_NONBLOCK | O_NOCTTY, shown, err);
+    return open_read(unread, O_NONBLOCK | O_NOCTTY, title, err);
 }
 
-int sp_open_confined_folder(const char *root, const char *path, const char *shown,
+int sp_open_confined_folder(const char *root, const char *path, const char *title,
                             char real[PATH_MAX], struct sp_error *err) {
     struct stat st;
-    const int unread = open_unread(root, path, shown, real, true, &st, err);
+    const int unread = open_unread(root, path, title, real, true, &st, err);
     if (unread < 0)
         return -1;
     if (!S_ISDIR(st.st_mode)) {
-        sp_fail(err, SP_ERR_INVALID, shown, "is not a folder");
+        sp_fail(err, SP_ERR_INVALID, title, "is not a folder");
         close(unread);
         return -1;
     }
-    return open_read(unread, O_DIRECTORY, shown, err);
+    return open_read(unread, O_DIRECTORY, title, err);
 }

@@ -17,18 +17,18 @@
  * are not followed, and no answer tells what exists there. Never blocks on a FIFO and never opens a
  * device.
  * Returns a descriptor that closes on exec, or -1 with *err set: SP_ERR_NOT_FOUND, SP_ERR_DENIED
- * (outside the root), SP_ERR_INVALID (not a regular file), SP_ERR_IO. err->place is `shown`. `real`
+ * (outside the root), SP_ERR_INVALID (not a regular file), SP_ERR_IO. err->place is `title`. `real`
  * receives the resolved path, *size the file's size in bytes. */
-int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
+int sp_open_confined(const char *root, const char *path, const char *title, char real[PATH_MAX],
                      uint64_t *size, struct sp_error *err);
 
 /* The same for a folder, which may be the root itself. SP_ERR_INVALID: not a folder. */
-int sp_open_confined_folder(const char *root, const char *path, const char *shown,
+int sp_open_confined_folder(const char *root, const char *path, const char *title,
                             char real[PATH_MAX], struct sp_error *err);
 
 /* Fails with SP_ERR_NOT_FOUND, and says how a source is written where the name looks like one.
  * Returns false. */
-bool sp_fail_missing(struct sp_error *err, const char *shown);
+bool sp_fail_missing(struct sp_error *err, const char *title);
 
 /* After an error SP_ERR_NOT_FOUND of a file that another one names: adds the remedy. */
 void sp_tell_namer(struct sp_error *err, const char *namer);

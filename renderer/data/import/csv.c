@@ -24,7 +24,7 @@
 #include "data/volume/unit.h"
 #include "data/volume/volume.h"
 
-enum { COLUMNS_MAX = 256, FIELD_BYTES = 64, PART = 1 << 16 };
+enum { COLUMNS_MAX = 256, FIELD_BYTES = 64, CHUNK_ROWS = 1 << 16 };
 
 struct csv {
     const struct import_file *file;
@@ -38,16 +38,16 @@ struct csv {
     double factors[3];        /* of the coordinates, from their own units to this one */
     struct import_columns columns;
     /* Where every PART rows begin, so that threads can read them; freed with it. */
-    struct part {
+    struct chunk {
         uint64_t at, line;
-    } * parts;
-    size_t part_count;
+    } * chunks;
+    size_t chunk_count;
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
+static bool probe(const uint8_t *start, size_t size, const char *title) {
     (void)start;
     (void)size;
-    return import_ends_with(shown, ".csv");
+    return import_ends_with(title, ".csv");
 }
 
 /* Fails at a line, and at a column if it is not NULL. */
@@ -58,7 +58,7 @@ refuse(const struct csv *c, const char *column, struct sp_error *err, const char
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    snprintf(place, sizeof place, "%.120s: line %" PRIu64 "%s%.63s", c->file->shown, c->line,
+    snprintf(place, sizeof place, "%.120s: line %" PRIu64 "%s%.63s", c->file->title, c->line,
              column ? ": column " : "", column ? column : "");
     return sp_fail(err, SP_ERR_FORMAT, place, "%s", text);
 }
@@ -74,7 +74,7 @@ static bool is_blank(const struct csv *c, int byte) {
 }
 
 /* Skips blank lines; false at the end of the file or, with *failed, on failure. */
-static bool find_line(struct csv *c, bool *failed, struct sp_error *err) {
+static bool skip_blank_lines(struct csv *c, bool *failed, struct sp_error *err) {
     int byte;
     while ((byte = import_text_peek(&c->text, err)) == '\n' || is_blank(c, byte)) {
         c->line += byte == '\n';
@@ -85,7 +85,7 @@ static bool find_line(struct csv *c, bool *failed, struct sp_error *err) {
 }
 
 /* Reads the next field without the blanks around it. *last is set if it ends its line. */
-static bool take_field(struct csv *c, char field[FIELD_BYTES], bool *last, struct sp_error *err) {
+static bool read_field(struct csv *c, char field[FIELD_BYTES], bool *last, struct sp_error *err) {
     size_t n = 0;
     int byte;
     enum { PLAIN, QUOTED, CLOSED } state = PLAIN;
@@ -116,7 +116,7 @@ static bool take_field(struct csv *c, char field[FIELD_BYTES], bool *last, struc
 }
 
 /* The separator is the first of these that occurs in the line. */
-static bool find_separator(struct csv *c, struct sp_error *err) {
+static bool choose_separator(struct csv *c, struct sp_error *err) {
     static const char separators[] = "\t;,";
     size_t best = 2;
     bool quoted = false;
@@ -162,7 +162,7 @@ static int axis_of(const char *name, char unit[SP_UNIT_BYTES]) {
 }
 
 /* The unit of x is that of all. */
-static void take_units(struct csv *c, char units[3][SP_UNIT_BYTES]) {
+static void apply_units(struct csv *c, char units[3][SP_UNIT_BYTES]) {
     const struct sp_unit *of_x = sp_unit_find(units[0]);
     bool are_alike = true, are_known = of_x != NULL;
     for (int axis = 1; axis < 3; axis++) {
@@ -170,7 +170,7 @@ static void take_units(struct csv *c, char units[3][SP_UNIT_BYTES]) {
         are_known &= sp_unit_find(units[axis]) != NULL;
     }
     if (are_alike || are_known)
-        snprintf(c->unit, sizeof c->unit, "%.31s", are_alike ? units[0] : of_x->shown);
+        snprintf(c->unit, sizeof c->unit, "%.31s", are_alike ? units[0] : of_x->symbol);
     else
         import_warn(
             c->file->warnings,
@@ -197,7 +197,7 @@ static void name_axes(struct csv *c) {
         return;
     for (int axis = 0; axis < 3; axis++)
         c->name_of[found[axis]] = names[axis];
-    take_units(c, units);
+    apply_units(c, units);
 }
 
 static bool refuse_names(const struct csv *c, struct sp_error *err) {
@@ -213,23 +213,23 @@ static bool refuse_names(const struct csv *c, struct sp_error *err) {
                   names);
 }
 
-static bool take_names(struct csv *c, struct sp_error *err) {
+static bool read_names(struct csv *c, struct sp_error *err) {
     bool last = false, failed;
     static const int mark[] = { 0xef, 0xbb, 0xbf }; /* of byte order, as UTF-8 */
     for (int i = 0; i < 3 && import_text_peek(&c->text, err) == mark[i]; i++)
         c->text.at++;
-    if (!find_line(c, &failed, err))
+    if (!skip_blank_lines(c, &failed, err))
         return failed ? false : refuse(c, NULL, err, "the file has no names of columns");
     if (import_text_peek(&c->text, err) == '#') /* as numpy.savetxt() begins its header */
         c->text.at++;
     uint64_t start = c->text.at;
-    if (!find_separator(c, err))
+    if (!choose_separator(c, err))
         return false;
     for (c->text.at = start; !last; c->count++) {
         if (c->count == COLUMNS_MAX)
             return refuse(c, NULL, err, "the file has more than %d columns, the limit",
                           COLUMNS_MAX);
-        if (!take_field(c, c->names[c->count], &last, err))
+        if (!read_field(c, c->names[c->count], &last, err))
             return false;
         c->name_of[c->count] = c->names[c->count];
     }
@@ -244,17 +244,17 @@ static bool take_names(struct csv *c, struct sp_error *err) {
 
 /* Notes that a part begins at the next row. */
 static bool add_part(struct csv *c, struct sp_error *err) {
-    if (!sp_grow(&c->parts, c->part_count, sizeof *c->parts))
-        return sp_fail(err, SP_ERR_MEMORY, c->file->shown, "out of memory for the rows");
-    c->parts[c->part_count++] = (struct part){ c->text.at, c->line };
+    if (!sp_grow(&c->chunks, c->chunk_count, sizeof *c->chunks))
+        return sp_fail(err, SP_ERR_MEMORY, c->file->title, "out of memory for the rows");
+    c->chunks[c->chunk_count++] = (struct chunk){ c->text.at, c->line };
     return true;
 }
 
 static bool count_rows(struct csv *c, uint64_t *rows, struct sp_error *err) {
     bool failed;
-    for (*rows = 0; find_line(c, &failed, err); ++*rows) {
+    for (*rows = 0; skip_blank_lines(c, &failed, err); ++*rows) {
         int byte;
-        if (*rows % PART == 0) {
+        if (*rows % CHUNK_ROWS == 0) {
             import_report(c->file->opening, c->text.at);
             if (!add_part(c, err))
                 return false;
@@ -268,7 +268,7 @@ static bool count_rows(struct csv *c, uint64_t *rows, struct sp_error *err) {
 
 static void close_csv(void *reader) {
     struct csv *c = reader;
-    free(c->parts);
+    free(c->chunks);
 }
 
 static bool open_csv(void *reader, const struct import_file *file, struct import_header *header,
@@ -280,7 +280,7 @@ static bool open_csv(void *reader, const struct import_file *file, struct import
     for (int axis = 0; axis < 3; axis++)
         c->factors[axis] = 1;
     import_text_init(&c->text, file, 0, file->size);
-    if (!take_names(c, err) || !count_rows(c, &rows, err))
+    if (!read_names(c, err) || !count_rows(c, &rows, err))
         return false;
     if (rows > SP_ELEMENTS_MAX)
         return refuse(c, NULL, err, "%" PRIu64 " points; a volume has at most %d", rows,
@@ -308,13 +308,13 @@ static void use_point(char field[FIELD_BYTES]) {
         *comma = '.';
 }
 
-static bool take_row(struct csv *c, double row[COLUMNS_MAX], struct sp_error *err) {
+static bool read_row(struct csv *c, double row[COLUMNS_MAX], struct sp_error *err) {
     char field[FIELD_BYTES], *end;
     bool last = false;
     for (unsigned i = 0; i < c->count; i++) {
         if (last)
             return refuse(c, NULL, err, "the row has %u fields instead of %u", i, c->count);
-        if (!take_field(c, field, &last, err))
+        if (!read_field(c, field, &last, err))
             return false;
         if (c->separator != ',')
             use_point(field);
@@ -330,48 +330,48 @@ static bool take_row(struct csv *c, double row[COLUMNS_MAX], struct sp_error *er
 struct reading {
     const struct sp_elements *elements;
     const struct import_progress *progress;
-    struct csv *copies; /* by thread: each has a window of its own */
+    struct csv *copies; /* by thread: each has a buffer of its own */
     atomic_size_t rows; /* that are read */
     atomic_size_t ends; /* the first part that failed; parts behind it are left */
     pthread_mutex_t mutex;
     struct sp_error *err; /* of that part; with the mutex */
 };
 
-static bool read_part(struct csv *c, const struct sp_elements *e, size_t part,
-                      struct sp_error *err) {
+static bool read_chunk(struct csv *c, const struct sp_elements *e, size_t chunk,
+                       struct sp_error *err) {
     double row[COLUMNS_MAX];
     bool failed;
-    const size_t end = (part + 1) * PART;
-    import_text_init(&c->text, c->file, c->parts[part].at, c->file->size);
-    c->line = c->parts[part].line;
-    for (size_t i = part * PART; i < end && i < e->shape.count; i++, c->line++) {
-        if (!find_line(c, &failed, err))
+    const size_t end = (chunk + 1) * CHUNK_ROWS;
+    import_text_init(&c->text, c->file, c->chunks[chunk].at, c->file->size);
+    c->line = c->chunks[chunk].line;
+    for (size_t i = chunk * CHUNK_ROWS; i < end && i < e->shape.count; i++, c->line++) {
+        if (!skip_blank_lines(c, &failed, err))
             return failed
                        ? false
                        : refuse(
                              c, NULL, err,
                              "the file ends before its last row: it was changed while it was read");
-        if (!take_row(c, row, err))
+        if (!read_row(c, row, err))
             return false;
-        import_columns_take(&c->columns, row, e, (uint32_t)i);
+        import_columns_copy(&c->columns, row, e, (uint32_t)i);
     }
     return true;
 }
 
-static void read_parts(void *user, size_t begin, size_t end, unsigned worker) {
+static void read_chunks(void *user, size_t begin, size_t end, unsigned worker) {
     struct reading *r = user;
     struct csv *c = &r->copies[worker];
-    for (size_t part = begin; part < end && part < r->ends; part++) {
+    for (size_t chunk = begin; chunk < end && chunk < r->ends; chunk++) {
         struct sp_error err;
-        if (!read_part(c, r->elements, part, &err)) {
+        if (!read_chunk(c, r->elements, chunk, &err)) {
             pthread_mutex_lock(&r->mutex);
-            if (part < r->ends) {
-                r->ends = part;
+            if (chunk < r->ends) {
+                r->ends = chunk;
                 *r->err = err;
             }
             pthread_mutex_unlock(&r->mutex);
         }
-        const size_t rows = PART + atomic_fetch_add(&r->rows, PART);
+        const size_t rows = CHUNK_ROWS + atomic_fetch_add(&r->rows, CHUNK_ROWS);
         if (worker == 0) /* the thread that may report */
             import_report(r->progress, (uint64_t)rows * 4 * sizeof(float));
     }
@@ -381,22 +381,22 @@ static void read_parts(void *user, size_t begin, size_t end, unsigned worker) {
 static bool read_elements(void *reader, const struct sp_elements *elements,
                           const struct import_progress *progress, struct sp_error *err) {
     const struct csv *c = reader;
-    struct sp_pool *pool = sp_pool_create(c->part_count > 1 ? sp_volume_threads() : 1, err);
+    struct sp_pool *pool = sp_pool_create(c->chunk_count > 1 ? sp_volume_threads() : 1, err);
     if (!pool)
         return false;
     struct sp_error why = { .code = SP_OK };
     struct reading r = { .elements = elements,
                          .progress = progress,
                          .copies = malloc(sp_pool_threads(pool) * sizeof *r.copies),
-                         .ends = c->part_count,
+                         .ends = c->chunk_count,
                          .mutex = PTHREAD_MUTEX_INITIALIZER,
                          .err = &why };
     for (unsigned i = 0; r.copies && i < sp_pool_threads(pool); i++)
         r.copies[i] = *c;
     if (r.copies)
-        sp_parallel_for(pool, c->part_count, 1, read_parts, &r);
+        sp_parallel_for(pool, c->chunk_count, 1, read_chunks, &r);
     else
-        sp_fail(&why, SP_ERR_MEMORY, c->file->shown, "out of memory for the rows");
+        sp_fail(&why, SP_ERR_MEMORY, c->file->title, "out of memory for the rows");
     sp_pool_destroy(&pool);
     free(r.copies);
     if (why.code != SP_OK && err)

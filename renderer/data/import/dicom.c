@@ -28,8 +28,8 @@ struct dicom {
     double *places;                      /* owned; of slices that do not lie evenly */
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    return dicom_is_file(start, size) || dicom_has_ending(shown);
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    return dicom_is_file(start, size) || dicom_has_ending(title);
 }
 
 /* Loads the module, and describes the file unless it is a folder. An image, or a DICOMDIR, is
@@ -79,7 +79,7 @@ static bool list_slices(struct dicom *d, struct import_header *header, struct sp
     return !has_frames || dicom_frames_choose(source, slices, err);
 }
 
-static bool find_slices(struct dicom *d, struct import_header *header, struct sp_error *err) {
+static bool prepare_slices(struct dicom *d, struct import_header *header, struct sp_error *err) {
     struct dicom_source *source = &d->source;
     struct dicom_slices *slices = &d->slices;
     if (!list_slices(d, header, err))
@@ -92,14 +92,14 @@ static bool find_slices(struct dicom *d, struct import_header *header, struct sp
     if (source->image.has_labels)
         import_name(header->value_name, "labels");
     return (is_sorted ||
-            sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices")) &&
-           dicom_slices_take_field(slices, source, header, err) &&
-           dicom_slices_take_step(slices, source, header, err);
+            sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the slices")) &&
+           dicom_slices_choose_field(slices, source, header, err) &&
+           dicom_slices_choose_step(slices, source, header, err);
 }
 
 /* Slope, intercept and unit of all slices. */
-static bool take_values(struct dicom *d, struct import_header *header, bool *is_uniform,
-                        struct sp_error *err) {
+static bool check_rescale(struct dicom *d, struct import_header *header, bool *is_uniform,
+                          struct sp_error *err) {
     const struct dicom_frame *first = &d->slices.items[0].is;
     bool has_unit = first->unit[0], has_zero = false;
     *is_uniform = true;
@@ -125,7 +125,7 @@ static bool take_values(struct dicom *d, struct import_header *header, bool *is_
 }
 
 /* Segments that lie in one volume: each pixel has the label of its segment, or 0. */
-static void take_labels(struct dicom *d) {
+static void choose_label_type(struct dicom *d) {
     uint32_t most = 0;
     for (uint32_t i = 0; i < d->slices.count; i++)
         if (d->slices.items[i].is.segment > most)
@@ -149,13 +149,13 @@ static void choose_type(struct dicom *d, bool is_uniform) {
         c->type = is_wide ? SP_FLOAT64 : SP_FLOAT32;
 }
 
-static bool take_type(struct dicom *d, struct import_header *header, struct sp_error *err) {
+static bool set_type(struct dicom *d, struct import_header *header, struct sp_error *err) {
     const struct dicom_frame *first = &d->slices.items[0].is;
     struct import_conversion *c = &d->conversion;
     bool is_uniform;
     *c = (struct import_conversion){ .slope = 1 };
     if (!dicom_samples_type(&d->source, &d->source.image, "", &c->number, &c->components, err) ||
-        !take_values(d, header, &is_uniform, err))
+        !check_rescale(d, header, &is_uniform, err))
         return false;
     c->slope = first->slope;
     c->offset = first->intercept;
@@ -167,7 +167,7 @@ static bool take_type(struct dicom *d, struct import_header *header, struct sp_e
         c->component =
             import_header_choose_component(header, d->source.file->field, c->components, true);
     if (d->slices.are_together)
-        take_labels(d);
+        choose_label_type(d);
     header->type = c->type;
     return true;
 }
@@ -177,13 +177,13 @@ static bool open_dicom(void *reader, const struct import_file *file, struct impo
     struct dicom *d = reader;
     d->source.file = file;
     struct dicom_source *source = &d->source;
-    if (!open_source(source, err) || !find_slices(d, header, err))
+    if (!open_source(source, err) || !prepare_slices(d, header, err))
         return false;
     if (source->image.note[0])
         import_warn(source->file->warnings, "%s", source->image.note);
-    return take_type(d, header, err) &&
-           dicom_grid_take(&d->slices, source, header, &d->places, err) &&
-           sp_grid_check(&header->grid, header->type, source->file->shown, &header->bytes, err);
+    return set_type(d, header, err) &&
+           dicom_grid_fill(&d->slices, source, header, &d->places, err) &&
+           sp_grid_check(&header->grid, header->type, source->file->title, &header->bytes, err);
 }
 
 static void close_dicom(void *reader) {
@@ -227,7 +227,7 @@ static bool open_file(const struct dicom *d, const char *name, size_t pixels, st
         return false;
     char *larger = realloc(r->unpacked, pixels * r->samples.channels * r->samples.number.size);
     if (!larger)
-        return sp_fail(err, SP_ERR_MEMORY, d->source.file->shown, "out of memory for a frame");
+        return sp_fail(err, SP_ERR_MEMORY, d->source.file->title, "out of memory for a frame");
     r->unpacked = larger;
     r->name = name;
     return true;
@@ -305,7 +305,7 @@ static bool read_dicom(void *reader, void *voxels, float (*vectors)[3],
     (void)vectors;
     r.is_damaged = calloc(d->slices.planes, sizeof *r.is_damaged);
     bool ok = r.is_damaged ||
-              sp_fail(err, SP_ERR_MEMORY, d->source.file->shown, "out of memory for the pixels");
+              sp_fail(err, SP_ERR_MEMORY, d->source.file->title, "out of memory for the pixels");
     for (uint32_t i = 0; ok && i < d->slices.count; i++) {
         const struct dicom_slice *s = &d->slices.items[i];
         struct sp_error why;
@@ -332,7 +332,7 @@ static bool list_series(const struct import_file *file, struct import_series_lis
                         struct sp_error *err) {
     struct dicom_source *source = calloc(1, sizeof *source);
     if (!source)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory");
     source->file = file;
     const bool ok = open_source(source, err) && dicom_list_series(source, list, err);
     free(source);

@@ -40,7 +40,7 @@ bool dicom_fail(const struct dicom_source *source, enum sp_code code, const char
                 const char *text, struct sp_error *err) {
     char place[SP_ERROR_PLACE];
     const bool is_same = strcmp(name, "") == 0;
-    snprintf(place, sizeof place, "%.180s%s%.60s", source->file->shown, is_same ? "" : ": ", name);
+    snprintf(place, sizeof place, "%.180s%s%.60s", source->file->title, is_same ? "" : ": ", name);
     return sp_fail(err, code, place, "%s", text);
 }
 

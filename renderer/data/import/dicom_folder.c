@@ -24,8 +24,8 @@ __attribute__((format(printf, 2, 3))) static void append(struct import_list *lis
 
 /* What warnings call a file. */
 static const char *name_of(const struct dicom_source *source, const char *name) {
-    const char *slash = strrchr(source->file->shown, '/');
-    return *name ? name : slash ? slash + 1 : source->file->shown;
+    const char *slash = strrchr(source->file->title, '/');
+    return *name ? name : slash ? slash + 1 : source->file->title;
 }
 
 /* The choice of a series. */
@@ -99,7 +99,7 @@ static bool fail_unknown(const struct dicom_source *source, const struct dicom_s
         if (scan->stacks[n].is_main)
             append_series(scan, n, &list);
     import_list_end(&list, false);
-    return sp_fail(err, SP_ERR_NOT_FOUND, source->file->shown,
+    return sp_fail(err, SP_ERR_NOT_FOUND, source->file->title,
                    "there is no series \"%.64s\"; there are: %s", source->file->selection.series,
                    text);
 }
@@ -123,14 +123,14 @@ static bool choose(const struct dicom_source *source, const struct dicom_scan *s
     const struct import_file *file = source->file;
     *chosen = 0;
     if (scan->stack_count == 0)
-        return sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
+        return sp_fail(err, SP_ERR_NOT_FOUND, file->title,
                        scan->damaged.count ? "no DICOM image in this folder can be read: %.255s"
                                            : "there is no DICOM image in this folder%s",
                        scan->damaged.count ? scan->damaged.names[0] : "");
     if (!source->is_named)
         return choose_largest(source, scan, chosen, err);
     return !*file->selection.series || match(&source->image, file->selection.series) > 0 ||
-           sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
+           sp_fail(err, SP_ERR_NOT_FOUND, file->title,
                    "the file belongs to the series %.64s, not to \"%.64s\"; open the folder to "
                    "choose another series",
                    source->image.series, file->selection.series);
@@ -276,7 +276,7 @@ static bool add_slices(const struct dicom_source *source, struct dicom_scan *sca
     struct dicom_found **found = malloc(scan->count * sizeof *found);
     uint32_t count = 0;
     if (!found)
-        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+        return sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the slices");
     for (uint32_t i = 0; i < scan->count; i++)
         if (!scan->images[i].is_copy && scan->images[i].stack == chosen)
             found[count++] = &scan->images[i];

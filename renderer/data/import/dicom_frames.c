@@ -34,7 +34,7 @@ static bool is_in_stack(const struct dicom_slice *slice, const void *user) {
     return is_same_stack(&slice->is, user);
 }
 
-static unsigned find_stacks(const struct dicom_slices *slices, struct stack *stacks) {
+static unsigned list_stacks(const struct dicom_slices *slices, struct stack *stacks) {
     unsigned count = 0;
     for (uint32_t i = 0; i < slices->count; i++) {
         const struct dicom_frame *is = &slices->items[i].is;
@@ -54,7 +54,7 @@ static void keep_stack(struct dicom_slices *slices, const struct dicom_source *s
     struct stack stacks[STACKS_MAX];
     char others[140] = "";
     struct import_list list;
-    const unsigned count = find_stacks(slices, stacks);
+    const unsigned count = list_stacks(slices, stacks);
     const uint32_t all = slices->count;
     unsigned best = 0;
     if (count < 2)
@@ -107,7 +107,7 @@ static bool is_falling(const struct dicom_slices *slices) {
 }
 
 static bool fail_memory(const struct dicom_source *source, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the frames");
+    return sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the frames");
 }
 
 static bool describe_frames(const struct dicom_source *source, const char *name,

@@ -152,7 +152,7 @@ static void warn_of_missing(const struct dicom_slices *slices, const struct dico
                               "ImagePositionPatient. Check the heights of the slices.");
 }
 
-bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_source *source,
+bool dicom_grid_fill(const struct dicom_slices *slices, const struct dicom_source *source,
                      struct import_header *header, double **places, struct sp_error *err) {
     struct sp_grid *grid = &header->grid;
     const struct dicom_frame *first = &slices->items[0].is;
@@ -176,7 +176,7 @@ bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_sourc
         grid->origin[row] = slices->plane[0].position[row];
     }
     if (slices->planes > 1 && !place_slices(slices, source->file->warnings, grid, places))
-        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+        return sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the slices");
     if (source->image.is_in_patient)
         import_header_set_anatomy(header, "LPS");
     return true;

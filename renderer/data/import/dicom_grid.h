@@ -9,7 +9,7 @@
 
 /* Fills the grid, its unit and anatomy, and warns of gaps. `*places` receives the coordinates of
  * the slices or NULL; free() them after close(). */
-bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_source *source,
+bool dicom_grid_fill(const struct dicom_slices *slices, const struct dicom_source *source,
                      struct import_header *header, double **places, struct sp_error *err);
 
 /* Says that images of one place, which become fields or steps, lie beside each other, as those of

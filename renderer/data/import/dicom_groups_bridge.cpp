@@ -17,7 +17,7 @@ struct groups { /* the functional groups of one frame */
     gdcm::DataSet own, shared;
 
     /* The group in which the frame, or else all frames, have this; it may be empty. */
-    gdcm::DataSet find(uint16_t group, uint16_t element) const {
+    gdcm::DataSet lookup(uint16_t group, uint16_t element) const {
         const gdcm::DataSet of_frame = dicom_item(own, group, element);
         return of_frame.IsEmpty() ? dicom_item(shared, group, element) : of_frame;
     }
@@ -93,7 +93,7 @@ bool copy_numbers(const numbers &from, size_t count, double *out) {
     return true;
 }
 
-bool take_directions(const numbers &cosines, dicom_frame &frame) {
+bool set_directions(const numbers &cosines, dicom_frame &frame) {
     if (!copy_numbers(cosines, 6, frame.along[0]))
         return false;
     for (auto &along : frame.along) {
@@ -163,7 +163,7 @@ void fill_plain_spacing(const gdcm::DataSet &set, dicom_frame &frame) {
 }
 
 void fill_spacing(const groups &in, dicom_frame &frame) {
-    const gdcm::DataSet measures = in.find(0x0028, 0x9110);
+    const gdcm::DataSet measures = in.lookup(0x0028, 0x9110);
     fill_plain_spacing(measures.IsEmpty() ? in.file : measures, frame);
     const gdcm::DataSet &set = measures.IsEmpty() ? in.file : measures;
     const double between = dicom_number(set, 0x0018, 0x0088);
@@ -176,13 +176,14 @@ void fill_spacing(const groups &in, dicom_frame &frame) {
  * one for all frames. */
 bool fill_place(const groups &in, const gdcm::DataSet &detector, dicom_frame &frame, bool &of_all) {
     const gdcm::DataSet &file = dicom_text(detector, 0x0020, 0x0032).empty() ? in.file : detector;
-    const gdcm::DataSet position = in.find(0x0020, 0x9113), orientation = in.find(0x0020, 0x9116);
-    const gdcm::DataSet in_volume = in.find(0x0020, 0x930e);
+    const gdcm::DataSet position = in.lookup(0x0020, 0x9113),
+                        orientation = in.lookup(0x0020, 0x9116);
+    const gdcm::DataSet in_volume = in.lookup(0x0020, 0x930e);
     of_all = false;
     if (!in_volume.IsEmpty())
         return copy_numbers(dicom_values<double>(in_volume, 0x0020, 0x9301), 3, frame.position) &&
-               take_directions(dicom_values<double>(in.find(0x0020, 0x930f), 0x0020, 0x9302),
-                               frame);
+               set_directions(dicom_values<double>(in.lookup(0x0020, 0x930f), 0x0020, 0x9302),
+                              frame);
     of_all = position.IsEmpty();
     const dicom_gap gap = dicom_gap_of(in.file);
     if (gap != DICOM_NO_GAP) { /* a note says so */
@@ -195,7 +196,7 @@ bool fill_place(const groups &in, const gdcm::DataSet &detector, dicom_frame &fr
         copy_numbers(dicom_numbers(of_all ? file : position, 0x0020, 0x0032), 3, frame.position);
     const numbers cosines =
         dicom_numbers(orientation.IsEmpty() ? file : orientation, 0x0020, 0x0037);
-    const bool has_directions = take_directions(cosines, frame);
+    const bool has_directions = set_directions(cosines, frame);
     frame.is_turned_wrong = has_position && !has_directions && cosines.size() >= 6;
     return has_position && has_directions;
 }
@@ -222,7 +223,7 @@ std::string unit_of_file(const gdcm::DataSet &set) {
  * a "HU" is a mistake. */
 bool is_hounsfield(const groups &in, const std::string &modality, const std::string &type) {
     const std::string kind = dicom_text(in.file, 0x0008, 0x0008);
-    const std::string flavour = dicom_text(in.find(0x0018, 0x9329), 0x0008, 0x9007);
+    const std::string flavour = dicom_text(in.lookup(0x0018, 0x9329), 0x0008, 0x9007);
     const bool is_overview = kind.find("LOCALIZER") != std::string::npos ||
                              flavour.find("LOCALIZER") != std::string::npos;
     const bool is_derived = kind.compare(0, 7, "DERIVED") == 0;
@@ -232,9 +233,9 @@ bool is_hounsfield(const groups &in, const std::string &modality, const std::str
 /* Rescaled values, or else those of the real world, or else those of the file. */
 void fill_values(const groups &in, dicom_frame &frame) {
     const std::string modality = dicom_text(in.file, 0x0008, 0x0060);
-    const gdcm::DataSet own = in.find(0x0028, 0x9145);
+    const gdcm::DataSet own = in.lookup(0x0028, 0x9145);
     const gdcm::DataSet &transform = own.IsEmpty() ? in.file : own;
-    const gdcm::DataSet of_groups = in.find(0x0040, 0x9096);
+    const gdcm::DataSet of_groups = in.lookup(0x0040, 0x9096);
     const gdcm::DataSet world =
         of_groups.IsEmpty() ? dicom_item(in.file, 0x0040, 0x9096) : of_groups;
     const double dose = dicom_number(in.file, 0x3004, 0x000e);
@@ -291,7 +292,7 @@ std::string flavour_of(const groups &in) {
         { 0x0040, 0x9092 },
     };
     for (const auto &tag : sequences) {
-        const gdcm::DataSet type = in.find(tag[0], tag[1]);
+        const gdcm::DataSet type = in.lookup(tag[0], tag[1]);
         const std::string part = dicom_text(type, 0x0008, 0x9208); /* ComplexImageComponent */
         const std::string text = dicom_text(type, 0x0008, 0x9007);
         std::vector<std::string> words(1);
@@ -315,11 +316,12 @@ std::string flavour_of(const groups &in) {
         std::replace(name.begin(), name.end(), '\\', ' ');
         return name;
     }
-    return dicom_text(in.find(0x0018, 0x9807), 0x0018, 0x9808); /* of ultrasound */
+    return dicom_text(in.lookup(0x0018, 0x9807), 0x0018, 0x9808); /* of ultrasound */
 }
 
 std::string direction_of(const groups &in) {
-    const numbers n = dicom_gradient(in.file, dicom_item(in.find(0x0018, 0x9117), 0x0018, 0x9076));
+    const numbers n =
+        dicom_gradient(in.file, dicom_item(in.lookup(0x0018, 0x9117), 0x0018, 0x9076));
     char text[DICOM_TEXT_BYTES];
     if (n.size() < 3)
         return "";
@@ -350,7 +352,7 @@ void fill_texts(const groups &in, dicom_frame &frame) {
     const std::string derivation = dicom_text(in.file, 0x0008, 0x2111);
     if (!derivation.empty())
         set_text(frame, DICOM_TEXT_DESCRIPTION, dicom_words(in.file, derivation));
-    const std::string kernel = dicom_text(in.find(0x0018, 0x9314), 0x0018, 0x1210);
+    const std::string kernel = dicom_text(in.lookup(0x0018, 0x9314), 0x0018, 0x1210);
     if (!kernel.empty())
         set_text(frame, DICOM_TEXT_KERNEL, kernel);
     const std::string type = dicom_text(in.file, 0x0008, 0x0008);
@@ -358,13 +360,13 @@ void fill_texts(const groups &in, dicom_frame &frame) {
     set_text(frame, DICOM_TEXT_ORIGIN, end == std::string::npos ? type : type.substr(0, end - 1));
     if (!frame.segment)
         set_text(frame, DICOM_TEXT_FLAVOUR, flavour_of(in));
-    set_text(frame, DICOM_TEXT_QUANTITY, dicom_text(in.find(0x0040, 0x9096), 0x0040, 0x9210));
+    set_text(frame, DICOM_TEXT_QUANTITY, dicom_text(in.lookup(0x0040, 0x9096), 0x0040, 0x9210));
     set_text(frame, DICOM_TEXT_UNIT, frame.unit);
     set_text(frame, DICOM_TEXT_DIRECTION, direction_of(in));
 }
 
 void fill_segment(const groups &in, dicom_frame &frame) {
-    const double number = dicom_value<uint16_t>(in.find(0x0062, 0x000a), 0x0062, 0x000b);
+    const double number = dicom_value<uint16_t>(in.lookup(0x0062, 0x000a), 0x0062, 0x000b);
     const double most = dicom_value<uint16_t>(in.file, 0x0062, 0x000e);
     const std::string type = dicom_text(in.file, 0x0062, 0x0001);
     if (!(number > 0))
@@ -384,10 +386,10 @@ void fill_segment(const groups &in, dicom_frame &frame) {
 }
 
 void fill_time(const groups &in, dicom_frame &frame) {
-    const gdcm::DataSet content = in.find(0x0020, 0x9111), heart = in.find(0x0018, 0x9118);
+    const gdcm::DataSet content = in.lookup(0x0020, 0x9111), heart = in.lookup(0x0018, 0x9118);
     set_key(frame, DICOM_KEY_PHASE, dicom_value<uint32_t>(content, 0x0020, 0x9128));
     set_key(frame, DICOM_KEY_DELAY,
-            dicom_value<double>(in.find(0x0020, 0x9310), 0x0020, 0x930d)); /* [s] */
+            dicom_value<double>(in.lookup(0x0020, 0x9310), 0x0020, 0x930d)); /* [s] */
     set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(heart, 0x0020, 0x9153), 1e-3);
     set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(heart, 0x0020, 0x9252), 1e-3);
     set_key(frame, DICOM_KEY_PERCENT, dicom_value<float>(heart, 0x0020, 0x9241));
@@ -409,26 +411,26 @@ void fill_time(const groups &in, dicom_frame &frame) {
 }
 
 void fill_contrast(const groups &in, dicom_frame &frame) {
-    const gdcm::DataSet diffusion = in.find(0x0018, 0x9117);
-    set_key(frame, DICOM_KEY_ECHO, dicom_value<double>(in.find(0x0018, 0x9114), 0x0018, 0x9082));
+    const gdcm::DataSet diffusion = in.lookup(0x0018, 0x9117);
+    set_key(frame, DICOM_KEY_ECHO, dicom_value<double>(in.lookup(0x0018, 0x9114), 0x0018, 0x9082));
     set_key(frame, DICOM_KEY_ECHO, dicom_number(in.file, 0x0018, 0x0081));
     set_key(frame, DICOM_KEY_DIFFUSION, dicom_value<double>(diffusion, 0x0018, 0x9087));
     set_key(frame, DICOM_KEY_DIFFUSION, dicom_b_value(in.file));
     if (std::isnan(frame.keys[DICOM_KEY_ECHO]))
         set_key(frame, DICOM_KEY_ECHO_NUMBER, dicom_number(in.file, 0x0018, 0x0086));
     set_key(frame, DICOM_KEY_VOLTAGE, dicom_number(in.file, 0x0018, 0x0060));
-    set_key(frame, DICOM_KEY_VOLTAGE, dicom_number(in.find(0x0018, 0x9325), 0x0018, 0x0060));
+    set_key(frame, DICOM_KEY_VOLTAGE, dicom_number(in.lookup(0x0018, 0x9325), 0x0018, 0x0060));
     set_key(frame, DICOM_KEY_FLIP, dicom_number(in.file, 0x0018, 0x1314));
     set_key(frame, DICOM_KEY_INVERSION, dicom_number(in.file, 0x0018, 0x0082));
     set_key(frame, DICOM_KEY_THICKNESS, dicom_number(in.file, 0x0018, 0x0050));
-    const gdcm::DataSet content = in.find(0x0020, 0x9111);
+    const gdcm::DataSet content = in.lookup(0x0020, 0x9111);
     dicom_copy(frame.stack, sizeof frame.stack, dicom_text(content, 0x0020, 0x9056));
 }
 
 void fill_dimensions(const groups &in, const std::vector<dicom_dimension> &dimensions,
                      dicom_frame &frame, dicom_tuple *other) {
     const std::vector<uint32_t> indices =
-        dicom_values<uint32_t>(in.find(0x0020, 0x9111), 0x0020, 0x9157);
+        dicom_values<uint32_t>(in.lookup(0x0020, 0x9111), 0x0020, 0x9157);
     dicom_tuple tuple;
     std::string name;
     for (const dicom_dimension &is : dimensions) {
@@ -436,7 +438,7 @@ void fill_dimensions(const groups &in, const std::vector<dicom_dimension> &dimen
             return;
         tuple.push_back(indices[is.place]);
         name += (name.empty() ? "" : ", ") + is.label + " " +
-                dicom_dimension_value(in.find(is.group.GetGroup(), is.group.GetElement()), is,
+                dicom_dimension_value(in.lookup(is.group.GetGroup(), is.group.GetElement()), is,
                                       indices[is.place]);
     }
     if (dimensions.empty())
@@ -524,7 +526,7 @@ static void fill_frame(const groups &in, const dicom_image &image, uint32_t inde
     fill_dimensions(in, parts.dimensions, frame, &order.other[index]);
     frame.is_placed = fill_place(in, parts.nuclear.detector(index), frame, of_all);
     const double instance = dicom_number(in.file, 0x0020, 0x0013);
-    const double in_stack = dicom_value<uint32_t>(in.find(0x0020, 0x9111), 0x0020, 0x9057);
+    const double in_stack = dicom_value<uint32_t>(in.lookup(0x0020, 0x9111), 0x0020, 0x9057);
     frame.instance = std::fabs(instance) < 1e12 ? static_cast<long>(instance) : 0;
     frame.slot = static_cast<double>(frame.instance);
     if (image.frames <= 1)

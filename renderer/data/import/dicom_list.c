@@ -9,8 +9,8 @@
 #include "data/import/dicom_scan.h"
 
 /* The entry of the series of an image; NULL = the list is full. */
-static struct sp_series *find_entry(struct import_series_list *list,
-                                    const struct dicom_image *image) {
+static struct sp_series *find_or_add_entry(struct import_series_list *list,
+                                           const struct dicom_image *image) {
     for (uint32_t i = 0; i < list->count; i++)
         if (strcmp(list->items[i].uid, image->series) == 0)
             return &list->items[i];
@@ -38,7 +38,7 @@ static void add_stacks(const struct dicom_scan *scan, struct import_series_list 
     for (uint32_t n = 0; n < scan->stack_count; n++) {
         const struct dicom_stack *stack = &scan->stacks[n];
         const struct dicom_image *image = dicom_scan_image(scan, n);
-        struct sp_series *entry = find_entry(list, image);
+        struct sp_series *entry = find_or_add_entry(list, image);
         if (!entry)
             continue;
         entry->images += stack->frames;

@@ -50,7 +50,7 @@ std::vector<uint64_t> read_offsets(const pixels &p) {
 
 /* Finds the fragments of each frame: one each, or else by the table of their offsets, or else by
  * how the code of a frame begins. */
-void find_frames(pixels &p) {
+void list_frames(pixels &p) {
     const size_t count = p.fragments->GetNumberOfFragments();
     if (count == p.frames || p.frames == 1) {
         for (size_t i = 0; i < p.frames; i++)
@@ -207,7 +207,7 @@ void *dicom_open_pixels(const char *path, dicom_image *image, char *why, size_t 
     if (file.GetDataSet().FindDataElement(tag))
         p->fragments = file.GetDataSet().GetDataElement(tag).GetSequenceOfFragments();
     if (p->fragments && p->frames > 0)
-        find_frames(*p);
+        list_frames(*p);
     if (!p->first.empty())
         dicom_check_colors(code_of(*p, 0), image);
     return p.release();

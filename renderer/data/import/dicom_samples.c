@@ -208,7 +208,7 @@ bool dicom_samples_open(struct dicom_samples *s, const struct dicom_source *sour
     s->raw_bytes = (size_t)frame_bytes(&s->image);
     s->raw = malloc(s->raw_bytes + 2);
     if (!s->raw)
-        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for a frame");
+        return sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for a frame");
     if (s->image.colors == DICOM_PALETTE &&
         !source->call->read_palette(path, &s->palette, why, sizeof why))
         return fail(s, why, err);
@@ -409,7 +409,7 @@ static bool read_tile(struct dicom_samples *s, uint32_t tile, char *out, struct 
     if (!s->mosaic) {
         s->mosaic = malloc(row * image->rows);
         if (!s->mosaic)
-            return sp_fail(err, SP_ERR_MEMORY, s->source->file->shown,
+            return sp_fail(err, SP_ERR_MEMORY, s->source->file->title,
                            "out of memory for a mosaic");
         if (!read_stored(s, 0, s->mosaic, err))
             return false;

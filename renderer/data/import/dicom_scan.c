@@ -247,7 +247,7 @@ static void mark_copies(const struct dicom_source *source, struct dicom_scan *sc
     }
 }
 
-static bool find_copies(const struct dicom_source *source, struct dicom_scan *scan) {
+static bool mark_all_copies(const struct dicom_source *source, struct dicom_scan *scan) {
     uint32_t *order = malloc((scan->count ? scan->count : 1) * sizeof *order);
     if (!order)
         return false;
@@ -318,8 +318,8 @@ static enum verdict judge(const struct dicom_source *source, const char *name, i
 
 /* Adds a file of the folder to the images or the damaged files. A file that has neither the bytes
  * nor the name of a DICOM file comes to the doubts, with the reason. */
-static bool take_file(const struct dicom_source *source, const char *name, struct dicom_scan *scan,
-                      struct import_names *doubts) {
+static bool add_file(const struct dicom_source *source, const char *name, struct dicom_scan *scan,
+                     struct import_names *doubts) {
     char why[SP_ERROR_TEXT];
     struct dicom_image image;
     struct sp_error ignored;
@@ -375,7 +375,7 @@ static bool read_folder(const struct dicom_source *source, const char *prefix,
     scan->is_bounded |= files.count == left;
     import_names_sort(&files, 0);
     for (uint32_t i = 0; ok && i < files.count; i++)
-        ok = take_file(source, files.names[i], scan, &doubts);
+        ok = add_file(source, files.names[i], scan, &doubts);
     ok = ok && resolve_doubts(scan, &doubts);
     import_names_finish(&files);
     import_names_finish(&doubts);
@@ -414,6 +414,6 @@ bool dicom_scan_read(const struct dicom_source *source, struct dicom_scan *scan,
     ok = ok && read_folder(source, "", scan);
     if (ok && !source->is_named)
         ok = read_below(source, scan);
-    return (ok && find_copies(source, scan) && make_stacks(scan)) ||
-           sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+    return (ok && mark_all_copies(source, scan) && make_stacks(scan)) ||
+           sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the slices");
 }

@@ -67,11 +67,11 @@ void dicom_slice_name(const struct dicom_slice *slice, char out[80]);
 /* Splits slices that share their places into steps, and keeps the slices of one step: of the wanted
  * step, or else of the step that has the opened file. Fails if
  * the places have different numbers of slices. */
-bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_source *source,
-                            struct import_header *header, struct sp_error *err);
+bool dicom_slices_choose_step(struct dicom_slices *slices, const struct dicom_source *source,
+                              struct import_header *header, struct sp_error *err);
 
 /* Keeps the slices of the wanted field and lists the others. */
-bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_source *source,
-                             struct import_header *header, struct sp_error *err);
+bool dicom_slices_choose_field(struct dicom_slices *slices, const struct dicom_source *source,
+                               struct import_header *header, struct sp_error *err);
 
 #endif

@@ -92,7 +92,7 @@ static bool is_even(const struct dicom_slices *slices, int key) {
 }
 
 /* The slices are sorted. Keys in which only slices of different places differ make no fields. */
-static void find_keys(const struct dicom_slices *slices, struct fields *fields) {
+static void mark_keys(const struct dicom_slices *slices, struct fields *fields) {
     for (uint32_t i = 1; i < slices->count; i++) {
         const struct dicom_slice *a = &slices->items[i - 1], *b = &slices->items[i];
         for (int key = 0; key < FIELD_KEYS && a->plane == b->plane; key++)
@@ -113,8 +113,8 @@ static bool join_agents(struct dicom_slices *slices) {
 }
 
 /* Segments are fields even where each lies in places of its own. */
-static void find_fields(const struct dicom_slices *slices, struct fields *fields) {
-    find_keys(slices, fields);
+static void list_fields(const struct dicom_slices *slices, struct fields *fields) {
+    mark_keys(slices, fields);
     fields->varies[DICOM_KEY_FLAVOUR] |= slices->items[0].is.segment > 0;
     for (uint32_t i = 0; i < slices->count && fields->count <= FIELDS_MAX; i++) {
         unsigned n = 0;
@@ -292,15 +292,15 @@ static unsigned find_opened(const struct dicom_slices *slices, const struct dico
     return 0;
 }
 
-bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_source *source,
-                             struct import_header *header, struct sp_error *err) {
+bool dicom_slices_choose_field(struct dicom_slices *slices, const struct dicom_source *source,
+                               struct import_header *header, struct sp_error *err) {
     char names[FIELDS_MAX][SP_FIELD_BYTES];
     struct fields fields = { .count = 0 };
     const bool are_labels = source->image.is_labels && slices->items[0].is.segment > 0;
     const char *wanted = source->file->field;
     if (!join_agents(slices))
-        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
-    find_fields(slices, &fields);
+        return sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the slices");
+    list_fields(slices, &fields);
     if (use_steps(slices, source, &fields) || (fields.count < 2 && !are_labels))
         return true;
     if (fields.count > FIELDS_MAX)
@@ -326,7 +326,7 @@ bool dicom_slices_take_field(struct dicom_slices *slices, const struct dicom_sou
     const struct kept_field kept = { &fields, *fields.slice[chosen] };
     dicom_slices_keep(slices, is_in_field, &kept);
     return slices->items[0].is.segment || dicom_slices_sort(slices) ||
-           sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+           sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the slices");
 }
 
 /* Steps: slices of one place at several times. */
@@ -430,8 +430,8 @@ static bool fill_times(const struct dicom_slices *slices, uint32_t steps, enum d
 
 /* The times of the steps, by the first key that has them. When the images were made counts only
  * where nothing but numbers tells them apart. */
-static bool take_times(struct dicom_slices *slices, const struct dicom_source *source,
-                       uint32_t steps, struct import_header *header) {
+static bool set_times(struct dicom_slices *slices, const struct dicom_source *source,
+                      uint32_t steps, struct import_header *header) {
     static const struct {
         enum dicom_key key;
         const char *unit;
@@ -456,8 +456,8 @@ static bool take_times(struct dicom_slices *slices, const struct dicom_source *s
 
 /* Returns the wanted step, or else the step that has the file which was opened by its name. Slice i
  * belongs to step i % `steps`. */
-static uint32_t find_step(const struct dicom_slices *slices, const struct dicom_source *source,
-                          uint32_t steps) {
+static uint32_t choose_step(const struct dicom_slices *slices, const struct dicom_source *source,
+                            uint32_t steps) {
     const bool is_asked = source->file->has_step || !source->is_named || is_one_file(slices);
     for (uint32_t i = 0; !is_asked && i < slices->count; i++)
         if (strcmp(slices->items[i].name, source->name) == 0)
@@ -465,8 +465,8 @@ static uint32_t find_step(const struct dicom_slices *slices, const struct dicom_
     return source->file->step;
 }
 
-bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_source *source,
-                            struct import_header *header, struct sp_error *err) {
+bool dicom_slices_choose_step(struct dicom_slices *slices, const struct dicom_source *source,
+                              struct import_header *header, struct sp_error *err) {
     uint32_t steps = slices->are_together ? 1 : count_steps(slices);
     if (steps == 0 && !dicom_times_complete(slices, source, err))
         return false;
@@ -478,11 +478,11 @@ bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_sour
         return false;
     if (steps == 1)
         return true;
-    if (!take_times(slices, source, steps, header))
-        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the times");
+    if (!set_times(slices, source, steps, header))
+        return sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the times");
     warn_of_numbers(slices, source, steps, header->steps.times != NULL);
     const uint32_t count = slices->count;
-    header->steps.index = find_step(slices, source, steps);
+    header->steps.index = choose_step(slices, source, steps);
     slices->count = 0;
     for (uint32_t i = 0; i < count; i++)
         if (i % steps == header->steps.index)

@@ -18,7 +18,7 @@ bool has_start(const bytes &code, const char *start, size_t count) {
 
 /* The marker segments of a JPEG before its pixels (ITU-T T.81, annex B). `take` gets the number of
  * the marker and the bytes of its segment; it returns false where it has seen enough. */
-template <typename Take> void for_segments(const bytes &code, Take take) {
+template <typename Visitor> void for_segments(const bytes &code, Visitor visit) {
     size_t at = 2;
     while (at + 4 <= code.size() && code[at] == 0xff) {
         const uint8_t marker = code[at + 1];
@@ -28,8 +28,8 @@ template <typename Take> void for_segments(const bytes &code, Take take) {
             continue;
         }
         if (length < 2 || at + 2 + length > code.size() ||
-            !take(marker, bytes(code.begin() + static_cast<long>(at) + 4,
-                                code.begin() + static_cast<long>(at + 2 + length))))
+            !visit(marker, bytes(code.begin() + static_cast<long>(at) + 4,
+                                 code.begin() + static_cast<long>(at + 2 + length))))
             return;
         at += 2 + length;
     }

@@ -93,7 +93,7 @@ static int compare_numbers(const void *a, const void *b, void *items) {
 }
 
 /* Where each plane comes in the first time. False if one is not there: the times stay unknown. */
-static bool find_ranks(const struct times *t, uint32_t *rank) {
+static bool compute_ranks(const struct times *t, uint32_t *rank) {
     const struct dicom_slices *slices = t->slices;
     for (uint32_t i = 0; i < t->places; i++) {
         const uint32_t plane = slices->items[t->order[i]].plane;
@@ -109,7 +109,7 @@ static bool number_by_order(struct times *t) {
     uint32_t *rank = t->count, before = 0;
     memset(rank, 0, count_groups(slices) * sizeof *rank);
     qsort_r(t->order, slices->count, sizeof *t->order, compare_numbers, slices->items);
-    if (!find_ranks(t, rank))
+    if (!compute_ranks(t, rank))
         return false;
     t->times = 1;
     for (uint32_t i = 0; i < slices->count; i++) {
@@ -197,7 +197,7 @@ static bool leave_out(struct times *t, struct dicom_slices *slices,
     import_warn(source->file->warnings, "Left out %u %s of %s: %s.", before - slices->count,
                 before - slices->count > 1 ? "images" : "image", what[t->rule], text);
     return dicom_slices_sort(slices) ||
-           sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+           sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the slices");
 }
 
 /* The last time of the morning: the one before the widest gap, if that is longer than half a day.
@@ -235,7 +235,7 @@ bool dicom_times_complete(struct dicom_slices *slices, const struct dicom_source
     struct times t;
     bool ok = create(&t, slices), is_known = false;
     if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the times");
+        sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for the times");
     for (size_t i = 0; ok && !is_known && i < sizeof keys / sizeof *keys; i++)
         is_known = number_by_key(&t, keys[i]);
     /* The number of a frame is only its place in the file. */

@@ -11,7 +11,7 @@
 #include "data/volume/curvilinear.h"
 
 /* The normal of triangle i, as long as twice its area. False if a vertex does not exist. */
-static bool find_normal(const struct sp_elements *e, uint32_t i, double normal[3]) {
+static bool compute_normal(const struct sp_elements *e, uint32_t i, double normal[3]) {
     const uint32_t *at = e->triangles[i];
     double edge[2][3];
     for (int k = 0; k < 3; k++)
@@ -27,11 +27,11 @@ static bool find_normal(const struct sp_elements *e, uint32_t i, double normal[3
     return true;
 }
 
-static void find_normals(const struct sp_elements *e) {
+static void compute_normals(const struct sp_elements *e) {
     for (uint32_t i = 0; i < e->shape.count; i++) {
         const uint32_t *at = e->triangles[i];
         double normal[3];
-        if (!find_normal(e, i, normal))
+        if (!compute_normal(e, i, normal))
             continue;
         for (int k = 0; k < 3; k++)
             for (int a = 0; a < 3; a++)
@@ -84,7 +84,7 @@ static void hide_colors(const struct sp_elements *e) {
 static bool is_flat(const struct sp_elements *e) {
     for (uint32_t i = 0; i < e->shape.count; i++) {
         double normal[3];
-        if (!find_normal(e, i, normal))
+        if (!compute_normal(e, i, normal))
             continue;
         if (fabs(normal[0]) + fabs(normal[1]) + fabs(normal[2]) > 0)
             return false;
@@ -150,7 +150,7 @@ static void warn_of_one_place(struct import_warnings *warnings, const struct sp_
 /* Coloured points. */
 
 /* The number of full colour. */
-static double find_color_most(const struct sp_elements *e) {
+static double choose_color_most(const struct sp_elements *e) {
     double most = 1;
     for (size_t i = 0; i < 3 * (size_t)e->shape.count; i++) {
         const double number = (double)e->harmonics[i];
@@ -197,13 +197,13 @@ static bool finish_colors(const struct import_file *file, const struct import_he
                           const struct sp_elements *e, const struct import_progress *progress,
                           struct sp_error *err) {
     const size_t count = e->shape.count ? e->shape.count : 1;
-    const double most = header->color_most > 0 ? header->color_most : find_color_most(e);
+    const double most = header->color_most > 0 ? header->color_most : choose_color_most(e);
     struct sp_elements points = *e;
     points.shape = (struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = e->shape.count };
     points.values = malloc(count * sizeof *points.values);
     points.volumes = malloc(count * sizeof *points.volumes);
     bool ok = (points.values && points.volumes) ||
-              sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the colours");
+              sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the colours");
     if (ok) {
         pack_colors(e, most, points.values);
         ok = header->has_factors || import_neighbours_finish(&points, progress, err);
@@ -248,7 +248,7 @@ bool import_elements_finish(const struct import_file *file, const struct import_
                             struct sp_error *err) {
     *folded = 0;
     if (elements->shape.kind == SP_KIND_MESH && !header->has_normals)
-        find_normals(elements);
+        compute_normals(elements);
     if (elements->shape.kind == SP_KIND_MESH)
         scale_colors(file->warnings, elements);
     if (header->are_colored_points && !finish_colors(file, header, elements, progress, err))

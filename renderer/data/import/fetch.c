@@ -44,18 +44,18 @@ struct fetch {
     char why[CURL_ERROR_SIZE];
 };
 
-static size_t take_body(char *bytes, size_t one, size_t count, void *user) {
+static size_t receive_body(char *bytes, size_t one, size_t count, void *user) {
     struct fetch *f = user;
     const uint64_t size = (uint64_t)one * count;
-    const uint64_t part = size < f->want - f->got ? size : f->want - f->got;
-    memcpy(f->memory + f->got, bytes, (size_t)part);
-    f->got += part;
-    f->is_full = part < size;
+    const uint64_t chunk = size < f->want - f->got ? size : f->want - f->got;
+    memcpy(f->memory + f->got, bytes, (size_t)chunk);
+    f->got += chunk;
+    f->is_full = chunk < size;
     return f->is_full ? 0 : one * count; /* 0 ends the transfer */
 }
 
 /* "Content-Range: bytes 0-99/1234", or "bytes STAR/1234" when nothing is there. */
-static size_t take_header(char *line, size_t one, size_t count, void *user) {
+static size_t parse_header(char *line, size_t one, size_t count, void *user) {
     static const char name[] = "content-range: bytes ";
     struct fetch *f = user;
     char text[96] = "";
@@ -234,7 +234,7 @@ static void serve(struct fetch *f, const struct remote_request *request,
     char address[SP_ADDRESS_BYTES * 4];
     long status;
     if (!sp_address_parse(f->base, &f->address, NULL) || !make_address(f, request->key, address) ||
-        !request->size || request->size > REMOTE_WINDOW || request->offset > INT64_MAX / 2) {
+        !request->size || request->size > REMOTE_BUFFER || request->offset > INT64_MAX / 2) {
         reply->found = REMOTE_MISSING;
         return;
     }
@@ -276,21 +276,21 @@ static bool set_up(struct fetch *f) {
     curl_easy_setopt(f->curl, CURLOPT_LOW_SPEED_TIME, (long)SLOW_S);
     curl_easy_setopt(f->curl, CURLOPT_USERAGENT, "splatd");
     curl_easy_setopt(f->curl, CURLOPT_ERRORBUFFER, f->why);
-    curl_easy_setopt(f->curl, CURLOPT_WRITEFUNCTION, take_body);
+    curl_easy_setopt(f->curl, CURLOPT_WRITEFUNCTION, receive_body);
     curl_easy_setopt(f->curl, CURLOPT_WRITEDATA, f);
-    curl_easy_setopt(f->curl, CURLOPT_HEADERFUNCTION, take_header);
+    curl_easy_setopt(f->curl, CURLOPT_HEADERFUNCTION, parse_header);
     curl_easy_setopt(f->curl, CURLOPT_HEADERDATA, f);
     curl_easy_setopt(f->curl, CURLOPT_OPENSOCKETFUNCTION, open_socket);
     curl_easy_setopt(f->curl, CURLOPT_OPENSOCKETDATA, f);
     if (certificates)
         curl_easy_setopt(f->curl, CURLOPT_CAINFO, certificates);
-    f->memory = mmap(NULL, REMOTE_WINDOW, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
+    f->memory = mmap(NULL, REMOTE_BUFFER, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
     return f->memory != MAP_FAILED;
 }
 
 /* Name resolution and TLS read their configuration, certificates and modules; nothing is written.
  */
-static bool confine(const char *shown) {
+static bool confine(const char *title) {
     const char *certificates = getenv("SSL_CERT_FILE");
     const char *const readable[] = { "/etc",       "/usr",       "/lib",
                                      "/lib64",     "/nix/store", "/run/systemd/resolve",
@@ -298,7 +298,7 @@ static bool confine(const char *shown) {
     const struct import_sandbox sandbox = { .first_fd = SP_IMPORT_FILE,
                                             .readable = readable,
                                             .has_network = true };
-    return import_sandbox_enter(&sandbox, shown, NULL);
+    return import_sandbox_enter(&sandbox, title, NULL);
 }
 
 int main(int argc, char **argv) {

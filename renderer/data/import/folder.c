@@ -65,7 +65,7 @@ void import_names_sort(struct import_names *list, uint32_t first) {
 
 struct folder {
     struct import_file file; /* that one, or the folder itself */
-    char shown[PATH_MAX], real[PATH_MAX], pattern[NAME_MAX + 1];
+    char title[PATH_MAX], real[PATH_MAX], pattern[NAME_MAX + 1];
     bool is_volume; /* and no image */
     const struct import_format *inner;
     void *reader; /* of `inner`; owned */
@@ -130,14 +130,14 @@ static bool open_as_dicom(struct folder *f, struct import_header *header, struct
 static bool open_as_file(struct folder *f, const struct import_file *folder, const char *name,
                          struct import_header *header, struct sp_error *err) {
     uint8_t start[IMPORT_START_BYTES];
-    snprintf(f->shown, sizeof f->shown, "%s/%s", folder->shown, name);
+    snprintf(f->title, sizeof f->title, "%s/%s", folder->title, name);
     f->file.is_folder = false;
-    f->file.shown = f->shown;
+    f->file.title = f->title;
     f->file.fd = open_file(folder, name, f->real, &f->file.size);
     const ssize_t got = f->file.fd >= 0 ? pread(f->file.fd, start, sizeof start, 0) : -1;
     if (got < 0)
         return sp_fail(
-            err, SP_ERR_IO, f->shown,
+            err, SP_ERR_IO, f->title,
             "cannot read the file: the file became shorter, or its disk or network fails");
     f->is_volume = !import_image.probe(start, (size_t)got, "");
     if (sp_numbered_pattern(name, f->pattern)) {
@@ -146,7 +146,7 @@ static bool open_as_file(struct folder *f, const struct import_file *folder, con
         f->inner = &import_series;
     } else {
         f->pattern[0] = 0;
-        f->inner = import_format_find(start, (size_t)got, f->shown, err);
+        f->inner = import_format_find(start, (size_t)got, f->title, err);
     }
     f->reader = f->inner ? import_format_open(f->inner, &f->file, header, err) : NULL;
     return f->reader != NULL;
@@ -203,7 +203,7 @@ static bool refuse_files(const struct import_file *folder, const struct import_n
         if (!import_foreign_check(start, size, files->names[i], err))
             return false;
     }
-    return sp_fail(err, files->count ? SP_ERR_UNSUPPORTED : SP_ERR_NOT_FOUND, folder->shown,
+    return sp_fail(err, files->count ? SP_ERR_UNSUPPORTED : SP_ERR_NOT_FOUND, folder->title,
                    files->count ? "no file in this folder has a known format"
                                 : "there is no file in this folder");
 }
@@ -212,11 +212,11 @@ static bool refuse_files(const struct import_file *folder, const struct import_n
 static bool refuse_n5(const struct import_file *folder, struct sp_error *err) {
     char text[IMPORT_START_BYTES + 1];
     const size_t size = read_start(folder, "attributes.json", (uint8_t *)text);
-    const char *shown = folder->shown, *at = strstr(shown, ".n5");
+    const char *title = folder->title, *at = strstr(title, ".n5");
     text[size] = 0;
     const bool is_named = at && (at[3] == 0 || at[3] == '/'); /* or inside of one */
     return !(is_named || strstr(text, "\"blockSize\"") || strstr(text, "\"n5\"")) ||
-           sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+           sp_fail(err, SP_ERR_UNSUPPORTED, title,
                    "this is a folder of N5, which is not read; convert it to OME-Zarr or TIFF, "
                    "for example in Fiji: open it with the N5 plugin and save it as TIFF");
 }
@@ -231,7 +231,7 @@ static bool open_folder(void *reader, const struct import_file *folder,
     bool is_dicom, ok = import_names_add(&files, folder->folder, "", false, IMPORT_FILES_MAX) &&
                         import_names_add(&folders, folder->folder, "", true, 1);
     if (!ok) {
-        sp_fail(err, SP_ERR_MEMORY, folder->shown, "out of memory for the names of files");
+        sp_fail(err, SP_ERR_MEMORY, folder->title, "out of memory for the names of files");
     } else {
         import_names_sort(&files, 0);
         const char *name = pick_file(folder, &files, &is_dicom);
@@ -269,7 +269,7 @@ static bool list_series(const struct import_file *folder, struct import_series_l
          ok = import_names_add(&files, folder->folder, "", false, IMPORT_FILES_MAX);
     const char *name = ok ? pick_file(folder, &files, &is_dicom) : NULL;
     if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, folder->shown, "out of memory for the names of files");
+        sp_fail(err, SP_ERR_MEMORY, folder->title, "out of memory for the names of files");
     else if (is_dicom || !name)
         ok = import_dicom.list(folder, list, err);
     import_names_finish(&files);

@@ -112,79 +112,79 @@ static const struct kind others[] = {
     KIND("\377\377\376", 0, NULL, "a surface of FreeSurfer", NULL),
 };
 
-static const struct kind *find(const struct kind *kinds, size_t count, const uint8_t *start,
-                               size_t size, const char *shown) {
+static const struct kind *find_kind(const struct kind *kinds, size_t count, const uint8_t *start,
+                                    size_t size, const char *title) {
     for (size_t i = 0; i < count; i++) {
         const struct kind *k = &kinds[i];
         const bool is_there = k->at == ANYWHERE ? memmem(start, size, k->bytes, k->size) != NULL
                                                 : size >= (size_t)k->at + k->size &&
                                                       memcmp(start + k->at, k->bytes, k->size) == 0;
-        if (is_there && (!k->ending || import_ends_with(shown, k->ending)))
+        if (is_there && (!k->ending || import_ends_with(title, k->ending)))
             return k;
     }
     return NULL;
 }
 
-#define FIND(kinds) find(kinds, sizeof kinds / sizeof *kinds, start, size, shown)
+#define FIND(kinds) find_kind(kinds, sizeof kinds / sizeof *kinds, start, size, title)
 
 /* Coordinates as text, without the line that names them. */
-static bool check_text(const uint8_t *start, size_t size, const char *shown, struct sp_error *err) {
-    const bool is_table = import_ends_with(shown, ".xyz") || import_ends_with(shown, ".pts") ||
-                          import_ends_with(shown, ".asc") || import_ends_with(shown, ".txt");
+static bool check_text(const uint8_t *start, size_t size, const char *title, struct sp_error *err) {
+    const bool is_table = import_ends_with(title, ".xyz") || import_ends_with(title, ".pts") ||
+                          import_ends_with(title, ".asc") || import_ends_with(title, ".txt");
     for (size_t i = 0; i < size; i++)
         if ((start[i] < ' ' && !strchr("\t\r\n", start[i])) || start[i] > '~' || start[i] == 0)
             return true;
     return !is_table ||
-           sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+           sp_fail(err, SP_ERR_UNSUPPORTED, title,
                    "this is text; points are read from .csv: write the names of the columns, such "
                    "as x,y,z,value, as the first line, and separate by commas, semicolons or tabs");
 }
 
-bool import_foreign_check(const uint8_t *start, size_t size, const char *shown,
+bool import_foreign_check(const uint8_t *start, size_t size, const char *title,
                           struct sp_error *err) {
-    const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
+    const char *slash = strrchr(title, '/'), *name = slash ? slash + 1 : title;
     const struct kind *k = FIND(others);
     if (k)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, title,
                        "this is %s, which is not read; write it as NRRD, NIfTI, TIFF or HDF5, "
                        "points as PLY or CSV, a surface as VTK, PLY or STL",
                        k->name);
     k = FIND(converted);
     if (k)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, title,
                        "this is %s, which is not read; convert it, with \"%s %.60s%s\"", k->name,
                        k->command, name, k->rest);
     if (FIND(pages))
-        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, title,
                        "this is a web page; if it was saved in place of a file, download the file "
                        "itself");
     k = FIND(scenes);
     if (k)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, title,
                        "this is %s of Gaussians, which is not read; save it as PLY or SPZ, with "
                        "\"%s %.60s out.ply\" of PlayCanvas",
                        k->name, k->command, name);
     k = FIND(microscopes);
     if (k)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, title,
                        "this is %s, which is not read; save it as OME-TIFF, with \"%s %.60s "
                        "out.ome.tif\" of Bio-Formats",
                        k->name, k->command, name);
-    if (!check_text(start, size, shown, err))
+    if (!check_text(start, size, title, err))
         return false;
     k = FIND(packed);
     return !k ||
-           sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+           sp_fail(err, SP_ERR_UNSUPPORTED, title,
                    "this is %s%s, which is not read; unpack it first, with \"%s %.60s\"",
                    strncmp(k->name, "packed", 6) == 0 ? "a file " : "", k->name, k->command, name);
 }
 
-bool import_foreign_check_name(const char *shown, struct sp_error *err) {
+bool import_foreign_check_name(const char *title, struct sp_error *err) {
     static const char *const endings[] = { ".img", ".img.gz", ".raw", ".zraw", ".bin", ".dat" };
-    const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
+    const char *slash = strrchr(title, '/'), *name = slash ? slash + 1 : title;
     for (size_t i = 0; i < sizeof endings / sizeof *endings; i++)
-        if (import_ends_with(shown, endings[i]))
-            return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+        if (import_ends_with(title, endings[i]))
+            return sp_fail(err, SP_ERR_UNSUPPORTED, title,
                            i < 2 ? "these are the samples of a pair of files; open the header "
                                    "beside them, %.*s.hdr"
                                  : "these are samples without a header; open the header that names "

@@ -12,10 +12,10 @@
 #include "sp/status.h"
 
 /* Fails with what the file is and what to do with it, if it is known; else returns true. */
-bool import_foreign_check(const uint8_t *start, size_t size, const char *shown,
+bool import_foreign_check(const uint8_t *start, size_t size, const char *title,
                           struct sp_error *err);
 
 /* Fails if the name is that of samples whose header is another file; else returns true. */
-bool import_foreign_check_name(const char *shown, struct sp_error *err);
+bool import_foreign_check_name(const char *title, struct sp_error *err);
 
 #endif

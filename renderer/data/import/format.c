@@ -14,19 +14,19 @@
 #include "data/volume/anatomy.h"
 #include "data/volume/unit.h"
 
-void import_place(char place[SP_ERROR_PLACE], const char *shown, uint64_t byte, const char *field) {
-    snprintf(place, SP_ERROR_PLACE, "%.180s: byte %" PRIu64 "%s%s", shown, byte, field ? ": " : "",
+void import_place(char place[SP_ERROR_PLACE], const char *title, uint64_t byte, const char *field) {
+    snprintf(place, SP_ERROR_PLACE, "%.180s: byte %" PRIu64 "%s%s", title, byte, field ? ": " : "",
              field ? field : "");
 }
 
-bool import_fail(struct sp_error *err, enum sp_code code, const char *shown, uint64_t byte,
+bool import_fail(struct sp_error *err, enum sp_code code, const char *title, uint64_t byte,
                  const char *field, const char *format, ...) {
     char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
     va_list args;
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    import_place(place, shown, byte, field);
+    import_place(place, title, byte, field);
     return sp_fail(err, code, place, "%s", text);
 }
 
@@ -38,7 +38,7 @@ bool import_read(const struct import_file *file, void *out, size_t size, uint64_
         if (n < 0 && errno == EINTR)
             continue;
         if (n < 0)
-            return import_fail(err, SP_ERR_IO, file->shown, at + *got, NULL,
+            return import_fail(err, SP_ERR_IO, file->title, at + *got, NULL,
                                "cannot read the file: %s", strerror(errno));
         if (n == 0)
             break;
@@ -64,7 +64,7 @@ void *import_format_open(const struct import_format *format, const struct import
     *header = (struct import_header){ .bytes = 0 };
     import_header_init(header);
     if (!reader) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory");
         return NULL;
     }
     if (format->open(reader, file, header, err))
@@ -82,12 +82,12 @@ void import_format_close(const struct import_format *format, void *reader) {
 bool import_header_use_steps(struct import_header *header, const struct import_file *file,
                              uint64_t count, struct sp_error *err) {
     if (count > SP_STEPS_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                        "the file has %" PRIu64 " time steps; the limit is %u", count, SP_STEPS_MAX);
     header->steps.count = (uint32_t)count;
     header->steps.index = file->step;
     return file->step < count ||
-           sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
+           sp_fail(err, SP_ERR_NOT_FOUND, file->title,
                    "there is no time step %" PRIu32 "; the last one is %" PRIu64, file->step,
                    count - 1);
 }
@@ -258,11 +258,11 @@ bool import_header_use_selection(struct import_header *header, const struct impo
         header->used_as = true;
     }
     if (selection->as == IMPORT_AS_SLICE && !header->used_as)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                        "?as=slice: the file is not a single slice, such as an image or a file of a "
                        "DICOM series; open it without ?as=slice");
     if (selection->as != IMPORT_AS_FILE && !header->used_as)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                        "?as=%s: the file has no axis or components that can be read so; open it "
                        "without ?as=%s",
                        import_as_name(selection->as),
@@ -270,13 +270,13 @@ bool import_header_use_selection(struct import_header *header, const struct impo
                            ? ", or with ?as=labels"
                            : "");
     if (selection->series[0] && !header->used_series)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                        "?series=%.60s: only DICOM files have series; open it without ?series=",
                        selection->series);
     const struct sp_unit *unit = sp_unit_find(selection->unit);
     if (file->level >= 0 && header->level_count == 0)
         return sp_fail(
-            err, SP_ERR_UNSUPPORTED, file->shown,
+            err, SP_ERR_UNSUPPORTED, file->title,
             "?level=%d: the file has no levels of detail; open it without ?level=", file->level);
     if (selection->unit[0] && !unit)
         import_warn(file->warnings,
@@ -284,6 +284,6 @@ bool import_header_use_selection(struct import_header *header, const struct impo
                     "km. It is shown as it is.",
                     selection->unit);
     if (selection->unit[0])
-        snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : selection->unit);
+        snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->symbol : selection->unit);
     return true;
 }

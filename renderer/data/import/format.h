@@ -29,7 +29,7 @@ struct import_file {
     int fd;                           /* readable, at byte 0; owned by the caller */
     bool is_folder;                   /* `fd` is a folder; for import_folder and import_dicom */
     uint64_t size;                    /* bytes */
-    const char *shown;                /* the name in errors */
+    const char *title;                /* the name in errors */
     const char *root;                 /* resolved; other files are opened only below this folder */
     const char *folder;               /* resolved: the folder itself, or that of the file; relative
                                          names start here */
@@ -128,7 +128,7 @@ struct import_format {
     bool needs_module; /* module.h */
     /* True if the first bytes or the name of the file identify this format. With the name "" the
      * bytes alone do, beyond doubt. */
-    bool (*probe)(const uint8_t *start, size_t size, const char *shown);
+    bool (*probe)(const uint8_t *start, size_t size, const char *title);
     size_t reader_size; /* bytes of a reader */
     /* Fills a reader of zeros and the header, which import_header_init() has filled. *file must
      * stay valid until close(). The grid has passed sp_grid_check(). */
@@ -166,14 +166,14 @@ struct import_format {
 enum { IMPORT_START_BYTES = 8192 + 8 };
 
 /* Finds the format of a file by its first bytes and its name. NULL with *err set. */
-const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *shown,
+const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *title,
                                                struct sp_error *err);
 
 /* True if the first bytes or the name show a format; with the name "" only the bytes count. */
-bool import_format_is_known(const uint8_t *start, size_t size, const char *shown);
+bool import_format_is_known(const uint8_t *start, size_t size, const char *title);
 
 /* True if a format that may suit the file needs a module. */
-bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown);
+bool import_format_needs_module(const uint8_t *start, size_t size, const char *title);
 
 /* Returns a reader for the calls of the format, or NULL with *err set. *file must stay valid until
  * import_format_close(), which accepts NULL as a reader. */
@@ -204,12 +204,12 @@ extern const struct import_format import_collection, import_csv, import_dicom, i
 const char *import_program_folder(char folder[PATH_MAX]);
 
 /* Writes the place of an error, "SHOWN: byte N: FIELD". FIELD may be NULL. */
-void import_place(char place[SP_ERROR_PLACE], const char *shown, uint64_t byte, const char *field);
+void import_place(char place[SP_ERROR_PLACE], const char *title, uint64_t byte, const char *field);
 
 /* Fills err->place with "SHOWN: byte N: FIELD" and fails with the printf-style text. FIELD may be
  * NULL. */
 __attribute__((format(printf, 6, 7))) bool import_fail(struct sp_error *err, enum sp_code code,
-                                                       const char *shown, uint64_t byte,
+                                                       const char *title, uint64_t byte,
                                                        const char *field, const char *format, ...);
 
 /* Reads `size` bytes of the file from byte `at` on; *got is less only where the file ends.

@@ -21,12 +21,12 @@ static bool has_magic(const uint8_t *start, size_t size) {
            (memcmp(start + MAGIC, magics[0], 4) == 0 || memcmp(start + MAGIC, magics[1], 4) == 0);
 }
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    return has_magic(start, size) || import_ends_with(shown, ".gipl") ||
-           import_ends_with(shown, ".gipl.gz");
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    return has_magic(start, size) || import_ends_with(title, ".gipl") ||
+           import_ends_with(title, ".gipl.gz");
 }
 
-static bool take_number(const struct import_file *file, const uint8_t *bytes,
+static bool read_number(const struct import_file *file, const uint8_t *bytes,
                         struct import_number *number, struct sp_error *err) {
     static const struct import_number_entry known[] = {
         { NULL, 7, { IMPORT_SIGNED, 1 } },           { NULL, 8, { IMPORT_UNSIGNED, 1 } },
@@ -40,12 +40,12 @@ static bool take_number(const struct import_file *file, const uint8_t *bytes,
         (int)import_widen_big(bytes + TYPE, (struct import_number){ IMPORT_UNSIGNED, 2 });
     return import_number_by_code(known, sizeof known / sizeof *known, code, number) ||
            import_fail(
-               err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "image type",
+               err, SP_ERR_UNSUPPORTED, file->title, TYPE, "image type",
                "samples of type %d are not supported%s; save the image with 8, 16 or 32 bits", code,
                code == 1 ? "; these are bits" : "");
 }
 
-static bool take_grid(const struct import_file *file, const uint8_t *bytes,
+static bool read_grid(const struct import_file *file, const uint8_t *bytes,
                       struct import_header *header, struct sp_error *err) {
     const struct import_number count = { IMPORT_UNSIGNED, 2 }, real = { IMPORT_FLOAT, 4 },
                                large = { IMPORT_FLOAT, 8 };
@@ -58,7 +58,7 @@ static bool take_grid(const struct import_file *file, const uint8_t *bytes,
         grid->spacing[axis] = spacing > 0 && isfinite(spacing) ? spacing : 1;
         grid->origin[axis] = isfinite(origin) ? origin : 0;
         if (grid->dims[axis] == 0)
-            return import_fail(err, SP_ERR_FORMAT, file->shown, DIMS + 2 * axis, "dim",
+            return import_fail(err, SP_ERR_FORMAT, file->title, DIMS + 2 * axis, "dim",
                                "axis %zu has no samples", axis + 1);
         if (!(spacing > 0) || !isfinite(spacing))
             import_warn(file->warnings, "The spacing of axis %zu is unknown; it is taken as 1.",
@@ -76,9 +76,9 @@ static bool open_gipl(void *reader, const struct import_file *file, struct impor
     bool is_packed;
     struct import_samples *s = &g->samples;
     if (import_stream_head(file, bytes, HEADER, &is_packed) < HEADER || !has_magic(bytes, HEADER))
-        return import_fail(err, SP_ERR_FORMAT, file->shown, MAGIC, "magic number",
+        return import_fail(err, SP_ERR_FORMAT, file->title, MAGIC, "magic number",
                            "this is no GIPL file: it does not begin with a header of 256 bytes");
-    if (!take_number(file, bytes, &s->number, err) || !take_grid(file, bytes, header, err))
+    if (!read_number(file, bytes, &s->number, err) || !read_grid(file, bytes, header, err))
         return false;
     g->conversion = import_conversion_of(s->number, file->warnings);
     s->field = "dim";

@@ -265,9 +265,9 @@ static void look_at(struct hdf5 *h, unsigned n, struct array_info *info) {
         for (int d = 0; d < rank; d++)
             info->shape[d] = shape[d];
         look_at_storage(h, info);
-        hdf5_take_dimensions(h->file, h->dataset, info);
-        hdf5_take_nexus(h->file, h->dataset, info);
-        hdf5_take_labels(h->file, h->dataset, info);
+        hdf5_read_dimensions(h->file, h->dataset, info);
+        hdf5_read_nexus(h->file, h->dataset, info);
+        hdf5_read_labels(h->file, h->dataset, info);
     }
     info->is_number = !info->problem[0];
     hdf5_close(native);

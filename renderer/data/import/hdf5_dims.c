@@ -79,14 +79,14 @@ unsigned hdf5_texts(hid_t object, const char *name, char out[IMPORT_RANK_MAX][AR
 }
 
 /* The names of dimensions that h5py and others write. */
-static void take_own_labels(hid_t dataset, struct array_info *info) {
+static void read_own_labels(hid_t dataset, struct array_info *info) {
     char labels[IMPORT_RANK_MAX][ARRAY_NAME_BYTES];
     if (hdf5_texts(dataset, "DIMENSION_LABELS", labels) == info->rank)
         memcpy(info->dims, labels, info->rank * sizeof labels[0]);
 }
 
 /* Takes the path of a scale, and its name where the dimension has no label. */
-static void take_scale(hid_t file, const hobj_ref_t *reference, unsigned d,
+static void read_scale(hid_t file, const hobj_ref_t *reference, unsigned d,
                        struct array_info *info) {
     char path[ARRAY_NAME_BYTES], name[ARRAY_NAME_BYTES];
     hid_t scale = H5Rdereference2(file, H5P_DEFAULT, H5R_OBJECT, reference);
@@ -107,7 +107,7 @@ static void take_scale(hid_t file, const hobj_ref_t *reference, unsigned d,
 
 /* The references to scales that H5DSattach_scale() and NetCDF write: a list per dimension, of which
  * the first scale counts. */
-static void take_scales(hid_t file, hid_t dataset, struct array_info *info) {
+static void read_scales(hid_t file, hid_t dataset, struct array_info *info) {
     static const char name[] = "DIMENSION_LIST";
     hvl_t lists[IMPORT_RANK_MAX];
     memset(lists, 0, sizeof lists);
@@ -121,7 +121,7 @@ static void take_scales(hid_t file, hid_t dataset, struct array_info *info) {
     if (are_lists && H5Aread(attribute, type, lists) >= 0) {
         for (unsigned d = 0; d < info->rank; d++)
             if (lists[d].len > 0)
-                take_scale(file, lists[d].p, d, info);
+                read_scale(file, lists[d].p, d, info);
         H5Dvlen_reclaim(type, space, H5P_DEFAULT, lists);
     }
     hdf5_close(base);
@@ -130,7 +130,7 @@ static void take_scales(hid_t file, hid_t dataset, struct array_info *info) {
     H5Aclose(attribute);
 }
 
-void hdf5_take_dimensions(hid_t file, hid_t dataset, struct array_info *info) {
+void hdf5_read_dimensions(hid_t file, hid_t dataset, struct array_info *info) {
     char text[sizeof no_variable];
     hdf5_text(dataset, "NAME", text, sizeof text);
     if (strcmp(text, no_variable) == 0)
@@ -139,12 +139,12 @@ void hdf5_take_dimensions(hid_t file, hid_t dataset, struct array_info *info) {
     hdf5_text(dataset, "CLASS", text, sizeof text);
     info->is_scale = strcmp(text, "DIMENSION_SCALE") == 0;
     info->has_default_fill = H5Aexists(file, "_NCProperties") > 0;
-    take_own_labels(dataset, info);
-    take_scales(file, dataset, info);
+    read_own_labels(dataset, info);
+    read_scales(file, dataset, info);
 }
 
 /* The labels of an object, which are in the order of Fortran if it says so. */
-static void take_labels_of(hid_t object, struct array_info *info) {
+static void read_labels_of(hid_t object, struct array_info *info) {
     char labels[IMPORT_RANK_MAX][ARRAY_NAME_BYTES], order[8];
     if (H5Aexists(object, "gridSpacing") <= 0 ||
         hdf5_texts(object, "axisLabels", labels) != info->rank)
@@ -154,11 +154,11 @@ static void take_labels_of(hid_t object, struct array_info *info) {
         memcpy(info->dims[d], labels[order[0] == 'F' ? info->rank - 1 - d : d], sizeof labels[0]);
 }
 
-void hdf5_take_labels(hid_t file, hid_t dataset, struct array_info *info) {
+void hdf5_read_labels(hid_t file, hid_t dataset, struct array_info *info) {
     char group[ARRAY_NAME_BYTES];
     if (info->rank < 2 || info->dims[0][0]) /* of one dimension is the array of coordinates, too */
         return;
-    take_labels_of(dataset, info);
+    read_labels_of(dataset, info);
     snprintf(group, sizeof group, "%s", info->name);
     char *own = strrchr(group, '/');
     if (info->dims[0][0] || !own)
@@ -167,6 +167,6 @@ void hdf5_take_labels(hid_t file, hid_t dataset, struct array_info *info) {
     const hid_t parent = H5Oopen(file, group, H5P_DEFAULT);
     if (parent < 0)
         return;
-    take_labels_of(parent, info);
+    read_labels_of(parent, info);
     H5Oclose(parent);
 }

@@ -11,10 +11,10 @@
 
 /* Fills the names and scales of the dimensions, whether the array is a scale itself, and whether
  * NetCDF wrote the file. The rank must be set. */
-void hdf5_take_dimensions(hid_t file, hid_t dataset, struct array_info *info);
+void hdf5_read_dimensions(hid_t file, hid_t dataset, struct array_info *info);
 
 /* Names the dimensions of a mesh of openPMD (axisLabels), unless they have names. */
-void hdf5_take_labels(hid_t file, hid_t dataset, struct array_info *info);
+void hdf5_read_labels(hid_t file, hid_t dataset, struct array_info *info);
 
 /* Reads an attribute of one text, or of letters, as text(): "" if there is none. */
 void hdf5_text(hid_t object, const char *name, char *out, size_t capacity);

@@ -107,7 +107,7 @@ static void place_mesh(const struct arrays *a, struct import_header *header) {
             header->grid.spacing[1] = header->grid.spacing[2] = spacing[k] * factor;
         header->grid.origin[axis] = isfinite(origin) ? origin : 0;
     }
-    snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->shown : "");
+    snprintf(header->unit, sizeof header->unit, "%s", unit ? unit->symbol : "");
     warn_of_values(a);
 }
 

@@ -14,7 +14,8 @@
 /* After arrays_choose(): names the dimensions of cells of DREAM.3D, z, y, x and components. */
 void hdf5_grids_name_dimensions(struct arrays *a);
 
-/* After arrays_take(): spacing, origin and unit. Does nothing if the chosen array is neither. */
+/* After arrays_fill_header(): spacing, origin and unit. Does nothing if the chosen array is
+ * neither. */
 void hdf5_grids_place(const struct arrays *a, struct import_header *header);
 
 #endif

@@ -97,7 +97,7 @@ static herr_t visit(hid_t root, const char *name, const H5L_info_t *info, void *
 }
 
 /* Follows the attribute "default" of groups to the signal of NXdata. */
-static void find_default(hid_t file, char path[ARRAY_NAME_BYTES]) {
+static void follow_default(hid_t file, char path[ARRAY_NAME_BYTES]) {
     char group[ARRAY_NAME_BYTES] = "/", name[ARRAY_NAME_BYTES], next[2 * ARRAY_NAME_BYTES + 2];
     for (int depth = 0; depth < DEFAULT_DEPTH; depth++) {
         hid_t object = H5Oopen(file, group, H5P_DEFAULT);
@@ -123,7 +123,7 @@ bool hdf5_list_fill(struct hdf5_list *list, hid_t file) {
     char path[ARRAY_NAME_BYTES] = "";
     if (H5Lvisit(file, H5_INDEX_NAME, H5_ITER_NATIVE, visit, list) < 0)
         return false;
-    find_default(file, path);
+    follow_default(file, path);
     if (!*path && list->signals == 1)
         memcpy(path, list->signal, sizeof path);
     if (!*path && H5Lexists(file, "/ITKImage", H5P_DEFAULT) > 0)
@@ -145,7 +145,7 @@ void hdf5_list_finish(struct hdf5_list *list) {
 /* NeXus. */
 
 /* Names dimension d after an axis beside the signal. "." stands for none. */
-static void take_axis(const char *group, const char *axis, unsigned d, struct array_info *info) {
+static void name_axis(const char *group, const char *axis, unsigned d, struct array_info *info) {
     if (!*axis || strcmp(axis, ".") == 0 || d >= info->rank)
         return;
     if (!info->dims[d][0])
@@ -156,14 +156,14 @@ static void take_axis(const char *group, const char *axis, unsigned d, struct ar
 }
 
 /* The older way: "y:x" or "[y, x]" of the signal. */
-static void take_axis_text(const char *group, char *text, struct array_info *info) {
+static void parse_axes(const char *group, char *text, struct array_info *info) {
     unsigned d = 0;
     char *left = NULL;
     for (char *axis = strtok_r(text, ":,[] ", &left); axis; axis = strtok_r(NULL, ":,[] ", &left))
-        take_axis(group, axis, d++, info);
+        name_axis(group, axis, d++, info);
 }
 
-void hdf5_take_nexus(hid_t file, hid_t dataset, struct array_info *info) {
+void hdf5_read_nexus(hid_t file, hid_t dataset, struct array_info *info) {
     char group[ARRAY_NAME_BYTES], signal[ARRAY_NAME_BYTES], text[1024];
     char axes[IMPORT_RANK_MAX][ARRAY_NAME_BYTES];
     snprintf(group, sizeof group, "%s", info->name);
@@ -179,10 +179,10 @@ void hdf5_take_nexus(hid_t file, hid_t dataset, struct array_info *info) {
     if (strcmp(signal, own) == 0) {
         const unsigned count = hdf5_texts(parent, "axes", axes);
         for (unsigned d = 0; d < count && count == info->rank; d++)
-            take_axis(group, axes[d], d, info);
+            name_axis(group, axes[d], d, info);
     }
     if (*text)
-        take_axis_text(group, text, info);
+        parse_axes(group, text, info);
     H5Oclose(parent);
 }
 

@@ -30,7 +30,7 @@ bool hdf5_list_fill(struct hdf5_list *list, hid_t file);
 void hdf5_list_finish(struct hdf5_list *list);
 
 /* Names the dimensions of a signal and their coordinates, as its group (NXdata) says. */
-void hdf5_take_nexus(hid_t file, hid_t dataset, struct array_info *info);
+void hdf5_read_nexus(hid_t file, hid_t dataset, struct array_info *info);
 
 /* Looks for the files of a virtual data set, or of external storage, by its creation properties.
  * Writes why it cannot be read; *problem stays "" if it can. */

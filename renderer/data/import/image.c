@@ -27,21 +27,21 @@ static const char *format_of(const uint8_t *start, size_t size) {
     return size >= 3 && memcmp(start, "\xff\xd8\xff", 3) == 0 ? "jpeg" : NULL;
 }
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    (void)shown;
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    (void)title;
     return format_of(start, size) != NULL;
 }
 
-static bool take_type(struct image *m, struct import_header *header, struct sp_error *err) {
+static bool set_type(struct image *m, struct import_header *header, struct sp_error *err) {
     const struct image_page *page = &m->page;
     if (page->width < 1 || page->height < 1 || page->width > (int)SP_DIM_MAX ||
         page->height > (int)SP_DIM_MAX)
-        return sp_fail(err, SP_ERR_FORMAT, m->file->shown,
+        return sp_fail(err, SP_ERR_FORMAT, m->file->title,
                        "the image has %d x %d px; each side must be in [1, %u]", page->width,
                        page->height, SP_DIM_MAX);
     if (page->floating || page->is_signed || page->bytes > 2 || page->channels < 1 ||
         page->channels > 4)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, m->file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, m->file->title,
                        "images of %d channels of %d bits are not supported; supported are 1 to 4 "
                        "channels of 8 or 16 bits",
                        page->channels, page->bytes * 8);
@@ -55,7 +55,7 @@ static bool take_type(struct image *m, struct import_header *header, struct sp_e
     header->grid.dims[0] = (uint32_t)page->width;
     header->grid.dims[1] = (uint32_t)page->height;
     header->grid.dims[2] = 1;
-    return sp_grid_check(&header->grid, header->type, m->file->shown, &header->bytes, err);
+    return sp_grid_check(&header->grid, header->type, m->file->title, &header->bytes, err);
 }
 
 static bool open_image(void *reader, const struct import_file *file, struct import_header *header,
@@ -67,7 +67,7 @@ static bool open_image(void *reader, const struct import_file *file, struct impo
     const ssize_t got = pread(m->file->fd, start, sizeof start, 0);
     const char *format = got > 0 ? format_of(start, (size_t)got) : NULL;
     if (!format)
-        return import_fail(err, SP_ERR_FORMAT, m->file->shown, 0, NULL,
+        return import_fail(err, SP_ERR_FORMAT, m->file->title, 0, NULL,
                            "the file is neither PNG nor JPEG");
     m->call = import_module_load(m->file, IMAGE_BRIDGE_MODULE, IMAGE_BRIDGE_SYMBOL, "OpenImageIO",
                                  "libopenimageio2.4", err);
@@ -77,8 +77,8 @@ static bool open_image(void *reader, const struct import_file *file, struct impo
     snprintf(path, sizeof path, "/proc/self/fd/%d", m->file->fd);
     m->bridge = m->call->open(path, format, why, sizeof why);
     if (!m->bridge || m->call->page(m->bridge, 0, &m->page, why, sizeof why) != 1)
-        return sp_fail(err, SP_ERR_FORMAT, m->file->shown, "%s", why);
-    return take_type(m, header, err);
+        return sp_fail(err, SP_ERR_FORMAT, m->file->title, "%s", why);
+    return set_type(m, header, err);
 }
 
 static void close_image(void *reader) {
@@ -96,9 +96,9 @@ static bool read_image(void *reader, void *voxels, float (*vectors)[3],
         is_copy ? voxels : malloc(count * (size_t)m->page.channels * (size_t)m->page.bytes);
     char why[SP_ERROR_TEXT];
     (void)vectors;
-    bool ok = pixels || sp_fail(err, SP_ERR_MEMORY, m->file->shown, "out of memory for an image");
+    bool ok = pixels || sp_fail(err, SP_ERR_MEMORY, m->file->title, "out of memory for an image");
     if (ok && !m->call->read(m->bridge, 0, pixels, why, sizeof why))
-        ok = sp_fail(err, SP_ERR_FORMAT, m->file->shown, "%s", why);
+        ok = sp_fail(err, SP_ERR_FORMAT, m->file->title, "%s", why);
     if (ok && !is_copy)
         import_conversion_put(&m->conversion, pixels, count, voxels);
     if (!is_copy)

@@ -49,7 +49,7 @@ static double number_in(const struct imaris *m, const char *group, const char *n
 }
 
 /* The arrays are filled up to whole chunks; attributes have the size of the image. */
-static void take_size(struct imaris *m, const struct array_info *first) {
+static void read_size(struct imaris *m, const struct array_info *first) {
     char group[128];
     snprintf(group, sizeof group, "/DataSet/ResolutionLevel %u/TimePoint 0/Channel 0", m->level);
     for (int axis = 0; axis < 3; axis++) {
@@ -68,27 +68,27 @@ static bool find_arrays(struct imaris *m, const struct arrays *a, struct sp_erro
     for (unsigned n = 0; m->call->describe(m->handle, n, &info); n++)
         if (parse(info.name, &level, &time, &channel) && level == m->level) {
             if (!info.is_number || info.rank != 3)
-                return sp_fail(err, SP_ERR_UNSUPPORTED, a->shown, "%.80s cannot be read: %.200s",
+                return sp_fail(err, SP_ERR_UNSUPPORTED, a->title, "%.80s cannot be read: %.200s",
                                info.name,
                                info.is_number ? "it does not have 3 dimensions" : info.problem);
             first = first.rank ? first : info;
             if (memcmp(info.shape, first.shape, 3 * sizeof info.shape[0]) != 0 ||
                 info.number.kind != first.number.kind || info.number.size != first.number.size)
-                return sp_fail(err, SP_ERR_UNSUPPORTED, a->shown,
+                return sp_fail(err, SP_ERR_UNSUPPORTED, a->title,
                                "%.80s has another size or type than the arrays before it",
                                info.name);
             m->arrays[time * m->channels + channel] = (int)n;
         }
     for (unsigned i = 0; i < m->times * m->channels; i++)
         if (m->arrays[i] == NOT_THERE)
-            return sp_fail(err, SP_ERR_FORMAT, a->shown,
+            return sp_fail(err, SP_ERR_FORMAT, a->title,
                            "channel %u of time point %u is missing at level %u; the file may have "
                            "more than %d arrays, the limit",
                            i % m->channels + 1, i / m->channels + 1, m->level, ARRAYS_MAX);
     m->info = (struct array_info){ .rank = 5, .is_number = true, .number = first.number };
     m->info.shape[0] = m->times;
     m->info.shape[1] = m->channels;
-    take_size(m, &first);
+    read_size(m, &first);
     for (unsigned d = 0; d < 5; d++)
         snprintf(m->info.dims[d], sizeof m->info.dims[d], "%c", "tczyx"[d]);
     return true;
@@ -162,7 +162,7 @@ bool imaris_open(struct arrays *a, struct imaris **imaris, struct sp_error *err)
     struct imaris *m = calloc(1, sizeof *m);
     *imaris = NULL;
     if (!m)
-        return sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, a->title, "out of memory");
     m->call = a->call;
     m->handle = a->handle;
     if (!a->call->group_text || strchr(a->file->field, '/') || !count_all(m)) {
@@ -174,9 +174,9 @@ bool imaris_open(struct arrays *a, struct imaris **imaris, struct sp_error *err)
     m->arrays = count <= ARRAYS_MAX ? malloc(count * sizeof *m->arrays) : NULL;
     for (size_t i = 0; m->arrays && i < count; i++)
         m->arrays[i] = NOT_THERE;
-    bool ok = m->arrays || sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory");
+    bool ok = m->arrays || sp_fail(err, SP_ERR_MEMORY, a->title, "out of memory");
     if (ok && m->level >= m->levels)
-        ok = sp_fail(err, SP_ERR_NOT_FOUND, a->shown,
+        ok = sp_fail(err, SP_ERR_NOT_FOUND, a->title,
                      "there is no level %u; the image has level 0, the finest, to %u", m->level,
                      m->levels - 1);
     if (!ok || !find_arrays(m, a, err)) {
@@ -208,7 +208,7 @@ static bool time_of(const struct imaris *m, unsigned point, double *seconds) {
     return isfinite(second);
 }
 
-static bool take_times(const struct imaris *m, struct arrays *a, struct import_header *header,
+static bool read_times(const struct imaris *m, struct arrays *a, struct import_header *header,
                        struct sp_error *err) {
     double first;
     if (header->steps.count != m->times || m->times < 2 || !time_of(m, 0, &first))
@@ -216,7 +216,7 @@ static bool take_times(const struct imaris *m, struct arrays *a, struct import_h
     free(a->times);
     a->times = calloc(m->times, sizeof *a->times);
     if (!a->times)
-        return sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, a->title, "out of memory");
     for (unsigned t = 0; t < m->times; t++) {
         if (!time_of(m, t, &a->times[t]) || (t > 0 && a->times[t] - first <= a->times[t - 1]))
             return true; /* the times are unknown */
@@ -253,8 +253,8 @@ bool imaris_place(const struct imaris *m, struct arrays *a, struct import_header
     const struct sp_unit *known = sp_unit_find(unit);
     if (is_known)
         snprintf(header->unit, sizeof header->unit, "%s",
-                 known   ? known->shown
+                 known   ? known->symbol
                  : *unit ? unit
                          : "um"); /* which Imaris uses */
-    return take_times(m, a, header, err);
+    return read_times(m, a, header, err);
 }

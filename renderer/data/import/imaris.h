@@ -15,7 +15,7 @@ struct imaris;
  * arrays. */
 bool imaris_open(struct arrays *a, struct imaris **imaris, struct sp_error *err);
 
-/* After arrays_take(): spacing, origin, unit, levels and times. */
+/* After arrays_fill_header(): spacing, origin, unit, levels and times. */
 bool imaris_place(const struct imaris *imaris, struct arrays *a, struct import_header *header,
                   struct sp_error *err);
 

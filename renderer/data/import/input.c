@@ -24,7 +24,7 @@ bool sp_import_check_host(const char *address, const char *allowed, struct sp_er
 }
 
 /* Copies a source without what follows '?'. */
-static bool take_address(const char *source, char address[SP_ADDRESS_BYTES], struct sp_error *err) {
+static bool copy_address(const char *source, char address[SP_ADDRESS_BYTES], struct sp_error *err) {
     const size_t length = sp_source_split(source).path_bytes;
     if (length >= SP_ADDRESS_BYTES)
         return sp_fail(err, SP_ERR_INVALID, source, "the address has %zu bytes; the limit is %d",
@@ -36,7 +36,7 @@ static bool take_address(const char *source, char address[SP_ADDRESS_BYTES], str
 
 bool sp_source_check_host(const char *source, const char *allowed, struct sp_error *err) {
     char address[SP_ADDRESS_BYTES];
-    return take_address(source, address, err) && sp_import_check_host(address, allowed, err);
+    return copy_address(source, address, err) && sp_import_check_host(address, allowed, err);
 }
 
 bool sp_source_host(const char *source, char host[SP_SOURCE_HOST_BYTES], struct sp_error *err) {
@@ -45,7 +45,7 @@ bool sp_source_host(const char *source, char host[SP_SOURCE_HOST_BYTES], struct 
     host[0] = 0;
     if (!sp_address_is_remote(source))
         return true;
-    if (!take_address(source, address, err) || !sp_address_parse(address, &parts, err))
+    if (!copy_address(source, address, err) || !sp_address_parse(address, &parts, err))
         return false;
     if (parts.port == 80 || parts.port == 443)
         snprintf(host, SP_SOURCE_HOST_BYTES, "%s", parts.host);
@@ -79,10 +79,10 @@ static bool start_fetcher(struct sp_import_input *input, const struct sp_import_
     struct sp_import_child *c = &input->fetch;
     if (!sp_import_check_host(place->path, allowed, err) || !find_fetcher(importer, program, err))
         return false;
-    c->shown = place->path;
+    c->title = place->path;
     if (!sp_import_child_start(c, program, argv, NULL, NULL, 0, err))
         return false;
-    if (ftruncate(c->memory, REMOTE_WINDOW) != 0 ||
+    if (ftruncate(c->memory, REMOTE_BUFFER) != 0 ||
         fcntl(c->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
         return sp_fail(err, SP_ERR_MEMORY, place->path, "cannot share memory: %s", strerror(errno));
     input->fds[0] = c->socket;

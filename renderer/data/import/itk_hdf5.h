@@ -14,7 +14,7 @@
  * voxel. Does nothing if the chosen array is not that of ITK. */
 void itk_hdf5_name_dimensions(struct arrays *a);
 
-/* After arrays_take(): spacing, origin, direction [mm, LPS] and the times. */
+/* After arrays_fill_header(): spacing, origin, direction [mm, LPS] and the times. */
 void itk_hdf5_place(const struct arrays *a, struct import_header *header);
 
 #endif

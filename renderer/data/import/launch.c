@@ -75,7 +75,7 @@ static bool start_child(struct import *im, struct sp_error *err) {
                                                .has_step = im->options->has_step,
                                                .mode = "" };
     im->has_holes = is_sparse(im->input.fds[0]);
-    im->child = (struct sp_import_child){ .shown = im->place.path, .timeout_ms = im->timeout_ms };
+    im->child = (struct sp_import_child){ .title = im->place.path, .timeout_ms = im->timeout_ms };
     const bool ok = sp_import_child_start_reader(&im->child, im->importer, &request, im->scratch,
                                                  im->input.fds, im->input.count, err);
     sp_import_input_hand_over(&im->input);
@@ -205,7 +205,7 @@ static bool are_finite(const double *numbers, uint32_t count) {
 
 /* Seals the memory against writing, so that checked coordinates cannot change. Sealing fails while
  * a process still maps the memory for writing. */
-static struct sp_volume *take_over(const struct import *im, struct sp_error *err) {
+static struct sp_volume *adopt_samples(const struct import *im, struct sp_error *err) {
     if (fcntl(im->child.memory, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SEAL) != 0) {
         sp_fail(err, SP_ERR_CRASHED, im->place.path,
                 "the import process still maps the samples: %s", strerror(errno));
@@ -304,8 +304,8 @@ static bool read_coarser(struct import *im, struct sp_error *why) {
     return ok;
 }
 
-static bool find(struct import *im, struct sp_error *err) {
-    return sp_import_place_find(&im->place, im->options->root, err) && find_importer(im, err);
+static bool resolve_source(struct import *im, struct sp_error *err) {
+    return sp_import_place_resolve(&im->place, im->options->root, err) && find_importer(im, err);
 }
 
 /* Opens a brick file, which this process reads and checks (data/bricks/README.md). -1 = it is none.
@@ -360,14 +360,14 @@ static struct sp_volume *read_or_open(struct import *im, struct sp_error *err) {
         return volume;
     if (is_no_way(other.code)) {
         if (attempt(im, &why))
-            return take_over(im, err);
+            return adopt_samples(im, err);
         if (!im->place.is_remote && (volume = open_chunks(im, &why, &other)))
             return volume;
     }
     if (!is_no_way(other.code))
         why = other;
     else if (why.code == SP_ERR_BUDGET && read_coarser(im, &why))
-        return take_over(im, err);
+        return adopt_samples(im, err);
     if (err)
         *err = why;
     return NULL;
@@ -379,7 +379,7 @@ struct sp_volume *sp_import(const char *source, const struct sp_load_options *op
     struct import *im = create(source, options, NULL, err);
     if (!im)
         return NULL;
-    const bool is_found = find(im, err);
+    const bool is_found = resolve_source(im, err);
     const char *query = source + sp_source_split(source).path_bytes;
     if (!is_found && err && err->code == SP_ERR_NOT_FOUND && *query == '?') {
         const size_t used = strlen(err->text);
@@ -399,7 +399,7 @@ struct sp_volume *sp_import(const char *source, const struct sp_load_options *op
 }
 
 /* Copies `count` numbers from the file of samples, and moves the place where more go. */
-static const double *take_numbers(const struct import *im, uint64_t at, uint32_t count,
+static const double *copy_numbers(const struct import *im, uint64_t at, uint32_t count,
                                   double **next) {
     double *numbers = *next;
     *next += count;
@@ -407,7 +407,7 @@ static const double *take_numbers(const struct import *im, uint64_t at, uint32_t
 }
 
 /* Copies the coordinates of rectilinear axes, and the times of the series. */
-static bool take_axes(const struct import *im, struct sp_volume_info *info, double **numbers,
+static bool copy_axes(const struct import *im, struct sp_volume_info *info, double **numbers,
                       struct sp_error *err) {
     const size_t count = sp_grid_axes_max(&info->grid) + info->steps.count;
     double *next = *numbers = malloc(count * sizeof *next);
@@ -417,11 +417,11 @@ static bool take_axes(const struct import *im, struct sp_volume_info *info, doub
     for (int a = 0; ok && a < 3; a++)
         if (im->header.rectilinear >> a & 1) {
             info->grid.coordinates[a] =
-                take_numbers(im, im->layout.coordinates_at[a], info->grid.dims[a], &next);
+                copy_numbers(im, im->layout.coordinates_at[a], info->grid.dims[a], &next);
             ok = info->grid.coordinates[a] != NULL;
         }
     if (ok && im->layout.times_at) {
-        info->steps.times = take_numbers(im, im->layout.times_at, info->steps.count, &next);
+        info->steps.times = copy_numbers(im, im->layout.times_at, info->steps.count, &next);
         ok = info->steps.times && are_finite(info->steps.times, info->steps.count);
     }
     return ok || sp_fail(err, SP_ERR_CRASHED, im->place.path,
@@ -429,8 +429,8 @@ static bool take_axes(const struct import *im, struct sp_volume_info *info, doub
 }
 
 /* Describes the samples in the file. The child has ended, so the file does not change any more. */
-static bool take_samples(const struct import *im, struct sp_volume_info *info, double **numbers,
-                         struct sp_error *err) {
+static bool describe_samples(const struct import *im, struct sp_volume_info *info, double **numbers,
+                             struct sp_error *err) {
     struct sp_error why;
     struct stat st;
     uint64_t samples;
@@ -441,7 +441,7 @@ static bool take_samples(const struct import *im, struct sp_volume_info *info, d
                        sp_kind_name(info->elements.kind));
     if (fstat(im->child.memory, &st) != 0 || (uint64_t)st.st_size < im->layout.bytes)
         return sp_fail(err, SP_ERR_CRASHED, im->place.path, "the import process cut the samples");
-    if (!take_axes(im, info, numbers, err))
+    if (!copy_axes(im, info, numbers, err))
         return false;
     if (!sp_grid_check(&info->grid, info->type, im->place.path, &samples, &why))
         return sp_fail(err, SP_ERR_CRASHED, im->place.path,
@@ -460,14 +460,14 @@ int sp_import_samples(const char *source, const struct sp_load_options *options,
     if (!im)
         return -1;
     im->refuses_axes = !keeps_axes;
-    const bool is_found = find(im, err);
+    const bool is_found = resolve_source(im, err);
     const int bricks = is_found ? open_bricks(im) : -1;
     if (bricks >= 0) {
         samples = sp_bricks_unpack(bricks, im->place.path, folder, keeps_axes, im->options, info,
                                    numbers, err);
         if (samples >= 0)
             snprintf(info->name, sizeof info->name, "%s", im->place.name);
-    } else if (is_found && attempt(im, err) && take_samples(im, info, numbers, err)) {
+    } else if (is_found && attempt(im, err) && describe_samples(im, info, numbers, err)) {
         samples = im->child.memory;
         im->child.memory = -1;
     }

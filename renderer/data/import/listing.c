@@ -41,7 +41,7 @@ static bool start(struct listing *l, struct sp_error *err) {
                                                .pattern = "",
                                                .parts = &parts,
                                                .mode = SP_IMPORT_LIST };
-    l->child = (struct sp_import_child){ .shown = l->place.path, .timeout_ms = l->timeout_ms };
+    l->child = (struct sp_import_child){ .title = l->place.path, .timeout_ms = l->timeout_ms };
     const bool ok = sp_import_child_start_reader(&l->child, l->importer, &request, NULL,
                                                  l->input.fds, l->input.count, err);
     sp_import_input_hand_over(&l->input);
@@ -79,7 +79,7 @@ bool sp_series_list(const char *path, const struct sp_load_options *options, str
         (size_t)snprintf(l->place.path, sizeof l->place.path, "%s", path) < sizeof l->place.path ||
         sp_fail(err, SP_ERR_INVALID, path, "the path has more than %d bytes, the limit",
                 PATH_MAX - 1);
-    ok = ok && sp_import_place_find(&l->place, how->root, err);
+    ok = ok && sp_import_place_resolve(&l->place, how->root, err);
     if (ok && !l->place.is_remote)
         ok = sp_import_find_program("splat-import", how->importer, l->importer, err) &&
              sp_import_input_open(&l->input, &l->place, l->importer, NULL, err) && start(l, err) &&

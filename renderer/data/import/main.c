@@ -89,7 +89,7 @@ static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_erro
     const char *readable[FOLDERS + 1] = { job->file.root };
     const size_t size = job->start_size > 0 ? (size_t)job->start_size : 0;
     if (job->is_remote || job->file.is_folder ||
-        import_format_needs_module(job->start, size, job->file.shown)) {
+        import_format_needs_module(job->start, size, job->file.title)) {
         static const char *const known[] = { "/usr", "/lib",       "/lib64",
                                              "/opt", "/nix/store", "/etc/ld.so.cache" };
         size_t n = 1;
@@ -103,8 +103,8 @@ static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_erro
     const struct import_sandbox sandbox = { .cpu_seconds = cpu_seconds < 1 ? 1 : cpu_seconds,
                                             .first_fd = SP_IMPORT_FILE + 1 + job->is_remote,
                                             .readable = readable };
-    bool ok = libraries ? import_sandbox_enter(&sandbox, job->file.shown, err)
-                        : sp_fail(err, SP_ERR_MEMORY, job->file.shown, "out of memory");
+    bool ok = libraries ? import_sandbox_enter(&sandbox, job->file.title, err)
+                        : sp_fail(err, SP_ERR_MEMORY, job->file.title, "out of memory");
     free(libraries);
     return ok;
 }
@@ -116,13 +116,13 @@ static const struct import_format *find_format(const struct job *job, struct sp_
     if (job->file.is_folder)
         return &import_folder;
     if (job->start_size < 0) {
-        sp_fail(err, SP_ERR_IO, file->shown,
+        sp_fail(err, SP_ERR_IO, file->title,
                 "cannot read the file: the file became shorter, or its disk or network fails");
         return NULL;
     }
     return *file->pattern
                ? &import_series
-               : import_format_find(job->start, (size_t)job->start_size, file->shown, err);
+               : import_format_find(job->start, (size_t)job->start_size, file->title, err);
 }
 
 static bool await_go(const struct job *job) {
@@ -219,8 +219,8 @@ static bool read_elements(struct job *job, void *reader, char *memory, struct sp
     const struct sp_elements elements = sp_elements_at(&job->header.elements, memory);
     const size_t count = elements.triangles ? elements.shape.vertex_count : elements.shape.count;
     bool ok = job->format->read_elements(reader, &elements, &progress, err);
-    while (ok &&
-           import_shift_find(&job->shift, elements.positions, sizeof *elements.positions, count)) {
+    while (ok && import_shift_choose(&job->shift, elements.positions, sizeof *elements.positions,
+                                     count)) {
         memset(memory, 0, sp_elements_bytes(&job->header.elements));
         ok = job->format->read_elements(reader, &elements, &progress, err);
     }
@@ -270,14 +270,14 @@ static bool check_field(const struct job *job, struct sp_error *err) {
     if (*vectors && strcmp(vectors, h->vector_name) != 0) {
         list_names((const char(*)[SP_FIELD_BYTES])h->other_vectors, SP_OTHER_VECTORS_MAX,
                    h->has_more, list, sizeof list);
-        return sp_fail(err, SP_ERR_NOT_FOUND, job->file.shown,
+        return sp_fail(err, SP_ERR_NOT_FOUND, job->file.title,
                        "there are no vectors \"%.60s\"; the file has %.60s%s", vectors,
                        h->vector_name[0] ? h->vector_name : "none of a name", list);
     }
     list_names((const char(*)[SP_FIELD_BYTES])h->others, SP_OTHER_FIELDS_MAX, h->has_more, list,
                sizeof list);
     return !*wanted || strcmp(wanted, h->value_name) == 0 ||
-           sp_fail(err, SP_ERR_NOT_FOUND, job->file.shown,
+           sp_fail(err, SP_ERR_NOT_FOUND, job->file.title,
                    "there is no field \"%.60s\" of scalars; the file has %.60s%s", wanted,
                    h->value_name[0] ? h->value_name : "one without a name", list);
 }
@@ -300,7 +300,7 @@ static int read_chunks(struct job *job, void *reader, const struct sp_handover_l
     struct sp_error err;
     void *memory = mmap(NULL, capacity, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
     if (memory == MAP_FAILED) {
-        sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot use the memory for the samples: %s",
+        sp_fail(&err, SP_ERR_MEMORY, job->file.title, "cannot use the memory for the samples: %s",
                 strerror(errno));
         return say_error(&err);
     }
@@ -329,7 +329,7 @@ static int serve(struct job *job, void *reader) {
     if (job->format->levels)
         levels->count = job->format->levels(reader, levels->level, BRICK_LEVELS_MAX);
     if (!levels->count) {
-        sp_fail(&err, SP_ERR_UNSUPPORTED, job->file.shown,
+        sp_fail(&err, SP_ERR_UNSUPPORTED, job->file.title,
                 "this file is not stored in chunks, so it is loaded as a whole only");
         return say_error(&err);
     }
@@ -342,7 +342,7 @@ static int serve(struct job *job, void *reader) {
     job->layout.bytes = sp_chunk_bytes_max(&source);
     if (!await_go(job))
         return 0;
-    if (!import_sandbox_allow_samples(job->layout.bytes, job->file.shown, &err))
+    if (!import_sandbox_allow_samples(job->layout.bytes, job->file.title, &err))
         return say_error(&err);
     return read_chunks(job, reader, &copy);
 }
@@ -369,7 +369,7 @@ static int list_series(struct job *job) {
     struct sp_error err;
     struct import_series_list list = { .items = calloc(SP_SERIES_MAX, sizeof *list.items) };
     const struct import_format *format = find_format(job, &err);
-    bool ok = list.items || sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "out of memory");
+    bool ok = list.items || sp_fail(&err, SP_ERR_MEMORY, job->file.title, "out of memory");
     if (ok && format && format->list)
         ok = format->list(&job->file, &list, &err);
     for (uint32_t i = 0; ok && i < list.count; i++) {
@@ -414,7 +414,7 @@ static int run(struct job *job) {
         import_format_close(job->format, reader);
         return 0; /* the parent refused or is gone: not our failure */
     }
-    if (!import_sandbox_allow_samples(job->layout.bytes, job->file.shown, &err)) {
+    if (!import_sandbox_allow_samples(job->layout.bytes, job->file.title, &err)) {
         import_format_close(job->format, reader);
         return say_error(&err);
     }
@@ -426,7 +426,7 @@ static int run(struct job *job) {
         ok = read_all(job, reader, memory, &err);
         munmap(memory, capacity);
     } else {
-        sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot use the memory for the samples: %s",
+        sp_fail(&err, SP_ERR_MEMORY, job->file.title, "cannot use the memory for the samples: %s",
                 strerror(errno));
     }
     import_format_close(job->format, reader);
@@ -444,7 +444,7 @@ int main(int argc, char **argv) {
     }
     struct job job = { .file = { .fd = SP_IMPORT_FILE,
                                  .size = (uint64_t)st.st_size,
-                                 .shown = argv[SP_ARGUMENT_PATH],
+                                 .title = argv[SP_ARGUMENT_PATH],
                                  .root = argv[SP_ARGUMENT_ROOT],
                                  .folder = argv[SP_ARGUMENT_FOLDER],
                                  .pattern = argv[SP_ARGUMENT_PATTERN],
@@ -463,8 +463,8 @@ int main(int argc, char **argv) {
     job.is_remote = sp_address_is_remote(argv[SP_ARGUMENT_PATH]);
     job.file.is_folder = S_ISDIR(st.st_mode);
     job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);
-    if (!import_as_parse(argv[SP_ARGUMENT_AS], &job.file.selection.as, job.file.shown, &err) ||
-        !import_unit_check(job.file.selection.unit, job.file.shown, &err) ||
+    if (!import_as_parse(argv[SP_ARGUMENT_AS], &job.file.selection.as, job.file.title, &err) ||
+        !import_unit_check(job.file.selection.unit, job.file.title, &err) ||
         !enter_sandbox(&job, atoi(argv[SP_ARGUMENT_CPU_SECONDS]), &err))
         return say_error(&err);
     return job.lists ? list_series(&job) : run(&job);

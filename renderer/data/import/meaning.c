@@ -54,10 +54,10 @@ bool import_meaning_choose(const struct import_file *file, const struct import_e
     }
     list_fitting(extra, list, sizeof list);
     if (extra->count < 2)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                        "?as=%s: the file has one number per voxel; only %s fits",
                        import_as_name(wanted), list);
-    return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+    return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                    "?as=%s: the file has %" PRIu64 " numbers per voxel; choose %s",
                    import_as_name(wanted), extra->count, list);
 }

@@ -35,7 +35,7 @@ struct mesh {
 };
 
 static bool fail(struct sp_error *err, enum sp_code code, const struct mesh *m, const char *text) {
-    return sp_fail(err, code, m->file->shown, "%s", text);
+    return sp_fail(err, code, m->file->title, "%s", text);
 }
 
 static bool map_file(struct mesh *m, int fd, uint64_t size, struct mesh_bytes *bytes) {
@@ -117,7 +117,7 @@ static bool read_triangles(struct mesh *m, struct sp_error *err) {
         free(m->numbers);
         m->numbers = NULL;
     }
-    return ok || sp_fail(err, SP_ERR_MEMORY, m->file->shown,
+    return ok || sp_fail(err, SP_ERR_MEMORY, m->file->title,
                          "out of memory, or more than %d vertices or triangles", SP_ELEMENTS_MAX);
 }
 
@@ -159,7 +159,7 @@ static bool read_lines(struct mesh *m, struct sp_error *err) {
 }
 
 /* Copies what assimp has read, and lets it free its memory. */
-static bool take_all(struct mesh *m, struct sp_error *err) {
+static bool copy_mesh(struct mesh *m, struct sp_error *err) {
     if (!read_triangles(m, err) || !read_lines(m, err))
         return false;
     m->call->close(m->bridge);
@@ -201,7 +201,7 @@ static bool read_all(struct mesh *m, const char *extension, const struct mesh_by
         shift->is_rounded = true; /* as far as assimp tells */
     while (ok) {
         m->bridge = m->call->open(&source, extension, find_file, m, why, sizeof why);
-        ok = m->bridge ? take_all(m, err) : explain(m, extension, bytes, why, err);
+        ok = m->bridge ? copy_mesh(m, err) : explain(m, extension, bytes, why, err);
         if (!ok || !word || !import_mesh_parts_shift(&m->parts, shift))
             break;
         import_mesh_parts_free(&m->parts);
@@ -221,7 +221,7 @@ static bool open_mesh(void *reader, const struct import_file *file, struct impor
                       struct sp_error *err) {
     struct mesh *m = reader;
     m->file = file;
-    const char *known = extension_of(m->file->shown), *extension = known ? known : "glb";
+    const char *known = extension_of(m->file->title), *extension = known ? known : "glb";
     struct mesh_bytes bytes;
     bool is_empty = false;
     if (!map_file(m, m->file->fd, m->file->size, &bytes))
@@ -252,8 +252,8 @@ static bool read_elements(void *reader, const struct sp_elements *elements,
     return true;
 }
 
-static bool probe_mesh(const uint8_t *start, size_t size, const char *shown) {
-    return extension_of(shown) || (size >= 4 && memcmp(start, "glTF", 4) == 0);
+static bool probe_mesh(const uint8_t *start, size_t size, const char *title) {
+    return extension_of(title) || (size >= 4 && memcmp(start, "glTF", 4) == 0);
 }
 
 const struct import_format import_mesh = { .name = "meshes (.stl, .obj, .gltf, .glb)",

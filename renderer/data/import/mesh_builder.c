@@ -28,7 +28,8 @@ static uint32_t hash(const struct import_vertex *vertex) {
 }
 
 /* The place in the table of a vertex, or where it would go. */
-static uint32_t *find(const struct import_mesh_builder *b, const struct import_vertex *vertex) {
+static uint32_t *find_slot(const struct import_mesh_builder *b,
+                           const struct import_vertex *vertex) {
     uint32_t at = hash(vertex) & (b->table_size - 1);
     while (b->table[at] && memcmp(&b->vertices[b->table[at] - 1], vertex, sizeof *vertex) != 0)
         at = (at + 1) & (b->table_size - 1);
@@ -47,7 +48,7 @@ static bool grow_table(struct import_mesh_builder *b) {
     b->table = table;
     b->table_size = size;
     for (uint32_t i = 0; i < b->vertex_count; i++)
-        *find(b, &b->vertices[i]) = i + 1;
+        *find_slot(b, &b->vertices[i]) = i + 1;
     return true;
 }
 
@@ -68,7 +69,7 @@ bool import_mesh_vertex(struct import_mesh_builder *b, const struct import_verte
     }
     if (!grow_table(b))
         return false;
-    uint32_t *place = find(b, &wanted);
+    uint32_t *place = find_slot(b, &wanted);
     if (!*place) {
         if (!append(b, &wanted))
             return false;
@@ -80,7 +81,7 @@ bool import_mesh_vertex(struct import_mesh_builder *b, const struct import_verte
 
 bool import_mesh_shift(const struct import_mesh_builder *b, struct import_shift *shift) {
     return b->vertex_count &&
-           import_shift_find(shift, b->vertices, sizeof *b->vertices, b->vertex_count);
+           import_shift_choose(shift, b->vertices, sizeof *b->vertices, b->vertex_count);
 }
 
 bool import_mesh_triangle(struct import_mesh_builder *b, const uint32_t vertices[3]) {
@@ -170,8 +171,8 @@ static bool split(struct import_mesh_builder *b, uint32_t v, const uint32_t *cor
     return true;
 }
 
-static bool find_normal(struct import_mesh_builder *b, uint32_t v, const uint32_t *corners,
-                        uint32_t count) {
+static bool compute_normal(struct import_mesh_builder *b, uint32_t v, const uint32_t *corners,
+                           uint32_t count) {
     struct sp_vec3 sum = { { 0, 0, 0 } };
     if (count <= CORNERS_MAX)
         return split(b, v, corners, count);
@@ -196,8 +197,8 @@ bool import_mesh_finish(struct import_mesh_builder *b) {
     bool ok = first == count || list_corners(b, &corners);
     for (uint32_t v = first; ok && v < count; v++)
         if (!has_normal(&b->vertices[v]))
-            ok = find_normal(b, v, corners.list + corners.first[v],
-                             corners.first[v + 1] - corners.first[v]);
+            ok = compute_normal(b, v, corners.list + corners.first[v],
+                                corners.first[v + 1] - corners.first[v]);
     free(corners.first);
     free(corners.list);
     return ok;

@@ -34,7 +34,7 @@ bool import_mesh_vertex(struct import_mesh_builder *builder, const struct import
                         uint32_t *number);
 bool import_mesh_triangle(struct import_mesh_builder *builder, const uint32_t vertices[3]);
 
-/* import_shift_find() for the vertices. */
+/* import_shift_choose() for the vertices. */
 bool import_mesh_shift(const struct import_mesh_builder *builder, struct import_shift *shift);
 
 /* Finds the normals that are not known. */

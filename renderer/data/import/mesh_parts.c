@@ -30,7 +30,7 @@ bool import_mesh_parts_describe(const struct import_mesh_parts *parts,
     uint64_t vertices = parts->built.vertex_count, triangles = parts->built.triangle_count;
     import_tubes_count(&lines, &vertices, &triangles);
     if (vertices > SP_ELEMENTS_MAX || triangles > SP_ELEMENTS_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                        "%" PRIu64 " vertices and %" PRIu64 " triangles are more than %d", vertices,
                        triangles, SP_ELEMENTS_MAX);
     const struct sp_elements_shape shape = { .kind = SP_KIND_MESH,
@@ -45,11 +45,12 @@ bool import_mesh_parts_shift(const struct import_mesh_parts *parts, struct impor
     const struct import_line_points *p = &parts->points;
     return parts->built.vertex_count
                ? import_mesh_shift(&parts->built, shift)
-               : p->count && import_shift_find(shift, p->positions, sizeof *p->positions, p->count);
+               : p->count &&
+                     import_shift_choose(shift, p->positions, sizeof *p->positions, p->count);
 }
 
 /* The diagonal of the box around all vertices and points. */
-static double find_diameter(const struct import_mesh_parts *m) {
+static double measure_diameter(const struct import_mesh_parts *m) {
     const struct import_mesh_builder *b = &m->built;
     double square = 0;
     for (int a = 0; a < 3; a++) {
@@ -78,8 +79,8 @@ void import_mesh_parts_read(const struct import_mesh_parts *parts,
     }
     if (b->triangle_count)
         memcpy(elements->triangles, b->triangles, b->triangle_count * sizeof *b->triangles);
-    import_tubes_fill(&lines, IMPORT_TUBE_RADIUS * find_diameter(parts), elements, b->vertex_count,
-                      b->triangle_count);
+    import_tubes_fill(&lines, IMPORT_TUBE_RADIUS * measure_diameter(parts), elements,
+                      b->vertex_count, b->triangle_count);
 }
 
 void import_mesh_parts_free(struct import_mesh_parts *parts) {

@@ -28,7 +28,7 @@ bool import_mesh_parts_describe(const struct import_mesh_parts *parts,
                                 const struct import_file *file, struct import_header *header,
                                 struct sp_error *err);
 
-/* import_shift_find() for the vertices, or the points of lines where there are none. */
+/* import_shift_choose() for the vertices, or the points of lines where there are none. */
 bool import_mesh_parts_shift(const struct import_mesh_parts *parts, struct import_shift *shift);
 
 /* Fills elements of the shape that the header describes. */

@@ -100,7 +100,7 @@ __attribute__((format(printf, 4, 5))) static bool refuse(const struct parsing *p
     for (size_t i = 0; !name && i < sizeof keys / sizeof *keys; i++)
         if (keys[i].key == key)
             name = keys[i].name;
-    return import_fail(p->err, code, p->file->shown,
+    return import_fail(p->err, code, p->file->title,
                        p->values[key] ? (uint64_t)(p->values[key] - p->text) : 0, name, "%s", text);
 }
 
@@ -108,9 +108,9 @@ static bool require(const struct parsing *p, enum key key) {
     return p->values[key] || refuse(p, SP_ERR_FORMAT, key, "this field is missing");
 }
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
+static bool probe(const uint8_t *start, size_t size, const char *title) {
     static const char first[] = "ObjectType", other[] = "NDims";
-    if (import_ends_with(shown, ".mhd") || import_ends_with(shown, ".mha"))
+    if (import_ends_with(title, ".mhd") || import_ends_with(title, ".mha"))
         return true;
     return (size >= sizeof first && memcmp(start, first, sizeof first - 1) == 0) ||
            (size >= sizeof other && memcmp(start, other, sizeof other - 1) == 0);
@@ -122,7 +122,7 @@ static bool read_text(struct parsing *p) {
     p->size = p->file->size < TEXT_MAX ? p->file->size : TEXT_MAX;
     p->text = malloc(p->size + 1);
     if (!p->text)
-        return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory");
+        return sp_fail(p->err, SP_ERR_MEMORY, p->file->title, "out of memory");
     if (!import_read(p->file, p->text, p->size, 0, &p->size, p->err))
         return false;
     p->text[p->size] = 0;
@@ -137,7 +137,7 @@ static char *trim(char *text) {
     return text;
 }
 
-static void take_line(struct parsing *p, char *line) {
+static void parse_line(struct parsing *p, char *line) {
     char *equals = strchr(line, '=');
     if (!equals)
         return;
@@ -155,7 +155,7 @@ static bool read_lines(struct parsing *p) {
         const size_t length = strcspn(line, "\n");
         char *next = line + length + (line[length] == '\n');
         line[length] = 0;
-        take_line(p, line);
+        parse_line(p, line);
         line = next;
     }
     p->samples->start = (uint64_t)(line - p->text);
@@ -164,7 +164,7 @@ static bool read_lines(struct parsing *p) {
 }
 
 /* Reads `count` numbers; a key that is missing changes nothing. */
-static bool take_numbers(const struct parsing *p, enum key key, unsigned count, double *out) {
+static bool parse_numbers(const struct parsing *p, enum key key, unsigned count, double *out) {
     char *at = p->values[key], *end;
     for (unsigned i = 0; at && i < count; i++, at = end) {
         out[i] = strtod(at, &end);
@@ -188,7 +188,7 @@ static bool find_number(const struct parsing *p, struct import_number *number);
 static bool choose_meaning(struct parsing *p, uint64_t steps) {
     long long channels = 1;
     struct import_number number = { IMPORT_UNSIGNED, 0 };
-    struct sp_error later; /* take_type() reports an unknown type */
+    struct sp_error later; /* parse_type() reports an unknown type */
     struct parsing quiet = *p;
     quiet.err = &later;
     if (p->values[CHANNELS] && !import_integer(p->values[CHANNELS], 1, CHANNELS_MAX, &channels))
@@ -217,7 +217,7 @@ static bool choose_meaning(struct parsing *p, uint64_t steps) {
                                    p->err);
 }
 
-static bool take_dims(struct parsing *p) {
+static bool parse_dims(struct parsing *p) {
     double dims[4] = { 1, 1, 1, 1 };
     long long count;
     if (p->values[OBJECT_TYPE] && strcasecmp(p->values[OBJECT_TYPE], "Image") != 0)
@@ -230,7 +230,7 @@ static bool take_dims(struct parsing *p) {
                       p->values[DIMENSIONS]);
     if (!require(p, DIM_SIZE))
         return false;
-    if (!take_numbers(p, DIM_SIZE, (unsigned)count, dims))
+    if (!parse_numbers(p, DIM_SIZE, (unsigned)count, dims))
         return false;
     for (int axis = 0; axis < 4; axis++)
         if (!(dims[axis] >= 1 && dims[axis] <= SP_DIM_MAX && trunc(dims[axis]) == dims[axis]))
@@ -247,12 +247,12 @@ static bool take_dims(struct parsing *p) {
 
 /* The rows of the matrix are the directions of the axes. Their lengths scale the spacing: ITK does
  * the same. */
-static bool take_directions(const struct parsing *p) {
+static bool parse_directions(const struct parsing *p) {
     double matrix[16] = { 0 };
     const unsigned n = p->dimensions;
     if (!p->values[TRANSFORM])
         return true;
-    if (!take_numbers(p, TRANSFORM, n * n, matrix))
+    if (!parse_numbers(p, TRANSFORM, n * n, matrix))
         return false;
     for (unsigned axis = 0; axis < n && axis < 3; axis++) {
         double length = 0;
@@ -267,11 +267,11 @@ static bool take_directions(const struct parsing *p) {
     return true;
 }
 
-static bool take_geometry(const struct parsing *p) {
+static bool parse_geometry(const struct parsing *p) {
     double spacing[4] = { 1, 1, 1, 1 }, origin[4] = { 0 };
     const enum key key = p->values[SPACING] ? SPACING : ELEMENT_SIZE;
-    if (!take_numbers(p, key, p->dimensions, spacing) ||
-        !take_numbers(p, OFFSET, p->dimensions, origin) || !take_directions(p))
+    if (!parse_numbers(p, key, p->dimensions, spacing) ||
+        !parse_numbers(p, OFFSET, p->dimensions, origin) || !parse_directions(p))
         return false;
     for (int axis = 0; axis < 3; axis++) {
         p->header->grid.spacing[axis] = fabs(spacing[axis]);
@@ -345,7 +345,7 @@ static void widen_long(const struct parsing *p, uint64_t bytes) {
                 type);
 }
 
-static bool take_type(const struct parsing *p) {
+static bool parse_type(const struct parsing *p) {
     struct import_samples *s = p->samples;
     struct import_conversion *c = p->conversion;
     if (!find_number(p, &s->number))
@@ -371,7 +371,7 @@ static bool take_type(const struct parsing *p) {
 }
 
 /* Chooses one of the steps or images that follow one another in the file. */
-static bool take_block(const struct parsing *p) {
+static bool choose_block(const struct parsing *p) {
     struct import_samples *s = p->samples;
     if (s->is_planar) {
         s->bytes *= 3;
@@ -390,10 +390,10 @@ static bool add_file(const struct parsing *p, const char *name) {
     if (p->samples->count >= FILES_MAX)
         return refuse(p, SP_ERR_FORMAT, DATA_FILE, "names more than %d files", FILES_MAX);
     return import_samples_add(p->samples, name, strlen(name)) ||
-           sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory for file names");
+           sp_fail(p->err, SP_ERR_MEMORY, p->file->title, "out of memory for file names");
 }
 
-static bool take_list(const struct parsing *p) {
+static bool parse_list(const struct parsing *p) {
     char *rest = NULL;
     for (char *line = strtok_r(p->list, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest)) {
         const char *name = trim(line);
@@ -403,7 +403,7 @@ static bool take_list(const struct parsing *p) {
     return true;
 }
 
-static bool take_pattern(const struct parsing *p, const struct import_pattern *f) {
+static bool add_pattern(const struct parsing *p, const struct import_pattern *f) {
     if (!import_pattern_is_sound(f))
         return refuse(p, SP_ERR_FORMAT, DATA_FILE,
                       "counts from %lld to %lld by %lld; the step must lead from the first number "
@@ -418,7 +418,7 @@ static bool take_pattern(const struct parsing *p, const struct import_pattern *f
     return true;
 }
 
-static bool take_files(const struct parsing *p) {
+static bool parse_files(const struct parsing *p) {
     const char *value = p->values[DATA_FILE];
     struct import_pattern pattern;
     if (!*value)
@@ -429,7 +429,7 @@ static bool take_files(const struct parsing *p) {
     const bool is_list = strncasecmp(value, "LIST", 4) == 0 && strchr(" \t", value[4]);
     if (!is_list && !import_pattern_parse(value, &pattern))
         return add_file(p, value);
-    if (!(is_list ? take_list(p) : take_pattern(p, &pattern)))
+    if (!(is_list ? parse_list(p) : add_pattern(p, &pattern)))
         return false;
     const uint64_t slices = p->header->grid.dims[2];
     const uint64_t steps = p->images > 1                                ? p->images
@@ -442,7 +442,7 @@ static bool take_files(const struct parsing *p) {
                   slices, steps);
 }
 
-static bool take_encoding(const struct parsing *p) {
+static bool parse_encoding(const struct parsing *p) {
     struct import_samples *s = p->samples;
     long long size = 0;
     if (p->values[HEADER_SIZE] &&
@@ -463,17 +463,17 @@ static bool take_encoding(const struct parsing *p) {
     return true;
 }
 
-static bool take_all(struct parsing *p) {
+static bool parse_all(struct parsing *p) {
     struct import_samples *s = p->samples;
     s->field = "DimSize";
-    if (!read_text(p) || !read_lines(p) || !take_dims(p) || !take_geometry(p) || !take_files(p) ||
-        !take_encoding(p) || !take_type(p) ||
-        !sp_grid_check(&p->header->grid, p->header->type, p->file->shown, &p->header->bytes,
+    if (!read_text(p) || !read_lines(p) || !parse_dims(p) || !parse_geometry(p) ||
+        !parse_files(p) || !parse_encoding(p) || !parse_type(p) ||
+        !sp_grid_check(&p->header->grid, p->header->type, p->file->title, &p->header->bytes,
                        p->err))
         return false;
     s->bytes = p->header->bytes / sp_type_size(p->header->type) * p->conversion->components *
                s->number.size;
-    if (!take_block(p))
+    if (!choose_block(p))
         return refuse(p, SP_ERR_FORMAT, DATA_FILE, "names files that hold no whole slices");
     return import_samples_check(s, p->err);
 }
@@ -487,7 +487,7 @@ static bool open_metaimage(void *reader, const struct import_file *file,
                          .samples = &m->samples,
                          .conversion = &m->conversion,
                          .err = err };
-    const bool ok = take_all(&p);
+    const bool ok = parse_all(&p);
     free(p.text);
     return ok;
 }

@@ -24,16 +24,16 @@ enum place {
     CENTRE = 78
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
+static bool probe(const uint8_t *start, size_t size, const char *title) {
     (void)start;
     (void)size;
-    return import_ends_with(shown, ".mgh") || import_ends_with(shown, ".mgz") ||
-           import_ends_with(shown, ".mgh.gz");
+    return import_ends_with(title, ".mgh") || import_ends_with(title, ".mgz") ||
+           import_ends_with(title, ".mgh.gz");
 }
 
 static const struct import_number whole = { IMPORT_SIGNED, 4 }, real = { IMPORT_FLOAT, 4 };
 
-static bool take_number(const struct import_file *file, const uint8_t *bytes,
+static bool read_number(const struct import_file *file, const uint8_t *bytes,
                         struct import_number *number, struct sp_error *err) {
     static const struct import_number_entry known[] = {
         { NULL, 0, { IMPORT_UNSIGNED, 1 } },  { NULL, 1, { IMPORT_SIGNED, 4 } },
@@ -43,24 +43,24 @@ static bool take_number(const struct import_file *file, const uint8_t *bytes,
     const int code = (int)import_widen_big(bytes + TYPE, whole);
     return import_number_by_code(known, sizeof known / sizeof *known, code, number) ||
            import_fail(
-               err, SP_ERR_UNSUPPORTED, file->shown, TYPE, "type",
+               err, SP_ERR_UNSUPPORTED, file->title, TYPE, "type",
                "samples of type %d are not supported; supported are 0 (uint8), 1 (int32), 3 "
                "(float32), 4 (int16) and 10 (uint16); convert with mri_convert -odt float",
                code);
 }
 
-static bool take_dims(const struct import_file *file, const uint8_t *bytes,
+static bool read_dims(const struct import_file *file, const uint8_t *bytes,
                       struct import_header *header, struct sp_error *err) {
     uint32_t *dims = header->grid.dims;
     for (size_t axis = 0; axis < 3; axis++) {
         const double count = import_widen_big(bytes + DIMS + 4 * axis, whole);
         if (!(count >= 1))
-            return import_fail(err, SP_ERR_FORMAT, file->shown, DIMS + 4 * axis, "dim",
+            return import_fail(err, SP_ERR_FORMAT, file->title, DIMS + 4 * axis, "dim",
                                "axis %zu has %.0f samples, fewer than 1", axis + 1, count);
         dims[axis] = (uint32_t)count;
     }
     if (dims[0] > 1 && dims[1] == 1 && dims[2] == 1)
-        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, DIMS, "dim",
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->title, DIMS, "dim",
                            "the file holds %" PRIu32 " values of the nodes of a surface, which is "
                            "no volume; open the surface as VTK, PLY or OBJ (mris_convert)",
                            dims[0]);
@@ -70,7 +70,7 @@ static bool take_dims(const struct import_file *file, const uint8_t *bytes,
 
 /* The centre of the volume is known, and lies at half of the dims, as FreeSurfer defines it. A file
  * without a place is coronal, of 1 mm. */
-static void take_place(const struct import_file *file, const uint8_t *bytes,
+static void read_place(const struct import_file *file, const uint8_t *bytes,
                        struct import_header *header) {
     static const double coronal[3][3] = { { -1, 0, 0 }, { 0, 0, 1 }, { 0, -1, 0 } };
     struct sp_grid *grid = &header->grid;
@@ -112,7 +112,7 @@ static bool read_after(const struct import_file *file, uint64_t at, uint8_t byte
     bool ok = s && skipped;
     size_t got = 0;
     if (ok) {
-        import_stream_open(s, file->fd, false, file->shown, file->size);
+        import_stream_open(s, file->fd, false, file->title, file->size);
         ok = import_stream_seek(s, 0, NULL) && import_stream_begin(s, IMPORT_GZIP, real, NULL);
         for (; ok && at > 0; at -= got) {
             const size_t n = at < IMPORT_STREAM_CHUNK ? (size_t)at : IMPORT_STREAM_CHUNK;
@@ -127,7 +127,7 @@ static bool read_after(const struct import_file *file, uint64_t at, uint8_t byte
 }
 
 /* The time between two steps, TR [ms], may follow the samples. */
-static void take_interval(const struct import_file *file, uint64_t at, bool is_packed,
+static void read_interval(const struct import_file *file, uint64_t at, bool is_packed,
                           struct import_header *header) {
     uint8_t bytes[TIME_BYTES];
     if (header->steps.count < 2)
@@ -144,19 +144,19 @@ static bool open_mgh(void *reader, const struct import_file *file, struct import
     bool is_packed;
     struct import_samples *s = &m->samples;
     if (import_stream_head(file, bytes, HEADER, &is_packed) < HEADER || bytes[VERSION] != 1)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "version",
+        return import_fail(err, SP_ERR_FORMAT, file->title, 0, "version",
                            "this is no MGH file: it does not begin with a header of 284 bytes of "
                            "version 1");
-    if (!take_number(file, bytes, &s->number, err) || !take_dims(file, bytes, header, err))
+    if (!read_number(file, bytes, &s->number, err) || !read_dims(file, bytes, header, err))
         return false;
-    take_place(file, bytes, header);
+    read_place(file, bytes, header);
     m->conversion = import_conversion_of(s->number, file->warnings);
     s->field = "dim";
     s->big_endian = true;
     s->rest = IMPORT_REST_IGNORED; /* tags of FreeSurfer */
     if (!import_sampled_use(m, file, HEADER, is_packed, header, err))
         return false;
-    take_interval(file, HEADER + s->bytes * header->steps.count, is_packed, header);
+    read_interval(file, HEADER + s->bytes * header->steps.count, is_packed, header);
     return true;
 }
 

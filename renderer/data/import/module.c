@@ -17,7 +17,7 @@ const void *import_module_load(const struct import_file *file, const char *modul
         return table;
     const char *why = dlerror();
     sp_fail(
-        err, SP_ERR_UNSUPPORTED, file->shown,
+        err, SP_ERR_UNSUPPORTED, file->title,
         "the reader of this format cannot be loaded: %.200s; it needs %s, on Debian the package "
         "%s",
         why ? why : strerror(errno), library, package);

@@ -103,15 +103,15 @@ static bool has_ending(const char *name) {
     return false;
 }
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    return has_magic(start, size) || has_ending(shown);
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    return has_magic(start, size) || has_ending(title);
 }
 
 #define REFUSE(code, at, field, ...)                                                               \
-    import_fail(p->err, code, p->file->shown, at, field, __VA_ARGS__)
+    import_fail(p->err, code, p->file->title, at, field, __VA_ARGS__)
 
 /* The byte order is that of the machine stamp, or else the one in which the header makes sense. */
-static bool find_order(struct parsing *p) {
+static bool detect_order(struct parsing *p) {
     for (int i = 0; i < 2; i++) {
         p->is_big = i == 0 ? p->bytes[MACHINE] == 0x11 : !p->is_big;
         const int32_t nx = whole_at(p, DIMS), mode = whole_at(p, MODE);
@@ -124,7 +124,7 @@ static bool find_order(struct parsing *p) {
                   whole_at(p, DIMS), whole_at(p, MODE), SP_DIM_MAX);
 }
 
-static bool take_dims(struct parsing *p) {
+static bool read_dims(struct parsing *p) {
     uint32_t *dims = p->header->grid.dims;
     uint64_t steps = 1;
     for (int axis = 0; axis < 3; axis++) {
@@ -142,7 +142,7 @@ static bool take_dims(struct parsing *p) {
     return import_header_use_steps(p->header, p->file, steps, p->err);
 }
 
-static bool take_axes(struct parsing *p) {
+static bool read_axes(struct parsing *p) {
     bool seen[3] = { false, false, false }, is_given = false;
     for (int i = 0; i < 3; i++) {
         const int32_t axis = whole_at(p, AXES + 4 * (size_t)i);
@@ -162,7 +162,7 @@ static bool take_axes(struct parsing *p) {
 
 /* Directions of the edges of the cell as columns: a along x, b in the plane of x and y. False if
  * the angles span no cell. */
-static bool find_edges(const struct parsing *p, double edges[3][3]) {
+static bool compute_edges(const struct parsing *p, double edges[3][3]) {
     double cosines[3], sine;
     for (int i = 0; i < 3; i++) {
         const double angle = real_at(p, ANGLES + 4 * (size_t)i);
@@ -185,7 +185,7 @@ static bool find_edges(const struct parsing *p, double edges[3][3]) {
 }
 
 /* The steps along the edges of the cell. False if the header does not give them. */
-static bool find_spacing(const struct parsing *p, double spacing[3]) {
+static bool compute_spacing(const struct parsing *p, double spacing[3]) {
     bool is_given = true;
     for (int edge = 0; edge < 3; edge++) {
         const double length = real_at(p, CELL + 4 * (size_t)edge);
@@ -211,8 +211,8 @@ static bool is_origin_of_imod(const struct parsing *p) {
 }
 
 /* The origin of MRC2014, or else the first sample of CCP4, counted in steps along its axes. */
-static void find_origin(const struct parsing *p, const double edges[3][3], const double spacing[3],
-                        double origin[3]) {
+static void compute_origin(const struct parsing *p, const double edges[3][3],
+                           const double spacing[3], double origin[3]) {
     bool is_given = false;
     for (int row = 0; row < 3; row++) {
         origin[row] = real_at(p, ORIGIN + 4 * (size_t)row);
@@ -227,18 +227,18 @@ static void find_origin(const struct parsing *p, const double edges[3][3], const
                 edges[row][p->axes[i]] * spacing[p->axes[i]] * whole_at(p, START + 4 * (size_t)i);
 }
 
-static void take_grid(struct parsing *p) {
+static void read_grid(struct parsing *p) {
     struct sp_grid *grid = &p->header->grid;
     double spacing[3], edges[3][3] = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } };
-    if (!find_edges(p, edges))
+    if (!compute_edges(p, edges))
         import_warn(p->file->warnings, "The angles of the cell are wrong; they are taken as 90°.");
-    const bool is_given = find_spacing(p, spacing);
+    const bool is_given = compute_spacing(p, spacing);
     if (is_given)
         memcpy(p->header->unit, "angstrom", sizeof "angstrom");
     else
         import_warn(p->file->warnings,
                     "The header gives no size of the cell, so the spacing is 1.");
-    find_origin(p, (const double(*)[3])edges, spacing, grid->origin);
+    compute_origin(p, (const double(*)[3])edges, spacing, grid->origin);
     for (int axis = 0; axis < 3; axis++) {
         grid->spacing[axis] = spacing[p->axes[axis]];
         for (int row = 0; row < 3; row++)
@@ -254,7 +254,7 @@ static bool is_unsigned_byte(const struct parsing *p) {
     return real_at(p, LOW) >= 0 && real_at(p, HIGH) > INT8_MAX && real_at(p, HIGH) <= UINT8_MAX;
 }
 
-static bool take_samples(struct parsing *p) {
+static bool describe_samples(struct parsing *p) {
     struct import_samples *s = &p->mrc->samples;
     struct import_conversion *c = &p->mrc->conversion;
     const int32_t mode = whole_at(p, MODE), extended = whole_at(p, EXTENDED);
@@ -294,10 +294,10 @@ static bool open_mrc(void *reader, const struct import_file *file, struct import
     if (import_stream_head(file, p->bytes, HEADER, &p->is_packed) < HEADER)
         return REFUSE(SP_ERR_FORMAT, 0, NULL,
                       "an MRC file begins with a header of %d bytes; this file is shorter", HEADER);
-    if (!find_order(p) || !take_dims(p) || !take_axes(p))
+    if (!detect_order(p) || !read_dims(p) || !read_axes(p))
         return false;
-    take_grid(p);
-    return take_samples(p);
+    read_grid(p);
+    return describe_samples(p);
 }
 
 const struct import_format import_mrc = { .name = "MRC",

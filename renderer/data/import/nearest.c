@@ -119,7 +119,7 @@ static void split_rest(void *user, size_t begin, size_t end, unsigned worker) {
         split_all(b->tree, &b->ranges[b->from][i]);
 }
 
-static void find_box(const struct import_nearest_tree *t, struct range *r) {
+static void compute_box(const struct import_nearest_tree *t, struct range *r) {
     for (int a = 0; a < 3; a++) {
         r->low[a] = INFINITY;
         r->high[a] = -INFINITY;
@@ -144,7 +144,7 @@ bool import_nearest_build(struct import_nearest_tree *tree, struct sp_pool *pool
     b->tree = tree;
     b->from = 0;
     b->ranges[0][0] = (struct range){ .begin = 0, .end = tree->count, .node = 1 };
-    find_box(tree, &b->ranges[0][0]);
+    compute_box(tree, &b->ranges[0][0]);
     for (int level = 0; level < LEVELS; level++) {
         sp_parallel_for(pool, (size_t)1 << level, 1, split_level, b);
         b->from = !b->from;
@@ -241,7 +241,7 @@ struct group {
 
 /* Finds a bound with at least k of the `count` squares: with exactly k if no others are equal to
  * the k-th. `high` is such a bound. */
-static float find_bound(const float *squares, size_t count, unsigned k, float high) {
+static float compute_bound(const float *squares, size_t count, unsigned k, float high) {
     float low = 0;
     unsigned zeros = 0;
     for (size_t i = 0; i < count; i++)
@@ -265,8 +265,8 @@ static float find_bound(const float *squares, size_t count, unsigned k, float hi
 }
 
 /* How far the neighbours of a point may be: the seeds have as many. */
-static float find_reach(const struct import_nearest_tree *t, size_t point, size_t begin,
-                        size_t end) {
+static float measure_reach(const struct import_nearest_tree *t, size_t point, size_t begin,
+                           size_t end) {
     float squares[2 * SEEDS], high = 0;
     for (size_t i = begin; i < end; i++) {
         float square = 0;
@@ -276,7 +276,7 @@ static float find_reach(const struct import_nearest_tree *t, size_t point, size_
         squares[i - begin] = square;
         high = sp_maxf(high, square);
     }
-    return find_bound(squares, end - begin, IMPORT_NEAREST + 1, high); /* the point is one */
+    return compute_bound(squares, end - begin, IMPORT_NEAREST + 1, high); /* the point is one */
 }
 
 /* Adds the points of a leaf of the tree that are within reach. */
@@ -366,7 +366,7 @@ static bool find_neighbours(struct group *g, size_t own, float reach, struct imp
     }
     if (count < IMPORT_NEAREST)
         return false;
-    const float bound = find_bound(g->near, count, IMPORT_NEAREST, reach);
+    const float bound = compute_bound(g->near, count, IMPORT_NEAREST, reach);
     uint32_t chosen[IMPORT_NEAREST + 1];
     unsigned found = 0;
     float square = reach;
@@ -392,12 +392,12 @@ static void search_group(struct group *g, const struct range *seeds,
     bool has_seeds = seeds->end - seeds->begin > IMPORT_NEAREST;
     float least_reach = INFINITY;
     for (size_t i = 0; i < points && has_seeds; i++) {
-        reaches[i] = find_reach(t, g->leaf.begin + i, seeds->begin, seeds->end);
+        reaches[i] = measure_reach(t, g->leaf.begin + i, seeds->begin, seeds->end);
         least_reach = sp_minf(least_reach, reaches[i]);
     }
     /* A reach that suits its most crowded point suits most of the others. */
     g->reach = slack * least_reach;
-    find_box(t, &g->leaf);
+    compute_box(t, &g->leaf);
     for (int a = 0; a < 3; a++) {
         g->middle[a] = 0.5f * (g->leaf.low[a] + g->leaf.high[a]);
         g->half[a] = 0.5f * (g->leaf.high[a] - g->leaf.low[a]);

@@ -139,7 +139,7 @@ static void report(void *user, size_t points, unsigned worker) {
 }
 
 /* Finds the sizes of the points of the tree. Reports until `end`. */
-static bool find_sizes(struct sizes *s, uint64_t end) {
+static bool measure_sizes(struct sizes *s, uint64_t end) {
     const struct import_nearest_visitor visitor = { set_size, report, s };
     s->begin = s->end + (uint64_t)(tree_share * (double)(end - s->end));
     s->end = end;
@@ -202,7 +202,7 @@ static void separate_twins(struct sizes *s) {
     s->is_separate = true;
 }
 
-static void find_places(void *user, size_t begin, size_t end, unsigned worker) {
+static void fill_places(void *user, size_t begin, size_t end, unsigned worker) {
     struct sizes *s = user;
     (void)worker;
     for (size_t i = begin; i < end; i++)
@@ -213,7 +213,7 @@ static void find_places(void *user, size_t begin, size_t end, unsigned worker) {
 /* Points at one place share the space around it. */
 static void share(struct sizes *s) {
     const struct sp_elements *e = s->points;
-    sp_parallel_for(s->pool, s->twin_count, GRAIN, find_places, s);
+    sp_parallel_for(s->pool, s->twin_count, GRAIN, fill_places, s);
     for (size_t i = 0; i < s->twin_count; i++)
         s->copies[s->places[i]]++;
     for (size_t i = 0; i < s->tree.count; i++)
@@ -227,16 +227,16 @@ static void share(struct sizes *s) {
 }
 
 /* Sizes of the finite points, and of the others. */
-static bool find_all(struct sizes *s) {
+static bool measure_all(struct sizes *s) {
     const struct sp_elements *e = s->points;
     const uint64_t count = e->shape.count, all = 11 * sizeof(float) * count;
     const struct import_nearest none = { .square = INFINITY };
-    bool ok = find_sizes(s, all);
+    bool ok = measure_sizes(s, all);
     if (ok && s->shares) {
         s->end = 4 * sizeof(float) * count;
         import_nearest_finish(&s->tree);
         separate_twins(s);
-        ok = find_sizes(s, all);
+        ok = measure_sizes(s, all);
         s->places = malloc((s->twin_count + 1) * sizeof *s->places);
         s->copies = calloc(s->tree.count + 1, sizeof *s->copies);
         ok = ok && s->places && s->copies;
@@ -261,7 +261,7 @@ bool import_neighbours_finish(const struct sp_elements *points,
     if (ok) {
         const double diagonal = sort_out(&s);
         s.least = diagonal > 0 ? 1e-6 * diagonal : 1;
-        ok = find_all(&s);
+        ok = measure_all(&s);
     }
     if (s.pool && !ok)
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the neighbours of points");

@@ -11,15 +11,15 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { DIMENSIONS_MAX = 65536, WINDOW = 4096 };
+enum { DIMENSIONS_MAX = 65536, BUFFER_BYTES = 4096 };
 
 struct header {
     const struct import_file *file;
     uint64_t at;
     unsigned count_bytes, offset_bytes; /* of counts and of offsets */
-    uint64_t window_at;                 /* of the first byte in the window */
-    size_t window_size;
-    uint8_t window[WINDOW];
+    uint64_t buffer_at;                 /* of the first byte in the window */
+    size_t buffer_size;
+    uint8_t buffer[BUFFER_BYTES];
     uint64_t records;
     uint64_t *dims; /* owned: lengths; 0 = of records */
     uint64_t dim_count;
@@ -29,14 +29,14 @@ struct header {
 static uint64_t get(struct header *h, unsigned bytes) {
     uint64_t value = 0;
     for (unsigned i = 0; i < bytes && h->ok; i++, h->at++) {
-        if (h->at < h->window_at || h->at >= h->window_at + h->window_size) {
-            const ssize_t got = pread(h->file->fd, h->window, WINDOW, (off_t)h->at);
-            h->window_at = h->at;
-            h->window_size = got > 0 ? (size_t)got : 0;
+        if (h->at < h->buffer_at || h->at >= h->buffer_at + h->buffer_size) {
+            const ssize_t got = pread(h->file->fd, h->buffer, BUFFER_BYTES, (off_t)h->at);
+            h->buffer_at = h->at;
+            h->buffer_size = got > 0 ? (size_t)got : 0;
             h->ok = got > 0;
         }
         if (h->ok)
-            value = value << 8 | h->window[h->at - h->window_at];
+            value = value << 8 | h->buffer[h->at - h->buffer_at];
     }
     return value;
 }
@@ -106,7 +106,7 @@ static uint64_t read_variable(struct header *h, uint64_t *size, bool *is_record)
 }
 
 /* Where the last number ends. */
-static uint64_t find_end(struct header *h) {
+static uint64_t compute_end(struct header *h) {
     uint64_t end = 0, last_record = 0, record = 0, records = 0, only = 0, size;
     bool is_record;
     for (uint64_t i = begin_list(h); i > 0 && h->ok; i--) {
@@ -133,7 +133,7 @@ static uint64_t find_end(struct header *h) {
 bool netcdf_size_check(const struct import_file *file, struct sp_error *err) {
     struct header *h = calloc(1, sizeof *h);
     if (!h)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory");
     *h = (struct header){ .file = file, .ok = true };
     const uint64_t magic = get(h, 4), version = magic & 255;
     bool ok = true;
@@ -143,12 +143,12 @@ bool netcdf_size_check(const struct import_file *file, struct sp_error *err) {
         h->records = get(h, h->count_bytes);
         h->ok = h->ok && read_dimensions(h);
         skip_attributes(h);
-        const uint64_t end = find_end(h);
+        const uint64_t end = compute_end(h);
         if (!h->ok)
-            ok = import_fail(err, SP_ERR_FORMAT, file->shown, h->at, NULL,
+            ok = import_fail(err, SP_ERR_FORMAT, file->title, h->at, NULL,
                              "the header of this NetCDF file is damaged or cut off");
         else if (end > file->size)
-            ok = import_fail(err, SP_ERR_FORMAT, file->shown, file->size, NULL,
+            ok = import_fail(err, SP_ERR_FORMAT, file->title, file->size, NULL,
                              "the numbers need %" PRIu64 " bytes, the file has %" PRIu64
                              ": it is cut off",
                              end, file->size);

@@ -38,10 +38,10 @@ static bool unpack_start(const uint8_t *start, size_t size, uint8_t out[4]) {
     return z.avail_out == 0;
 }
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
+static bool probe(const uint8_t *start, size_t size, const char *title) {
     uint8_t unpacked[4];
-    if (import_ends_with(shown, ".nii") || import_ends_with(shown, ".nii.gz") ||
-        import_ends_with(shown, ".hdr"))
+    if (import_ends_with(title, ".nii") || import_ends_with(title, ".nii.gz") ||
+        import_ends_with(title, ".hdr"))
         return true;
     if (size >= 2 && start[0] == 0x1f && start[1] == 0x8b)
         return unpack_start(start, size, unpacked) && nifti_is_header(unpacked);
@@ -54,7 +54,7 @@ static bool check_dims(const struct import_file *file, struct nifti_fields *f,
                        struct import_header *header, struct sp_error *err) {
     const uint64_t at = f->layout->dims;
     if (!(f->dims[0] >= 1 && f->dims[0] <= 7))
-        return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim",
+        return import_fail(err, SP_ERR_FORMAT, file->title, at, "dim",
                            "%g dimensions are outside [1, 7]", f->dims[0]);
     for (int i = (int)f->dims[0] + 1; i < 8; i++)
         f->dims[i] = 1;
@@ -63,31 +63,31 @@ static bool check_dims(const struct import_file *file, struct nifti_fields *f,
     for (int axis = 0; axis < 3; axis++) {
         const double count = f->dims[axis + 1];
         if (!(count >= 1 && count <= SP_DIM_MAX))
-            return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim",
+            return import_fail(err, SP_ERR_FORMAT, file->title, at, "dim",
                                "axis %d has %g samples, outside [1, %u]", axis + 1, count,
                                SP_DIM_MAX);
         header->grid.dims[axis] = (uint32_t)count;
     }
     if (!(f->dims[4] >= 1 && trunc(f->dims[4]) == f->dims[4]))
         return import_fail(
-            err, SP_ERR_FORMAT, file->shown, at, "dim",
+            err, SP_ERR_FORMAT, file->title, at, "dim",
             "the file declares %g time steps; they must be a whole number of at least 1",
             f->dims[4]);
     for (int i = 5; i < 8; i++)
         if (!(f->dims[i] >= 1 && f->dims[i] <= NIFTI_COMPONENTS_MAX &&
               trunc(f->dims[i]) == f->dims[i]))
-            return import_fail(err, SP_ERR_FORMAT, file->shown, at, "dim",
+            return import_fail(err, SP_ERR_FORMAT, file->title, at, "dim",
                                "dimension %d has %g samples, outside [1, %d]", i, f->dims[i],
                                NIFTI_COMPONENTS_MAX);
     f->dims[5] *= f->dims[6] * f->dims[7];
     return f->dims[5] <= NIFTI_COMPONENTS_MAX ||
-           import_fail(err, SP_ERR_UNSUPPORTED, file->shown, at, "dim",
+           import_fail(err, SP_ERR_UNSUPPORTED, file->title, at, "dim",
                        "%g components are more than %d, the limit", f->dims[5],
                        NIFTI_COMPONENTS_MAX);
 }
 
-static bool take_steps(const struct import_file *file, const struct nifti_fields *f,
-                       struct import_header *header, struct sp_error *err) {
+static bool set_steps(const struct import_file *file, const struct nifti_fields *f,
+                      struct import_header *header, struct sp_error *err) {
     static const char *const units[8] = { "", "s", "ms", "us", "Hz", "ppm", "rad/s", "" };
     if (!import_header_use_steps(header, file, (uint64_t)fmin(f->dims[4], 1e9), err))
         return false;
@@ -109,7 +109,7 @@ static bool find_number(const struct import_file *file, const struct nifti_field
     };
     return import_number_by_code(known, sizeof known / sizeof *known, f->datatype, number) ||
            import_fail(
-               err, SP_ERR_UNSUPPORTED, file->shown, f->layout->datatype, "datatype",
+               err, SP_ERR_UNSUPPORTED, file->title, f->layout->datatype, "datatype",
                "samples of type %d (%s) are not supported; save them as uint8, int16, int32 "
                "or float32",
                f->datatype,
@@ -148,8 +148,8 @@ static unsigned choose_component(const struct import_file *file, const struct ni
 }
 
 /* A slope of 0 or no number means that there is none. */
-static void take_slope(const struct import_file *file, const struct nifti_fields *f,
-                       struct import_conversion *c) {
+static void set_slope(const struct import_file *file, const struct nifti_fields *f,
+                      struct import_conversion *c) {
     double low, high, inter = f->inter;
     if (!isfinite(f->slope) || f->slope == 0 || f->datatype == TYPE_RGB || f->datatype == TYPE_RGBA)
         return;
@@ -173,7 +173,7 @@ static bool describe_vectors(const struct import_file *file, const struct nifti_
                              struct import_sampled *n, struct import_header *header,
                              struct sp_error *err) {
     if (header->steps.count > 1)
-        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, f->layout->intent, "intent_code",
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->title, f->layout->intent, "intent_code",
                            "vectors with several time steps are not supported; save one step as a "
                            "file");
     n->samples.is_vectors = n->samples.is_planar = true;
@@ -182,7 +182,7 @@ static bool describe_vectors(const struct import_file *file, const struct nifti_
         n->conversion.slope != 1 || n->conversion.offset != 0 ? &n->conversion : NULL;
     import_header_add_vectors(header, f->intent_name);
     import_header_use_vectors(header, file->field);
-    return sp_grid_check(&header->grid, header->type, file->shown, &header->bytes, err);
+    return sp_grid_check(&header->grid, header->type, file->title, &header->bytes, err);
 }
 
 /* Which numbers of the file are read, and how they become samples. */
@@ -193,9 +193,9 @@ static bool describe(const struct import_file *file, const struct nifti_fields *
     if (!find_number(file, f, &s->number, err))
         return false;
     *c = import_conversion_of(s->number, file->warnings);
-    take_slope(file, f, c);
+    set_slope(file, f, c);
     header->type = c->type;
-    if (!sp_grid_check(&header->grid, header->type, file->shown, &header->bytes, err))
+    if (!sp_grid_check(&header->grid, header->type, file->title, &header->bytes, err))
         return false;
     s->bytes = header->bytes / sp_type_size(header->type) * s->number.size;
     s->big_endian = f->is_swapped == (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
@@ -207,7 +207,7 @@ static bool describe(const struct import_file *file, const struct nifti_fields *
     s->bytes *= c->components;
     s->conversion = import_conversion_is_copy(c) ? NULL : c;
     return import_samples_choose_block(s, images * steps, image * steps + file->step) ||
-           import_fail(err, SP_ERR_FORMAT, file->shown, f->layout->dims, "dim",
+           import_fail(err, SP_ERR_FORMAT, file->title, f->layout->dims, "dim",
                        "all samples together are too many: a dimension is wrong");
 }
 
@@ -218,7 +218,7 @@ static bool find_samples(const struct import_file *file, const struct nifti_fiel
         s->encoding = f->is_packed ? IMPORT_GZIP : IMPORT_RAW;
         return true;
     }
-    const char *slash = strrchr(file->shown, '/'), *name = slash ? slash + 1 : file->shown;
+    const char *slash = strrchr(file->title, '/'), *name = slash ? slash + 1 : file->title;
     const int stem = (int)strlen(name) - 4;
     static const char *const endings[] = { ".img", ".img.gz", ".IMG" };
     for (size_t i = 0; i < sizeof endings / sizeof *endings && import_ends_with(name, ".hdr");
@@ -229,24 +229,24 @@ static bool find_samples(const struct import_file *file, const struct nifti_fiel
         s->encoding = i == 1 ? IMPORT_GZIP : IMPORT_RAW;
         if (faccessat(AT_FDCWD, path, F_OK, AT_SYMLINK_NOFOLLOW) == 0)
             return import_samples_add(s, beside, strlen(beside)) ||
-                   sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+                   sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory");
     }
     if (!import_ends_with(name, ".hdr"))
-        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, f->layout->magic, "magic",
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->title, f->layout->magic, "magic",
                            "the samples are in another file, so this header must be called "
                            "NAME.hdr and lie beside NAME.img or NAME.img.gz; unpack or rename it");
-    return import_fail(err, SP_ERR_NOT_FOUND, file->shown, f->layout->magic, "magic",
+    return import_fail(err, SP_ERR_NOT_FOUND, file->title, f->layout->magic, "magic",
                        "the samples are in another file, %.*s.img or .img.gz, which is not there",
                        stem > 0 ? stem : 0, name);
 }
 
 /* Where the samples begin. In one file that cannot be inside of the header, whatever it says. */
-static bool take_offset(const struct import_file *file, const struct nifti_fields *f,
-                        struct import_samples *s, struct sp_error *err) {
+static bool set_offset(const struct import_file *file, const struct nifti_fields *f,
+                       struct import_samples *s, struct sp_error *err) {
     const uint64_t end = (uint64_t)f->layout->size, least = end + NIFTI_SINGLE_START;
     const uint64_t all = s->before_bytes + s->bytes + s->after_bytes;
     if (!(f->offset >= 0 && f->offset <= (double)(INT64_C(1) << 48)))
-        return import_fail(err, SP_ERR_FORMAT, file->shown, f->layout->offset_at, "vox_offset",
+        return import_fail(err, SP_ERR_FORMAT, file->title, f->layout->offset_at, "vox_offset",
                            "%g is outside [0, 2^48]", f->offset);
     s->skip_bytes = (uint64_t)f->offset;
     if (!f->is_single || s->skip_bytes >= least)
@@ -261,7 +261,7 @@ static bool take_offset(const struct import_file *file, const struct nifti_field
 
 /* SPM writes the place of an ANALYZE file into a file of MATLAB beside it. */
 static void warn_of_analyze(const struct import_file *file) {
-    const char *slash = strrchr(file->shown, '/'), *name = slash ? slash + 1 : file->shown;
+    const char *slash = strrchr(file->title, '/'), *name = slash ? slash + 1 : file->title;
     char beside[NAME_MAX + 8], path[PATH_MAX + NAME_MAX + 10];
     import_warn(file->warnings, "An ANALYZE file does not say where left and right are.");
     if (!import_ends_with(name, ".hdr"))
@@ -284,7 +284,7 @@ static bool open_nifti(void *reader, const struct import_file *file, struct impo
     n->samples.field = "dim";
     if (!nifti_header_read(file, &f, err) || !nifti_check_intent(file, &f, err) ||
         !check_dims(file, &f, header, err) || !nifti_choose_axes(file, &f, header, err) ||
-        !take_steps(file, &f, header, err))
+        !set_steps(file, &f, header, err))
         return false;
     nifti_place(file, &f, header);
     nifti_place_vectors(&f, header);
@@ -293,7 +293,7 @@ static bool open_nifti(void *reader, const struct import_file *file, struct impo
     snprintf(header->unit, sizeof header->unit, "%s", units[is_mm ? UNIT_MM : f.units]);
     if (f.is_analyze)
         warn_of_analyze(file);
-    return describe(file, &f, n, header, err) && take_offset(file, &f, &n->samples, err) &&
+    return describe(file, &f, n, header, err) && set_offset(file, &f, &n->samples, err) &&
            find_samples(file, &f, &n->samples, err) && import_samples_check(&n->samples, err);
 }
 

@@ -83,7 +83,7 @@ static void numbers_at(const struct nifti_fields *f, const uint8_t *header, size
         out[i] = number_at(f, header, at + (size_t)i * number.size, number);
 }
 
-static void take_fields(const uint8_t *header, struct nifti_fields *f) {
+static void read_fields(const uint8_t *header, struct nifti_fields *f) {
     const struct nifti_layout *l = f->layout;
     double forms[2];
     numbers_at(f, header, l->dims, l->count, f->dims, 8);
@@ -121,9 +121,9 @@ bool nifti_header_read(const struct import_file *file, struct nifti_fields *f,
     const size_t got = import_stream_head(file, header, sizeof header, &f->is_packed);
     f->layout = got >= HEADER_ONE ? find_layout(header, &f->is_swapped) : NULL;
     if (!f->layout || got < (size_t)f->layout->size)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "sizeof_hdr",
+        return import_fail(err, SP_ERR_FORMAT, file->title, 0, "sizeof_hdr",
                            "this is no NIfTI file: it does not begin with a header of 348 or 540 "
                            "bytes");
-    take_fields(header, f);
+    read_fields(header, f);
     return true;
 }

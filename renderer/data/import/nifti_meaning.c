@@ -18,15 +18,15 @@
 enum { TYPE_BYTE = 2, TYPE_FLOAT = 16, TYPE_DOUBLE = 64, TYPE_RGB = 128, TYPE_RGBA = 2304 };
 
 /* True for "dti_V1.nii.gz": FSL's dtifit calls the directions V1, V2 and V3. */
-static bool has_name_of_directions(const char *shown) {
-    const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
+static bool has_name_of_directions(const char *title) {
+    const char *slash = strrchr(title, '/'), *name = slash ? slash + 1 : title;
     const char *dot = strcasestr(name, ".nii");
     return dot && dot - name >= 2 && dot[-2] == 'V' && strchr("123", dot[-1]) &&
            (dot - name == 2 || dot[-3] == '_');
 }
 
-static bool has_name_of_tensor(const char *shown) {
-    const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
+static bool has_name_of_tensor(const char *title) {
+    const char *slash = strrchr(title, '/'), *name = slash ? slash + 1 : title;
     const char *dot = strcasestr(name, ".nii");
     return dot && dot - name >= 6 && strncasecmp(dot - 6, "tensor", 6) == 0;
 }
@@ -81,7 +81,7 @@ static bool are_directions(const struct import_file *file, const struct nifti_fi
 
 /* What three volumes of real numbers are, of which the file says nothing. */
 static enum import_as guess(const struct import_file *file, struct nifti_fields *f) {
-    const bool is_named = has_name_of_directions(file->shown);
+    const bool is_named = has_name_of_directions(file->title);
     if (f->dims[4] != 3 || (f->datatype != TYPE_FLOAT && f->datatype != TYPE_DOUBLE) ||
         f->intent != 0 || (!is_named && !are_directions(file, f)))
         return IMPORT_AS_TIME;
@@ -107,7 +107,7 @@ static enum import_as meaning_of(const struct import_file *file, struct nifti_fi
     }
     if (is_fifth || said == IMPORT_AS_VECTORS || said == IMPORT_AS_RGB)
         return said == IMPORT_AS_TIME && f->dims[4] == 1 ? IMPORT_AS_TIME : IMPORT_AS_CHANNELS;
-    if (entries == 6 && has_name_of_tensor(file->shown))
+    if (entries == 6 && has_name_of_tensor(file->title))
         return IMPORT_AS_CHANNELS;
     return guess(file, f);
 }
@@ -118,7 +118,7 @@ bool nifti_check_intent(const struct import_file *file, const struct nifti_field
     const bool is_cifti = f->intent >= 3000;
     if (intent.refusal)
         return import_fail(
-            err, SP_ERR_UNSUPPORTED, file->shown, f->layout->intent, "intent_code",
+            err, SP_ERR_UNSUPPORTED, file->title, f->layout->intent, "intent_code",
             "the file holds %s (intent %d%s%s), which is no volume; %s", intent.refusal, f->intent,
             f->intent_name[0] ? ", " : "", f->intent_name,
             is_cifti ? "write its voxels with \"wb_command -cifti-separate FILE COLUMN -volume-all "
@@ -160,13 +160,13 @@ bool nifti_choose_axes(const struct import_file *file, struct nifti_fields *f,
     if (!import_meaning_choose(file, &extra, header, &f->as, err))
         return false;
     if (wanted == IMPORT_AS_VECTORS)
-        f->are_fsl = f->intent == IMPORT_INTENT_FNIRT || has_name_of_directions(file->shown);
+        f->are_fsl = f->intent == IMPORT_INTENT_FNIRT || has_name_of_directions(file->title);
     if (f->as == IMPORT_AS_VECTORS && f->intent == IMPORT_INTENT_FNIRT)
         import_warn(file->warnings,
                     "The vectors are taken as relative displacements of FSL's FNIRT. If the field "
                     "is absolute, they are coordinates; convertwarp --relout makes it relative.");
     if (!is_fifth && f->as != IMPORT_AS_TIME && f->dims[4] > NIFTI_COMPONENTS_MAX)
-        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, f->layout->dims, "dim",
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->title, f->layout->dims, "dim",
                            "%.0f components are more than %d, the limit", f->dims[4],
                            NIFTI_COMPONENTS_MAX);
     if (!is_fifth && f->as != IMPORT_AS_TIME && f->dims[4] > 1) {
@@ -199,5 +199,5 @@ const char *const *nifti_component_names(const struct import_file *file,
         return NULL;
     if (intent.names && f->dims[5] == intent.name_count)
         return intent.names;
-    return f->dims[5] == 6 && has_name_of_tensor(file->shown) ? import_tensor_names : NULL;
+    return f->dims[5] == 6 && has_name_of_tensor(file->title) ? import_tensor_names : NULL;
 }

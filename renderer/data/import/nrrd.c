@@ -40,19 +40,19 @@ struct nrrd {
 #define REFUSE(p, code, field, ...)                                                                \
     NRRD_FAIL((p)->err, code, (p)->file, (p)->text, field, __VA_ARGS__)
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    return (size >= 4 && memcmp(start, "NRRD", 4) == 0) || import_ends_with(shown, ".nrrd") ||
-           import_ends_with(shown, ".nhdr");
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    return (size >= 4 && memcmp(start, "NRRD", 4) == 0) || import_ends_with(title, ".nrrd") ||
+           import_ends_with(title, ".nhdr");
 }
 
-static void take_sizes(const struct parsing *p) {
+static void set_sizes(const struct parsing *p) {
     const struct nrrd_header *h = p->text;
     for (unsigned axis = 0; axis < 3; axis++)
         p->header->grid.dims[axis] = axis < h->axes ? (uint32_t)h->sizes[h->first + axis] : 1;
 }
 
 /* Axes along the axes of the world, from "spacings", "axis mins" and "axis maxs". */
-static bool take_spacings(const struct parsing *p) {
+static bool set_spacings(const struct parsing *p) {
     const struct nrrd_header *h = p->text;
     for (unsigned i = 0; i < h->axes; i++) {
         unsigned axis = h->first + i;
@@ -83,7 +83,7 @@ static bool take_spacings(const struct parsing *p) {
 }
 
 /* Computes the third axis of an image with two axes, perpendicular to both. */
-static bool take_third_direction(const struct parsing *p) {
+static bool compute_third_direction(const struct parsing *p) {
     struct sp_grid *grid = &p->header->grid;
     double n[3], length = 0;
     for (int i = 0; i < 3; i++) {
@@ -101,7 +101,7 @@ static bool take_third_direction(const struct parsing *p) {
 }
 
 /* "space directions": columns whose lengths are the spacings. */
-static bool take_directions(const struct parsing *p) {
+static bool set_directions(const struct parsing *p) {
     struct sp_grid *grid = &p->header->grid;
     for (unsigned axis = 0; axis < p->text->axes; axis++) {
         const double *v = p->text->direction[p->text->first + axis];
@@ -113,12 +113,12 @@ static bool take_directions(const struct parsing *p) {
         for (int row = 0; row < 3; row++)
             grid->direction[row][axis] = v[row] / length;
     }
-    return p->text->axes == 3 || take_third_direction(p);
+    return p->text->axes == 3 || compute_third_direction(p);
 }
 
 /* The unit of the values, with or without quotation marks. A text that is too long for a unit is
  * none. */
-static void take_sample_units(const struct parsing *p) {
+static void set_sample_units(const struct parsing *p) {
     const char *unit = p->text->value[NRRD_SAMPLE_UNITS];
     size_t n = unit ? strlen(unit) : 0;
     if (n >= 2 && unit[0] == '"' && unit[n - 1] == '"') {
@@ -130,16 +130,16 @@ static void take_sample_units(const struct parsing *p) {
                  unit ? unit : "");
 }
 
-static bool take_geometry(const struct parsing *p) {
-    take_sizes(p);
+static bool set_geometry(const struct parsing *p) {
+    set_sizes(p);
     bool directed = p->text->value[NRRD_SPACE_DIRECTIONS] != NULL;
-    if (!(directed ? take_directions(p) : take_spacings(p)))
+    if (!(directed ? set_directions(p) : set_spacings(p)))
         return false;
     if (p->text->value[NRRD_SPACE_ORIGIN])
         memcpy(p->header->grid.origin, p->text->origin,
                (p->text->space < 3 ? p->text->space : 3) * sizeof(double));
     memcpy(p->header->unit, p->text->unit, sizeof p->header->unit);
-    take_sample_units(p);
+    set_sample_units(p);
     if (p->text->value[NRRD_MEASUREMENT_FRAME] && p->text->vectors >= 0)
         memcpy(p->header->frame, p->text->frame, sizeof p->header->frame);
     if (directed && p->text->anatomy[0]) /* the space names the axes of the vectors */
@@ -147,7 +147,7 @@ static bool take_geometry(const struct parsing *p) {
     return true;
 }
 
-static bool take_skips(const struct parsing *p) {
+static bool parse_skips(const struct parsing *p) {
     struct import_samples *s = p->samples;
     long long n;
     if (p->text->value[NRRD_LINE_SKIP]) {
@@ -178,15 +178,15 @@ static bool add_name(const struct parsing *p, const char *name, size_t length) {
     if (p->samples->count >= PIECES_MAX)
         return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "names more than %d files", PIECES_MAX);
     if (!import_samples_add(p->samples, name, length))
-        return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory for file names");
+        return sp_fail(p->err, SP_ERR_MEMORY, p->file->title, "out of memory for file names");
     return true;
 }
 
-static bool take_list(const struct parsing *p) {
+static bool add_list(const struct parsing *p) {
     const char *at = p->text->list, *stop = p->text->text + p->text->size;
     size_t length = strlen(at); /* the text ends with 0 */
     if (at + length != stop)
-        return import_fail(p->err, SP_ERR_FORMAT, p->file->shown,
+        return import_fail(p->err, SP_ERR_FORMAT, p->file->title,
                            (uint64_t)(at + length - p->text->text), "data file",
                            "a file name contains a byte of value 0");
     while (*at) {
@@ -202,7 +202,7 @@ static bool take_list(const struct parsing *p) {
     return true;
 }
 
-static bool take_pattern(const struct parsing *p, const struct import_pattern *f) {
+static bool add_pattern(const struct parsing *p, const struct import_pattern *f) {
     if (!import_pattern_is_sound(f))
         return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE,
                       "counts from %lld to %lld by %lld; the step must lead from the first number "
@@ -236,7 +236,7 @@ static bool check_pieces(const struct parsing *p, long long subdim) {
     return true;
 }
 
-static bool take_data_files(const struct parsing *p) {
+static bool add_data_files(const struct parsing *p) {
     const char *value = p->text->value[NRRD_DATA_FILE];
     struct import_pattern pattern;
     p->samples->start = p->text->end;
@@ -251,10 +251,10 @@ static bool take_data_files(const struct parsing *p) {
             return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE,
                           "LIST must be followed by a number of axes in [1, %u] or by nothing",
                           p->text->dimension);
-        return take_list(p) && check_pieces(p, subdim);
+        return add_list(p) && check_pieces(p, subdim);
     }
     if (import_pattern_parse(value, &pattern))
-        return take_pattern(p, &pattern) && check_pieces(p, pattern.subdim);
+        return add_pattern(p, &pattern) && check_pieces(p, pattern.subdim);
     return add_name(p, value, strlen(value));
 }
 
@@ -296,7 +296,7 @@ static uint64_t chosen_of(const struct parsing *p, unsigned axis, unsigned compo
 
 /* Components of an axis before the spatial ones alternate in the file; those of a later axis follow
  * one another. */
-static bool take_blocks(const struct parsing *p, unsigned component) {
+static bool choose_blocks(const struct parsing *p, unsigned component) {
     const struct nrrd_header *h = p->text;
     struct import_samples *s = p->samples;
     struct import_conversion *c = p->conversion;
@@ -326,11 +326,11 @@ static bool take_blocks(const struct parsing *p, unsigned component) {
 }
 
 /* The times that a program gives in keys of its own. */
-static bool take_times(const struct parsing *p, uint64_t count) {
+static bool set_times(const struct parsing *p, uint64_t count) {
     const struct nrrd_header *h = p->text;
     *p->times = malloc(count * sizeof **p->times);
     if (!*p->times)
-        return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory for the times");
+        return sp_fail(p->err, SP_ERR_MEMORY, p->file->title, "out of memory for the times");
     if (!nrrd_keys_read_times(h, *p->times, count)) {
         import_warn(p->file->warnings,
                     "The times of the steps (%.80s) are not %" PRIu64
@@ -344,7 +344,7 @@ static bool take_times(const struct parsing *p, uint64_t count) {
     return true;
 }
 
-static bool take_steps(const struct parsing *p) {
+static bool set_steps(const struct parsing *p) {
     const struct nrrd_header *h = p->text;
     const int axis = h->time;
     if (axis < 0)
@@ -352,7 +352,7 @@ static bool take_steps(const struct parsing *p) {
     if (!import_header_use_steps(p->header, p->file, h->sizes[axis], p->err))
         return false;
     if (h->sizes[axis] > 1 && h->times)
-        return take_times(p, h->sizes[axis]);
+        return set_times(p, h->sizes[axis]);
     if (h->sizes[axis] > 1)
         import_header_use_interval(p->header, isfinite(h->min[axis]) ? h->min[axis] : 0,
                                    h->spacing[axis], h->time_unit);
@@ -360,7 +360,7 @@ static bool take_steps(const struct parsing *p) {
 }
 
 /* What the samples are. Returns the number of the component that is read. */
-static unsigned take_values(const struct parsing *p) {
+static unsigned describe_values(const struct parsing *p) {
     const struct nrrd_header *h = p->text;
     const char *name = h->value[NRRD_CONTENT] ? h->value[NRRD_CONTENT] : "";
     *p->conversion = import_conversion_of(h->number, p->file->warnings);
@@ -385,20 +385,20 @@ static unsigned take_values(const struct parsing *p) {
 
 static bool build(const struct parsing *p) {
     struct import_samples *s = p->samples;
-    const unsigned component = take_values(p);
+    const unsigned component = describe_values(p);
     s->encoding = p->text->encoding;
     s->big_endian = p->text->big_endian;
-    if (!take_geometry(p) || !take_steps(p) || !take_skips(p) || !take_data_files(p))
+    if (!set_geometry(p) || !set_steps(p) || !parse_skips(p) || !add_data_files(p))
         return false;
     char place[SP_ERROR_PLACE];
     enum nrrd_field field = field_at_fault(p);
-    import_place(place, p->file->shown, p->text->byte[field], nrrd_field_name(field));
+    import_place(place, p->file->title, p->text->byte[field], nrrd_field_name(field));
     if (!sp_grid_check(&p->header->grid, p->header->type, place, &p->header->bytes, p->err))
         return false;
     s->file = p->file;
     s->number = p->text->number;
     s->field = "sizes";
-    return take_blocks(p, component) && import_samples_check(s, p->err);
+    return choose_blocks(p, component) && import_samples_check(s, p->err);
 }
 
 static bool open_nrrd(void *reader, const struct import_file *file, struct import_header *header,

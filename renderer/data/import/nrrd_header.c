@@ -51,7 +51,7 @@ static bool load_text(const struct import_file *file, struct nrrd_header *h, str
     size_t most = file->size < NRRD_TEXT_MAX ? (size_t)file->size : NRRD_TEXT_MAX;
     h->text = malloc(most + 1);
     if (!h->text)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the header");
     if (!import_read(file, h->text, most, 0, &h->size, err))
         return false;
     h->text[h->size] = 0;
@@ -76,31 +76,31 @@ static int find_field(const char *name) {
 }
 
 /* Parses one line that is neither empty nor a comment: bytes [line, end), *end writable. */
-static bool take_line(const struct import_file *file, struct nrrd_header *h, char *line, char *end,
-                      struct sp_error *err) {
+static bool parse_line(const struct import_file *file, struct nrrd_header *h, char *line, char *end,
+                       struct sp_error *err) {
     uint64_t byte = (uint64_t)(line - h->text);
     char *colon = memchr(line, ':', (size_t)(end - line));
     if (!colon)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, byte, NULL,
+        return import_fail(err, SP_ERR_FORMAT, file->title, byte, NULL,
                            "\"%.40s\" is neither a field, a comment nor the blank line that ends "
                            "the header",
                            line);
     if (colon[1] == '=') { /* a key and a value of another program */
-        nrrd_keys_take(h, line);
+        nrrd_keys_parse(h, line);
         return true;
     }
     char *name = trim(line, colon);
     int f = find_field(name);
     if (f < 0)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, byte, NULL,
+        return import_fail(err, SP_ERR_FORMAT, file->title, byte, NULL,
                            "\"%.40s\" is not a field of a NRRD header", name);
     if (h->value[f])
-        return import_fail(err, SP_ERR_FORMAT, file->shown, byte, fields[f].name,
+        return import_fail(err, SP_ERR_FORMAT, file->title, byte, fields[f].name,
                            "the header has this field twice");
     h->value[f] = trim(colon + 1, end);
     h->byte[f] = byte;
     if (strlen(h->value[f]) > NRRD_VALUE_MAX)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, byte, fields[f].name,
+        return import_fail(err, SP_ERR_FORMAT, file->title, byte, fields[f].name,
                            "the value has %zu bytes; the limit is %d", strlen(h->value[f]),
                            NRRD_VALUE_MAX);
     return true;
@@ -109,12 +109,12 @@ static bool take_line(const struct import_file *file, struct nrrd_header *h, cha
 static bool check_magic(const struct import_file *file, const struct nrrd_header *h,
                         const char *line, size_t length, struct sp_error *err) {
     if (h->size == 0)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "the file is empty");
+        return import_fail(err, SP_ERR_FORMAT, file->title, 0, NULL, "the file is empty");
     if (length != 8 || memcmp(line, "NRRD000", 7) != 0)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL,
+        return import_fail(err, SP_ERR_FORMAT, file->title, 0, NULL,
                            "a NRRD file starts with the line NRRD0001 to NRRD0005");
     if (line[7] < '1' || line[7] > '5')
-        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, 7, NULL,
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->title, 7, NULL,
                            "NRRD version %c is not supported; supported are 1 to 5", line[7]);
     return true;
 }
@@ -135,7 +135,7 @@ static bool split_lines(const struct import_file *file, struct nrrd_header *h,
             end--;
         char *zero = memchr(at, 0, (size_t)(end - at));
         if (zero)
-            return import_fail(err, SP_ERR_FORMAT, file->shown, (uint64_t)(zero - h->text), NULL,
+            return import_fail(err, SP_ERR_FORMAT, file->title, (uint64_t)(zero - h->text), NULL,
                                "the header has a byte of value 0");
         if (first) {
             if (!check_magic(file, h, at, (size_t)(end - at), err))
@@ -144,13 +144,13 @@ static bool split_lines(const struct import_file *file, struct nrrd_header *h,
             h->end = (uint64_t)(next - h->text);
             /* Without a newline this is the end of the file, not a blank line. */
             return newline || h->value[NRRD_DATA_FILE] ||
-                   import_fail(err, SP_ERR_FORMAT, file->shown, h->end, NULL,
+                   import_fail(err, SP_ERR_FORMAT, file->title, h->end, NULL,
                                h->size == NRRD_TEXT_MAX
                                    ? "the header is longer than 1 MiB"
                                    : "the file ends before the blank line that ends the header");
         } else if (*at != '#') {
             *end = 0;
-            if (!take_line(file, h, at, end, err))
+            if (!parse_line(file, h, at, end, err))
                 return false;
             if (is_list(h->value[NRRD_DATA_FILE])) {
                 h->list = next;
@@ -186,7 +186,7 @@ static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
                                               NRRD_ENCODING };
     for (size_t i = 0; i < sizeof needed / sizeof needed[0]; i++)
         if (!h->value[needed[i]])
-            return import_fail(err, SP_ERR_FORMAT, file->shown, h->end, fields[needed[i]].name,
+            return import_fail(err, SP_ERR_FORMAT, file->title, h->end, fields[needed[i]].name,
                                "the header ends without this field");
     const char *text = h->value[NRRD_DIMENSION];
     uint64_t number;
@@ -277,7 +277,7 @@ static bool parse_encoding(const struct import_file *file, struct nrrd_header *h
     h->encoding = encodings[i].encoding;
     if (!endian)
         return h->number.size == 1 || h->encoding == IMPORT_TEXT ||
-               import_fail(err, SP_ERR_FORMAT, file->shown, h->byte[NRRD_TYPE], "endian",
+               import_fail(err, SP_ERR_FORMAT, file->title, h->byte[NRRD_TYPE], "endian",
                            "%.40s samples need this field: little or big", h->value[NRRD_TYPE]);
     h->big_endian = strcasecmp(endian, "big") == 0;
     return h->big_endian || strcasecmp(endian, "little") == 0 ||

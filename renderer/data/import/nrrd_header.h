@@ -117,7 +117,7 @@ const char *nrrd_field_name(enum nrrd_field field);
 
 /* Fails with the place of the field: file, byte and name. */
 #define NRRD_FAIL(err, code, file, header, field, ...)                                             \
-    import_fail(err, code, (file)->shown, (header)->byte[field], nrrd_field_name(field),           \
+    import_fail(err, code, (file)->title, (header)->byte[field], nrrd_field_name(field),           \
                 __VA_ARGS__)
 
 /* Shared by nrrd.c, nrrd_header.c, nrrd_keys.c, nrrd_kinds.c and nrrd_space.c. */
@@ -127,7 +127,7 @@ bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *header,
                      struct sp_error *err);
 
 /* Takes a line "KEY:=VALUE" of another program. */
-void nrrd_keys_take(struct nrrd_header *header, char *line);
+void nrrd_keys_parse(struct nrrd_header *header, char *line);
 
 /* Names the layers of a segmentation after their segments, or else "layer 1" and so on. */
 void nrrd_keys_name_layers(struct nrrd_segments *segments, unsigned count);

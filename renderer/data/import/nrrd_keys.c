@@ -19,7 +19,7 @@ static char *value_of(char *line, const char *key) {
 }
 
 /* "Segment3_Name", "Segment3_Layer". Segments beyond the last number have no name. */
-static void take_segment(struct nrrd_segments *segments, char *line) {
+static void parse_segment(struct nrrd_segments *segments, char *line) {
     enum { PREFIX = 7 };
     char *rest, *value;
     if (strncmp(line, "Segmentation_", 13) == 0)
@@ -37,7 +37,7 @@ static void take_segment(struct nrrd_segments *segments, char *line) {
 }
 
 /* "axis 0 index values", the times of a sequence; "MultiVolume.FrameLabels" is an older name. */
-static void take_sequence(struct nrrd_header *h, char *line) {
+static void parse_sequence(struct nrrd_header *h, char *line) {
     char *value;
     if (strncmp(line, "axis ", 5) == 0 && isdigit((unsigned char)line[5])) {
         char *rest;
@@ -54,11 +54,11 @@ static void take_sequence(struct nrrd_header *h, char *line) {
     }
 }
 
-void nrrd_keys_take(struct nrrd_header *h, char *line) {
+void nrrd_keys_parse(struct nrrd_header *h, char *line) {
     h->is_diffusion |= strncmp(line, "DWMRI_", 6) == 0 ||
                        (strncmp(line, "modality:=", 10) == 0 && strstr(line, "DWMRI"));
-    take_segment(&h->segments, line);
-    take_sequence(h, line);
+    parse_segment(&h->segments, line);
+    parse_sequence(h, line);
 }
 
 static bool is_taken(const char names[][SP_FIELD_BYTES], unsigned count, const char *name) {

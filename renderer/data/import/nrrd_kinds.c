@@ -79,8 +79,8 @@ static const char *const *names_of_matrix(uint64_t size) {
     return size == 6 ? symmetric + 1 : size == 7 ? symmetric : size == 9 ? all + 1 : all;
 }
 
-static bool take_kind(const struct import_file *file, struct nrrd_header *h, unsigned axis,
-                      const char *word, struct sp_error *err) {
+static bool parse_kind(const struct import_file *file, struct nrrd_header *h, unsigned axis,
+                       const char *word, struct sp_error *err) {
     const uint64_t size = h->sizes[axis];
     size_t i = 0;
     if (strcmp(word, "???") == 0 || strcasecmp(word, "none") == 0)
@@ -108,7 +108,7 @@ static bool parse_words(const struct import_file *file, struct nrrd_header *h,
         if (!nrrd_next_word(&text, word))
             return REFUSE(SP_ERR_FORMAT, NRRD_KINDS, "has %u words instead of %u", axis,
                           h->dimension);
-        if (!take_kind(file, h, axis, word, err))
+        if (!parse_kind(file, h, axis, word, err))
             return false;
     }
     return !nrrd_next_word(&text, word) ||
@@ -134,7 +134,7 @@ static bool is_first_apart(const struct nrrd_header *h) {
 
 /* Of four axes without another role, the first one is time if it has no place in space, else the
  * last one. Of three, a short first one without a place is that of the components. */
-static void find_time(const struct import_file *file, struct nrrd_header *h) {
+static void assign_time(const struct import_file *file, struct nrrd_header *h) {
     enum { COLORS_MAX = 4 };
     unsigned axis = 0, last = h->dimension - 1;
     const unsigned domains = count_domains(h);
@@ -229,8 +229,8 @@ static bool apply_choice(const struct import_file *file, struct nrrd_header *h,
 }
 
 /* One axis at most has each other role. */
-static bool find_axis(const struct import_file *file, struct nrrd_header *h, unsigned axis,
-                      struct sp_error *err) {
+static bool assign_axis(const struct import_file *file, struct nrrd_header *h, unsigned axis,
+                        struct sp_error *err) {
     const enum nrrd_role role = h->role[axis];
     int *place = role == NRRD_TIME                              ? &h->time
                  : role == NRRD_VECTOR                          ? &h->vectors
@@ -279,7 +279,7 @@ bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *h, stru
     if (h->value[NRRD_KINDS] && !parse_words(file, h, err))
         return false;
     list_gradients(h);
-    find_time(file, h);
+    assign_time(file, h);
     list_layers(h);
     if (!apply_choice(file, h, err))
         return false;
@@ -299,7 +299,7 @@ bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *h, stru
                           "axis %u lies between the axes of the volume; make it the first or the "
                           "last one",
                           is_inside ? axis : h->first + 1);
-        if (!find_axis(file, h, axis, err))
+        if (!assign_axis(file, h, axis, err))
             return false;
     }
     h->apart = h->time >= 0 ? h->time : h->vectors >= 0 ? h->vectors : h->components;

@@ -96,8 +96,8 @@ struct search {
     int alone; /* this number is different in all files; −1 = none is */
 };
 
-static void find_meanings(struct search *s, const struct import_names *files,
-                          enum import_number_kind main, uint64_t *values) {
+static void guess_meanings(struct search *s, const struct import_names *files,
+                           enum import_number_kind main, uint64_t *values) {
     enum import_number_kind *meanings = s->numbers->meanings;
     for (unsigned k = 0; k < s->numbers->count; k++) {
         const uint32_t count = count_values(files, k, values);
@@ -144,8 +144,8 @@ static void use_several(struct search *s, enum import_number_kind main) {
         }
 }
 
-bool import_numbers_find(const struct import_names *files, enum import_number_kind main,
-                         struct import_numbers *numbers) {
+bool import_numbers_guess(const struct import_names *files, enum import_number_kind main,
+                          struct import_numbers *numbers) {
     uint64_t *values = files->count > 1 ? malloc(files->count * sizeof *values) : NULL;
     *numbers = (struct import_numbers){ .count = 0 };
     if (!values)
@@ -153,7 +153,7 @@ bool import_numbers_find(const struct import_names *files, enum import_number_ki
     struct search s = { .numbers = numbers, .name = files->names[0], .alone = -1 };
     while (*find_number(s.name, numbers->count))
         numbers->count++;
-    find_meanings(&s, files, main, values);
+    guess_meanings(&s, files, main, values);
     free(values);
     if (s.alone >= 0)
         use_alone(&s, main);

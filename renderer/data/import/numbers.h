@@ -34,8 +34,8 @@ struct import_numbers {
 /* Finds what the numbers of these names mean, which match one pattern. `main`: what the only number
  * that varies is. A second number of the same meaning is IMPORT_NUMBER_OTHER. False if there is no
  * memory. */
-bool import_numbers_find(const struct import_names *files, enum import_number_kind main,
-                         struct import_numbers *numbers);
+bool import_numbers_guess(const struct import_names *files, enum import_number_kind main,
+                          struct import_numbers *numbers);
 
 /* How many different numbers of this meaning the names have: 1 if none varies. If `values` is not
  * NULL, it gets them in rising order; it has files->count entries. */

@@ -31,7 +31,7 @@ static bool next(struct lines *l) {
 static bool refuse(const struct lines *l, struct sp_error *err, const char *text,
                    const char *word) {
     char place[SP_ERROR_PLACE];
-    snprintf(place, sizeof place, "%.120s: line %" PRIu64, l->file->shown, l->number);
+    snprintf(place, sizeof place, "%.120s: line %" PRIu64, l->file->title, l->number);
     return sp_fail(err, SP_ERR_FORMAT, place, "%s: \"%.40s\"", text, word);
 }
 
@@ -94,7 +94,7 @@ bool import_obj_explain(const struct import_file *file, const struct mesh_bytes 
             ok = check_vertex(&l, rest, err);
     }
     if (ok && !faces && !*is_empty)
-        return sp_fail(err, SP_ERR_FORMAT, file->shown,
+        return sp_fail(err, SP_ERR_FORMAT, file->title,
                        "%" PRIu64 " vertices, no faces and no lines (\"f\", \"l\")", vertices);
     return ok;
 }

@@ -15,7 +15,7 @@ bool import_integer(const char *text, long long low, long long high, long long *
 }
 
 /* Cuts the last word off `text` and returns it; NULL if only one word is left. */
-static char *take_word(char *text) {
+static char *cut_word(char *text) {
     size_t n = strlen(text);
     while (n > 0 && (text[n - 1] == ' ' || text[n - 1] == '\t'))
         text[--n] = 0;
@@ -35,9 +35,9 @@ bool import_pattern_parse(const char *value, struct import_pattern *f) {
     for (char *word; count < 4; count++) {
         char copy[sizeof f->value];
         snprintf(copy, sizeof copy, "%s", f->value);
-        if (!(word = take_word(copy)) || !import_integer(word, -1000000, 1000000, &numbers[count]))
+        if (!(word = cut_word(copy)) || !import_integer(word, -1000000, 1000000, &numbers[count]))
             break;
-        take_word(f->value);
+        cut_word(f->value);
     }
     if (count < 3)
         return false;

@@ -76,7 +76,7 @@ static bool refuse_chunks(const struct sp_import_place *p, struct sp_error *err)
 }
 
 /* A hierarchy of Zarr is opened by its metadata; other folders are opened themselves. */
-static bool take_folder(struct sp_import_place *p, struct sp_error *err) {
+static bool resolve_folder(struct sp_import_place *p, struct sp_error *err) {
     char metadata[NAME_MAX + 1] = "";
     const int folder = open(p->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (folder < 0)
@@ -117,7 +117,7 @@ static bool pick_numbered(struct sp_import_place *p, char *name, struct sp_error
 }
 
 /* Names the volume after its file, without the extensions, or after its folder. */
-static bool find_file(struct sp_import_place *p, struct sp_error *err) {
+static bool resolve_file(struct sp_import_place *p, struct sp_error *err) {
     struct stat st;
     size_t length = strlen(p->path);
     while (length > 1 && p->path[length - 1] == '/')
@@ -136,7 +136,7 @@ static bool find_file(struct sp_import_place *p, struct sp_error *err) {
     snprintf(p->name, sizeof p->name, "%.*s", (int)(end - base), base);
     if (!is_there && strchr(base, '*') && strlen(base) <= NAME_MAX && may_list(p, base))
         return pick_numbered(p, base, err);
-    return !is_folder || !may_list(p, NULL) || take_folder(p, err);
+    return !is_folder || !may_list(p, NULL) || resolve_folder(p, err);
 }
 
 /* The place of a level is in the metadata of the image around it. */
@@ -147,7 +147,7 @@ static void widen_root(struct sp_import_place *p) {
         memcpy(p->root, path, sizeof path);
 }
 
-static bool find_root(struct sp_import_place *p, struct sp_error *err) {
+static bool resolve_root(struct sp_import_place *p, struct sp_error *err) {
     const char *root = p->given_root;
     if (root)
         return realpath(root, p->root) ||
@@ -172,7 +172,7 @@ static bool find_root(struct sp_import_place *p, struct sp_error *err) {
 }
 
 /* Names the volume after the last part of its address. Nothing is read below its root. */
-static void find_remote(struct sp_import_place *p) {
+static void resolve_remote(struct sp_import_place *p) {
     size_t length = strlen(p->path);
     while (length > 0 && p->path[length - 1] == '/')
         p->path[--length] = 0;
@@ -189,7 +189,7 @@ static void find_remote(struct sp_import_place *p) {
 }
 
 /* The root may be given by a name with links, and the path by the same name. */
-static bool take_path(struct sp_import_place *p, struct sp_error *err) {
+static bool resolve_path(struct sp_import_place *p, struct sp_error *err) {
     const size_t given = strlen(p->given_root);
     const bool is_same =
         strncmp(p->path, p->given_root, given) == 0 && (p->path[given] == '/' || !p->path[given]);
@@ -200,13 +200,13 @@ static bool take_path(struct sp_import_place *p, struct sp_error *err) {
                    PATH_MAX - 1);
 }
 
-bool sp_import_place_find(struct sp_import_place *p, const char *root, struct sp_error *err) {
+bool sp_import_place_resolve(struct sp_import_place *p, const char *root, struct sp_error *err) {
     if (sp_address_is_remote(p->path)) {
-        find_remote(p);
+        resolve_remote(p);
         return true;
     }
     p->given_root = root;
     if (root)
-        return find_root(p, err) && find_file(p, err) && take_path(p, err);
-    return find_file(p, err) && find_root(p, err);
+        return resolve_root(p, err) && resolve_file(p, err) && resolve_path(p, err);
+    return resolve_file(p, err) && resolve_root(p, err);
 }

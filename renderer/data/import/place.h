@@ -25,6 +25,6 @@ struct sp_import_place {
 /* Fills in everything from `path`. Without `root`, it is the folder itself, or that of the
  * file; of an array in a Zarr hierarchy the folder of the outermost group. Fails for a folder of
  * chunks. */
-bool sp_import_place_find(struct sp_import_place *place, const char *root, struct sp_error *err);
+bool sp_import_place_resolve(struct sp_import_place *place, const char *root, struct sp_error *err);
 
 #endif

@@ -35,9 +35,9 @@ struct form {
     unsigned real; /* bytes: 4 or 8 */
 };
 
-struct part { /* one of the two files */
+struct plot_file { /* one of the two files */
     int fd;
-    const char *shown;
+    const char *title;
     uint64_t size;
     struct form form;
     uint32_t blocks;
@@ -47,19 +47,19 @@ struct part { /* one of the two files */
 
 struct plot3d {
     const struct import_file *file;
-    struct part grid, flow; /* flow.fd < 0 = there is none */
-    int field;              /* of the flow, see choose_field() */
+    struct plot_file grid, flow; /* flow.fd < 0 = there is none */
+    int field;                   /* of the flow, see choose_field() */
     char flow_name[512];
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
+static bool probe(const uint8_t *start, size_t size, const char *title) {
     (void)start;
     (void)size;
-    return import_ends_with(shown, "xyz.bin") || import_ends_with(shown, ".xyz") ||
-           import_ends_with(shown, ".p3d");
+    return import_ends_with(title, "xyz.bin") || import_ends_with(title, ".xyz") ||
+           import_ends_with(title, ".p3d");
 }
 
-static bool read_words(const struct part *p, uint64_t at, uint32_t *out, size_t n) {
+static bool read_words(const struct plot_file *p, uint64_t at, uint32_t *out, size_t n) {
     if (!sp_read_at(p->fd, out, 4 * n, at))
         return false;
     if (p->form.big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
@@ -68,7 +68,7 @@ static bool read_words(const struct part *p, uint64_t at, uint32_t *out, size_t 
 }
 
 /* Checks the length before and after a record of so many bytes and moves *at behind it. */
-static bool pass(const struct part *p, uint64_t bytes, uint64_t *at) {
+static bool pass(const struct plot_file *p, uint64_t bytes, uint64_t *at) {
     uint32_t before, after;
     uint64_t end = *at + 2 * p->form.marker + bytes;
     if (end > p->size)
@@ -85,13 +85,13 @@ static uint64_t nodes(const uint32_t dims[3]) {
 }
 
 /* The bytes of the last record of a block. */
-static uint64_t block_bytes(const struct part *p, uint32_t block) {
+static uint64_t block_bytes(const struct plot_file *p, uint32_t block) {
     const struct form *f = &p->form;
     return nodes(p->dims[block]) * (f->is_flow ? 5 * f->real : 3 * f->real + 4 * f->has_blanks);
 }
 
 /* True if records of this form fill the file. */
-static bool fits(struct part *p, const struct form *form) {
+static bool fits(struct plot_file *p, const struct form *form) {
     uint64_t at = 0, total = 0;
     p->form = *form;
     p->blocks = 1;
@@ -114,7 +114,7 @@ static bool fits(struct part *p, const struct form *form) {
     return at == p->size;
 }
 
-static bool find_form(struct part *p, bool is_flow, struct sp_error *err) {
+static bool find_form(struct plot_file *p, bool is_flow, struct sp_error *err) {
     for (unsigned i = 0; i < 32; i++) {
         const struct form form = { .is_flow = is_flow,
                                    .big_endian = i & 1,
@@ -125,7 +125,7 @@ static bool find_form(struct part *p, bool is_flow, struct sp_error *err) {
         if (!(is_flow && form.has_blanks) && fits(p, &form))
             return true;
     }
-    return import_fail(err, SP_ERR_FORMAT, p->shown, 0, NULL,
+    return import_fail(err, SP_ERR_FORMAT, p->title, 0, NULL,
                        "no binary form of a PLOT3D %s, in either byte order, precision, and with "
                        "or without the lengths of records, has %" PRIu64 " bytes: the file is cut "
                        "off, or text",
@@ -134,7 +134,7 @@ static bool find_form(struct part *p, bool is_flow, struct sp_error *err) {
 
 /* Opens the file of the flow, which has q for xyz in its name, or .q for .p3d. */
 static bool open_flow(struct plot3d *p, struct sp_error *err) {
-    const char *slash = strrchr(p->file->shown, '/'), *name = slash ? slash + 1 : p->file->shown;
+    const char *slash = strrchr(p->file->title, '/'), *name = slash ? slash + 1 : p->file->title;
     const char *found = NULL;
     size_t n = strlen(name), cut = 3;
     for (size_t i = 0; i + 3 <= n; i++)
@@ -147,7 +147,7 @@ static bool open_flow(struct plot3d *p, struct sp_error *err) {
     char path[2 * PATH_MAX], real[PATH_MAX];
     struct sp_error why;
     snprintf(path, sizeof path, "%s/%s", p->file->folder, p->flow_name);
-    p->flow.shown = p->flow_name;
+    p->flow.title = p->flow_name;
     p->flow.fd = sp_open_confined(p->file->root, path, p->flow_name, real, &p->flow.size, &why);
     if (p->flow.fd < 0)
         return why.code == SP_ERR_NOT_FOUND || sp_fail(err, why.code, why.place, "%s", why.text);
@@ -189,13 +189,13 @@ static bool open_plot3d(void *reader, const struct import_file *file, struct imp
     p->flow.fd = -1;
     p->grid.fd = file->fd;
     p->grid.size = file->size;
-    p->grid.shown = file->shown;
+    p->grid.title = file->title;
     if (!find_form(&p->grid, false, err) || !open_flow(p, err))
         return false;
     for (uint32_t b = 0; b < p->grid.blocks; b++)
         count += nodes(p->grid.dims[b]);
     if (count > SP_ELEMENTS_MAX)
-        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->title, 0, NULL,
                            "%" PRIu64 " nodes are more than the %d points that a volume may have",
                            count, SP_ELEMENTS_MAX);
     import_header_use_elements(header,
@@ -210,7 +210,7 @@ static bool open_plot3d(void *reader, const struct import_file *file, struct imp
 }
 
 /* Reads `count` numbers of `size` bytes and passes them on in runs. */
-static bool read_numbers(const struct part *p, uint64_t at, uint64_t count,
+static bool read_numbers(const struct plot_file *p, uint64_t at, uint64_t count,
                          const struct import_vectors *out, struct sp_error *err) {
     union {
         double align;
@@ -221,7 +221,7 @@ static bool read_numbers(const struct part *p, uint64_t at, uint64_t count,
         size_t n = count - done < most ? (size_t)(count - done) : most;
         if (!sp_read_at(p->fd, run.bytes, n * size, at + done * size))
             return import_fail(
-                err, SP_ERR_IO, p->shown, at + done * size, NULL,
+                err, SP_ERR_IO, p->title, at + done * size, NULL,
                 "cannot read the numbers: the file became shorter, or its disk or network fails");
         if (p->form.big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
             import_swap(run.bytes, size, n);
@@ -234,7 +234,7 @@ static bool read_numbers(const struct part *p, uint64_t at, uint64_t count,
 /* Nodes whose blank is 0 are not drawn. The blanks wait in the place of the volumes. */
 static bool read_blanks(const struct plot3d *reader, uint64_t at, const struct sp_elements *e,
                         uint64_t first, uint64_t count, struct sp_error *err) {
-    const struct part *p = &reader->grid;
+    const struct plot_file *p = &reader->grid;
     const struct import_vectors out = { .number = { IMPORT_SIGNED, 4 },
                                         .out = (float(*)[3])(void *)(e->volumes + first) };
     uint64_t hidden = 0;

@@ -37,7 +37,7 @@ static const struct import_number_entry types[] = {
 
 static bool refuse(const struct header *h, enum sp_code code, const char *field, const char *text,
                    const char *word) {
-    return import_fail(h->err, code, h->ply->file->shown, h->byte, field, text, word ? word : "");
+    return import_fail(h->err, code, h->ply->file->title, h->byte, field, text, word ? word : "");
 }
 
 static bool find_type(const struct header *h, const char *name, struct import_number *number) {
@@ -46,7 +46,7 @@ static bool find_type(const struct header *h, const char *name, struct import_nu
            refuse(h, SP_ERR_FORMAT, "property", "\"%.40s\" is not a type of numbers", name);
 }
 
-static bool take_name(const struct header *h, const char *field, const char *word,
+static bool copy_name(const struct header *h, const char *field, const char *word,
                       char name[PLY_NAME_BYTES]) {
     if (!word || strlen(word) >= PLY_NAME_BYTES)
         return refuse(h, SP_ERR_FORMAT, field, "\"%.80s\" is not a name of 1 to 63 bytes", word);
@@ -54,7 +54,7 @@ static bool take_name(const struct header *h, const char *field, const char *wor
     return true;
 }
 
-static bool take_form(struct header *h, const char *form) {
+static bool parse_form(struct header *h, const char *form) {
     static const char *const forms[] = { [PLY_WORDS] = "ascii",
                                          [PLY_LITTLE] = "binary_little_endian",
                                          [PLY_BIG] = "binary_big_endian" };
@@ -69,13 +69,13 @@ static bool take_form(struct header *h, const char *form) {
                   form);
 }
 
-static bool take_element(struct header *h, const char *name, const char *count) {
+static bool parse_element(struct header *h, const char *name, const char *count) {
     struct ply *ply = h->ply;
     if (ply->element_count == PLY_ELEMENTS_MAX)
         return refuse(h, SP_ERR_UNSUPPORTED, "element", "more than 16 elements", NULL);
     struct ply_element *e = &ply->elements[ply->element_count];
     *e = (struct ply_element){ .first = ply->property_count };
-    if (!take_name(h, "element", name, e->name))
+    if (!copy_name(h, "element", name, e->name))
         return false;
     char *end = NULL;
     e->count = count ? strtoull(count, &end, 10) : 0;
@@ -87,7 +87,7 @@ static bool take_element(struct header *h, const char *name, const char *count) 
     return true;
 }
 
-static bool take_property(struct header *h, char **rest) {
+static bool parse_property(struct header *h, char **rest) {
     struct ply *ply = h->ply;
     struct ply_element *e = ply->element_count ? &ply->elements[ply->element_count - 1] : NULL;
     if (!e)
@@ -103,7 +103,7 @@ static bool take_property(struct header *h, char **rest) {
                      !refuse(h, SP_ERR_FORMAT, "property", "the length of a list is a float", 0))))
         return false;
     if (!find_type(h, is_list ? strtok_r(NULL, " \t", rest) : type, &p->number) ||
-        !take_name(h, "property", strtok_r(NULL, " \t", rest), p->name))
+        !copy_name(h, "property", strtok_r(NULL, " \t", rest), p->name))
         return false;
     for (unsigned i = 0; i < e->properties; i++)
         if (strcmp(ply->properties[e->first + i].name, p->name) == 0)
@@ -116,7 +116,7 @@ static bool take_property(struct header *h, char **rest) {
 }
 
 /* Reads one line; *ended if it is the last one of the header. */
-static bool take_line(struct header *h, bool *ended) {
+static bool parse_line(struct header *h, bool *ended) {
     char line[LINE_MAX_BYTES], *rest = NULL;
     h->byte = h->text.at;
     if (h->text.at >= h->text.end)
@@ -130,16 +130,16 @@ static bool take_line(struct header *h, bool *ended) {
     if (*ended)
         return true;
     if (strcmp(word, "format") == 0)
-        return h->ply->element_count == 0 ? take_form(h, strtok_r(NULL, " \t", &rest))
+        return h->ply->element_count == 0 ? parse_form(h, strtok_r(NULL, " \t", &rest))
                                           : refuse(h, SP_ERR_FORMAT, "format", "comes late", NULL);
     if (!h->has_form)
         return refuse(h, SP_ERR_FORMAT, "format", "must be the second line", NULL);
     if (strcmp(word, "element") == 0) {
         const char *name = strtok_r(NULL, " \t", &rest);
-        return take_element(h, name, strtok_r(NULL, " \t", &rest));
+        return parse_element(h, name, strtok_r(NULL, " \t", &rest));
     }
     if (strcmp(word, "property") == 0)
-        return take_property(h, &rest);
+        return parse_property(h, &rest);
     return refuse(h, SP_ERR_FORMAT, NULL, "\"%.40s\" is not a keyword of a PLY header", word);
 }
 
@@ -150,7 +150,7 @@ static bool check_size(const struct ply *ply, struct sp_error *err) {
         /* A word needs one byte and one byte before the next word, but for the last one. */
         need += e->count * e->least * (ply->form == PLY_WORDS ? 2 : 1);
         if (need > have + (ply->form == PLY_WORDS))
-            return import_fail(err, SP_ERR_FORMAT, ply->file->shown, ply->begin, e->name,
+            return import_fail(err, SP_ERR_FORMAT, ply->file->title, ply->begin, e->name,
                                "%" PRIu64 " rows need at least %" PRIu64
                                " bytes, the file has %" PRIu64
                                ": it is cut off or a count is wrong",
@@ -162,7 +162,7 @@ static bool check_size(const struct ply *ply, struct sp_error *err) {
 bool ply_parse(struct ply *ply, const struct import_file *file, struct sp_error *err) {
     struct header *h = malloc(sizeof *h);
     if (!h)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the header");
     *ply = (struct ply){ .file = file };
     h->ply = ply;
     h->err = err;
@@ -174,7 +174,7 @@ bool ply_parse(struct ply *ply, const struct import_file *file, struct sp_error 
     if (ok && strcmp(magic, "ply") != 0)
         ok = refuse(h, SP_ERR_FORMAT, NULL, "a PLY file starts with the line ply", NULL);
     for (int lines = 0; ok && !ended; lines++)
-        ok = lines < LINES_MAX ? take_line(h, &ended)
+        ok = lines < LINES_MAX ? parse_line(h, &ended)
                                : refuse(h, SP_ERR_FORMAT, NULL,
                                         "the header has more than 65536 lines, the limit", NULL);
     ply->begin = h->text.at;
@@ -204,7 +204,7 @@ bool ply_columns(const struct ply *ply, const struct ply_element *element,
     for (unsigned i = 0; i < count; i++) {
         columns[i] = ply_column(ply, element, properties[i]);
         if (columns[i] < 0)
-            return import_fail(err, SP_ERR_FORMAT, ply->file->shown, ply->begin, element->name,
+            return import_fail(err, SP_ERR_FORMAT, ply->file->title, ply->begin, element->name,
                                "the property %s is missing", properties[i]);
     }
     return true;
@@ -213,7 +213,7 @@ bool ply_columns(const struct ply *ply, const struct ply_element *element,
 bool ply_check_count(const struct ply *ply, const struct ply_element *element,
                      struct sp_error *err) {
     return element->count <= SP_ELEMENTS_MAX ||
-           import_fail(err, SP_ERR_UNSUPPORTED, ply->file->shown, ply->begin, element->name,
+           import_fail(err, SP_ERR_UNSUPPORTED, ply->file->title, ply->begin, element->name,
                        "%" PRIu64 " rows are more than the %d that a volume may have",
                        element->count, SP_ELEMENTS_MAX);
 }

@@ -15,8 +15,8 @@ struct reader {
 static const struct ply_content *const contents[] = { &ply_packed_gaussians, &ply_gaussians,
                                                       &ply_points, &ply_mesh };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    (void)shown;
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    (void)title;
     return size >= 4 && memcmp(start, "ply", 3) == 0 && (start[3] == '\n' || start[3] == '\r');
 }
 
@@ -31,7 +31,7 @@ static bool check_places(const struct reader *r, struct sp_error *err) {
             continue;
         for (unsigned i = 0; i < vertex->properties; i++)
             is_list |= strcmp(ply->properties[vertex->first + i].name, names[a]) == 0;
-        return import_fail(err, SP_ERR_FORMAT, ply->file->shown, ply->begin, "vertex",
+        return import_fail(err, SP_ERR_FORMAT, ply->file->title, ply->begin, "vertex",
                            "the property %s is %s; vertices need the numbers x, y and z", names[a],
                            is_list ? "a list" : "missing");
     }
@@ -49,7 +49,7 @@ static bool open_ply(void *reader, const struct import_file *file, struct import
     if (r->content)
         return r->content->open(&r->ply, header, err);
     return check_places(r, err) &&
-           import_fail(err, SP_ERR_UNSUPPORTED, r->ply.file->shown, r->ply.begin, "element",
+           import_fail(err, SP_ERR_UNSUPPORTED, r->ply.file->title, r->ply.begin, "element",
                        "the file has neither Gaussians, points nor a mesh: an element \"vertex\" "
                        "with the properties x, y and z");
 }

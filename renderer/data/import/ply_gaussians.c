@@ -35,7 +35,7 @@ static bool find_harmonics(const struct ply *ply, const struct ply_element *e,
             break;
     return 3 * (sp_harmonics_count(*degree) - 1) == n ||
            import_fail(
-               err, SP_ERR_FORMAT, ply->file->shown, ply->begin, e->name,
+               err, SP_ERR_FORMAT, ply->file->title, ply->begin, e->name,
                "the file has %u properties f_rest_*; spherical harmonics need 0, 9, 24 or 45", n);
 }
 
@@ -80,7 +80,7 @@ static bool open_trained(struct ply *ply, struct import_header *header, struct s
            use_gaussians(ply, vertex, degree, header, err);
 }
 
-static void take_trained(const double *row, const int named_at[NAMED], const int *rest_at,
+static void copy_trained(const double *row, const int named_at[NAMED], const int *rest_at,
                          const struct sp_elements *e, size_t i) {
     const uint32_t count = sp_harmonics_count(e->shape.degree);
     float *harmonics = e->harmonics + 3 * count * i;
@@ -112,7 +112,7 @@ static bool read_trained(const struct ply *ply, const struct sp_elements *elemen
         const double *row = ply_rows_next(rows, err);
         ok = row != NULL;
         if (ok)
-            take_trained(row, columns, rest, elements, i);
+            copy_trained(row, columns, rest, elements, i);
         report(progress, &elements->shape, i);
     }
     ply_rows_close(rows);
@@ -149,7 +149,7 @@ static bool find_sh(const struct ply *ply, const struct ply_element *sh, int col
     for (uint32_t i = 0; i < 3 * (sp_harmonics_count(*degree) - 1); i++) {
         const struct ply_property *p = &ply->properties[sh->first + (unsigned)columns[i]];
         if (p->number.kind != IMPORT_UNSIGNED || p->number.size != 1)
-            return import_fail(err, SP_ERR_UNSUPPORTED, ply->file->shown, ply->begin, p->name,
+            return import_fail(err, SP_ERR_UNSUPPORTED, ply->file->title, ply->begin, p->name,
                                "compressed spherical harmonics must be of type uchar");
     }
     return true;
@@ -167,11 +167,11 @@ static bool open_packed(struct ply *ply, struct import_header *header, struct sp
         return false;
     uint64_t need = (vertex->count + CHUNK - 1) / CHUNK;
     if (chunk->count < need)
-        return import_fail(err, SP_ERR_FORMAT, ply->file->shown, ply->begin, "chunk",
+        return import_fail(err, SP_ERR_FORMAT, ply->file->title, ply->begin, "chunk",
                            "%" PRIu64 " rows; %" PRIu64 " Gaussians need %" PRIu64, chunk->count,
                            vertex->count, need);
     return !sh || sh->count == vertex->count ||
-           import_fail(err, SP_ERR_FORMAT, ply->file->shown, ply->begin, "sh",
+           import_fail(err, SP_ERR_FORMAT, ply->file->title, ply->begin, "sh",
                        "%" PRIu64 " rows for %" PRIu64 " Gaussians", sh->count, vertex->count);
 }
 
@@ -188,7 +188,7 @@ static chunk_ranges *read_ranges(const struct ply *ply, size_t count, struct sp_
         return NULL;
     chunk_ranges *out = malloc((count + 1) * sizeof *out);
     if (!out) {
-        sp_fail(err, SP_ERR_MEMORY, ply->file->shown, "out of memory for %zu chunks", count);
+        sp_fail(err, SP_ERR_MEMORY, ply->file->title, "out of memory for %zu chunks", count);
         return NULL;
     }
     struct ply_rows *rows = ply_rows_open(ply, chunk, -1, err);
@@ -236,8 +236,8 @@ static void unpack_rotation(uint32_t bits, double rotation[4]) {
     rotation[largest] = sqrt(fmax(0, 1 - squares));
 }
 
-static void take_packed(const uint32_t bits[4], const float *range, const struct sp_elements *e,
-                        size_t i) {
+static void unpack_gaussian(const uint32_t bits[4], const float *range, const struct sp_elements *e,
+                            size_t i) {
     static const double constant = 0.28209479177387814; /* the harmonic of degree 0 */
     float *harmonics = e->harmonics + 3 * sp_harmonics_count(e->shape.degree) * i;
     double position[3], scales[3], rotation[4];
@@ -298,12 +298,12 @@ static bool read_packed(const struct ply *ply, const struct sp_elements *element
         for (int k = 0; ok && k < 4; k++) {
             double value = row[columns[k]];
             ok = (value >= 0 && value <= UINT32_MAX) ||
-                 import_fail(err, SP_ERR_FORMAT, ply->file->shown, ply->begin, packed[k],
+                 import_fail(err, SP_ERR_FORMAT, ply->file->title, ply->begin, packed[k],
                              "%g in row %" PRIu32 " is not a number of 32 bits", value, i);
             bits[k] = ok ? (uint32_t)value : 0;
         }
         if (ok)
-            take_packed(bits, chunks[i / CHUNK], elements, i);
+            unpack_gaussian(bits, chunks[i / CHUNK], elements, i);
         report(progress, &elements->shape, i);
     }
     ply_rows_close(rows);

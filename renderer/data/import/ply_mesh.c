@@ -42,7 +42,7 @@ struct faces {
 
 static bool fail_face(const struct ply *ply, uint64_t number, struct sp_error *err,
                       const char *text) {
-    return import_fail(err, SP_ERR_FORMAT, ply->file->shown, ply->begin, "face", "%s %llu", text,
+    return import_fail(err, SP_ERR_FORMAT, ply->file->title, ply->begin, "face", "%s %llu", text,
                        (unsigned long long)number);
 }
 
@@ -74,7 +74,7 @@ static bool read_faces(struct faces *f, struct sp_error *err) {
     if (face->count == 0)
         return true;
     if (list < 0)
-        return import_fail(err, SP_ERR_UNSUPPORTED, f->ply->file->shown, f->ply->begin, "face",
+        return import_fail(err, SP_ERR_UNSUPPORTED, f->ply->file->title, f->ply->begin, "face",
                            "the faces have no list \"vertex_indices\"");
     struct ply_rows *rows = ply_rows_open(f->ply, face, list, err);
     bool ok = rows != NULL;
@@ -92,7 +92,7 @@ struct columns {
     double scale[4]; /* colours → [0, 1] */
 };
 
-static void find_columns(const struct ply *ply, const struct ply_element *vertex,
+static void fill_columns(const struct ply *ply, const struct ply_element *vertex,
                          struct columns *c) {
     static const char *const normals[] = { "nx", "ny", "nz" };
     static const char *const colors[2][4] = { { "red", "green", "blue", "alpha" },
@@ -127,13 +127,13 @@ static void set_vertex(const struct columns *c, struct import_shift *shift, cons
 }
 
 /* Passes the vertices to `take` until it fails. */
-typedef bool take_vertex(void *user, uint32_t number, const struct import_vertex *vertex);
+typedef bool visit_vertex(void *user, uint32_t number, const struct import_vertex *vertex);
 
-static bool read_vertices(const struct ply *ply, uint32_t count, take_vertex *take, void *user,
+static bool read_vertices(const struct ply *ply, uint32_t count, visit_vertex *visit, void *user,
                           const struct import_progress *progress, struct sp_error *err) {
     const struct ply_element *vertex = ply_find(ply, "vertex");
     struct columns columns;
-    find_columns(ply, vertex, &columns);
+    fill_columns(ply, vertex, &columns);
     struct ply_rows *rows = ply_rows_open(ply, vertex, -1, err);
     bool ok = rows != NULL;
     for (uint32_t i = 0; ok && i < count; i++) {
@@ -142,7 +142,7 @@ static bool read_vertices(const struct ply *ply, uint32_t count, take_vertex *ta
         ok = row != NULL;
         if (ok) {
             set_vertex(&columns, ply->file->shift, row, &v);
-            ok = take(user, i, &v);
+            ok = visit(user, i, &v);
         }
         if (i % 4096 == 0)
             import_report(progress, (uint64_t)i * sizeof v.position);
@@ -187,7 +187,7 @@ static bool open_mesh(struct ply *ply, struct import_header *header, struct sp_e
     struct sp_elements_shape shape = { .kind = SP_KIND_MESH,
                                        .count = (uint32_t)f.triangles,
                                        .vertex_count = (uint32_t)vertex->count };
-    find_columns(ply, vertex, &columns);
+    fill_columns(ply, vertex, &columns);
     header->has_normals = has_normals(&columns);
     if (!header->has_normals && shape.count)
         build_mesh(ply, shape.vertex_count);

@@ -41,7 +41,7 @@ static bool open_points(struct ply *ply, struct import_header *header, struct sp
     if (!ply_check_count(ply, vertex, err))
         return false;
     if (!find_columns(ply, names, &columns))
-        return import_fail(err, SP_ERR_FORMAT, ply->file->shown, ply->begin, "vertex",
+        return import_fail(err, SP_ERR_FORMAT, ply->file->title, ply->begin, "vertex",
                            "the property y or z is missing, or a list; vertices need the numbers "
                            "x, y and z");
     import_columns_use(&columns, names, vertex->properties, (uint32_t)vertex->count, header);
@@ -66,7 +66,7 @@ static bool read_points(const struct ply *ply, const struct sp_elements *e,
         const double *row = ply_rows_next(rows, err);
         ok = row != NULL;
         if (ok)
-            import_columns_take(&columns, row, e, i);
+            import_columns_copy(&columns, row, e, i);
         if (i % 4096 == 0)
             import_report(progress, (uint64_t)i * 4 * sizeof(float));
     }

@@ -29,7 +29,7 @@ struct ply_rows {
 };
 
 static bool cut_off(const struct ply_rows *r, const char *property, struct sp_error *err) {
-    return import_fail(err, SP_ERR_FORMAT, r->ply->file->shown, r->at, property,
+    return import_fail(err, SP_ERR_FORMAT, r->ply->file->title, r->at, property,
                        "the file ends in row %" PRIu64 " of the %" PRIu64 " rows of %s", r->row,
                        r->element->count, r->element->name);
 }
@@ -54,7 +54,7 @@ static const uint8_t *next_bytes(struct ply_rows *r, size_t n, const char *prope
     return bytes;
 }
 
-static bool take_bytes(struct ply_rows *r, struct import_number number, const char *property,
+static bool read_bytes(struct ply_rows *r, struct import_number number, const char *property,
                        double *value, struct sp_error *err) {
     const uint8_t *bytes = next_bytes(r, number.size, property, err);
     if (!bytes)
@@ -67,7 +67,7 @@ static bool take_bytes(struct ply_rows *r, struct import_number number, const ch
     return true;
 }
 
-static bool take_word(struct ply_rows *r, const char *property, double *value,
+static bool read_word(struct ply_rows *r, const char *property, double *value,
                       struct sp_error *err) {
     char word[IMPORT_WORD_MAX + 1], *end;
     if (!import_text_word(&r->text, word, &r->at, err))
@@ -75,42 +75,42 @@ static bool take_word(struct ply_rows *r, const char *property, double *value,
     if (!word[0])
         return cut_off(r, property, err);
     *value = strtod(word, &end);
-    return !*end || import_fail(err, SP_ERR_FORMAT, r->ply->file->shown, r->at, property,
+    return !*end || import_fail(err, SP_ERR_FORMAT, r->ply->file->title, r->at, property,
                                 "\"%.40s\" is not a number", word);
 }
 
-static bool take_number(struct ply_rows *r, struct import_number number, const char *property,
+static bool read_number(struct ply_rows *r, struct import_number number, const char *property,
                         double *value, struct sp_error *err) {
-    return r->ply->form == PLY_WORDS ? take_word(r, property, value, err)
-                                     : take_bytes(r, number, property, value, err);
+    return r->ply->form == PLY_WORDS ? read_word(r, property, value, err)
+                                     : read_bytes(r, number, property, value, err);
 }
 
 /* Reads the items of a list after its length, into `items` unless it is NULL. */
-static bool take_items(struct ply_rows *r, const struct ply_property *p, double length,
+static bool read_items(struct ply_rows *r, const struct ply_property *p, double length,
                        double *items, struct sp_error *err) {
     uint64_t at = r->at, left = r->ply->file->size - (at < r->ply->file->size ? at : 0);
     if (!(length >= 0) || length > (double)left || length != (double)(uint64_t)length)
-        return import_fail(err, SP_ERR_FORMAT, r->ply->file->shown, at, p->name,
+        return import_fail(err, SP_ERR_FORMAT, r->ply->file->title, at, p->name,
                            "a list of %g items does not fit into the rest of the file", length);
     if (items && length > PLY_LIST_MAX)
-        return import_fail(err, SP_ERR_UNSUPPORTED, r->ply->file->shown, at, p->name,
+        return import_fail(err, SP_ERR_UNSUPPORTED, r->ply->file->title, at, p->name,
                            "a list of %g items is longer than %d", length, PLY_LIST_MAX);
     for (uint64_t i = 0, n = (uint64_t)length; i < n; i++) {
         double value;
-        if (!take_number(r, p->number, p->name, items ? &items[i] : &value, err))
+        if (!read_number(r, p->number, p->name, items ? &items[i] : &value, err))
             return false;
     }
     return true;
 }
 
 /* Reads the next row of any element. */
-static bool take_row(struct ply_rows *r, const struct ply_element *e, double *items,
+static bool read_row(struct ply_rows *r, const struct ply_element *e, double *items,
                      struct sp_error *err) {
     for (unsigned i = 0; i < e->properties; i++) {
         const struct ply_property *p = &r->ply->properties[e->first + i];
         bool is_list = p->length.size > 0;
-        if (!take_number(r, is_list ? p->length : p->number, p->name, &r->values[i], err) ||
-            (is_list && !take_items(r, p, r->values[i], (int)i == r->list ? items : NULL, err)))
+        if (!read_number(r, is_list ? p->length : p->number, p->name, &r->values[i], err) ||
+            (is_list && !read_items(r, p, r->values[i], (int)i == r->list ? items : NULL, err)))
             return false;
     }
     r->row++;
@@ -128,7 +128,7 @@ static bool skip(struct ply_rows *r, const struct ply_element *e, struct sp_erro
         return true;
     }
     for (uint64_t i = 0; i < e->count; i++)
-        if (!take_row(r, e, NULL, err))
+        if (!read_row(r, e, NULL, err))
             return false;
     return true;
 }
@@ -139,7 +139,7 @@ struct ply_rows *ply_rows_open(const struct ply *ply, const struct ply_element *
     double *items = r && list >= 0 ? malloc(PLY_LIST_MAX * sizeof *items) : NULL;
     if (!r || (list >= 0 && !items)) {
         free(r);
-        sp_fail(err, SP_ERR_MEMORY, ply->file->shown, "out of memory for the rows");
+        sp_fail(err, SP_ERR_MEMORY, ply->file->title, "out of memory for the rows");
         return NULL;
     }
     r->ply = ply;
@@ -159,7 +159,7 @@ struct ply_rows *ply_rows_open(const struct ply *ply, const struct ply_element *
 }
 
 const double *ply_rows_next(struct ply_rows *rows, struct sp_error *err) {
-    return take_row(rows, rows->element, rows->items, err) ? rows->values : NULL;
+    return read_row(rows, rows->element, rows->items, err) ? rows->values : NULL;
 }
 
 const double *ply_rows_items(const struct ply_rows *rows) {

@@ -55,7 +55,7 @@ static const char *const others[] = { "x",
                                       "variance_zz",
                                       "volume" };
 
-static int find(const char *const *names, unsigned count, const char *name) {
+static int find_name(const char *const *names, unsigned count, const char *name) {
     for (unsigned i = 0; i < count; i++)
         if (names[i] && strcasecmp(names[i], name) == 0)
             return (int)i;
@@ -66,24 +66,25 @@ static int find(const char *const *names, unsigned count, const char *name) {
 static bool is_texture(const char *const *names, unsigned count, const char *name) {
     static const char *const pairs[][2] = { { "u", "v" }, { "s", "t" } };
     for (int p = 0; p < 2; p++)
-        if (find(pairs[p], 2, name) >= 0)
-            return find(names, count, pairs[p][0]) >= 0 && find(names, count, pairs[p][1]) >= 0;
+        if (find_name(pairs[p], 2, name) >= 0)
+            return find_name(names, count, pairs[p][0]) >= 0 &&
+                   find_name(names, count, pairs[p][1]) >= 0;
     return false;
 }
 
 static bool is_scalar(const char *const *names, unsigned count, const char *name) {
-    return name && find(others, sizeof others / sizeof *others, name) < 0 &&
+    return name && find_name(others, sizeof others / sizeof *others, name) < 0 &&
            !is_texture(names, count, name);
 }
 
 static int find_scalar(const char *const *names, unsigned count, const char *field) {
     static const char *const best[] = { "value", "scalar", "intensity" };
     enum { BEST = sizeof best / sizeof *best };
-    if (*field && find(names, count, field) >= 0)
-        return find(names, count, field);
+    if (*field && find_name(names, count, field) >= 0)
+        return find_name(names, count, field);
     for (int i = 0; i < BEST; i++)
-        if (find(names, count, best[i]) >= 0)
-            return find(names, count, best[i]);
+        if (find_name(names, count, best[i]) >= 0)
+            return find_name(names, count, best[i]);
     for (unsigned i = 0; i < count; i++)
         if (is_scalar(names, count, names[i]))
             return (int)i;
@@ -94,7 +95,7 @@ static bool find_colors(const char *const *names, unsigned count, int color[3]) 
     for (size_t i = 0; i < sizeof colors / sizeof *colors; i++) {
         bool has_all = true;
         for (int a = 0; a < 3; a++)
-            has_all &= (color[a] = find(names, count, colors[i][a])) >= 0;
+            has_all &= (color[a] = find_name(names, count, colors[i][a])) >= 0;
         if (has_all)
             return true;
     }
@@ -106,15 +107,15 @@ bool import_columns_find(const struct import_file *file, const char *const *name
     const char *field = file->field;
     columns->shift = file->shift;
     for (int a = 0; a < 3; a++)
-        if ((columns->position[a] = find(names, count, position[a])) < 0)
+        if ((columns->position[a] = find_name(names, count, position[a])) < 0)
             return false;
     columns->scalar = find_scalar(names, count, field);
     if (!find_colors(names, count, columns->color) ||
         (columns->scalar >= 0 && strcasecmp(field, "colors") != 0))
         columns->color[0] = -1;
-    columns->volume = find(names, count, "volume");
+    columns->volume = find_name(names, count, "volume");
     for (int k = 5; k >= 0; k--)
-        if ((columns->variance[k] = find(names, count, variance[k])) < 0)
+        if ((columns->variance[k] = find_name(names, count, variance[k])) < 0)
             columns->variance[0] = -1;
     for (int k = 1; k < 6; k++)
         if (columns->variance[k] < 0)
@@ -163,7 +164,7 @@ static bool factor(const double v[6], float out[6], double *determinant) {
            third >= -slack && is_coupled;
 }
 
-void import_columns_take(const struct import_columns *columns, const double *row,
+void import_columns_copy(const struct import_columns *columns, const double *row,
                          const struct sp_elements *points, uint32_t i) {
     for (int a = 0; a < 3; a++)
         points->positions[i][a] = import_shift_put(columns->shift, a, row[columns->position[a]]);

@@ -28,7 +28,7 @@ void import_columns_use(const struct import_columns *columns, const char *const 
                         unsigned count, uint32_t points, struct import_header *header);
 
 /* Fills point i from the numbers of its row. */
-void import_columns_take(const struct import_columns *columns, const double *row,
+void import_columns_copy(const struct import_columns *columns, const double *row,
                          const struct sp_elements *points, uint32_t i);
 
 #endif

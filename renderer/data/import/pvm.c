@@ -30,8 +30,8 @@ struct pvm {
     size_t start, count, sample; /* where the samples begin, how many, bytes of each */
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    if (import_ends_with(shown, ".pvm"))
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    if (import_ends_with(title, ".pvm"))
         return true;
     return size >= MAGIC &&
            (memcmp(start, "DDS v3d\n", MAGIC) == 0 || memcmp(start, "DDS v3e\n", MAGIC) == 0 ||
@@ -47,7 +47,7 @@ struct bits { /* most significant bit first */
 };
 
 /* Beyond the end there are zeros, which end the data. */
-static unsigned take_bits(struct bits *b, unsigned count) {
+static unsigned read_bits(struct bits *b, unsigned count) {
     unsigned value = 0;
     for (unsigned i = 0; i < count; i++, b->at++)
         value = value << 1 | (b->at < b->end ? b->bytes[b->at / 8] >> (7 - b->at % 8) & 1u : 0);
@@ -70,10 +70,10 @@ static bool put_byte(struct output *o, uint8_t byte) {
  * difference. Rows have `strip` bytes. */
 static bool unpack_bytes(struct bits *b, size_t strip, struct output *o) {
     uint8_t last = 0;
-    for (unsigned run; (run = take_bits(b, 7)) != 0;) {
-        const unsigned code = take_bits(b, 3), width = code > 0 ? code + 1 : 0;
+    for (unsigned run; (run = read_bits(b, 7)) != 0;) {
+        const unsigned code = read_bits(b, 3), width = code > 0 ? code + 1 : 0;
         for (; run > 0; run--) {
-            int step = (int)take_bits(b, width) - (width ? 1 << (width - 1) : 0);
+            int step = (int)read_bits(b, width) - (width ? 1 << (width - 1) : 0);
             if (strip > 1 && o->size > strip)
                 step += o->bytes[o->size - strip] - o->bytes[o->size - strip - 1];
             last = (uint8_t)(last + step);
@@ -107,13 +107,13 @@ static bool unpack(const struct import_file *file, struct pvm *pvm, struct sp_er
     struct bits bits = { pvm->bytes, 8 * MAGIC, 8 * (uint64_t)pvm->size };
     struct output out = { .limit = RATIO_MAX * pvm->size + RATIO_MAX };
     const bool is_interleaved = pvm->bytes[6] == 'e';
-    const size_t skip = take_bits(&bits, 2) + 1, strip = take_bits(&bits, 16) + 1;
+    const size_t skip = read_bits(&bits, 2) + 1, strip = read_bits(&bits, 16) + 1;
     const bool ok = unpack_bytes(&bits, strip, &out) &&
                     join(&out, skip, is_interleaved ? skip * INTERLEAVE : SIZE_MAX - skip);
     free(pvm->bytes);
     pvm->bytes = out.bytes;
     pvm->size = out.size;
-    return ok || sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while unpacking DDS");
+    return ok || sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory while unpacking DDS");
 }
 
 /* PVM. */
@@ -122,11 +122,11 @@ static bool read_file(const struct import_file *file, struct pvm *pvm, struct sp
     pvm->size = (size_t)file->size;
     pvm->bytes = malloc(pvm->size + 1);
     if (!pvm->bytes)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for %" PRIu64 " bytes",
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for %" PRIu64 " bytes",
                        file->size);
     size_t got;
     return import_read(file, pvm->bytes, pvm->size, 0, &got, err) &&
-           (got == pvm->size || import_fail(err, SP_ERR_IO, file->shown, got, NULL,
+           (got == pvm->size || import_fail(err, SP_ERR_IO, file->title, got, NULL,
                                             "cannot read the file: the file became shorter"));
 }
 
@@ -148,11 +148,11 @@ static bool read_header(const struct import_file *file, struct pvm *pvm,
                     : sscanf(text, "PVM%9u %9u %9u %9u%n", &dims[0], &dims[1], &dims[2], &sample,
                              &used) == 4;
     if (!ok || text[used] != '\n')
-        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "header",
+        return import_fail(err, SP_ERR_FORMAT, file->title, 0, "header",
                            "this is no PVM volume: three dimensions, their spacings and the bytes "
                            "of a sample must follow PVM, PVM2 or PVM3");
     if (sample < 1 || sample > 2)
-        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, 0, "components",
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->title, 0, "components",
                            "samples of %u bytes are not supported; supported are 1 and 2", sample);
     for (int axis = 0; axis < 3; axis++) {
         header->grid.dims[axis] = dims[axis];
@@ -161,7 +161,7 @@ static bool read_header(const struct import_file *file, struct pvm *pvm,
     header->type = sample == 2 ? SP_UINT16 : SP_UINT8;
     pvm->start = (size_t)used + 1;
     pvm->sample = sample;
-    return sp_grid_check(&header->grid, header->type, file->shown, &header->bytes, err);
+    return sp_grid_check(&header->grid, header->type, file->title, &header->bytes, err);
 }
 
 static bool open_pvm(void *reader, const struct import_file *file, struct import_header *header,
@@ -175,7 +175,7 @@ static bool open_pvm(void *reader, const struct import_file *file, struct import
         return false;
     pvm->count = (size_t)header->bytes / pvm->sample;
     return pvm->size - pvm->start >= header->bytes ||
-           import_fail(err, SP_ERR_FORMAT, file->shown, pvm->start, "dimensions",
+           import_fail(err, SP_ERR_FORMAT, file->title, pvm->start, "dimensions",
                        "the samples need %" PRIu64 " bytes, the file has %zu: it is cut off",
                        header->bytes, pvm->size - pvm->start);
 }

@@ -48,11 +48,11 @@ struct pyramid {
 
 static bool check(void *user, struct sp_error *err) {
     const struct reader *r = user;
-    const char *shown = r->pyramid->place.path;
+    const char *title = r->pyramid->place.path;
     if (r->is_cancelled && r->is_cancelled(r->user))
-        return sp_fail(err, SP_ERR_CANCELLED, shown, "loading was cancelled");
+        return sp_fail(err, SP_ERR_CANCELLED, title, "loading was cancelled");
     return sp_clock_ms() < r->deadline_ms ||
-           sp_fail(err, SP_ERR_TIMEOUT, shown,
+           sp_fail(err, SP_ERR_TIMEOUT, title,
                    "reading a chunk took longer than the limit of %.3g s", r->limit_ms / 1000.0);
 }
 
@@ -91,7 +91,7 @@ static bool spawn(struct reader *r, struct sp_error *err) {
                                                .has_step = true,
                                                .mode = SP_IMPORT_CHUNKS };
     r->child = (struct sp_import_child){
-        .shown = p->place.path, .timeout_ms = p->timeout_ms, .socket = -1, .memory = -1
+        .title = p->place.path, .timeout_ms = p->timeout_ms, .socket = -1, .memory = -1
     };
     const bool ok = sp_import_child_start_reader(&r->child, p->importer, &request, NULL,
                                                  r->input.fds, r->input.count, err);
@@ -117,10 +117,10 @@ static bool greet(struct reader *r, struct sp_handover_header *header,
     *levels = message.levels;
     const bool is_grid = header->kind == SP_KIND_GRID && !header->rectilinear;
     if (!is_grid || header->has_vectors)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, r->child.shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, r->child.title,
                        "only scalars on evenly spaced axes can be shown from chunks");
     return memcmp(header->dims, levels->level[0].dims, sizeof header->dims) == 0 ||
-           sp_fail(err, SP_ERR_CRASHED, r->child.shown,
+           sp_fail(err, SP_ERR_CRASHED, r->child.title,
                    "the import process sent levels of another volume");
 }
 
@@ -131,7 +131,7 @@ static bool let_go(struct reader *r, struct sp_error *err) {
         return false;
     void *memory = mmap(NULL, bytes, PROT_READ, MAP_SHARED, r->child.memory, 0);
     if (memory == MAP_FAILED)
-        return sp_fail(err, SP_ERR_MEMORY, r->child.shown,
+        return sp_fail(err, SP_ERR_MEMORY, r->child.title,
                        "cannot map a chunk of %" PRIu64 " bytes: %s", bytes, strerror(errno));
     r->memory = memory;
     return true;
@@ -166,7 +166,7 @@ static bool ask(struct reader *r, unsigned level, const uint32_t place[3], void 
     if (!expect(r, SP_HANDOVER_CHUNK, &message, err))
         return false;
     if (memcmp(&message.read, &asked, sizeof asked) != 0)
-        return sp_fail(err, SP_ERR_CRASHED, r->child.shown,
+        return sp_fail(err, SP_ERR_CRASHED, r->child.title,
                        "the import process sent another chunk");
     sp_chunk_box(&p->levels.level[level], place, first, size);
     memcpy(out, r->memory, (size_t)size[0] * size[1] * size[2] * sp_type_size(p->type));

@@ -37,13 +37,13 @@ struct sidecar { /* state while the sidecar is read */
     struct sp_error *err;
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
+static bool probe(const uint8_t *start, size_t size, const char *title) {
     size_t i = 0;
-    if (!*shown) /* other formats are JSON, too */
+    if (!*title) /* other formats are JSON, too */
         return false;
     while (i < size && isspace(start[i]))
         i++;
-    return (i < size && start[i] == '{') || import_ends_with(shown, ".json");
+    return (i < size && start[i] == '{') || import_ends_with(title, ".json");
 }
 
 __attribute__((format(printf, 3, 4))) static bool
@@ -53,7 +53,7 @@ refuse(const struct sidecar *s, const char *pointer, const char *format, ...) {
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    snprintf(place, sizeof place, "%.180s: /%s", s->file->shown, pointer);
+    snprintf(place, sizeof place, "%.180s: /%s", s->file->title, pointer);
     return sp_fail(s->err, SP_ERR_FORMAT, place, "%s", text);
 }
 
@@ -120,7 +120,7 @@ static bool read_axis(const struct sidecar *s, size_t axis, const json_t *array)
         return refuse(s, pointer, "must be null or %" PRIu32 " numbers, one per sample", count);
     double *positions = s->coordinates[axis] = malloc(count * sizeof *positions);
     if (!positions)
-        return sp_fail(s->err, SP_ERR_MEMORY, s->file->shown, "out of memory for coordinates");
+        return sp_fail(s->err, SP_ERR_MEMORY, s->file->title, "out of memory for coordinates");
     for (size_t i = 0; i < count; i++) {
         const json_t *n = json_array_get(array, i);
         if (!json_is_number(n))
@@ -243,7 +243,7 @@ static bool read_file_name(const struct sidecar *s) {
     if (json_string_length(name) == 0)
         return refuse(s, "file", "must be the name of the file with the samples");
     if (!import_samples_add(s->samples, json_string_value(name), json_string_length(name)))
-        return sp_fail(s->err, SP_ERR_MEMORY, s->file->shown, "out of memory");
+        return sp_fail(s->err, SP_ERR_MEMORY, s->file->title, "out of memory");
     if (!offset)
         return true;
     json_int_t value = json_integer_value(offset);
@@ -282,7 +282,7 @@ static bool check_samples(const struct sidecar *s) {
         [SP_GRID_ORIGIN] = "origin",   [SP_GRID_DIRECTION] = "direction"
     };
     char place[SP_ERROR_PLACE];
-    snprintf(place, sizeof place, "%.180s: /%s", s->file->shown,
+    snprintf(place, sizeof place, "%.180s: /%s", s->file->title,
              members[sp_grid_invalid_field(&s->header->grid)]);
     if (!sp_grid_check(&s->header->grid, s->header->type, place, &s->header->bytes, s->err))
         return false;
@@ -318,7 +318,7 @@ static const char *reason_of(const json_error_t *why) {
 
 static json_t *parse(const struct import_file *file, struct sp_error *err) {
     if (file->size > SIDECAR_MAX) {
-        import_fail(err, SP_ERR_FORMAT, file->shown, SIDECAR_MAX, NULL,
+        import_fail(err, SP_ERR_FORMAT, file->title, SIDECAR_MAX, NULL,
                     "a sidecar has at most %d bytes, this file has %" PRIu64, SIDECAR_MAX,
                     file->size);
         return NULL;
@@ -326,20 +326,20 @@ static json_t *parse(const struct import_file *file, struct sp_error *err) {
     char *text = malloc(file->size ? file->size : 1);
     json_t *root = NULL;
     if (!text) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory");
         return NULL;
     }
     ssize_t got = pread(file->fd, text, file->size, 0);
     json_error_t why = { .position = 0 };
     if (got < 0)
-        sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file: %s", strerror(errno));
+        sp_fail(err, SP_ERR_IO, file->title, "cannot read the file: %s", strerror(errno));
     else if (!(root = json_loadb(text, (size_t)got, JSON_REJECT_DUPLICATES, &why)))
-        import_fail(err, SP_ERR_FORMAT, file->shown,
+        import_fail(err, SP_ERR_FORMAT, file->title,
                     (uint64_t)(why.position < 0 ? 0 : why.position), NULL, "line %d, column %d: %s",
                     why.line, why.column, reason_of(&why));
     free(text);
     if (root && !json_is_object(root)) {
-        import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "the sidecar must be a JSON object");
+        import_fail(err, SP_ERR_FORMAT, file->title, 0, NULL, "the sidecar must be a JSON object");
         json_decref(root);
         root = NULL;
     }

@@ -4,7 +4,7 @@
  * process that has access decodes nothing:
  *
  *   splat-import ══ socket: a key and a range of bytes ══► splat-fetch ══ HTTP ══► host
- *        └──────────── memfd of REMOTE_WINDOW bytes ─────────────┘
+ *        └──────────── memfd of REMOTE_BUFFER bytes ─────────────┘
  *
  * The parent starts both and gives splat-fetch the address, below which all keys lie. splat-import
  * may be under the control of a hostile file, so splat-fetch checks each key.
@@ -19,13 +19,13 @@
 enum {
     REMOTE_MAGIC = 0x52505331,
     REMOTE_KEY_BYTES = 1024,
-    REMOTE_WINDOW = 1 << 20, /* most bytes of one request */
+    REMOTE_BUFFER = 1 << 20, /* most bytes of one request */
     REMOTE_FILE = 5,         /* descriptors of splat-import */
     REMOTE_MEMORY = 6,
 };
 
 struct remote_request {
-    uint32_t magic, size; /* size <= REMOTE_WINDOW */
+    uint32_t magic, size; /* size <= REMOTE_BUFFER */
     uint64_t offset;
     char key[REMOTE_KEY_BYTES]; /* ends with 0 */
 };

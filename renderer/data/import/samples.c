@@ -74,20 +74,20 @@ static bool open_piece(const struct import_samples *s, size_t i, struct import_s
     uint64_t size = s->file->size;
     int fd = s->file->fd;
     if (s->count == 0) {
-        import_stream_open(stream, fd, false, s->file->shown, size);
+        import_stream_open(stream, fd, false, s->file->title, size);
         return true;
     }
     const char *name = s->names[i];
     char path[2 * PATH_MAX], real[PATH_MAX];
     int n = snprintf(path, sizeof path, "%s/%s", name[0] == '/' ? "" : s->file->folder, name);
     if (n >= PATH_MAX)
-        return sp_fail(err, SP_ERR_INVALID, s->file->shown,
+        return sp_fail(err, SP_ERR_INVALID, s->file->title,
                        "the name of data file %zu and its folder are longer than a path may be", i);
     fd = sp_open_confined(s->file->root, path, name, real, &size, err);
     if (fd >= 0)
         import_stream_open(stream, fd, true, name, size);
     else
-        sp_tell_namer(err, s->file->shown);
+        sp_tell_namer(err, s->file->title);
     return fd >= 0;
 }
 
@@ -102,31 +102,31 @@ static uint64_t decoded_skip(const struct import_samples *s) {
     return s->encoding == IMPORT_RAW ? 0 : s->skip_bytes - plain_skip(s) + s->before_bytes;
 }
 
-static void warn_of_rest(const struct import_samples *s, const char *shown, const char *bytes) {
+static void warn_of_rest(const struct import_samples *s, const char *title, const char *bytes) {
     import_warn(s->file->warnings,
                 "%.80s has %s after the samples that the header declares. They were not read: "
                 "%s or the type may be wrong.",
-                shown, bytes, s->field);
+                title, bytes, s->field);
 }
 
 static bool check_raw_size(const struct import_samples *s, const struct import_stream *stream,
                            uint64_t need, uint64_t have, struct sp_error *err) {
     if (have < need)
-        return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
+        return import_fail(err, SP_ERR_FORMAT, stream->title, stream->at, s->field,
                            "the samples need %" PRIu64 " bytes, the file has %" PRIu64
                            ": it is cut off or %s is wrong",
                            need, have, s->field);
     if (have == need || s->from_end || s->rest == IMPORT_REST_IGNORED)
         return true;
     if (s->rest == IMPORT_REST_REFUSED)
-        return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at + plain_skip(s) + need,
+        return import_fail(err, SP_ERR_FORMAT, stream->title, stream->at + plain_skip(s) + need,
                            s->field,
                            "the samples need %" PRIu64 " bytes, the file has %" PRIu64
                            " more: %s or the type is wrong",
                            need, have - need, s->field);
     char bytes[40];
     snprintf(bytes, sizeof bytes, "%" PRIu64 " bytes", have - need);
-    warn_of_rest(s, stream->shown, bytes);
+    warn_of_rest(s, stream->title, bytes);
     return true;
 }
 
@@ -139,7 +139,7 @@ static bool check_size(const struct import_samples *s, const struct import_strea
         return check_raw_size(s, stream, s->before_bytes + need + s->after_bytes, have, err);
     const uint64_t all = decoded_skip(s) + need + s->after_bytes;
     return import_stream_may_hold(s->encoding, s->number, have, all) ||
-           import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
+           import_fail(err, SP_ERR_FORMAT, stream->title, stream->at, s->field,
                        "%" PRIu64 " bytes cannot come out of %" PRIu64
                        " bytes of %s: the file is cut off or %s is wrong",
                        all, have, import_encoding_name(s->encoding), s->field);
@@ -168,18 +168,18 @@ static bool begin_piece(const struct import_samples *s, size_t i, uint64_t need,
 bool import_samples_check(const struct import_samples *s, struct sp_error *err) {
     size_t pieces = s->count ? s->count : 1;
     if (sample_size(s) > IMPORT_STREAM_CHUNK)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->title,
                        "a sample and its components have %zu bytes, more than %d", sample_size(s),
                        IMPORT_STREAM_CHUNK);
     if (s->bytes % pieces != 0 || s->bytes / pieces % sample_size(s) != 0)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->title,
                        "each of the %zu data files holds %" PRIu64
                        " bytes, but a sample and its components have %zu; write whole samples into "
                        "each file",
                        pieces, s->bytes / pieces, sample_size(s));
     struct import_stream *stream = malloc(sizeof *stream);
     if (!stream)
-        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, s->file->title, "out of memory");
     bool ok = true;
     for (size_t i = 0; ok && i < pieces; i++) {
         ok = begin_piece(s, i, s->bytes / pieces, stream, err);
@@ -198,7 +198,7 @@ static bool skip_decoded(const struct import_samples *s, struct import_stream *s
         if (!import_stream_read(stream, scratch, n, &got, err))
             return false;
         if (got < n)
-            return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at,
+            return import_fail(err, SP_ERR_FORMAT, stream->title, stream->at,
                                s->before_bytes ? s->field : "byte skip",
                                "the unpacked data ends %" PRIu64 " bytes before the samples",
                                bytes - got);
@@ -209,7 +209,7 @@ static bool skip_decoded(const struct import_samples *s, struct import_stream *s
 
 static bool fail_short(const struct import_samples *s, const struct import_stream *stream,
                        uint64_t need, uint64_t have, struct sp_error *err) {
-    return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
+    return import_fail(err, SP_ERR_FORMAT, stream->title, stream->at, s->field,
                        "the samples need %" PRIu64 " bytes, the file has %" PRIu64
                        ": it is cut off or %s is wrong",
                        need, have, s->field);
@@ -248,17 +248,17 @@ static bool check_end(const struct import_samples *s, struct import_stream *stre
     if (rest < s->after_bytes)
         return fail_short(s, stream, declared, s->before_bytes + need + rest, err);
     if (rest > s->after_bytes && s->rest == IMPORT_REST_REFUSED)
-        return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
+        return import_fail(err, SP_ERR_FORMAT, stream->title, stream->at, s->field,
                            "the %s data unpacks to more than the %" PRIu64
                            " bytes that %s declares; stopped there",
                            import_encoding_name(s->encoding), declared, s->field);
     if (rest > s->after_bytes && s->rest == IMPORT_REST_WARNED)
-        warn_of_rest(s, stream->shown, "more data");
+        warn_of_rest(s, stream->title, "more data");
     if (stream->has_garbage)
         import_warn(s->file->warnings,
                     "%.80s has other bytes after its gzip data. They were not read; the data "
                     "itself is sound.",
-                    stream->shown);
+                    stream->title);
     return true;
 }
 
@@ -286,7 +286,7 @@ static uint64_t convert(const struct reading *r, uint64_t at, const char *bytes,
 }
 
 /* Takes the n bytes that follow `at`, while they are in the cache. */
-static void take_numbers(const struct reading *r, uint64_t at, char *bytes, size_t n) {
+static void convert_numbers(const struct reading *r, uint64_t at, char *bytes, size_t n) {
     const struct import_samples *s = r->samples;
     size_t size = s->number.size;
     uint64_t done = at + n;
@@ -320,7 +320,7 @@ static bool read_piece(const struct reading *r, size_t i, uint64_t begin, uint64
         if (ok && got < n)
             ok = fail_short(s, stream, need, at + got, err);
         if (ok)
-            take_numbers(r, begin + at, out, n);
+            convert_numbers(r, begin + at, out, n);
         at += n;
     }
     ok = ok && check_end(s, stream, r->chunk, need, err);
@@ -344,7 +344,7 @@ bool import_samples_read(const struct import_samples *s, void *voxels, float (*v
                          .stream = malloc(sizeof *r.stream),
                          .chunk = malloc(IMPORT_STREAM_CHUNK) };
     bool ok = (r.stream && r.chunk) ||
-              sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while reading samples");
+              sp_fail(err, SP_ERR_MEMORY, s->file->title, "out of memory while reading samples");
     for (size_t i = 0; ok && i < pieces; i++)
         ok = read_piece(&r, i, i * need, need, err);
     free(r.stream);
@@ -358,7 +358,7 @@ bool import_sampled_use(struct import_sampled *reader, const struct import_file 
     struct import_samples *s = &reader->samples;
     const struct import_conversion *c = &reader->conversion;
     header->type = c->type;
-    if (!sp_grid_check(&header->grid, c->type, file->shown, &header->bytes, err))
+    if (!sp_grid_check(&header->grid, c->type, file->title, &header->bytes, err))
         return false;
     s->file = file;
     s->encoding = is_packed ? IMPORT_GZIP : IMPORT_RAW;

@@ -100,7 +100,7 @@ static bool has_one_thread(void) {
     return false;
 }
 
-bool import_sandbox_enter(const struct import_sandbox *sandbox, const char *shown,
+bool import_sandbox_enter(const struct import_sandbox *sandbox, const char *title,
                           struct sp_error *err) {
     const rlim_t cpu = (rlim_t)sandbox->cpu_seconds;
     bool ok = close_range((unsigned)sandbox->first_fd, ~0u, 0) == 0 || errno == ENOSYS;
@@ -115,7 +115,7 @@ bool import_sandbox_enter(const struct import_sandbox *sandbox, const char *show
              limit(RLIMIT_AS, IMPORT_MARGIN_BYTES, RLIM_INFINITY) && has_one_thread() &&
              confine_reading(sandbox->readable, sandbox->has_network) &&
              import_syscall_filter_load(sandbox->has_network);
-    return ok || sp_fail(err, SP_ERR_IO, shown, "cannot enter the sandbox of the reader: %s",
+    return ok || sp_fail(err, SP_ERR_IO, title, "cannot enter the sandbox of the reader: %s",
                          strerror(errno));
 }
 
@@ -127,10 +127,10 @@ bool import_sandbox_confines_reading(void) {
     return !SANITIZED && landlock_rules(false).handled_access_fs != 0;
 }
 
-bool import_sandbox_allow_samples(uint64_t bytes, const char *shown, struct sp_error *err) {
+bool import_sandbox_allow_samples(uint64_t bytes, const char *title, struct sp_error *err) {
     rlim_t bytes_max = IMPORT_MARGIN_BYTES + bytes;
     if (SANITIZED || limit(RLIMIT_AS, bytes_max, bytes_max))
         return true;
-    return sp_fail(err, SP_ERR_IO, shown, "cannot set the memory limit of the reader: %s",
+    return sp_fail(err, SP_ERR_IO, title, "cannot set the memory limit of the reader: %s",
                    strerror(errno));
 }

@@ -30,13 +30,13 @@ struct import_sandbox {
 };
 
 /* Enters the sandbox for good. Call it while the process has one thread, and before it reads more
- * of the file than the first bytes, which tell the format. `shown`: the path that errors name.
+ * of the file than the first bytes, which tell the format. `title`: the path that errors name.
  * False with SP_ERR_IO on failure; the process must then exit. */
-bool import_sandbox_enter(const struct import_sandbox *sandbox, const char *shown,
+bool import_sandbox_enter(const struct import_sandbox *sandbox, const char *title,
                           struct sp_error *err);
 
 /* Raises the memory limit once to the margin and `bytes` of samples; it cannot rise again. */
-bool import_sandbox_allow_samples(uint64_t bytes, const char *shown, struct sp_error *err);
+bool import_sandbox_allow_samples(uint64_t bytes, const char *title, struct sp_error *err);
 
 /* True if the kernel can confine reading to folders. */
 bool import_sandbox_confines_reading(void);

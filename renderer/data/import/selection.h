@@ -31,11 +31,11 @@ struct import_selection {
     enum import_as as;
 };
 
-/* Reads the name of a meaning; "" is IMPORT_AS_FILE. SP_ERR_INVALID at `shown`. */
-bool import_as_parse(const char *name, enum import_as *as, const char *shown, struct sp_error *err);
+/* Reads the name of a meaning; "" is IMPORT_AS_FILE. SP_ERR_INVALID at `title`. */
+bool import_as_parse(const char *name, enum import_as *as, const char *title, struct sp_error *err);
 
-/* A unit is one word. SP_ERR_INVALID at `shown`. */
-bool import_unit_check(const char *unit, const char *shown, struct sp_error *err);
+/* A unit is one word. SP_ERR_INVALID at `title`. */
+bool import_unit_check(const char *unit, const char *title, struct sp_error *err);
 
 /* True if it says what an axis, or the components, are. */
 bool import_as_is_axis(enum import_as as);

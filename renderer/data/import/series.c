@@ -23,7 +23,7 @@ struct series {
     const struct import_format *inner;
     struct import_file file; /* of the step; fd -1 = not open */
     char real[PATH_MAX], folder[PATH_MAX];
-    char shown[NAME_MAX + 1]; /* its name in errors */
+    char title[NAME_MAX + 1]; /* its name in errors */
     void *reader;             /* of `inner`; owned */
 };
 
@@ -44,17 +44,17 @@ static bool open_file(struct series *s, const struct import_file *source, const 
     const char *slash = strrchr(name, '/');
     const int n = snprintf(path, sizeof path, "%s/%s", name[0] == '/' ? "" : source->folder, name);
     if (n >= PATH_MAX)
-        return sp_fail(err, SP_ERR_INVALID, source->shown,
+        return sp_fail(err, SP_ERR_INVALID, source->title,
                        "the name of a step and its folder have more than %d bytes, the limit",
                        PATH_MAX - 1);
-    snprintf(s->shown, sizeof s->shown, "%s", slash ? slash + 1 : name);
+    snprintf(s->title, sizeof s->title, "%s", slash ? slash + 1 : name);
     s->file = *source;
-    s->file.fd = sp_open_confined(source->root, path, s->shown, s->real, &s->file.size, err);
+    s->file.fd = sp_open_confined(source->root, path, s->title, s->real, &s->file.size, err);
     if (s->file.fd < 0)
         return false;
     snprintf(s->folder, sizeof s->folder, "%s", s->real);
     *strrchr(s->folder, '/') = 0;
-    s->file.shown = s->shown;
+    s->file.title = s->title;
     s->file.folder = s->folder[0] ? s->folder : "/";
     s->file.pattern = "";
     s->file.step = 0;
@@ -68,12 +68,12 @@ static bool open_step(struct series *s, struct import_header *header, struct sp_
     const ssize_t size = pread(s->file.fd, start, sizeof start, 0);
     if (size < 0)
         return sp_fail(
-            err, SP_ERR_IO, s->shown,
+            err, SP_ERR_IO, s->title,
             "cannot read the file: the file became shorter, or its disk or network fails");
-    s->inner = import_format_find(start, (size_t)size, s->shown, err);
+    s->inner = import_format_find(start, (size_t)size, s->title, err);
     if (s->inner == &import_collection)
         return sp_fail(
-            err, SP_ERR_UNSUPPORTED, s->shown,
+            err, SP_ERR_UNSUPPORTED, s->title,
             "a step cannot be a series of its own; list its files, or open this file alone");
     s->reader = s->inner ? import_format_open(s->inner, &s->file, header, err) : NULL;
     return s->reader != NULL;
@@ -90,9 +90,9 @@ static void read_times(struct series *s, const struct import_file *file,
         char path[2 * PATH_MAX], real[PATH_MAX];
         struct import_file other = own;
         snprintf(path, sizeof path, "%s/%s", file->folder, s->numbered.names[i]);
-        other.shown = s->numbered.names[i];
+        other.title = s->numbered.names[i];
         other.warnings = NULL;
-        other.fd = sp_open_confined(file->root, path, other.shown, real, &other.size, NULL);
+        other.fd = sp_open_confined(file->root, path, other.title, real, &other.size, NULL);
         ok = other.fd >= 0 && s->inner->read_time(&other, &s->times[i]) &&
              (i == 0 || s->times[i] > s->times[i - 1]);
         if (other.fd >= 0)
@@ -149,13 +149,13 @@ static bool open_numbered(void *reader, const struct import_file *file,
     struct import_numbers numbers;
     s->file.fd = -1;
     char example[NAME_MAX + 1] = "";
-    if (!sp_numbered_list(file->folder, file->pattern, SP_STEPS_MAX + 1, &s->numbered, file->shown,
+    if (!sp_numbered_list(file->folder, file->pattern, SP_STEPS_MAX + 1, &s->numbered, file->title,
                           err))
         return false;
     if (s->numbered.count == 0)
-        return sp_fail(err, SP_ERR_NOT_FOUND, file->shown, "the files of the series are gone");
-    if (!import_numbers_find(&s->numbered, IMPORT_NUMBER_TIME, &numbers))
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the names of files");
+        return sp_fail(err, SP_ERR_NOT_FOUND, file->title, "the files of the series are gone");
+    if (!import_numbers_guess(&s->numbered, IMPORT_NUMBER_TIME, &numbers))
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the names of files");
     const uint32_t left_out = hold_others(s, file, &numbers, example);
     const uint32_t count = s->numbered.count;
     const uint32_t step = count > 1 && file->step < count ? file->step : 0;
@@ -165,7 +165,7 @@ static bool open_numbered(void *reader, const struct import_file *file,
     if (count > 1 && has_steps && !open_alone(s, file, header, err))
         return false;
     if (!header->took_folder)
-        import_numbers_warn_left_out(left_out, example, s->shown, file->warnings);
+        import_numbers_warn_left_out(left_out, example, s->title, file->warnings);
     if (header->took_folder || has_steps || count == 1)
         return has_steps || import_header_use_steps(header, file, 1, err);
     import_numbers_warn(&s->numbered, &numbers, IMPORT_NUMBER_TIME, "time steps", file->warnings);
@@ -188,7 +188,7 @@ static bool open_listed(void *reader, const struct import_file *file, struct imp
         return false;
     if (header->steps.count > 1)
         return sp_fail(
-            err, SP_ERR_UNSUPPORTED, s->shown,
+            err, SP_ERR_UNSUPPORTED, s->title,
             "a step cannot be a series of its own; list its files, or open this file alone");
     header->steps = own.steps;
     header->steps.times = s->listed.times;

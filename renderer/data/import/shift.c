@@ -14,7 +14,7 @@ struct box {
     double step;               /* of float32 at the corner that is farthest from 0 */
 };
 
-static bool find_box(const void *positions, size_t stride, size_t count, struct box *box) {
+static bool compute_box(const void *positions, size_t stride, size_t count, struct box *box) {
     double farthest = 0;
     *box = (struct box){ .longest = 0 };
     for (int a = 0; a < 3; a++) {
@@ -43,11 +43,11 @@ static bool is_coarse(const struct box *box, size_t count) {
     return box->step > SEEN * box->longest / sqrt((double)count);
 }
 
-bool import_shift_find(struct import_shift *shift, const void *positions, size_t stride,
-                       size_t count) {
+bool import_shift_choose(struct import_shift *shift, const void *positions, size_t stride,
+                         size_t count) {
     struct box box;
     bool is_moved = false;
-    if (!shift || !find_box(positions, stride, count, &box))
+    if (!shift || !compute_box(positions, stride, count, &box))
         return false;
     if (shift->is_found) { /* of elements at one place, float32 has all that is to be seen */
         is_moved = box.longest == 0 && import_shift_is_there(shift);
@@ -85,7 +85,7 @@ void import_shift_warn(const struct import_file *file) {
 void import_shift_warn_of_steps(const struct import_file *file, const void *positions,
                                 size_t stride, size_t count) {
     struct box box;
-    if (count > 1 && find_box(positions, stride, count, &box) && is_coarse(&box, count))
+    if (count > 1 && compute_box(positions, stride, count, &box) && is_coarse(&box, count))
         import_warn(file->warnings,
                     "So far from 0, positions are rounded to steps of about %.2g. Subtract a "
                     "constant from them before they are written, or write PLY with double "

@@ -4,7 +4,7 @@
  * (5 400 000 m) its steps are 0.5 m. Where the file has more digits, the elements are moved near 0
  * before they are rounded, and a warning names the shift.
  *
- *   read without a shift ─► import_shift_find() ─► true: read once more
+ *   read without a shift ─► import_shift_choose() ─► true: read once more
  */
 #ifndef SP_IMPORT_SHIFT_H
 #define SP_IMPORT_SHIFT_H
@@ -38,8 +38,8 @@ static inline float import_shift_put(struct import_shift *shift, int axis, doubl
 /* True if the positions must be read once more, with another offset: they were rounded, and the
  * steps of float32 there are not small against the distances of `count` elements. The positions lie
  * `stride` bytes apart; those that are not finite do not count. */
-bool import_shift_find(struct import_shift *shift, const void *positions, size_t stride,
-                       size_t count);
+bool import_shift_choose(struct import_shift *shift, const void *positions, size_t stride,
+                         size_t count);
 
 /* True if the elements are moved. `shift` may be NULL. */
 bool import_shift_is_there(const struct import_shift *shift);

@@ -34,10 +34,10 @@ struct spz {
     uint8_t in[IN_ROOM], out[OUT_ROOM];
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
+static bool probe(const uint8_t *start, size_t size, const char *title) {
     (void)start;
     (void)size;
-    return import_ends_with(shown, ".spz");
+    return import_ends_with(title, ".spz");
 }
 
 /* Unpacks exactly n bytes. */
@@ -59,15 +59,15 @@ static bool unpack(struct spz *s, void *out, size_t n, struct sp_error *err) {
             status = inflate(&s->z, Z_NO_FLUSH);
         s->has_ended = status == Z_STREAM_END;
         if (status == Z_MEM_ERROR)
-            return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while unpacking");
+            return sp_fail(err, SP_ERR_MEMORY, s->file->title, "out of memory while unpacking");
         if (ended && !s->has_ended)
-            return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, NULL,
+            return import_fail(err, SP_ERR_FORMAT, s->file->title, s->at, NULL,
                                "the gzip data is cut off");
         if (ended)
-            return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, NULL,
+            return import_fail(err, SP_ERR_FORMAT, s->file->title, s->at, NULL,
                                "the data ends before the %" PRIu32 " Gaussians", s->count);
         if (status != Z_OK && status != Z_STREAM_END)
-            return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, NULL,
+            return import_fail(err, SP_ERR_FORMAT, s->file->title, s->at, NULL,
                                "the gzip data is damaged%s%s", s->z.msg ? ": " : "",
                                s->z.msg ? s->z.msg : "");
     }
@@ -82,12 +82,12 @@ static bool begin(struct spz *s, struct sp_error *err) {
     uint8_t magic[8] = { 0 };
     const bool is_read = pread(s->file->fd, magic, sizeof magic, 0) >= 2;
     if (is_read && memcmp(magic, "NGSP", 4) == 0)
-        return import_fail(err, SP_ERR_UNSUPPORTED, s->file->shown, 4, "version",
+        return import_fail(err, SP_ERR_UNSUPPORTED, s->file->title, 4, "version",
                            "is %" PRIu32 "; supported are 1 to 3; save the scene as one of these, "
                            "or as PLY",
                            word(magic + 4));
     if (!is_read || magic[0] != 0x1f || magic[1] != 0x8b)
-        return import_fail(err, SP_ERR_UNSUPPORTED, s->file->shown, 0, NULL,
+        return import_fail(err, SP_ERR_UNSUPPORTED, s->file->title, 0, NULL,
                            "the file is not packed by gzip, as versions 1 to 3 of SPZ are; save "
                            "the scene as one of these, or as PLY");
     inflateEnd(&s->z);
@@ -95,7 +95,7 @@ static bool begin(struct spz *s, struct sp_error *err) {
     s->has_ended = false;
     s->at = 0;
     return inflateInit2(&s->z, 15 + 16) == Z_OK ||
-           sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while unpacking");
+           sp_fail(err, SP_ERR_MEMORY, s->file->title, "out of memory while unpacking");
 }
 
 static size_t position_bytes(const struct spz *s) {
@@ -106,35 +106,35 @@ static size_t rotation_bytes(const struct spz *s) {
     return s->version < 3 ? 3 : 4;
 }
 
-static bool take_header(struct spz *s, struct sp_error *err) {
-    const char *shown = s->file->shown;
+static bool read_header(struct spz *s, struct sp_error *err) {
+    const char *title = s->file->title;
     uint8_t b[HEADER];
     if (!unpack(s, b, sizeof b, err))
         return false;
     if (word(b) != 0x5053474e)
-        return import_fail(err, SP_ERR_FORMAT, shown, 0, "magic",
+        return import_fail(err, SP_ERR_FORMAT, title, 0, "magic",
                            "the file does not begin like an SPZ file");
     s->version = word(b + 4);
     s->count = word(b + 8);
     s->degree = b[12];
     s->unit = ldexp(1, -b[13]);
     if (s->version < 1 || s->version > 3)
-        return import_fail(err, SP_ERR_UNSUPPORTED, shown, 4, "version",
+        return import_fail(err, SP_ERR_UNSUPPORTED, title, 4, "version",
                            "is %" PRIu32
                            "; supported are 1 to 3; save the scene as one of these, or "
                            "as PLY",
                            s->version);
     if (s->degree > SP_HARMONICS_DEGREE_MAX)
         return import_fail(
-            err, SP_ERR_UNSUPPORTED, shown, 12, "shDegree",
+            err, SP_ERR_UNSUPPORTED, title, 12, "shDegree",
             "is %" PRIu32 "; supported are 0 to 3; save the scene with fewer harmonics", s->degree);
     if (s->count > SP_ELEMENTS_MAX)
-        return import_fail(err, SP_ERR_UNSUPPORTED, shown, 8, "numPoints",
+        return import_fail(err, SP_ERR_UNSUPPORTED, title, 8, "numPoints",
                            "is %" PRIu32 "; a volume has at most %d", s->count, SP_ELEMENTS_MAX);
     const uint64_t each =
         position_bytes(s) + 1 + 3 + 3 + rotation_bytes(s) + 3 * (sp_harmonics_count(s->degree) - 1);
     return s->count * each <= s->file->size * RATIO_MAX ||
-           import_fail(err, SP_ERR_FORMAT, shown, 8, "numPoints",
+           import_fail(err, SP_ERR_FORMAT, title, 8, "numPoints",
                        "%" PRIu32 " Gaussians need %" PRIu64 " bytes; the file has too few even "
                        "if they are packed: it is cut off or the number is wrong",
                        s->count, s->count * each);
@@ -149,7 +149,7 @@ static bool open_spz(void *reader, const struct import_file *file, struct import
                      struct sp_error *err) {
     struct spz *s = reader;
     s->file = file;
-    if (!begin(s, err) || !take_header(s, err))
+    if (!begin(s, err) || !read_header(s, err))
         return false;
     import_header_use_elements(header, &(struct sp_elements_shape){ .kind = SP_KIND_GAUSSIANS,
                                                                     .count = s->count,
@@ -167,8 +167,8 @@ static double half(const uint8_t *b) {
     return bits >> 15 ? -value : value;
 }
 
-static void take_position(const struct spz *s, const struct sp_elements *e, size_t i,
-                          const uint8_t *b) {
+static void decode_position(const struct spz *s, const struct sp_elements *e, size_t i,
+                            const uint8_t *b) {
     for (int a = 0; a < 3; a++, b += position_bytes(s) / 3) {
         /* The sign is bit 23. */
         int32_t fixed = (int32_t)((uint32_t)b[0] << 8 | (uint32_t)b[1] << 16 |
@@ -178,22 +178,22 @@ static void take_position(const struct spz *s, const struct sp_elements *e, size
     }
 }
 
-static void take_opacity(const struct spz *s, const struct sp_elements *e, size_t i,
-                         const uint8_t *b) {
+static void decode_opacity(const struct spz *s, const struct sp_elements *e, size_t i,
+                           const uint8_t *b) {
     (void)s;
     e->opacities[i] = (float)b[0] / 255;
 }
 
-static void take_color(const struct spz *s, const struct sp_elements *e, size_t i,
-                       const uint8_t *b) {
+static void decode_color(const struct spz *s, const struct sp_elements *e, size_t i,
+                         const uint8_t *b) {
     for (int c = 0; c < 3; c++)
         e->harmonics[3 * sp_harmonics_count(s->degree) * i + (size_t)c] =
             (float)((b[c] / 255.0 - 0.5) / 0.15);
 }
 
 /* The scales wait in the place of the factor. */
-static void take_scales(const struct spz *s, const struct sp_elements *e, size_t i,
-                        const uint8_t *b) {
+static void decode_scales(const struct spz *s, const struct sp_elements *e, size_t i,
+                          const uint8_t *b) {
     (void)s;
     for (int a = 0; a < 3; a++)
         e->factors[i][a] = b[a];
@@ -218,8 +218,8 @@ static void unpack_rotation(uint32_t version, const uint8_t *b, double q[4]) {
     q[(largest + 1) % 4] = sqrt(fmax(0, 1 - squares));
 }
 
-static void take_rotation(const struct spz *s, const struct sp_elements *e, size_t i,
-                          const uint8_t *b) {
+static void decode_rotation(const struct spz *s, const struct sp_elements *e, size_t i,
+                            const uint8_t *b) {
     double scales[3], rotation[4];
     for (int a = 0; a < 3; a++)
         scales[a] = exp((double)e->factors[i][a] / 16 - 10);
@@ -227,8 +227,8 @@ static void take_rotation(const struct spz *s, const struct sp_elements *e, size
     sp_gaussian_factor(scales, rotation, e->factors[i]);
 }
 
-static void take_harmonics(const struct spz *s, const struct sp_elements *e, size_t i,
-                           const uint8_t *b) {
+static void decode_harmonics(const struct spz *s, const struct sp_elements *e, size_t i,
+                             const uint8_t *b) {
     const uint32_t count = 3 * sp_harmonics_count(s->degree);
     for (uint32_t k = 3; k < count; k++)
         e->harmonics[count * i + k] = ((float)b[k - 3] - 128) / 128;
@@ -258,15 +258,16 @@ static bool read_elements(void *reader, const struct sp_elements *elements,
     struct spz *s = reader;
     const struct {
         size_t bytes; /* of a Gaussian */
-        void (*take)(const struct spz *s, const struct sp_elements *e, size_t i, const uint8_t *b);
+        void (*decode)(const struct spz *s, const struct sp_elements *e, size_t i,
+                       const uint8_t *b);
         unsigned floats; /* that it becomes */
     } arrays[] = {
-        { position_bytes(s), take_position, 3 },
-        { 1, take_opacity, 1 },
-        { 3, take_color, 3 },
-        { 3, take_scales, 0 },
-        { rotation_bytes(s), take_rotation, 6 },
-        { 3 * (sp_harmonics_count(s->degree) - 1), take_harmonics,
+        { position_bytes(s), decode_position, 3 },
+        { 1, decode_opacity, 1 },
+        { 3, decode_color, 3 },
+        { 3, decode_scales, 0 },
+        { rotation_bytes(s), decode_rotation, 6 },
+        { 3 * (sp_harmonics_count(s->degree) - 1), decode_harmonics,
           3 * (sp_harmonics_count(s->degree) - 1) },
     };
     uint8_t header[HEADER];
@@ -280,7 +281,7 @@ static bool read_elements(void *reader, const struct sp_elements *elements,
             if (!unpack(s, s->out, n * bytes, err))
                 return false;
             for (size_t i = 0; i < n; i++)
-                arrays[a].take(s, elements, at + i, s->out + i * bytes);
+                arrays[a].decode(s, elements, at + i, s->out + i * bytes);
             import_report(&rest, (at + n) * arrays[a].floats * sizeof(float));
         }
         rest.before += (uint64_t)s->count * arrays[a].floats * sizeof(float);

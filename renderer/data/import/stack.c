@@ -37,8 +37,8 @@ struct slice {
 };
 
 static const char *own_name(const struct stack *s) {
-    const char *slash = strrchr(s->file->shown, '/');
-    return slash ? slash + 1 : s->file->shown;
+    const char *slash = strrchr(s->file->title, '/');
+    return slash ? slash + 1 : s->file->title;
 }
 
 static bool is_slice_alone(const struct stack *s) {
@@ -47,21 +47,21 @@ static bool is_slice_alone(const struct stack *s) {
 
 /* Lists the numbered files. Theirs is the step and the meaning of the numbers, if some are those of
  * times or channels. */
-static bool find_files(struct stack *s, struct sp_error *err) {
+static bool list_files(struct stack *s, struct sp_error *err) {
     const enum import_as as = s->file->selection.as;
     char pattern[NAME_MAX + 1];
     s->alone = *s->file;
     if (is_slice_alone(s) || !sp_numbered_pattern(own_name(s), pattern))
         return true;
-    if (!sp_numbered_list(s->file->folder, pattern, SP_DIM_MAX + 1, &s->slices, s->file->shown,
+    if (!sp_numbered_list(s->file->folder, pattern, SP_DIM_MAX + 1, &s->slices, s->file->title,
                           err))
         return false;
-    if (!import_numbers_find(&s->slices,
-                             as == IMPORT_AS_TIME       ? IMPORT_NUMBER_TIME
-                             : as == IMPORT_AS_CHANNELS ? IMPORT_NUMBER_CHANNEL
-                                                        : IMPORT_NUMBER_SLICE,
-                             &s->numbers))
-        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory for the names of files");
+    if (!import_numbers_guess(&s->slices,
+                              as == IMPORT_AS_TIME       ? IMPORT_NUMBER_TIME
+                              : as == IMPORT_AS_CHANNELS ? IMPORT_NUMBER_CHANNEL
+                                                         : IMPORT_NUMBER_SLICE,
+                              &s->numbers))
+        return sp_fail(err, SP_ERR_MEMORY, s->file->title, "out of memory for the names of files");
     if (import_numbers_count(&s->slices, &s->numbers, IMPORT_NUMBER_TIME, NULL) > 1)
         s->alone.step = 0;
     if (as == IMPORT_AS_TIME || as == IMPORT_AS_CHANNELS)
@@ -83,7 +83,7 @@ static void *open_slice(const struct stack *s, uint32_t n, struct slice *slice,
     slice->file = s->alone;
     slice->file.fd = fd;
     slice->file.size = size;
-    slice->file.shown = s->slices.names[n];
+    slice->file.title = s->slices.names[n];
     slice->file.warnings = warnings;
     void *reader = import_format_open(s->inner, &slice->file, header, err);
     if (!reader)
@@ -238,7 +238,7 @@ static bool choose_files(struct stack *s, struct import_header *header, struct s
         import_numbers_hold(&s->slices, &s->numbers, IMPORT_NUMBER_OTHER, own_name(s), example);
     uint64_t *values = malloc((s->slices.count + 1) * sizeof *values);
     if (!values)
-        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, s->file->title, "out of memory");
     uint32_t count = import_numbers_count(&s->slices, &s->numbers, IMPORT_NUMBER_TIME, values);
     bool ok = use_times(s, values, count, header, err);
     count = import_numbers_count(&s->slices, &s->numbers, IMPORT_NUMBER_CHANNEL, values);
@@ -276,7 +276,7 @@ static bool open_single(struct stack *s, struct import_header *header, struct sp
 static bool open_stack(struct stack *s, const struct import_file *file,
                        struct import_header *header, struct sp_error *err) {
     s->file = file;
-    if (!find_files(s, err) || !open_single(s, header, err))
+    if (!list_files(s, err) || !open_single(s, header, err))
         return false;
     if (header->grid.dims[2] > 1)
         return true;
@@ -285,14 +285,14 @@ static bool open_stack(struct stack *s, const struct import_file *file,
     if (s->slices.count < 2)
         return true;
     if (s->slices.count > SP_DIM_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->title,
                        "more than %u files of the folder have such a name, the limit for a stack; "
                        "move some of them, or open this one alone with ?as=slice",
                        SP_DIM_MAX);
     if (!choose_files(s, header, err) || !keep_alike(s, err))
         return false;
     if (s->slices.count == 0)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->file->title,
                        "the files of this time step or channel differ from %.60s in size, type or "
                        "spacing; open one of them, or ?as=slice",
                        own_name(s));
@@ -306,7 +306,7 @@ static bool open_stack(struct stack *s, const struct import_file *file,
     header->took_folder = true;
     if (header->grid.dims[2] > 1)
         import_warn_distance(header, s->file->warnings);
-    return sp_grid_check(&header->grid, header->type, s->file->shown, &header->bytes, err);
+    return sp_grid_check(&header->grid, header->type, s->file->title, &header->bytes, err);
 }
 
 static bool read_stack(void *reader, void *voxels, float (*vectors)[3],
@@ -347,12 +347,12 @@ static bool open_images(void *reader, const struct import_file *file, struct imp
     return open_stack(s, file, header, err);
 }
 
-static bool probe_tiffs(const uint8_t *start, size_t size, const char *shown) {
-    return import_tiff.probe(start, size, shown);
+static bool probe_tiffs(const uint8_t *start, size_t size, const char *title) {
+    return import_tiff.probe(start, size, title);
 }
 
-static bool probe_images(const uint8_t *start, size_t size, const char *shown) {
-    return import_image.probe(start, size, shown);
+static bool probe_images(const uint8_t *start, size_t size, const char *title) {
+    return import_image.probe(start, size, title);
 }
 
 const struct import_format import_tiff_stack = { .name = "TIFF",

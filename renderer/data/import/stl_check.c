@@ -29,7 +29,7 @@ bool import_stl_check(const struct import_file *file, struct mesh_bytes *bytes, 
     *is_empty = false;
     if (bytes->size < HEAD)
         return is_text(bytes) ||
-               import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL,
+               import_fail(err, SP_ERR_FORMAT, file->title, 0, NULL,
                            "%zu bytes that do not begin with \"solid\": a binary STL file has at "
                            "least %d",
                            bytes->size, HEAD);
@@ -38,7 +38,7 @@ bool import_stl_check(const struct import_file *file, struct mesh_bytes *bytes, 
     if (bytes->size != needed && is_text(bytes))
         return true;
     if (bytes->size < needed)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, 80, "triangles",
+        return import_fail(err, SP_ERR_FORMAT, file->title, 80, "triangles",
                            "%" PRIu64 " triangles need %" PRIu64 " bytes, the file has %zu: it is "
                            "cut off or the number is wrong",
                            count, needed, bytes->size);
@@ -117,7 +117,7 @@ bool import_stl_explain(const struct import_file *file, const struct mesh_bytes 
     *is_empty = !missing && !has_facet && has_end;
     if (!missing && (has_facet || has_end))
         return true;
-    snprintf(place, sizeof place, "%.120s: line %" PRIu64, file->shown, w.line);
+    snprintf(place, sizeof place, "%.120s: line %" PRIu64, file->title, w.line);
     if (!missing)
         return sp_fail(err, SP_ERR_FORMAT, place,
                        "the file ends before \"endsolid\": it is cut off");

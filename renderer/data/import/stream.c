@@ -19,12 +19,12 @@ enum { WORD = 64 }; /* bytes of a number as text, with the 0 that ends it */
  * bytes stand for 259 equal ones. */
 enum { BZIP2_RATIO_MAX = 1500000 };
 
-void import_stream_open(struct import_stream *s, int fd, bool owned, const char *shown,
+void import_stream_open(struct import_stream *s, int fd, bool owned, const char *title,
                         uint64_t size) {
     memset(s, 0, offsetof(struct import_stream, in));
     s->fd = fd;
     s->owned = owned;
-    s->shown = shown;
+    s->title = title;
     s->size = size;
 }
 
@@ -74,10 +74,10 @@ static bool read_file(struct import_stream *s, void *out, size_t n, size_t *got,
         if (r < 0 && errno == EINTR)
             continue;
         if (r < 0 && errno == EFAULT) /* the memory is a sparse file, see child.h */
-            return sp_fail(err, SP_ERR_IO, s->shown,
+            return sp_fail(err, SP_ERR_IO, s->title,
                            "cannot write the samples: the disk is full or fails");
         if (r < 0)
-            return import_fail(err, SP_ERR_IO, s->shown, s->at, NULL, "cannot read the file: %s",
+            return import_fail(err, SP_ERR_IO, s->title, s->at, NULL, "cannot read the file: %s",
                                strerror(errno));
         if (r == 0)
             break;
@@ -89,7 +89,7 @@ static bool read_file(struct import_stream *s, void *out, size_t n, size_t *got,
 
 bool import_stream_seek(struct import_stream *s, uint64_t byte, struct sp_error *err) {
     if (lseek(s->fd, (off_t)byte, SEEK_SET) < 0)
-        return import_fail(err, SP_ERR_IO, s->shown, byte, NULL,
+        return import_fail(err, SP_ERR_IO, s->title, byte, NULL,
                            "cannot read from this byte on: %s", strerror(errno));
     s->at = byte;
     return true;
@@ -103,7 +103,7 @@ bool import_stream_read_sparse(struct import_stream *s, char *out, size_t n, siz
     *got = 0;
     for (uint64_t at = begin; at < end; at = to) {
         size_t part;
-        sp_find_data(s->fd, at, end, &from, &to);
+        sp_skip_holes(s->fd, at, end, &from, &to);
         if (!import_stream_seek(s, from, err) ||
             !read_file(s, out + (from - begin), to - from, &part, err))
             return false;
@@ -124,7 +124,7 @@ bool import_stream_skip_lines(struct import_stream *s, uint64_t lines, struct sp
         if (!read_file(s, s->in, sizeof s->in, &got, err))
             return false;
         if (got == 0)
-            return import_fail(err, SP_ERR_FORMAT, s->shown, s->at, "line skip",
+            return import_fail(err, SP_ERR_FORMAT, s->title, s->at, "line skip",
                                "%" PRIu64 " lines are missing", lines);
         while (used < got && lines > 0)
             lines -= s->in[used++] == '\n';
@@ -137,12 +137,12 @@ bool import_stream_skip_lines(struct import_stream *s, uint64_t lines, struct sp
 /* gzip and zlib. */
 
 static bool fail_memory(const struct import_stream *s, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, s->shown, "out of memory while unpacking %s",
+    return sp_fail(err, SP_ERR_MEMORY, s->title, "out of memory while unpacking %s",
                    import_encoding_name(s->encoding));
 }
 
 static bool fail_cut(const struct import_stream *s, struct sp_error *err) {
-    return import_fail(err, SP_ERR_FORMAT, s->shown, s->at, "data",
+    return import_fail(err, SP_ERR_FORMAT, s->title, s->at, "data",
                        "the %s data is cut off after %" PRIu64 " bytes",
                        import_encoding_name(s->encoding), s->at);
 }
@@ -188,7 +188,7 @@ static bool read_gzip(struct import_stream *s, void *out, size_t n, size_t *got,
         } else if (status == Z_MEM_ERROR) {
             return fail_memory(s, err);
         } else if (status != Z_OK && status != Z_BUF_ERROR) {
-            return import_fail(err, SP_ERR_FORMAT, s->shown, s->at - s->z.avail_in, "data",
+            return import_fail(err, SP_ERR_FORMAT, s->title, s->at - s->z.avail_in, "data",
                                "the gzip data is damaged%s%s", s->z.msg ? ": " : "",
                                s->z.msg ? s->z.msg : "");
         }
@@ -250,7 +250,7 @@ static bool read_bzip2(struct import_stream *s, void *out, size_t n, size_t *got
         } else if (status == BZ_MEM_ERROR) {
             return fail_memory(s, err);
         } else if (status != BZ_OK) {
-            return import_fail(err, SP_ERR_FORMAT, s->shown, s->at - s->bz.avail_in, "data",
+            return import_fail(err, SP_ERR_FORMAT, s->title, s->at - s->bz.avail_in, "data",
                                "the bzip2 data is damaged");
         }
     }
@@ -271,7 +271,7 @@ static int next_byte(struct import_stream *s, struct sp_error *err) {
 }
 
 static bool fail_text(const struct import_stream *s, const char *word, struct sp_error *err) {
-    return import_fail(err, SP_ERR_FORMAT, s->shown, s->at - (s->filled - s->used), "data",
+    return import_fail(err, SP_ERR_FORMAT, s->title, s->at - (s->filled - s->used), "data",
                        "\"%.20s\" is not a number that the type holds", word);
 }
 
@@ -291,7 +291,7 @@ static bool read_hex(struct import_stream *s, uint8_t *out, size_t n, size_t *go
         const char word[2] = { isprint(c) ? (char)c : '?', 0 };
         const int digit = digit_of(c);
         if (digit < 0)
-            return import_fail(err, SP_ERR_FORMAT, s->shown, s->at - (s->filled - s->used), "data",
+            return import_fail(err, SP_ERR_FORMAT, s->title, s->at - (s->filled - s->used), "data",
                                "\"%s\" is not a hexadecimal digit", word);
         if (high >= 0)
             out[(*got)++] = (uint8_t)(16 * high + digit);
@@ -377,7 +377,7 @@ bool import_stream_begin(struct import_stream *s, enum import_encoding encoding,
                                                : true;
     if (ok)
         s->encoding = encoding;
-    return ok || sp_fail(err, SP_ERR_MEMORY, s->shown, "out of memory while unpacking %s",
+    return ok || sp_fail(err, SP_ERR_MEMORY, s->title, "out of memory while unpacking %s",
                          import_encoding_name(encoding));
 }
 
@@ -407,7 +407,7 @@ size_t import_stream_head(const struct import_file *file, void *out, size_t size
         pread(file->fd, magic, sizeof magic, 0) == 2 && magic[0] == 0x1f && magic[1] == 0x8b;
     if (!s)
         return 0;
-    import_stream_open(s, file->fd, false, file->shown, file->size);
+    import_stream_open(s, file->fd, false, file->title, file->size);
     if (import_stream_seek(s, 0, &ignored) &&
         import_stream_begin(s, *is_packed ? IMPORT_GZIP : IMPORT_RAW,
                             (struct import_number){ IMPORT_UNSIGNED, 1 }, &ignored) &&

@@ -26,7 +26,7 @@ enum { DEFLATE_RATIO_MAX = 1032 };
 struct import_stream {
     int fd;
     bool owned; /* fd */
-    const char *shown;
+    const char *title;
     uint64_t size, at; /* file bytes; at: what was read from the file so far */
     enum import_encoding encoding;
     struct import_number number; /* of IMPORT_TEXT: what comes out */
@@ -40,7 +40,7 @@ struct import_stream {
 };
 
 /* Takes a file, which close() closes if it is `owned`. */
-void import_stream_open(struct import_stream *stream, int fd, bool owned, const char *shown,
+void import_stream_open(struct import_stream *stream, int fd, bool owned, const char *title,
                         uint64_t size);
 void import_stream_close(struct import_stream *stream);
 

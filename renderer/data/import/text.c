@@ -13,8 +13,8 @@ void import_text_init(struct import_text *text, const struct import_file *file, 
     text->file = file;
     text->at = begin;
     text->end = end;
-    text->window_at = 0;
-    text->window_size = 0;
+    text->buffer_at = 0;
+    text->buffer_size = 0;
 }
 
 static bool is_space(int c) {
@@ -24,16 +24,16 @@ static bool is_space(int c) {
 int import_text_fill(struct import_text *t, struct sp_error *err) {
     if (t->at >= t->end)
         return -1;
-    if (t->at < t->window_at || t->at - t->window_at >= t->window_size) {
-        if (!import_read(t->file, t->window, sizeof t->window, t->at, &t->window_size, err)) {
-            t->window_size = 0;
+    if (t->at < t->buffer_at || t->at - t->buffer_at >= t->buffer_size) {
+        if (!import_read(t->file, t->buffer, sizeof t->buffer, t->at, &t->buffer_size, err)) {
+            t->buffer_size = 0;
             return -2;
         }
-        t->window_at = t->at;
-        if (t->window_size == 0)
+        t->buffer_at = t->at;
+        if (t->buffer_size == 0)
             return -1;
     }
-    return t->window[t->at - t->window_at];
+    return t->buffer[t->at - t->buffer_at];
 }
 
 bool import_text_word(struct import_text *t, char word[IMPORT_WORD_MAX + 1], uint64_t *byte,
@@ -45,7 +45,7 @@ bool import_text_word(struct import_text *t, char word[IMPORT_WORD_MAX + 1], uin
     *byte = t->at;
     for (; c >= 0 && !is_space(c); c = import_text_peek(t, err)) {
         if (n == IMPORT_WORD_MAX)
-            return import_fail(err, SP_ERR_FORMAT, t->file->shown, *byte, NULL,
+            return import_fail(err, SP_ERR_FORMAT, t->file->title, *byte, NULL,
                                "a word is longer than %d bytes", IMPORT_WORD_MAX);
         word[n++] = c ? (char)c : '?'; /* a byte 0 must not end the string */
         t->at++;
@@ -76,7 +76,7 @@ bool import_text_skip(struct import_text *t, uint64_t words, const char *field,
         while (is_space(c = import_text_peek(t, err)))
             t->at++;
         if (c == -1)
-            return import_fail(err, SP_ERR_FORMAT, t->file->shown, t->at, field,
+            return import_fail(err, SP_ERR_FORMAT, t->file->title, t->at, field,
                                "the file is cut off: %" PRIu64 " more values are expected",
                                words - i);
         for (; c >= 0 && !is_space(c); c = import_text_peek(t, err))

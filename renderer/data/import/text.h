@@ -7,14 +7,14 @@
 
 #include "data/import/format.h"
 
-enum { IMPORT_WORD_MAX = 255, IMPORT_WINDOW = 1 << 16 }; /* bytes */
+enum { IMPORT_WORD_MAX = 255, IMPORT_BUFFER = 1 << 16 }; /* bytes */
 
 struct import_text {
     const struct import_file *file;
     uint64_t at, end;   /* the next byte of the file; the first byte beyond the range */
-    uint64_t window_at; /* the window holds the bytes [window_at, window_at + window_size) */
-    size_t window_size;
-    uint8_t window[IMPORT_WINDOW];
+    uint64_t buffer_at; /* the window holds the bytes [buffer_at, buffer_at + buffer_size) */
+    size_t buffer_size;
+    uint8_t buffer[IMPORT_BUFFER];
 };
 
 void import_text_init(struct import_text *text, const struct import_file *file, uint64_t begin,
@@ -26,8 +26,8 @@ int import_text_fill(struct import_text *text, struct sp_error *err);
 /* Returns the next byte without consuming it, in [0, 255]; -1 at the end of the range; -2 with *err
  * set if the file cannot be read. */
 static inline int import_text_peek(struct import_text *text, struct sp_error *err) {
-    const uint64_t at = text->at - text->window_at; /* large before the window */
-    return text->at < text->end && at < text->window_size ? text->window[at]
+    const uint64_t at = text->at - text->buffer_at; /* large before the window */
+    return text->at < text->end && at < text->buffer_size ? text->buffer[at]
                                                           : import_text_fill(text, err);
 }
 

@@ -52,7 +52,8 @@ static uint32_t first_page(const struct tiff *t) {
     return t->planes.is_hidden ? 0 : tiff_planes_page(&t->planes, t->planes.pages[0]);
 }
 
-static bool find_number(const struct tiff *t, struct import_number *number, struct sp_error *err) {
+static bool choose_number(const struct tiff *t, struct import_number *number,
+                          struct sp_error *err) {
     enum { UNSIGNED = 1, SIGNED, FLOATING, UNDEFINED, COMPLEX_WHOLE, COMPLEX };
     const struct tiff_page *page = &t->page;
     const unsigned bits = page->bits, bytes = bits / 8;
@@ -87,12 +88,12 @@ static bool find_number(const struct tiff *t, struct import_number *number, stru
 }
 
 /* A palette has the reds of all indices, then the greens, then the blues, of 16 bits. */
-static bool take_palette(struct tiff *t, uint32_t n, struct sp_error *err) {
+static bool read_palette(struct tiff *t, uint32_t n, struct sp_error *err) {
     const size_t count = (size_t)1 << t->page.bits;
     double *values = malloc(COLORS * count * sizeof *values), most = 0;
     t->palette = malloc(COLORS * count * sizeof *t->palette);
     bool ok = (values && t->palette) ||
-              sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for a palette");
+              sp_fail(err, SP_ERR_MEMORY, t->file->title, "out of memory for a palette");
     if (ok &&
         tiff_tag_numbers(&t->pages, &t->page, TAG_COLORS, values, COLORS * count) != COLORS * count)
         ok = tiff_fail(&t->pages, n, err, SP_ERR_FORMAT,
@@ -144,7 +145,7 @@ static bool has_stray_predictor(const struct tiff *t) {
     return predictor != 1 && t->page.compression != TIFF_UNPACKED;
 }
 
-static bool take_type(struct tiff *t, struct import_header *header, struct sp_error *err) {
+static bool choose_type(struct tiff *t, struct import_header *header, struct sp_error *err) {
     const struct tiff_page *page = &t->page;
     const uint32_t n = first_page(t);
     struct import_number number;
@@ -163,12 +164,12 @@ static bool take_type(struct tiff *t, struct import_header *header, struct sp_er
                          "a predictor is not supported with compression %u; save the image with "
                          "deflate or LZW",
                          page->compression);
-    if (!find_number(t, &number, err))
+    if (!choose_number(t, &number, err))
         return false;
     const bool has_palette = page->photometric == TIFF_PALETTE && !t->planes.are_indices &&
                              page->samples == 1 && number.kind == IMPORT_UNSIGNED &&
                              page->bits <= 16;
-    if (has_palette && !take_palette(t, n, err))
+    if (has_palette && !read_palette(t, n, err))
         return false;
     if (has_palette)
         number = (struct import_number){ IMPORT_UNSIGNED, t->is_palette_wide ? 2 : 1 };
@@ -274,7 +275,7 @@ static bool choose(struct tiff *t, struct import_header *header, struct sp_error
 }
 
 /* Without a distance of slices, it is that of columns. */
-static void take_place(const struct tiff *t, struct import_header *header) {
+static void set_place(const struct tiff *t, struct import_header *header) {
     const struct tiff_planes *p = &t->planes;
     struct sp_grid *grid = &header->grid;
     for (int a = 0; a < 3; a++) {
@@ -303,13 +304,13 @@ static void close_tiff(void *reader) {
     free(t->palette);
 }
 
-static bool take_pages(struct tiff *t, const char *description, struct import_header *header,
-                       struct sp_error *err) {
+static bool arrange_pages(struct tiff *t, const char *description, struct import_header *header,
+                          struct sp_error *err) {
     struct tiff_planes *p = &t->planes;
     const bool ok = tiff_is_ome(description)
                         ? tiff_ome_parse(p, t->file, description, strlen(description),
                                          t->pages.count, t->pages.pages[0].samples, err)
-                        : tiff_layout_find(p, &t->pages, description, err);
+                        : tiff_layout_parse(p, &t->pages, description, err);
     if (!ok)
         return false;
     p->are_indices |= tiff_is_ome(description) || tiff_is_shaped(description);
@@ -324,15 +325,15 @@ static bool take_pages(struct tiff *t, const char *description, struct import_he
         return tiff_fail(&t->pages, 0, err, SP_ERR_UNSUPPORTED,
                          "%" PRIu32 " x %" PRIu32 " px; at most %u along an axis are supported",
                          t->page.width, t->page.height, SP_DIM_MAX);
-    if (!take_type(t, header, err) ||
+    if (!choose_type(t, header, err) ||
         !tiff_planes_choose(p, t->file, t->channels, &t->are_colors, header, err) ||
         !choose(t, header, err) || !check_pages(t, err))
         return false;
     header->grid.dims[0] = t->page.width;
     header->grid.dims[1] = t->page.height;
     header->grid.dims[2] = p->slices;
-    take_place(t, header);
-    return sp_grid_check(&header->grid, header->type, t->file->shown, &header->bytes, err);
+    set_place(t, header);
+    return sp_grid_check(&header->grid, header->type, t->file->title, &header->bytes, err);
 }
 
 /* Programs that call every bilevel image MinIsWhite, and mean the numbers as they are. */
@@ -351,10 +352,10 @@ static bool open_tiff(void *reader, const struct import_file *file, struct impor
     char *description = tiff_tag_text(&t->pages, &t->pages.pages[0], TAG_DESCRIPTION);
     char *software = tiff_tag_text(&t->pages, &t->pages.pages[0], TAG_SOFTWARE);
     bool ok = (description && software) ||
-              sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for the description");
+              sp_fail(err, SP_ERR_MEMORY, t->file->title, "out of memory for the description");
     if (ok)
         t->planes.are_plain = are_plain(t, description, software);
-    ok = ok && take_pages(t, description, header, err);
+    ok = ok && arrange_pages(t, description, header, err);
     free(description);
     free(software);
     if (!ok || !(t->call = import_module_load(t->file, TIFF_BRIDGE_MODULE, TIFF_BRIDGE_SYMBOL,
@@ -390,7 +391,7 @@ static bool read_hidden(const struct reading *r, uint32_t n, uint32_t first, uin
         const ssize_t got = pread(t->file->fd, r->rows + done, size - done, (off_t)(at + done));
         if (got <= 0)
             return import_fail(
-                r->err, SP_ERR_IO, t->file->shown, at + done, NULL,
+                r->err, SP_ERR_IO, t->file->title, at + done, NULL,
                 "cannot read the pixels: the file became shorter, or its disk or network fails");
         done += (size_t)got;
     }
@@ -477,7 +478,7 @@ static bool read_pages(struct reading *r, uint8_t *indices, char *voxels,
     const uint32_t band = band_of(t, r->row_bytes);
     const size_t bytes = (size_t)t->page.width * t->page.height * sp_type_size(t->conversion.type);
     if (!(r->rows = malloc(band * r->row_bytes)))
-        return sp_fail(r->err, SP_ERR_MEMORY, t->file->shown,
+        return sp_fail(r->err, SP_ERR_MEMORY, t->file->title,
                        "out of memory for %" PRIu32 " rows of %zu bytes", band, r->row_bytes);
     for (uint32_t k = 0; k < t->planes.slices; k++) {
         r->out = voxels + k * bytes;
@@ -502,7 +503,7 @@ static bool read_tiff(void *reader, void *voxels, float (*vectors)[3],
     r.numbers = malloc(r.row_numbers * (t->palette ? COLORS * sizeof(uint16_t) : sizeof(uint32_t)));
     uint8_t *indices = malloc(r.row_numbers * sizeof(uint16_t));
     const bool ok = (r.numbers && indices) ||
-                    sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for a row");
+                    sp_fail(err, SP_ERR_MEMORY, t->file->title, "out of memory for a row");
     const bool done = ok && read_pages(&r, indices, voxels, progress);
     free(r.rows);
     free(r.numbers);
@@ -510,8 +511,8 @@ static bool read_tiff(void *reader, void *voxels, float (*vectors)[3],
     return done;
 }
 
-static bool probe_tiff(const uint8_t *start, size_t size, const char *shown) {
-    (void)shown;
+static bool probe_tiff(const uint8_t *start, size_t size, const char *title) {
+    (void)title;
     return size >= 4 && (memcmp(start, "II*\0", 4) == 0 || memcmp(start, "MM\0*", 4) == 0 ||
                          memcmp(start, "II+\0", 4) == 0 || memcmp(start, "MM\0+", 4) == 0);
 }

@@ -62,16 +62,16 @@ static const struct {
     [TILE_DEPTH] = { 32998, "TileDepth" },
 };
 
-enum { WINDOW = 4096 }; /* bytes; a multiple of the size of every number type */
+enum { BUFFER_BYTES = 4096 }; /* bytes; a multiple of the size of every number type */
 
 struct entry {
     uint64_t at;     /* offset of the entry; 0 = the page does not have it */
     uint64_t values; /* offset of the numbers */
     uint64_t count;
-    unsigned bytes;       /* per number */
-    uint64_t held_at;     /* offset of the first byte in the window */
-    unsigned held;        /* bytes in the window */
-    uint8_t part[WINDOW]; /* window over the numbers */
+    unsigned bytes;               /* per number */
+    uint64_t held_at;             /* offset of the first byte in the buffer */
+    unsigned held;                /* bytes in the buffer */
+    uint8_t buffer[BUFFER_BYTES]; /* part of the numbers */
 };
 
 struct chain {
@@ -111,7 +111,7 @@ __attribute__((format(printf, 5, 6))) static bool refuse(const struct chain *c, 
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    snprintf(place, sizeof place, "%.160s: page %" PRIu32 ": byte %" PRIu64 ": %s", c->file->shown,
+    snprintf(place, sizeof place, "%.160s: page %" PRIu32 ": byte %" PRIu64 ": %s", c->file->title,
              c->page, at, fields[f].name);
     return sp_fail(c->err, code, place, "%s", text);
 }
@@ -122,19 +122,19 @@ static bool number_at(struct chain *c, enum field f, uint64_t i, uint64_t *out) 
     uint64_t at = e->values + i * e->bytes;
     if (at < e->held_at || at + e->bytes > e->held_at + e->held) {
         uint64_t left = (e->count - i) * e->bytes;
-        size_t want = left < WINDOW ? (size_t)left : WINDOW;
-        ssize_t got = pread(c->file->fd, e->part, want, (off_t)at);
+        size_t want = left < BUFFER_BYTES ? (size_t)left : BUFFER_BYTES;
+        ssize_t got = pread(c->file->fd, e->buffer, want, (off_t)at);
         if (got < (ssize_t)e->bytes)
             return refuse(c, SP_ERR_FORMAT, at, f,
                           "number %" PRIu64 " lies beyond the end of the file", i);
         e->held_at = at;
         e->held = (unsigned)got;
     }
-    *out = decode(e->part + (at - e->held_at), e->bytes, c->big_endian);
+    *out = decode(e->buffer + (at - e->held_at), e->bytes, c->big_endian);
     return true;
 }
 
-static bool take_entry(struct chain *c, uint64_t at, const uint8_t *b, enum field f) {
+static bool decode_entry(struct chain *c, uint64_t at, const uint8_t *b, enum field f) {
     static const uint8_t sizes[] = { [1] = 1, [3] = 2, [4] = 4, [16] = 8 };
     struct entry *e = &c->entries[f];
     uint64_t type = decode(b + 2, 2, c->big_endian), size = c->file->size;
@@ -161,30 +161,30 @@ static bool take_entry(struct chain *c, uint64_t at, const uint8_t *b, enum fiel
     return true;
 }
 
-static bool take_entries(struct chain *c, uint64_t first, uint64_t count) {
-    uint8_t part[20 * 64];
+static bool read_entries(struct chain *c, uint64_t first, uint64_t count) {
+    uint8_t buffer[20 * 64];
     size_t bytes = c->big ? 20 : 12;
     for (int f = 0; f < FIELD_COUNT; f++)
         c->entries[f].at = 0;
     for (uint64_t i = 0; i < count; i++) {
         uint64_t at = first + i * bytes;
         size_t n = (size_t)(count - i < 64 ? count - i : 64) * bytes;
-        if (i % 64 == 0 && pread(c->file->fd, part, n, (off_t)at) != (ssize_t)n)
+        if (i % 64 == 0 && pread(c->file->fd, buffer, n, (off_t)at) != (ssize_t)n)
             return import_fail(
-                c->err, SP_ERR_IO, c->file->shown, at, "directory",
+                c->err, SP_ERR_IO, c->file->title, at, "directory",
                 "cannot read the file: the file became shorter, or its disk or network fails");
-        const uint8_t *b = part + i % 64 * bytes;
+        const uint8_t *b = buffer + i % 64 * bytes;
         unsigned tag = (unsigned)decode(b, 2, c->big_endian);
         for (int f = 0; f < FIELD_COUNT; f++)
-            if (fields[f].tag == tag && !take_entry(c, at, b, (enum field)f))
+            if (fields[f].tag == tag && !decode_entry(c, at, b, (enum field)f))
                 return false;
     }
     return true;
 }
 
 /* Reads the first number of a field; `missing` if the page does not have the field. */
-static bool take_number(struct chain *c, enum field f, uint64_t missing, uint64_t low,
-                        uint64_t high, uint64_t *out) {
+static bool read_field(struct chain *c, enum field f, uint64_t missing, uint64_t low, uint64_t high,
+                       uint64_t *out) {
     *out = missing;
     if (c->entries[f].at && !number_at(c, f, 0, out))
         return false;
@@ -284,13 +284,13 @@ static bool check_pieces(struct chain *c, const struct pieces *p) {
 static bool check_flat(struct chain *c, uint64_t *samples, uint64_t *planes) {
     uint64_t depth, planar;
     for (int f = IMAGE_DEPTH; f <= TILE_DEPTH; f++) {
-        if (!take_number(c, (enum field)f, 1, 0, UINT64_MAX, &depth))
+        if (!read_field(c, (enum field)f, 1, 0, UINT64_MAX, &depth))
             return false;
         if (depth > 1)
             return refuse(c, SP_ERR_UNSUPPORTED, c->entries[f].at, (enum field)f,
                           "page %" PRIu32 " has depth; save the slices as pages", c->page);
     }
-    if (!take_number(c, SAMPLES, 1, 1, 65535, samples) || !take_number(c, PLANAR, 1, 1, 2, &planar))
+    if (!read_field(c, SAMPLES, 1, 1, 65535, samples) || !read_field(c, PLANAR, 1, 1, 2, &planar))
         return false;
     *planes = planar == 2 ? *samples : 1;
     return *samples <= TIFF_SAMPLES_MAX ||
@@ -299,9 +299,9 @@ static bool check_flat(struct chain *c, uint64_t *samples, uint64_t *planes) {
 }
 
 /* All samples of a pixel have the same number of bits. */
-static bool take_bits(struct chain *c, uint64_t *bits) {
+static bool read_bits(struct chain *c, uint64_t *bits) {
     uint64_t other = 0;
-    if (!take_number(c, BITS, 1, 1, 128, bits))
+    if (!read_field(c, BITS, 1, 1, 128, bits))
         return false;
     for (uint64_t i = 1; c->entries[BITS].at && i < c->entries[BITS].count; i++) {
         if (!number_at(c, BITS, i, &other))
@@ -316,12 +316,12 @@ static bool take_bits(struct chain *c, uint64_t *bits) {
 }
 
 /* Reads what says how the samples are meant. */
-static bool take_meaning(struct chain *c, struct tiff_page *page) {
+static bool read_meaning(struct chain *c, struct tiff_page *page) {
     uint64_t subfile, old_subfile, format, photometric;
-    if (!take_number(c, SUBFILE, 0, 0, UINT64_MAX, &subfile) ||
-        !take_number(c, OLD_SUBFILE, 1, 0, UINT64_MAX, &old_subfile) ||
-        !take_number(c, FORMAT, 1, 1, 6, &format) ||
-        !take_number(c, PHOTOMETRIC, 1, 0, 65535, &photometric))
+    if (!read_field(c, SUBFILE, 0, 0, UINT64_MAX, &subfile) ||
+        !read_field(c, OLD_SUBFILE, 1, 0, UINT64_MAX, &old_subfile) ||
+        !read_field(c, FORMAT, 1, 1, 6, &format) ||
+        !read_field(c, PHOTOMETRIC, 1, 0, 65535, &photometric))
         return false;
     /* Bit 0: a reduced image; bit 2: a mask. 2 was a reduced image before TIFF 6.0. */
     page->is_reduced = (subfile & 5) || old_subfile == 2;
@@ -338,9 +338,9 @@ uint64_t tiff_row_bytes(const struct tiff_page *page) {
 static bool check_page(struct chain *c, struct tiff_page *page) {
     uint64_t width, height, bits, tile_width, tile_length, samples = 1, planes = 1;
     struct pieces p = { .name = "strip", .offsets = STRIP_OFFSETS, .counts = STRIP_COUNTS };
-    if (!check_flat(c, &samples, &planes) || !take_number(c, WIDTH, 0, 1, INT32_MAX, &width) ||
-        !take_number(c, HEIGHT, 0, 1, INT32_MAX, &height) || !take_bits(c, &bits) ||
-        !take_number(c, COMPRESSION, 1, 1, UINT64_MAX, &p.compression) || !take_meaning(c, page))
+    if (!check_flat(c, &samples, &planes) || !read_field(c, WIDTH, 0, 1, INT32_MAX, &width) ||
+        !read_field(c, HEIGHT, 0, 1, INT32_MAX, &height) || !read_bits(c, &bits) ||
+        !read_field(c, COMPRESSION, 1, 1, UINT64_MAX, &p.compression) || !read_meaning(c, page))
         return false;
     c->voxels += width * height;
     if (c->voxels > SP_VOXELS_MAX)
@@ -349,8 +349,8 @@ static bool check_page(struct chain *c, struct tiff_page *page) {
     p.height = height;
     bits *= samples / planes; /* of a pixel */
     if (c->entries[TILE_WIDTH].at || c->entries[TILE_LENGTH].at) {
-        if (!take_number(c, TILE_WIDTH, 0, 1, SP_DIM_MAX, &tile_width) ||
-            !take_number(c, TILE_LENGTH, 0, 1, SP_DIM_MAX, &tile_length))
+        if (!read_field(c, TILE_WIDTH, 0, 1, SP_DIM_MAX, &tile_width) ||
+            !read_field(c, TILE_LENGTH, 0, 1, SP_DIM_MAX, &tile_length))
             return false;
         p.name = "tile";
         p.offsets = TILE_OFFSETS;
@@ -360,7 +360,7 @@ static bool check_page(struct chain *c, struct tiff_page *page) {
         p.rows = tile_length;
         p.row_bytes = (tile_width * bits + 7) / 8;
     } else {
-        if (!take_number(c, ROWS, height, 1, UINT64_MAX, &p.rows))
+        if (!read_field(c, ROWS, height, 1, UINT64_MAX, &p.rows))
             return false;
         p.rows = p.rows < height ? p.rows : height;
         p.per_plane = (height + p.rows - 1) / p.rows;
@@ -402,34 +402,34 @@ static bool follow(struct chain *c, struct tiff_file *t) {
     uint64_t at = c->big ? 8 : 4, next, entries;
     struct tiff_page *page;
     if (!read_number(c, at, word, &next))
-        return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "first directory",
+        return import_fail(c->err, SP_ERR_FORMAT, file->title, at, "first directory",
                            "the file ends before its first directory: it is cut off");
     while (next != 0) {
         at = next;
         c->page = t->count;
         c->page_at = at;
         if (t->count == TIFF_PAGES_MAX)
-            return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
+            return import_fail(c->err, SP_ERR_FORMAT, file->title, at, "directory",
                                "the file has more than %d pages, the limit", TIFF_PAGES_MAX);
         if (!read_number(c, at, count_bytes, &entries) || entries > 65535 ||
             !read_number(c, at + count_bytes + entries * entry_bytes, word, &next))
-            return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
+            return import_fail(c->err, SP_ERR_FORMAT, file->title, at, "directory",
                                "page %" PRIu32 " lies beyond the end: the file of %" PRIu64
                                " bytes is cut off or the directory before it is wrong",
                                t->count, file->size);
         c->directory_bytes += count_bytes + entries * entry_bytes + word;
         if (c->directory_bytes > file->size)
-            return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
+            return import_fail(c->err, SP_ERR_FORMAT, file->title, at, "directory",
                                "the directories up to page %" PRIu32
                                " are longer than the file: the pages form a circle",
                                t->count);
         if (!add_page(t, &page))
-            return sp_fail(c->err, SP_ERR_MEMORY, file->shown, "out of memory for directories");
-        if (!take_entries(c, at + count_bytes, entries) || !check_page(c, page))
+            return sp_fail(c->err, SP_ERR_MEMORY, file->title, "out of memory for directories");
+        if (!read_entries(c, at + count_bytes, entries) || !check_page(c, page))
             return false;
         t->count++;
     }
-    return t->count > 0 || import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "first directory",
+    return t->count > 0 || import_fail(c->err, SP_ERR_FORMAT, file->title, at, "first directory",
                                        "the file has no page");
 }
 
@@ -437,11 +437,11 @@ bool tiff_file_open(struct tiff_file *t, const struct import_file *file, struct 
     uint8_t magic[4];
     *t = (struct tiff_file){ .file = file };
     if (pread(file->fd, magic, 4, 0) != 4)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "magic",
+        return import_fail(err, SP_ERR_FORMAT, file->title, 0, "magic",
                            "the file ends in its header: it is cut off");
     struct chain *c = calloc(1, sizeof *c);
     if (!c)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for directories");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for directories");
     c->file = file;
     c->err = err;
     t->is_big_endian = c->big_endian = magic[0] == 'M';

@@ -28,7 +28,7 @@ bool tiff_is_imagej(const char *description) {
 }
 
 /* Finds a line "KEY=VALUE". NULL if there is none. */
-static const char *find(const struct imagej *j, const char *key, char out[VALUE_BYTES]) {
+static const char *find_value(const struct imagej *j, const char *key, char out[VALUE_BYTES]) {
     const size_t n = strlen(key);
     for (const char *line = j->description; *line; line += *line == '\n') {
         size_t length = strcspn(line, "\n");
@@ -44,15 +44,15 @@ static const char *find(const struct imagej *j, const char *key, char out[VALUE_
     return NULL;
 }
 
-static long find_count(const struct imagej *j, const char *key, long missing) {
+static long read_count(const struct imagej *j, const char *key, long missing) {
     char value[VALUE_BYTES];
-    return find(j, key, value) ? strtol(value, NULL, 10) : missing;
+    return find_value(j, key, value) ? strtol(value, NULL, 10) : missing;
 }
 
 /* 0 if there is none, or if it is no number. */
-static double find_number(const struct imagej *j, const char *key) {
+static double read_number(const struct imagej *j, const char *key) {
     char value[VALUE_BYTES];
-    const double number = find(j, key, value) ? strtod(value, NULL) : 0;
+    const double number = find_value(j, key, value) ? strtod(value, NULL) : 0;
     return isfinite(number) ? number : 0;
 }
 
@@ -65,10 +65,10 @@ static bool find_unit(const struct imagej *j, const char *key, char out[SP_UNIT_
                                             { "inches", "in" },   { "pixel", "" },
                                             { "pixels", "" },     { "null", "" } };
     char value[VALUE_BYTES];
-    if (!find(j, key, value))
+    if (!find_value(j, key, value))
         return false;
     const struct sp_unit *unit = sp_unit_find(value);
-    snprintf(out, SP_UNIT_BYTES, "%.31s", unit ? unit->shown : value);
+    snprintf(out, SP_UNIT_BYTES, "%.31s", unit ? unit->symbol : value);
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (strcmp(value, known[i][0]) == 0)
             snprintf(out, SP_UNIT_BYTES, "%s", known[i][1]);
@@ -83,12 +83,12 @@ static void convert_axis(const struct imagej *j, int axis, const char *key) {
 }
 
 /* Without a unit of ImageJ, that of the tags counts, for slices, too. */
-static void take_spacing(const struct imagej *j) {
+static void read_spacing(const struct imagej *j) {
     enum { INCHES = 2, CENTIMETRES = 3 };
     struct tiff_planes *p = j->planes;
     double x, y, tag, factor = 1;
     char value[VALUE_BYTES];
-    p->spacing[2] = fabs(find_number(j, "spacing"));
+    p->spacing[2] = fabs(read_number(j, "spacing"));
     const bool has_resolution = tiff_resolution(j->tiff, &j->tiff->pages[0], &x, &y, &tag);
     p->has_own_unit = find_unit(j, "unit", p->unit);
     if (!has_resolution)
@@ -97,7 +97,7 @@ static void take_spacing(const struct imagej *j) {
         factor = tag == INCHES ? 25.4 : 10;
         p->spacing[2] *= factor;
         snprintf(p->unit, sizeof p->unit, "mm");
-    } else if (tag == CENTIMETRES && find(j, "unit", value) && strcmp(value, "um") == 0) {
+    } else if (tag == CENTIMETRES && find_value(j, "unit", value) && strcmp(value, "um") == 0) {
         factor = 1e4; /* ImageJ does the same: "um" is only what it shows */
     }
     p->spacing[0] = factor / x;
@@ -107,14 +107,14 @@ static void take_spacing(const struct imagej *j) {
 }
 
 /* Origins are places in the image [px]. */
-static void take_place(const struct imagej *j) {
+static void read_place(const struct imagej *j) {
     static const char *const keys[3] = { "xorigin", "yorigin", "zorigin" };
     struct tiff_planes *p = j->planes;
     char value[VALUE_BYTES];
-    const bool is_upward = find(j, "inverty", value) && strcmp(value, "true") == 0;
+    const bool is_upward = find_value(j, "inverty", value) && strcmp(value, "true") == 0;
     double at[3];
     for (int a = 0; a < 3; a++)
-        at[a] = -find_number(j, keys[a]);
+        at[a] = -read_number(j, keys[a]);
     if (is_upward)
         at[1] = at[1] != 0 ? -at[1] : j->tiff->pages[0].height - 1.0;
     p->has_place = at[0] != 0 || at[1] != 0 || at[2] != 0;
@@ -128,19 +128,20 @@ static void take_place(const struct imagej *j) {
 }
 
 /* value = c0 + c1 · number. ImageJ keeps 16-bit numbers with a sign as number + 32768. */
-static void take_scale(const struct imagej *j) {
+static void read_scale(const struct imagej *j) {
     enum { STRAIGHT_LINE = 0, NONE = 20, SIGNED = 2 };
     struct tiff_planes *p = j->planes;
     const struct tiff_page *page = &j->tiff->pages[0];
     char value[VALUE_BYTES], c0[VALUE_BYTES], c1[VALUE_BYTES];
-    const char *unit = find(j, "vunit", value);
+    const char *unit = find_value(j, "vunit", value);
     if (unit && strcasecmp(unit, "gray value") != 0)
         snprintf(p->value_unit, sizeof p->value_unit, "%.31s", unit);
-    const long function = find_count(j, "cf", NONE);
+    const long function = read_count(j, "cf", NONE);
     if (!unit || page->bits > 16 || page->samples > 1 || function == NONE)
         return; /* ImageJ ignores it, too */
-    const double offset = find_number(j, "c0"), slope = find_number(j, "c1");
-    if (function != STRAIGHT_LINE || !find(j, "c0", c0) || !find(j, "c1", c1) || slope == 0) {
+    const double offset = read_number(j, "c0"), slope = read_number(j, "c1");
+    if (function != STRAIGHT_LINE || !find_value(j, "c0", c0) || !find_value(j, "c1", c1) ||
+        slope == 0) {
         p->value_unit[0] = 0;
         import_warn(j->tiff->file->warnings,
                     "The calibration of ImageJ is no straight line (cf=%ld, c1=%g), and it was not "
@@ -152,20 +153,20 @@ static void take_scale(const struct imagej *j) {
     p->has_scale = true;
     p->slope = slope;
     p->offset = offset + (is_shifted ? 32768 * slope : 0);
-    if (find(j, "zeroclip", value) && strcmp(value, "true") == 0)
+    if (find_value(j, "zeroclip", value) && strcmp(value, "true") == 0)
         import_warn(j->tiff->file->warnings,
                     "ImageJ shows calibrated values below 0 as 0; here they are kept.");
 }
 
-static void take_times(const struct imagej *j) {
+static void read_times(const struct imagej *j) {
     static const char *const known[][2] = { { "sec", "s" },       { "seconds", "s" },
                                             { "second", "s" },    { "msec", "ms" },
                                             { "minutes", "min" }, { "hour", "h" },
                                             { "hours", "h" } };
     struct tiff_planes *p = j->planes;
     char value[VALUE_BYTES] = "s";
-    p->interval = fmax(find_number(j, "finterval"), 0);
-    find(j, "tunit", value);
+    p->interval = fmax(read_number(j, "finterval"), 0);
+    find_value(j, "tunit", value);
     snprintf(p->time_unit, sizeof p->time_unit, "%.31s", value);
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (strcmp(value, known[i][0]) == 0)
@@ -174,7 +175,7 @@ static void take_times(const struct imagej *j) {
 
 /* Colours of a pixel are channels without pages of their own. Frames without slices are read as
  * slices if no time is between them: many programs write stacks like that. */
-static bool take_counts(struct imagej *j) {
+static bool check_counts(struct imagej *j) {
     const struct tiff_page *page = &j->tiff->pages[0];
     const bool is_sane = j->channels >= 1 && j->slices >= 1 && j->frames >= 1;
     const double product = (double)j->channels * (double)j->slices * (double)j->frames;
@@ -200,7 +201,7 @@ static bool take_counts(struct imagej *j) {
 }
 
 /* Channels are the fastest in a hyperstack, then slices. */
-static bool take_planes(const struct imagej *j) {
+static bool assign_planes(const struct imagej *j) {
     struct tiff_planes *p = j->planes;
     p->slices = (uint32_t)j->slices;
     p->channels = (uint32_t)j->channels;
@@ -218,10 +219,10 @@ static bool take_planes(const struct imagej *j) {
 bool tiff_imagej_parse(struct tiff_planes *p, const struct tiff_file *t, const char *description,
                        struct sp_error *err) {
     struct imagej j = { .planes = p, .tiff = t, .description = description, .err = err };
-    j.images = find_count(&j, "images", t->count);
-    j.channels = find_count(&j, "channels", 1);
-    j.slices = find_count(&j, "slices", 1);
-    j.frames = find_count(&j, "frames", 1);
+    j.images = read_count(&j, "images", t->count);
+    j.channels = read_count(&j, "channels", 1);
+    j.slices = read_count(&j, "slices", 1);
+    j.frames = read_count(&j, "frames", 1);
     /* Above 4 GB, ImageJ writes the first directory only. */
     if (j.images < 1 || j.images > INT32_MAX ||
         ((uint32_t)j.images != t->count && !tiff_planes_hide(p, t, (uint64_t)j.images)))
@@ -231,9 +232,9 @@ bool tiff_imagej_parse(struct tiff_planes *p, const struct tiff_file *t, const c
                          "with ImageJ, or as NRRD",
                          j.images, t->count);
     p->are_indices = true; /* a palette is a lookup table */
-    take_spacing(&j);
-    take_place(&j);
-    take_scale(&j);
-    take_times(&j);
-    return take_counts(&j) && take_planes(&j);
+    read_spacing(&j);
+    read_place(&j);
+    read_scale(&j);
+    read_times(&j);
+    return check_counts(&j) && assign_planes(&j);
 }

@@ -23,8 +23,8 @@ enum { GROUPS_MAX = 32 };        /* kinds of pages */
 enum { TAG_LSM = 34412, TAG_TRANSFORMATION = 34264, TAG_GEO_KEYS = 34735, TAG_NO_DATA = 42113 };
 
 /* All pages of the list are slices. */
-static bool take_slices(struct tiff_planes *p, const struct tiff_file *t, const uint32_t *pages,
-                        uint32_t count, struct sp_error *err) {
+static bool assign_slices(struct tiff_planes *p, const struct tiff_file *t, const uint32_t *pages,
+                          uint32_t count, struct sp_error *err) {
     p->slices = count;
     p->channels = p->steps = 1;
     if (!tiff_planes_allocate(p, t->file, count, err))
@@ -56,8 +56,8 @@ static bool read_lsm(const struct tiff_file *t, struct lsm *lsm) {
 }
 
 /* Channels are samples of a pixel. Slices vary faster than time steps. */
-static bool take_lsm(struct tiff_planes *p, const struct tiff_file *t, const struct lsm *lsm,
-                     const uint32_t *pages, uint32_t count, struct sp_error *err) {
+static bool apply_lsm(struct tiff_planes *p, const struct tiff_file *t, const struct lsm *lsm,
+                      const uint32_t *pages, uint32_t count, struct sp_error *err) {
     p->slices = lsm->dims[2];
     p->steps = lsm->dims[4];
     p->channels = 1;
@@ -77,8 +77,8 @@ static bool take_lsm(struct tiff_planes *p, const struct tiff_file *t, const str
 }
 
 /* MetaMorph: a stack behind one directory, with a tag of as many values as planes. */
-static bool take_stk(struct tiff_planes *p, const struct tiff_file *t, uint64_t planes,
-                     struct sp_error *err) {
+static bool apply_stk(struct tiff_planes *p, const struct tiff_file *t, uint64_t planes,
+                      struct sp_error *err) {
     if (planes > UINT32_MAX || !tiff_planes_hide(p, t, planes))
         return tiff_fail(t, 0, err, SP_ERR_UNSUPPORTED,
                          "MetaMorph declares %" PRIu64
@@ -88,7 +88,7 @@ static bool take_stk(struct tiff_planes *p, const struct tiff_file *t, uint64_t 
     import_warn(t->file->warnings,
                 "The planes of the MetaMorph stack are read as slices; its calibration is not "
                 "read, so the spacing is 1 unless the resolution tags give it.");
-    return take_slices(p, t, NULL, (uint32_t)planes, err);
+    return assign_slices(p, t, NULL, (uint32_t)planes, err);
 }
 
 /* Pages of one size. */
@@ -130,7 +130,7 @@ static unsigned list_groups(const struct tiff_file *t, struct group groups[GROUP
 /* Chooses the pages that are the volume: those like the first page if it has others like it, which
  * tifffile takes, too. Else those with most pixels, so that a thumbnail in front and the smaller
  * levels of a slide do not count. Pages that do not fit, and reduced ones, come last. */
-static const struct tiff_page *find_main(const struct tiff_file *t) {
+static const struct tiff_page *choose_main(const struct tiff_file *t) {
     struct group groups[GROUPS_MAX] = { { .page = &t->pages[0] } };
     const unsigned count = list_groups(t, groups);
     const struct group *best = &groups[0];
@@ -174,18 +174,18 @@ static uint32_t list_pages(const struct tiff_file *t, const struct tiff_page *be
     return count;
 }
 
-static bool take_pages(struct tiff_planes *p, const struct tiff_file *t, struct sp_error *err) {
+static bool assign_pages(struct tiff_planes *p, const struct tiff_file *t, struct sp_error *err) {
     struct lsm lsm;
     struct tiff_tag planes;
     uint32_t *pages = malloc(t->count * sizeof *pages);
     if (!pages)
-        return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory for pages");
-    const uint32_t count = list_pages(t, find_main(t), pages);
-    const bool ok = read_lsm(t, &lsm) ? take_lsm(p, t, &lsm, pages, count, err)
+        return sp_fail(err, SP_ERR_MEMORY, t->file->title, "out of memory for pages");
+    const uint32_t count = list_pages(t, choose_main(t), pages);
+    const bool ok = read_lsm(t, &lsm) ? apply_lsm(p, t, &lsm, pages, count, err)
                     : tiff_tag_find(t, &t->pages[0], TAG_STK_PLANES, &planes) && t->count == 1 &&
                             planes.count > 1
-                        ? take_stk(p, t, planes.count, err)
-                        : take_slices(p, t, pages, count, err);
+                        ? apply_stk(p, t, planes.count, err)
+                        : assign_slices(p, t, pages, count, err);
     free(pages);
     return ok;
 }
@@ -225,7 +225,7 @@ static void compare_resolutions(const struct tiff_planes *p, const struct tiff_f
 
 /* Pixels per inch or centimetre; without a unit they are only a ratio. The description may have
  * given the distance of slices, in a unit of its own. */
-static void take_resolution(struct tiff_planes *p, const struct tiff_file *t,
+static void read_resolution(struct tiff_planes *p, const struct tiff_file *t,
                             const struct tiff_page *page) {
     double x, y, unit;
     if (!tiff_resolution(t, page, &x, &y, &unit) || (unit != 2 && unit != 3))
@@ -260,7 +260,7 @@ static struct geo read_geo_keys(const struct tiff_file *t, const struct tiff_pag
     return geo;
 }
 
-static void take_geo_unit(struct tiff_planes *p, struct geo geo) {
+static void set_geo_unit(struct tiff_planes *p, struct geo geo) {
     snprintf(p->unit, sizeof p->unit, "%s",
              geo.model == 2                                              ? "degrees"
              : geo.model == 1 && geo.linear == 9002                      ? "ft"
@@ -270,7 +270,7 @@ static void take_geo_unit(struct tiff_planes *p, struct geo geo) {
 
 /* A matrix from columns, rows and slices to the world, of 4 rows. Without a step of slices they lie
  * along z. */
-static bool take_matrix(struct tiff_planes *p, const struct tiff_file *t,
+static bool read_matrix(struct tiff_planes *p, const struct tiff_file *t,
                         const struct tiff_page *page, struct geo geo) {
     const double centre = geo.raster == 2 ? 0 : 0.5; /* of a pixel, from its corner */
     double m[16];
@@ -300,7 +300,7 @@ static bool take_matrix(struct tiff_planes *p, const struct tiff_file *t,
 }
 
 /* The size of a pixel, and the place of one. Rows go to the south. */
-static bool take_scale(struct tiff_planes *p, const struct tiff_file *t,
+static bool read_scale(struct tiff_planes *p, const struct tiff_file *t,
                        const struct tiff_page *page, struct geo geo) {
     const double centre = geo.raster == 2 ? 0 : 0.5;
     double scale[3] = { 0 }, tie[6] = { 0 };
@@ -340,19 +340,19 @@ static void warn_of_geography(const struct tiff_file *t, const struct tiff_page 
                     tag.count / 6);
 }
 
-static bool take_geography(struct tiff_planes *p, const struct tiff_file *t,
+static bool read_geography(struct tiff_planes *p, const struct tiff_file *t,
                            const struct tiff_page *page) {
     const struct geo geo = read_geo_keys(t, page);
-    if (!take_scale(p, t, page, geo) && !take_matrix(p, t, page, geo)) {
+    if (!read_scale(p, t, page, geo) && !read_matrix(p, t, page, geo)) {
         warn_of_geography(t, page);
         return false;
     }
-    take_geo_unit(p, geo);
+    set_geo_unit(p, geo);
     return true;
 }
 
 /* The number that GDAL writes where there is no sample. */
-static void take_missing(struct tiff_planes *p, const struct tiff_file *t,
+static void read_missing(struct tiff_planes *p, const struct tiff_file *t,
                          const struct tiff_page *page) {
     struct tiff_tag tag;
     if (!tiff_tag_find(t, page, TAG_NO_DATA, &tag))
@@ -365,7 +365,7 @@ static void take_missing(struct tiff_planes *p, const struct tiff_file *t,
 }
 
 /* Aperio writes "|MPP = 0.499": micrometres per pixel. */
-static void take_slide_scale(struct tiff_planes *p, const char *description) {
+static void parse_slide_scale(struct tiff_planes *p, const char *description) {
     const char *scale =
         strncmp(description, "Aperio", 6) == 0 ? strstr(description, "|MPP = ") : NULL;
     const double size = scale ? strtod(scale + 7, NULL) : 0;
@@ -375,11 +375,11 @@ static void take_slide_scale(struct tiff_planes *p, const char *description) {
     snprintf(p->unit, sizeof p->unit, "um");
 }
 
-bool tiff_layout_find(struct tiff_planes *p, const struct tiff_file *t, const char *description,
-                      struct sp_error *err) {
+bool tiff_layout_parse(struct tiff_planes *p, const struct tiff_file *t, const char *description,
+                       struct sp_error *err) {
     return tiff_is_imagej(description)   ? tiff_imagej_parse(p, t, description, err)
            : tiff_is_shaped(description) ? tiff_shaped_parse(p, t, description, err)
-                                         : take_pages(p, t, err);
+                                         : assign_pages(p, t, err);
 }
 
 /* Samples stay in the order of the file. */
@@ -396,9 +396,9 @@ static void warn_of_orientation(const struct tiff_file *t, const struct tiff_pag
 void tiff_layout_place(struct tiff_planes *p, const struct tiff_file *t, const char *description) {
     const uint32_t n =
         p->is_hidden || p->pages[0] == TIFF_NO_PAGE ? 0 : tiff_planes_page(p, p->pages[0]);
-    take_missing(p, t, &t->pages[n]);
+    read_missing(p, t, &t->pages[n]);
     warn_of_orientation(t, &t->pages[n]);
-    if (!(p->spacing[0] > 0) && !p->has_own_unit && !take_geography(p, t, &t->pages[n]))
-        take_resolution(p, t, &t->pages[n]);
-    take_slide_scale(p, description);
+    if (!(p->spacing[0] > 0) && !p->has_own_unit && !read_geography(p, t, &t->pages[n]))
+        read_resolution(p, t, &t->pages[n]);
+    parse_slide_scale(p, description);
 }

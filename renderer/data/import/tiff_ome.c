@@ -54,7 +54,7 @@ static void fail(struct ome *o, enum sp_code code, const char *text) {
     if (o->failed)
         return;
     o->failed = true;
-    snprintf(place, sizeof place, "%.180s: OME-XML, line %lu", o->file->shown,
+    snprintf(place, sizeof place, "%.180s: OME-XML, line %lu", o->file->title,
              (unsigned long)XML_GetCurrentLineNumber(o->parser));
     sp_fail(o->err, code, place, "%s", text);
     XML_StopParser(o->parser, XML_FALSE);
@@ -83,7 +83,7 @@ static uint64_t whole(struct ome *o, const char **list, const char *name, uint64
 
 /* Elements. */
 
-static void take_order(struct ome *o, const char *order) {
+static void parse_order(struct ome *o, const char *order) {
     static const char letters[] = "ZCT";
     unsigned seen = 0;
     for (int i = 0; order && i < 3 && strlen(order) == 5; i++) {
@@ -97,7 +97,7 @@ static void take_order(struct ome *o, const char *order) {
         fail(o, SP_ERR_FORMAT, "DimensionOrder must be XY and one each of Z, C and T");
 }
 
-static void take_spacing(struct ome *o, const char **list) {
+static void parse_spacing(struct ome *o, const char **list) {
     static const char *const sizes[] = { "PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ" };
     static const char *const names[] = { "PhysicalSizeXUnit", "PhysicalSizeYUnit",
                                          "PhysicalSizeZUnit" };
@@ -110,23 +110,23 @@ static void take_spacing(struct ome *o, const char **list) {
             continue;
         p->spacing[a] = value;
         if (!p->unit[0])
-            snprintf(p->unit, sizeof p->unit, "%.31s", unit ? unit->shown : name);
-        tiff_planes_convert(p, o->file, a, unit ? unit->shown : name);
+            snprintf(p->unit, sizeof p->unit, "%.31s", unit ? unit->symbol : name);
+        tiff_planes_convert(p, o->file, a, unit ? unit->symbol : name);
     }
 }
 
-static void take_pixels(struct ome *o, const char **list) {
+static void parse_pixels(struct ome *o, const char **list) {
     struct tiff_planes *p = o->planes;
     const char *interval = attribute(list, "TimeIncrement");
     const char *unit = attribute(list, "TimeIncrementUnit");
     const uint64_t channels = whole(o, list, "SizeC", 1);
-    take_order(o, attribute(list, "DimensionOrder"));
+    parse_order(o, attribute(list, "DimensionOrder"));
     p->slices = (uint32_t)whole(o, list, "SizeZ", 1);
     p->steps = (uint32_t)whole(o, list, "SizeT", 1);
     p->channels = (uint32_t)(channels / o->samples);
     if (channels % o->samples != 0)
         fail(o, SP_ERR_FORMAT, "SizeC is not a multiple of the channels of a page");
-    take_spacing(o, list);
+    parse_spacing(o, list);
     p->interval = interval ? strtod(interval, NULL) : 0;
     if (!isfinite(p->interval) || p->interval < 0)
         p->interval = 0;
@@ -141,7 +141,7 @@ static void take_pixels(struct ome *o, const char **list) {
 
 /* The time of a step is that of its first plane, if the file gives no interval. Times that do not
  * rise, or that some steps lack, are dropped in finish(). */
-static void take_plane(struct ome *o, const char **list) {
+static void parse_plane(struct ome *o, const char **list) {
     struct tiff_planes *p = o->planes;
     const char *time = attribute(list, "DeltaT"), *unit = attribute(list, "DeltaTUnit");
     const uint64_t step = whole(o, list, "TheT", 0);
@@ -159,7 +159,7 @@ static void take_plane(struct ome *o, const char **list) {
 }
 
 /* The height of a slice is that of its first plane. */
-static void take_height(struct ome *o, const char **list) {
+static void parse_height(struct ome *o, const char **list) {
     const struct tiff_planes *p = o->planes;
     const char *height = attribute(list, "PositionZ"), *unit = attribute(list, "PositionZUnit");
     const uint64_t slice = whole(o, list, "TheZ", 0);
@@ -178,7 +178,7 @@ static void take_height(struct ome *o, const char **list) {
 
 /* Without PhysicalSizeZ, the heights of the slices give their distance, if they are even and have a
  * unit of length; that of "reference frame" is unknown. */
-static void take_distance(struct ome *o) {
+static void compute_distance(struct ome *o) {
     struct tiff_planes *p = o->planes;
     const struct sp_unit *unit = sp_unit_find(o->height_unit);
     if (p->slices < 2 || !(p->spacing[0] > 0) || p->spacing[2] > 0 || !o->heights || !unit)
@@ -190,7 +190,7 @@ static void take_distance(struct ome *o) {
     if (!isfinite(step) || step == 0)
         return;
     p->spacing[2] = fabs(step);
-    tiff_planes_convert(p, o->file, 2, unit->shown);
+    tiff_planes_convert(p, o->file, 2, unit->symbol);
 }
 
 static void check_times(struct tiff_planes *p) {
@@ -203,7 +203,7 @@ static void check_times(struct tiff_planes *p) {
     }
 }
 
-static void take_channel(struct ome *o, const char **list) {
+static void parse_channel(struct ome *o, const char **list) {
     const char *name = attribute(list, "Name");
     struct tiff_planes *p = o->planes;
     if (p->names && name && o->channels < p->channels)
@@ -284,12 +284,12 @@ static void start_element(void *user, const char *element, const char **list) {
         o->images++;
     } else if (strcmp(name, "Pixels") == 0 && o->images == 1 && !o->planes->pages) {
         o->in_pixels = true;
-        take_pixels(o, list);
+        parse_pixels(o, list);
     } else if (o->in_pixels && strcmp(name, "Channel") == 0) {
-        take_channel(o, list);
+        parse_channel(o, list);
     } else if (o->in_pixels && strcmp(name, "Plane") == 0) {
-        take_plane(o, list);
-        take_height(o, list);
+        parse_plane(o, list);
+        parse_height(o, list);
     } else if (o->in_pixels && strcmp(name, "TiffData") == 0) {
         begin_block(o, list);
     } else if (o->in_block && strcmp(name, "UUID") == 0) {
@@ -310,7 +310,7 @@ static void end_element(void *user, const char *element) {
         end_block(o);
 }
 
-static void take_text(void *user, const char *text, int size) {
+static void append_uuid(void *user, const char *text, int size) {
     struct ome *o = user;
     const size_t used = strlen(o->uuid);
     if (o->in_uuid)
@@ -339,7 +339,7 @@ static bool finish(struct ome *o) {
     if (o->failed)
         return false;
     check_times(p);
-    take_distance(o);
+    compute_distance(o);
     if (!o->has_blocks) { /* all planes are here, in their order */
         o->block = (struct block){ .count = o->pages };
         end_block(o);
@@ -359,10 +359,10 @@ bool tiff_ome_parse(struct tiff_planes *planes, const struct import_file *file, 
                      .samples = samples ? samples : 1,
                      .parser = XML_ParserCreate(NULL) };
     if (!o.parser)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory");
     XML_SetUserData(o.parser, &o);
     XML_SetElementHandler(o.parser, start_element, end_element);
-    XML_SetCharacterDataHandler(o.parser, take_text);
+    XML_SetCharacterDataHandler(o.parser, append_uuid);
     XML_SetStartDoctypeDeclHandler(o.parser, start_doctype);
     if (XML_Parse(o.parser, xml, (int)size, 1) != XML_STATUS_OK)
         fail(&o, SP_ERR_FORMAT, XML_ErrorString(XML_GetErrorCode(o.parser)));

@@ -17,7 +17,7 @@ bool tiff_fail(const struct tiff_file *t, uint32_t page, struct sp_error *err, e
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    snprintf(place, sizeof place, "%.180s: page %" PRIu32, t->file->shown, page);
+    snprintf(place, sizeof place, "%.180s: page %" PRIu32, t->file->title, page);
     return sp_fail(err, code, place, "%s", text);
 }
 
@@ -26,14 +26,14 @@ bool tiff_planes_allocate(struct tiff_planes *p, const struct import_file *file,
     const uint64_t count = (uint64_t)p->slices * p->channels, limit = (uint64_t)most * 100;
     if (p->slices < 1 || p->channels < 1 || p->steps < 1 || count > limit ||
         p->steps > limit / count)
-        return sp_fail(err, SP_ERR_FORMAT, file->shown,
+        return sp_fail(err, SP_ERR_FORMAT, file->title,
                        "%" PRIu32 " slices, %" PRIu32 " channels and %" PRIu32
                        " steps cannot be in the %" PRIu32 " pages of the file",
                        p->slices, p->channels, p->steps, most);
     p->pages = malloc((size_t)(count * p->steps) * sizeof *p->pages);
     for (uint64_t i = 0; p->pages && i < count * p->steps; i++)
         p->pages[i] = TIFF_NO_PAGE;
-    return p->pages || sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for pages");
+    return p->pages || sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for pages");
 }
 
 bool tiff_planes_hide(struct tiff_planes *p, const struct tiff_file *t, uint64_t needed) {
@@ -72,7 +72,7 @@ static bool name_colors(struct tiff_planes *p, const struct import_file *file,
     p->names = calloc(p->channels, sizeof *p->names);
     for (uint32_t c = 0; p->names && c < p->channels; c++)
         import_name(p->names[c], colors[c]);
-    return p->names || sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for colours");
+    return p->names || sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for colours");
 }
 
 /* Only one of the axes of which `*from` and `*to` are lengths is longer than 1, so that the order

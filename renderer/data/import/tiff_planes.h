@@ -51,8 +51,8 @@ void tiff_planes_finish(struct tiff_planes *planes);
 
 /* Fills the planes from the descriptions and tags of the file. `description` is that of the first
  * page. */
-bool tiff_layout_find(struct tiff_planes *planes, const struct tiff_file *tiff,
-                      const char *description, struct sp_error *err);
+bool tiff_layout_parse(struct tiff_planes *planes, const struct tiff_file *tiff,
+                       const char *description, struct sp_error *err);
 
 /* Finds the size and place of a pixel in the tags of the first page, unless the planes have them.
  */

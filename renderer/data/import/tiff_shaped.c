@@ -40,8 +40,8 @@ bool tiff_is_shaped(const char *description) {
     return strncmp(description, "{\"shape\":", 9) == 0;
 }
 
-static bool take_shape(struct shaped *s, const json_t *shape, const char *axes,
-                       struct sp_error *err) {
+static bool parse_shape(struct shaped *s, const json_t *shape, const char *axes,
+                        struct sp_error *err) {
     const size_t rank = json_array_size(shape);
     const bool are_named = strlen(axes) == rank;
     if (rank < 1 || rank > RANK_MAX)
@@ -135,7 +135,7 @@ static bool split_samples(struct shaped *s, struct tiff_planes *p, struct sp_err
 
 /* Columns, rows and slices lie along x, y and z, unless the description names other axes. Sets the
  * directions if so. Returns the letter of the axis of slices. */
-static char take_directions(const struct shaped *s, struct tiff_planes *p) {
+static char set_directions(const struct shaped *s, struct tiff_planes *p) {
     static const char letters[] = "XYZ";
     const char of_columns = s->letters[PART_COLUMNS], of_rows = s->letters[PART_ROWS];
     const char *columns = of_columns ? strchr(letters, of_columns) : NULL;
@@ -152,7 +152,7 @@ static char take_directions(const struct shaped *s, struct tiff_planes *p) {
 
 /* Axes without a name are z, channels and time, the last one first. Samples, exposures (L) and
  * wavelengths (E) are channels, because they are no space. */
-static bool take_roles(struct shaped *s, char slices, struct sp_error *err) {
+static bool assign_roles(struct shaped *s, char slices, struct sp_error *err) {
     const char letters[] = { slices, 'C', 'T' };
     bool is_taken[ROLE_COUNT] = { false }, is_set[RANK_MAX] = { false };
     for (unsigned d = 0; d < s->own; d++) {
@@ -180,7 +180,7 @@ static bool take_roles(struct shaped *s, char slices, struct sp_error *err) {
     return true;
 }
 
-static bool take_planes(const struct shaped *s, struct tiff_planes *p, struct sp_error *err) {
+static bool assign_planes(const struct shaped *s, struct tiff_planes *p, struct sp_error *err) {
     uint32_t *const sizes[ROLE_COUNT] = { &p->slices, &p->channels, &p->steps };
     const uint32_t pages = s->tiff->count, per_page = s->split ? s->split : 1;
     for (unsigned d = 0; d < s->own; d++)
@@ -222,9 +222,9 @@ bool tiff_shaped_parse(struct tiff_planes *p, const struct tiff_file *tiff, cons
     p->interval = interval > 0 ? interval : 0;
     p->spacing[2] = spacing > 0 ? spacing : 0;
     snprintf(p->unit, sizeof p->unit, "%.31s", unit ? unit : "");
-    const bool ok = take_shape(&s, json_object_get(json, "shape"), axes ? axes : "", err) &&
+    const bool ok = parse_shape(&s, json_object_get(json, "shape"), axes ? axes : "", err) &&
                     match_page(&s, err) && split_samples(&s, p, err) &&
-                    take_roles(&s, take_directions(&s, p), err) && take_planes(&s, p, err);
+                    assign_roles(&s, set_directions(&s, p), err) && assign_planes(&s, p, err);
     json_decref(json);
     return ok;
 }

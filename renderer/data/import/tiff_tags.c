@@ -42,8 +42,8 @@ static bool read_at(const struct tiff_file *t, uint64_t at, void *out, size_t si
 }
 
 /* Decodes an entry of a directory at byte `at`. */
-static bool take_entry(const struct tiff_file *t, const uint8_t *entry, uint64_t at,
-                       struct tiff_tag *tag) {
+static bool decode_entry(const struct tiff_file *t, const uint8_t *entry, uint64_t at,
+                         struct tiff_tag *tag) {
     const unsigned word = t->is_big ? 8 : 4;
     tag->type = (unsigned)whole(t, entry + 2, 2);
     tag->count = whole(t, entry + 4, word);
@@ -66,7 +66,7 @@ bool tiff_tag_find(const struct tiff_file *t, const struct tiff_page *page, unsi
         if (!read_at(t, at, bytes, entry_bytes))
             return false;
         if (whole(t, bytes, 2) == number)
-            return take_entry(t, bytes, at, tag);
+            return decode_entry(t, bytes, at, tag);
     }
     return false;
 }

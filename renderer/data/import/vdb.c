@@ -23,8 +23,8 @@ struct vdb {
     int number;             /* of it; -1 = none */
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    (void)shown;
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    (void)title;
     return size >= 8 && memcmp(start, " BDV\0\0\0\0", 8) == 0;
 }
 
@@ -54,9 +54,9 @@ static bool choose_grid(struct vdb *v, struct import_header *header, struct sp_e
         v->number = n;
     }
     if (status < 0)
-        return sp_fail(err, SP_ERR_FORMAT, v->file->shown, "%s", why);
+        return sp_fail(err, SP_ERR_FORMAT, v->file->title, "%s", why);
     if (v->number < 0)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->title,
                        "the file has no grid of float or double that has active voxels; grids of "
                        "vectors and integers are not read");
     import_name(header->value_name, v->grid.name);
@@ -69,7 +69,7 @@ static bool place(const struct vdb *v, struct import_header *header, struct sp_e
         const double *step = v->grid.rows[axis];
         const double length = sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
         if (v->grid.dims[axis] > (int)SP_DIM_MAX)
-            return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
+            return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->title,
                            "%d voxels along axis %d are more than %u", v->grid.dims[axis], axis + 1,
                            SP_DIM_MAX);
         grid->dims[axis] = (uint32_t)v->grid.dims[axis];
@@ -85,7 +85,7 @@ static bool place(const struct vdb *v, struct import_header *header, struct sp_e
     header->type = v->grid.is_double ? SP_FLOAT64 : SP_FLOAT32;
     if (v->grid.is_level_set)
         header->meaning = SP_MEANING_DISTANCE;
-    return sp_grid_check(grid, header->type, v->file->shown, &header->bytes, err);
+    return sp_grid_check(grid, header->type, v->file->title, &header->bytes, err);
 }
 
 static bool open_vdb(void *reader, const struct import_file *file, struct import_header *header,
@@ -101,7 +101,7 @@ static bool open_vdb(void *reader, const struct import_file *file, struct import
     snprintf(path, sizeof path, "/proc/self/fd/%d", v->file->fd);
     v->bridge = v->call->open(path, "openvdb", why, sizeof why);
     if (!v->bridge)
-        return sp_fail(err, SP_ERR_FORMAT, v->file->shown, "%s", why);
+        return sp_fail(err, SP_ERR_FORMAT, v->file->title, "%s", why);
     return choose_grid(v, header, err) && place(v, header, err);
 }
 
@@ -128,7 +128,7 @@ static bool read_vdb(void *reader, void *voxels, float (*vectors)[3],
     char why[SP_ERROR_TEXT];
     (void)vectors;
     return v->call->voxels(v->bridge, v->number, voxels, report, &r, why, sizeof why) ||
-           sp_fail(err, SP_ERR_FORMAT, v->file->shown, "%s", why);
+           sp_fail(err, SP_ERR_FORMAT, v->file->title, "%s", why);
 }
 
 const struct import_format import_vdb = { .name = "OpenVDB",

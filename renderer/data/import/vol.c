@@ -39,9 +39,9 @@ static bool is_dgtal(const uint8_t *start, size_t size) {
     return false;
 }
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    return is_mitsuba(start, size) || is_dgtal(start, size) || import_ends_with(shown, ".vol") ||
-           import_ends_with(shown, ".longvol") || import_ends_with(shown, ".vgi");
+static bool probe(const uint8_t *start, size_t size, const char *title) {
+    return is_mitsuba(start, size) || is_dgtal(start, size) || import_ends_with(title, ".vol") ||
+           import_ends_with(title, ".longvol") || import_ends_with(title, ".vgi");
 }
 
 /* Sets what follows from dims, numbers and components. */
@@ -54,7 +54,7 @@ static bool finish_header(struct vol *v, struct import_number number, unsigned c
         v->sampled.conversion.component =
             import_header_choose_component(header, v->file->field, components, components > 2);
     header->type = v->sampled.conversion.type;
-    if (!sp_grid_check(&header->grid, header->type, v->file->shown, &header->bytes, err))
+    if (!sp_grid_check(&header->grid, header->type, v->file->title, &header->bytes, err))
         return false;
     s->file = v->file;
     s->number = number;
@@ -65,21 +65,21 @@ static bool finish_header(struct vol *v, struct import_number number, unsigned c
 }
 
 static bool fail_size(const struct vol *v, const char *field, double value, struct sp_error *err) {
-    return import_fail(err, SP_ERR_FORMAT, v->file->shown, 0, field, "%g is outside [1, %u]", value,
+    return import_fail(err, SP_ERR_FORMAT, v->file->title, 0, field, "%g is outside [1, %u]", value,
                        SP_DIM_MAX);
 }
 
 /* Mitsuba: numbers are little-endian, channels alternate; the box has the centres of the outer
  * samples. */
-static bool take_mitsuba(struct vol *v, const uint8_t *text, size_t size,
-                         struct import_header *header, struct sp_error *err) {
+static bool parse_mitsuba(struct vol *v, const uint8_t *text, size_t size,
+                          struct import_header *header, struct sp_error *err) {
     static const struct import_number numbers[] = {
         [1] = { IMPORT_FLOAT, 4 }, [2] = { IMPORT_FLOAT, 2 }, [3] = { IMPORT_UNSIGNED, 1 }
     };
     int32_t fields[5];
     float box[6];
     if (size < MITSUBA_BYTES)
-        return import_fail(err, SP_ERR_FORMAT, v->file->shown, size, NULL, "the header is cut off");
+        return import_fail(err, SP_ERR_FORMAT, v->file->title, size, NULL, "the header is cut off");
     memcpy(fields, text + 4, sizeof fields);
     memcpy(box, text + 24, sizeof box);
 #if __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
@@ -88,11 +88,11 @@ static bool take_mitsuba(struct vol *v, const uint8_t *text, size_t size,
 #endif
     if (fields[0] < 1 || fields[0] > 3)
         return import_fail(
-            err, SP_ERR_UNSUPPORTED, v->file->shown, 4, "encoding",
+            err, SP_ERR_UNSUPPORTED, v->file->title, 4, "encoding",
             "%" PRId32 " is not supported; supported are 1 (float32), 2 (float16) and 3 (uint8)",
             fields[0]);
     if (fields[4] < 1 || fields[4] > 4)
-        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, 20, "channels",
+        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->title, 20, "channels",
                            "%" PRId32 " is outside [1, 4]", fields[4]);
     for (int a = 0; a < 3; a++) {
         if (fields[1 + a] < 1 || fields[1 + a] > (int32_t)SP_DIM_MAX)
@@ -128,12 +128,12 @@ static double number_of(const char *text, double missing) {
 }
 
 /* DGtal: voxels of Voxel-Size bytes; the bytes of larger ones are in the order of Voxel-Endian. */
-static bool take_dgtal(struct vol *v, char *text, struct import_header *header,
-                       struct sp_error *err) {
+static bool parse_dgtal(struct vol *v, char *text, struct import_header *header,
+                        struct sp_error *err) {
     static const char *const axes[] = { "X: ", "Y: ", "Z: " };
     char *end = strstr(text, "\n.\n");
     if (!end)
-        return import_fail(err, SP_ERR_FORMAT, v->file->shown, 0, NULL,
+        return import_fail(err, SP_ERR_FORMAT, v->file->title, 0, NULL,
                            "the header does not end with a line that has a dot alone");
     *end = 0;
     const double size = number_of(find_line(text, "Voxel-Size: "), 1);
@@ -146,7 +146,7 @@ static bool take_dgtal(struct vol *v, char *text, struct import_header *header,
         header->grid.dims[a] = (uint32_t)dim;
     }
     if (size != 1 && size != 2 && size != 4 && size != 8)
-        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, 0, "Voxel-Size",
+        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->title, 0, "Voxel-Size",
                            "%g bytes are not supported; supported are 1, 2, 4 and 8", size);
     v->sampled.samples.start = (uint64_t)(end - text) + 3;
     v->sampled.samples.encoding = version >= 3 ? IMPORT_GZIP : IMPORT_RAW;
@@ -173,15 +173,15 @@ static bool vgi_value(const char *text, const char *key, char *out, size_t capac
 }
 
 /* VGStudio: the first [file1] of the text. */
-static bool take_vgi(struct vol *v, const char *text, struct import_header *header,
-                     struct sp_error *err) {
+static bool parse_vgi(struct vol *v, const char *text, struct import_header *header,
+                      struct sp_error *err) {
     const char *section = strcasestr(text, "[file1]");
     char value[256], name[256];
     double bits = 0, dims[3] = { 0 }, spacing[3];
     if (!section || !vgi_value(section, "Size", value, sizeof value) ||
         sscanf(value, "%lf %lf %lf", &dims[0], &dims[1], &dims[2]) != 3 ||
         !vgi_value(section, "Name", name, sizeof name) || !*name)
-        return import_fail(err, SP_ERR_FORMAT, v->file->shown, 0, "[file1]",
+        return import_fail(err, SP_ERR_FORMAT, v->file->title, 0, "[file1]",
                            "the section with Size and Name is missing");
     for (int a = 0; a < 3; a++) {
         if (!(dims[a] >= 1 && dims[a] <= SP_DIM_MAX && trunc(dims[a]) == dims[a]))
@@ -194,7 +194,7 @@ static bool take_vgi(struct vol *v, const char *text, struct import_header *head
     const bool is_float = has_type && strcasestr(value, "float");
     const bool is_signed = has_type && !strcasestr(value, "unsigned");
     if ((bits != 8 && bits != 16 && bits != 32) || (is_float && bits != 32))
-        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, 0, "BitsPerElement",
+        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->title, 0, "BitsPerElement",
                            "%g bits are not supported; supported are 8, 16 and 32", bits);
     if (vgi_value(text, "resolution", value, sizeof value) &&
         sscanf(value, "%lf %lf %lf", &spacing[0], &spacing[1], &spacing[2]) == 3) {
@@ -208,7 +208,7 @@ static bool take_vgi(struct vol *v, const char *text, struct import_header *head
     const char *slash = strrchr(name, '/'), *back = strrchr(name, '\\');
     const char *file = slash > back ? slash + 1 : back ? back + 1 : name;
     if (!import_samples_add(&v->sampled.samples, file, strlen(file)))
-        return sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, v->file->title, "out of memory");
     v->sampled.samples.field = "Size";
     const struct import_number number = { is_float    ? IMPORT_FLOAT
                                           : is_signed ? IMPORT_SIGNED
@@ -223,20 +223,20 @@ static bool open_vol(void *reader, const struct import_file *file, struct import
     v->file = file;
     char *text = malloc(HEADER_MAX + 1);
     if (!text)
-        return sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, v->file->title, "out of memory");
     const ssize_t got = pread(v->file->fd, text, HEADER_MAX, 0);
     const size_t size = got > 0 ? (size_t)got : 0;
     bool ok;
     text[size] = 0;
     v->sampled.samples.file = file;
     if (is_mitsuba((const uint8_t *)text, size))
-        ok = take_mitsuba(v, (const uint8_t *)text, size, header, err);
+        ok = parse_mitsuba(v, (const uint8_t *)text, size, header, err);
     else if (is_dgtal((const uint8_t *)text, size))
-        ok = take_dgtal(v, text, header, err);
-    else if (import_ends_with(v->file->shown, ".vgi"))
-        ok = take_vgi(v, text, header, err);
+        ok = parse_dgtal(v, text, header, err);
+    else if (import_ends_with(v->file->title, ".vgi"))
+        ok = parse_vgi(v, text, header, err);
     else
-        ok = import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, 0, NULL,
+        ok = import_fail(err, SP_ERR_UNSUPPORTED, v->file->title, 0, NULL,
                          "this kind of .vol is not supported; supported are grids of Mitsuba (VOL, "
                          "version 3), volumes of DGtal (text header), and raw samples that a .vgi "
                          "of VGStudio or a JSON sidecar describes (open that file)");

@@ -44,10 +44,10 @@ void vtk_close(void *volume) {
 static bool grow(const struct vtk_volume *v, void *array, size_t count, size_t size, size_t most,
                  const char *what, struct sp_error *err) {
     if (count == most)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->title,
                        "the file has more than %zu %s, the limit", most, what);
     return sp_grow(array, count, size) ||
-           sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory for %zu %s", count + 1, what);
+           sp_fail(err, SP_ERR_MEMORY, v->file->title, "out of memory for %zu %s", count + 1, what);
 }
 
 struct vtk_piece *vtk_add_piece(struct vtk_volume *v, uint32_t file, struct sp_error *err) {
@@ -74,7 +74,7 @@ uint32_t vtk_add_file(struct vtk_volume *v, const char *name, struct sp_error *e
         return 0;
     v->files[v->file_count] = strdup(name);
     if (!v->files[v->file_count]) {
-        sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory for the names of files");
+        sp_fail(err, SP_ERR_MEMORY, v->file->title, "out of memory for the names of files");
         return 0;
     }
     return ++v->file_count;
@@ -94,19 +94,19 @@ const struct import_file *vtk_open_file(struct vtk_volume *v, uint32_t number,
     v->other = *v->file;
     v->other.fd = -1;
     if (n >= PATH_MAX) {
-        sp_fail(err, SP_ERR_INVALID, v->file->shown,
+        sp_fail(err, SP_ERR_INVALID, v->file->title,
                 "the name %.80s… of a piece and its folder are longer than a path may be", name);
         return NULL;
     }
     v->other.fd = sp_open_confined(v->file->root, path, name, v->other_real, &v->other.size, err);
     if (v->other.fd < 0) {
-        sp_tell_namer(err, v->file->shown);
+        sp_tell_namer(err, v->file->title);
         return NULL;
     }
     snprintf(v->other_folder, sizeof v->other_folder, "%s", v->other_real);
     *strrchr(v->other_folder, '/') = 0;
     v->other.folder = v->other_folder[0] ? v->other_folder : "/";
-    v->other.shown = name;
+    v->other.title = name;
     v->other.opening = NULL;
     v->other_number = number;
     return &v->other;
@@ -162,7 +162,7 @@ bool vtk_complete(struct vtk_volume *v, struct import_header *header, struct sp_
         "to Point Data\" (vtkCellDataToPointData)";
     if (v->wants_cells)
         return sp_fail(
-            err, SP_ERR_UNSUPPORTED, v->file->shown,
+            err, SP_ERR_UNSUPPORTED, v->file->title,
             "\"%.60s\" are data of cells, which are read of images and rectilinear grids "
             "only; %s",
             *v->file->field ? v->file->field : v->file->vectors, remedy);

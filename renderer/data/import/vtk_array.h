@@ -49,7 +49,7 @@ bool vtk_array_check(const struct import_file *file, const struct vtk_array *arr
 
 /* Takes `n` values in native byte order, before which `first` ones came. */
 struct vtk_sink {
-    void (*take)(void *user, uint64_t first, const void *values, size_t n);
+    void (*receive)(void *user, uint64_t first, const void *values, size_t n);
     void *user;
 };
 

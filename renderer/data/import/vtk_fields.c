@@ -91,7 +91,7 @@ static bool is_wanted(const struct names *n, const struct vtk_entry *e) {
 
 /* Points or cells: those that have what the source names, and otherwise points, if they have
  * anything. Names of cells may be given without their ending if points have no such array. */
-static enum vtk_home find_home(struct names *n) {
+static enum vtk_home choose_home(struct names *n) {
     const struct vtk_volume *v = n->v;
     const bool is_named = *v->file->field || *v->file->vectors;
     bool has[2] = { false, false };
@@ -242,7 +242,7 @@ static bool check_pieces(const struct vtk_volume *v, const struct vtk_choice *c,
         if (e && (e->components != c->entry->components ||
                   e->array.type->number.kind != c->entry->array.type->number.kind ||
                   e->array.type->number.size != c->entry->array.type->number.size))
-            return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, v->grid_at,
+            return import_fail(err, SP_ERR_UNSUPPORTED, v->file->title, v->grid_at,
                                c->entry->array.name,
                                "piece %zu has %u components of type %s, the first has %u of type "
                                "%s; all must have the same",
@@ -268,10 +268,10 @@ static bool apply_choice(struct vtk_volume *v, struct import_header *header, str
         header->used_as = true;
     }
     if (wanted == IMPORT_AS_TIME)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->title,
                        "?as=time: a VTK file has one step; open several files, such as t*.vti");
     return header->used_as || !import_as_is_axis(wanted) ||
-           sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, "?as=%s: the file has no array of %s",
+           sp_fail(err, SP_ERR_UNSUPPORTED, v->file->title, "?as=%s: the file has no array of %s",
                    import_as_name(wanted),
                    wanted == IMPORT_AS_VECTORS ? "three components"
                    : wanted == IMPORT_AS_RGB   ? "three or four components"
@@ -282,7 +282,7 @@ bool vtk_choose(struct vtk_volume *v, struct import_header *header, struct sp_er
     struct names n = { .v = v };
     if (!apply_choice(v, header, err))
         return false;
-    v->home = find_home(&n);
+    v->home = choose_home(&n);
     choose(v, &n);
     choose_colors(v);
     name_chosen(v, &n, header);

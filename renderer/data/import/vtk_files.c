@@ -15,11 +15,11 @@ enum { BLOCKS_MAX = 1 << 16 };
 bool vtk_xml_add_name(struct vtk_xml_names *names, const char *file,
                       const struct import_file *source, struct sp_error *err) {
     if (names->blocks.count == BLOCKS_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, source->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, source->title,
                        "the file has more than %d blocks, the limit; open the files of the blocks",
                        BLOCKS_MAX);
     return import_names_append(&names->blocks, file) ||
-           sp_fail(err, SP_ERR_MEMORY, source->shown, "out of memory for the blocks");
+           sp_fail(err, SP_ERR_MEMORY, source->title, "out of memory for the blocks");
 }
 
 /* Says which blocks are left out. */
@@ -39,12 +39,12 @@ static bool read_block(struct vtk_volume *v, const struct vtk_xml_names *names,
                        struct sp_error *err) {
     struct vtk_xml_names none = { .is_parallel = false };
     if (names->blocks.count == 0)
-        return sp_fail(err, SP_ERR_FORMAT, v->file->shown,
+        return sp_fail(err, SP_ERR_FORMAT, v->file->title,
                        "the composite data set names no file of a block");
     const uint32_t number = vtk_add_file(v, names->blocks.names[0], err);
     bool ok = number && vtk_xml_read(v, number, &none, err);
     if (ok && (none.is_parallel || none.is_composite))
-        ok = sp_fail(err, SP_ERR_UNSUPPORTED, v->file->shown,
+        ok = sp_fail(err, SP_ERR_UNSUPPORTED, v->file->title,
                      "the first block, %.100s, names files of its own; open that file instead",
                      names->blocks.names[0]);
     import_names_finish(&none.blocks);

@@ -18,7 +18,7 @@ static bool join_pieces(struct vtk_volume *v, struct sp_error *err) {
         if (v->pieces[p].dims[0] && v->pieces[p].dims[1] && v->pieces[p].dims[2])
             v->pieces[count++] = v->pieces[p];
     if (count == 0)
-        return import_fail(err, SP_ERR_FORMAT, v->file->shown, v->grid_at, v->grid_name,
+        return import_fail(err, SP_ERR_FORMAT, v->file->title, v->grid_at, v->grid_name,
                            v->piece_count ? "the grid is empty" : "the file ends without a Piece");
     v->piece_count = count;
     for (int axis = 0; axis < 3; axis++) {
@@ -30,7 +30,7 @@ static bool join_pieces(struct vtk_volume *v, struct sp_error *err) {
             high = last > high ? last : high;
         }
         if (high - low >= SP_DIM_MAX)
-            return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, v->grid_at, v->grid_name,
+            return import_fail(err, SP_ERR_UNSUPPORTED, v->file->title, v->grid_at, v->grid_name,
                                "the pieces lie between %" PRId64 " and %" PRId64
                                " on axis %d, which is more than %u samples",
                                low, high, axis, SP_DIM_MAX);
@@ -55,7 +55,7 @@ static bool place_image(const struct vtk_volume *v, struct sp_grid *grid, struct
     for (int axis = 0; axis < 3; axis++) {
         const double length = hypot(hypot(d[axis], d[3 + axis]), d[6 + axis]);
         if (!(fabs(length - 1) < 1e-2))
-            return import_fail(err, SP_ERR_FORMAT, v->file->shown, v->grid_at, "Direction",
+            return import_fail(err, SP_ERR_FORMAT, v->file->title, v->grid_at, "Direction",
                                "the vector of axis %d has the length %g instead of 1", axis,
                                length);
         grid->spacing[axis] = v->image.spacing[axis];
@@ -77,7 +77,7 @@ static bool place_image(const struct vtk_volume *v, struct sp_grid *grid, struct
 static bool read_coordinates(struct vtk_volume *v, struct sp_error *err) {
     for (int axis = 0; axis < 3; axis++)
         if (!(v->positions[axis] = calloc(v->points[axis], sizeof **v->positions)))
-            return sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory for coordinates");
+            return sp_fail(err, SP_ERR_MEMORY, v->file->title, "out of memory for coordinates");
     for (size_t i = 0; i < v->piece_count; i++) {
         const struct vtk_piece *p = &v->pieces[i];
         const struct import_file *file = vtk_open_file(v, p->file, err);
@@ -86,7 +86,7 @@ static bool read_coordinates(struct vtk_volume *v, struct sp_error *err) {
             if (!file)
                 return false;
             if (!e)
-                return import_fail(err, SP_ERR_FORMAT, file->shown, v->grid_at, "Coordinates",
+                return import_fail(err, SP_ERR_FORMAT, file->title, v->grid_at, "Coordinates",
                                    "there are %u arrays instead of three", axis);
             struct vtk_array a = e->array;
             a.count = p->dims[axis];
@@ -148,11 +148,11 @@ static void choose_type(struct vtk_volume *v, struct import_header *header) {
 bool vtk_grid_open(struct vtk_volume *v, struct import_header *header, struct sp_error *err) {
     struct sp_grid *grid = &header->grid;
     char place[SP_ERROR_PLACE];
-    import_place(place, v->file->shown, v->grid_at, v->grid_name);
+    import_place(place, v->file->title, v->grid_at, v->grid_name);
     if (!vtk_choose(v, header, err) || !vtk_grid_join(v, err))
         return false;
     if (!v->samples.entry && !v->vectors.entry)
-        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, v->grid_at, v->grid_name,
+        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->title, v->grid_at, v->grid_name,
                            "neither points nor cells have an array of numbers");
     memcpy(grid->dims, v->dims, sizeof grid->dims);
     const struct vtk_stream samples = { .choice = v->samples };

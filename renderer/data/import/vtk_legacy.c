@@ -18,11 +18,11 @@
 
 enum { COMPONENTS_MAX = 1 << 16 }; /* of an array that is skipped */
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
+static bool probe(const uint8_t *start, size_t size, const char *title) {
     static const char magic[] = "# vtk DataFile";
     if (size >= sizeof magic - 1 && strncasecmp((const char *)start, magic, sizeof magic - 1) == 0)
         return true;
-    return import_ends_with(shown, ".vtk") && start[0] != '<';
+    return import_ends_with(title, ".vtk") && start[0] != '<';
 }
 
 /* Reads the next keyword or array name. VTK may write METADATA after any array; it ends with an
@@ -45,7 +45,7 @@ static bool next_keyword(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]) {
 
 /* The structure. */
 
-static bool take_dataset(struct vtk_legacy *l, const char *keyword) {
+static bool parse_dataset(struct vtk_legacy *l, const char *keyword) {
     static const struct {
         const char *name;
         enum vtk_set set;
@@ -69,7 +69,7 @@ static bool take_dataset(struct vtk_legacy *l, const char *keyword) {
                              kind);
 }
 
-static bool take_dimensions(struct vtk_legacy *l, const char *keyword) {
+static bool parse_dimensions(struct vtk_legacy *l, const char *keyword) {
     if (l->set > VTK_STRUCTURED)
         return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
     if (l->grid_at)
@@ -87,7 +87,7 @@ static bool take_dimensions(struct vtk_legacy *l, const char *keyword) {
     return l->points > 0 || VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "the grid is empty");
 }
 
-static bool take_triple(struct vtk_legacy *l, const char *keyword, double out[3]) {
+static bool parse_triple(struct vtk_legacy *l, const char *keyword, double out[3]) {
     if (l->set != VTK_IMAGE)
         return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword, "belongs to STRUCTURED_POINTS only");
     for (int axis = 0; axis < 3; axis++) {
@@ -101,12 +101,12 @@ static bool take_triple(struct vtk_legacy *l, const char *keyword, double out[3]
     return true;
 }
 
-static bool take_origin(struct vtk_legacy *l, const char *keyword) {
-    return take_triple(l, keyword, l->volume->image.origin);
+static bool parse_origin(struct vtk_legacy *l, const char *keyword) {
+    return parse_triple(l, keyword, l->volume->image.origin);
 }
 
-static bool take_spacing(struct vtk_legacy *l, const char *keyword) {
-    return take_triple(l, keyword, l->volume->image.spacing);
+static bool parse_spacing(struct vtk_legacy *l, const char *keyword) {
+    return parse_triple(l, keyword, l->volume->image.spacing);
 }
 
 /* Adds the array that begins here. NULL with *err set when out of memory. */
@@ -120,7 +120,7 @@ static struct vtk_entry *add(struct vtk_legacy *l, enum vtk_home home, const cha
     return e;
 }
 
-static bool take_coordinates(struct vtk_legacy *l, const char *keyword) {
+static bool parse_coordinates(struct vtk_legacy *l, const char *keyword) {
     const unsigned axis = (unsigned)(keyword[0] & ~0x20) - 'X';
     uint64_t count;
     const struct vtk_type *type;
@@ -147,7 +147,7 @@ static bool take_coordinates(struct vtk_legacy *l, const char *keyword) {
 }
 
 /* The positions of points. */
-static bool take_positions(struct vtk_legacy *l, const char *keyword) {
+static bool parse_positions(struct vtk_legacy *l, const char *keyword) {
     uint64_t count, byte = l->byte;
     const struct vtk_type *type;
     if (!vtk_has_points(l->set))
@@ -190,11 +190,11 @@ static bool begin_section(struct vtk_legacy *l, const char *keyword, int section
     if (!vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &l->tuples))
         return false;
     return l->points <= SP_VOXELS_MAX ||
-           import_fail(l->err, SP_ERR_FORMAT, l->file->shown, l->grid_at, "DIMENSIONS",
+           import_fail(l->err, SP_ERR_FORMAT, l->file->title, l->grid_at, "DIMENSIONS",
                        "the grid has more than %" PRIu64 " voxels, the limit", SP_VOXELS_MAX);
 }
 
-static bool take_points(struct vtk_legacy *l, const char *keyword) {
+static bool parse_point_data(struct vtk_legacy *l, const char *keyword) {
     if (!begin_section(l, keyword, POINTS))
         return false;
     return l->tuples == l->points ||
@@ -203,7 +203,7 @@ static bool take_points(struct vtk_legacy *l, const char *keyword) {
                              l->points);
 }
 
-static bool take_cells(struct vtk_legacy *l, const char *keyword) {
+static bool parse_cell_data(struct vtk_legacy *l, const char *keyword) {
     if (!begin_section(l, keyword, CELLS))
         return false;
     if (!vtk_has_points(l->set) && l->tuples != l->cells)
@@ -220,7 +220,7 @@ static bool check_section(const struct vtk_legacy *l, const char *keyword) {
 }
 
 /* Copies the name of an array. VTK writes odd characters as %XX. */
-static void take_name(char out[SP_FIELD_BYTES], const char *name) {
+static void decode_name(char out[SP_FIELD_BYTES], const char *name) {
     char plain[IMPORT_WORD_MAX + 1];
     size_t n = 0;
     for (const char *c = name; *c && n < IMPORT_WORD_MAX; n++) {
@@ -240,13 +240,13 @@ static bool add_field(struct vtk_legacy *l, const char *keyword, const char *nam
     const bool is_of_cells = l->section == CELLS && !vtk_has_points(l->set);
     char own[SP_FIELD_BYTES];
     if (l->section == CELLS && vtk_has_points(l->set)) {
-        take_name(own, name);
+        decode_name(own, name);
         vtk_note_cells(l->volume, own);
     }
     if ((l->section != POINTS && !is_of_cells) || (is_of_cells && l->tuples != l->cells) ||
         components == 0)
         return true;
-    take_name(own, name);
+    decode_name(own, name);
     if (components > VTK_COMPONENTS_MAX) {
         import_warn(l->file->warnings,
                     "The array \"%.60s\" has %" PRIu64 " components, more than %d; it is not read.",
@@ -264,7 +264,7 @@ static bool add_field(struct vtk_legacy *l, const char *keyword, const char *nam
     return true;
 }
 
-static bool take_scalars(struct vtk_legacy *l, const char *keyword) {
+static bool parse_scalars(struct vtk_legacy *l, const char *keyword) {
     char line[512], name[256] = "", kind[64] = "", word[IMPORT_WORD_MAX + 1];
     int components = 1;
     if (!check_section(l, keyword) || !import_text_line(&l->text, line, sizeof line, l->err))
@@ -289,7 +289,7 @@ static bool take_scalars(struct vtk_legacy *l, const char *keyword) {
 }
 
 /* Attributes with NAME, TYPE and a fixed number of components. */
-static bool take_attribute(struct vtk_legacy *l, const char *keyword) {
+static bool parse_attribute(struct vtk_legacy *l, const char *keyword) {
     static const struct {
         const char *keyword;
         unsigned components;
@@ -310,7 +310,7 @@ static bool take_attribute(struct vtk_legacy *l, const char *keyword) {
            vtk_legacy_skip(l, keyword, type, l->tuples * known[i].components);
 }
 
-static bool take_texture(struct vtk_legacy *l, const char *keyword) {
+static bool parse_texture(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
     const struct vtk_type *type;
@@ -321,7 +321,7 @@ static bool take_texture(struct vtk_legacy *l, const char *keyword) {
 }
 
 /* Bytes, or words in [0, 1]. */
-static bool take_color_scalars(struct vtk_legacy *l, const char *keyword) {
+static bool parse_color_scalars(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
     const struct vtk_type *type = vtk_find_type(l->words ? "float" : "unsigned_char", false);
@@ -340,7 +340,7 @@ static bool skip_table(struct vtk_legacy *l, const char *keyword) {
 }
 
 /* The time of the file: an array of one number outside of sections. */
-static bool take_time(struct vtk_legacy *l, const char *name, const struct vtk_type *type) {
+static bool parse_time(struct vtk_legacy *l, const char *name, const struct vtk_type *type) {
     struct vtk_array a = vtk_legacy_array(l, "FIELD", name, type);
     a.count = 1;
     double *time =
@@ -352,7 +352,7 @@ static bool take_time(struct vtk_legacy *l, const char *name, const struct vtk_t
 }
 
 /* One array of a FIELD. */
-static bool take_array(struct vtk_legacy *l, const char *keyword, const char *name) {
+static bool parse_array(struct vtk_legacy *l, const char *keyword, const char *name) {
     static const char *const texts[] = { "string", "utf8_string" };
     uint64_t components, tuples;
     char word[IMPORT_WORD_MAX + 1];
@@ -369,14 +369,14 @@ static bool take_array(struct vtk_legacy *l, const char *keyword, const char *na
     if (!vtk_legacy_end_line(l))
         return false;
     const bool is_time = strcasecmp(name, "TimeValue") == 0 || strcasecmp(name, "TIME") == 0;
-    if (l->section == NOWHERE && is_time && components * tuples == 1 && !take_time(l, name, type))
+    if (l->section == NOWHERE && is_time && components * tuples == 1 && !parse_time(l, name, type))
         return false;
     return (tuples != l->tuples || add_field(l, keyword, name, type, components, VTK_ANY)) &&
            vtk_legacy_skip(l, name, type, tuples * components);
 }
 
 /* Named arrays. Outside of a section they belong to anything. */
-static bool take_field(struct vtk_legacy *l, const char *keyword) {
+static bool parse_field(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t arrays;
     if (!vtk_legacy_read_word(l, name) || !vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &arrays))
@@ -387,58 +387,58 @@ static bool take_field(struct vtk_legacy *l, const char *keyword) {
         if (!name[0])
             return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, keyword,
                                      "the file ends %" PRIu64 " arrays before its end", arrays - i);
-        if (strcmp(name, "NULL_ARRAY") != 0 && !take_array(l, keyword, name))
+        if (strcmp(name, "NULL_ARRAY") != 0 && !parse_array(l, keyword, name))
             return false;
     }
     return true;
 }
 
-static bool take_keyword(struct vtk_legacy *l, const char *word) {
+static bool parse_keyword(struct vtk_legacy *l, const char *word) {
     static const struct {
         const char *keyword;
-        bool (*take)(struct vtk_legacy *l, const char *keyword);
-    } known[] = { { "DATASET", take_dataset },
-                  { "DIMENSIONS", take_dimensions },
-                  { "ORIGIN", take_origin },
-                  { "SPACING", take_spacing },
-                  { "ASPECT_RATIO", take_spacing },
-                  { "X_COORDINATES", take_coordinates },
-                  { "Y_COORDINATES", take_coordinates },
-                  { "Z_COORDINATES", take_coordinates },
-                  { "POINTS", take_positions },
+        bool (*handler)(struct vtk_legacy *l, const char *keyword);
+    } known[] = { { "DATASET", parse_dataset },
+                  { "DIMENSIONS", parse_dimensions },
+                  { "ORIGIN", parse_origin },
+                  { "SPACING", parse_spacing },
+                  { "ASPECT_RATIO", parse_spacing },
+                  { "X_COORDINATES", parse_coordinates },
+                  { "Y_COORDINATES", parse_coordinates },
+                  { "Z_COORDINATES", parse_coordinates },
+                  { "POINTS", parse_positions },
                   { "CELLS", vtk_legacy_cells },
                   { "VERTICES", vtk_legacy_cells },
                   { "LINES", vtk_legacy_cells },
                   { "POLYGONS", vtk_legacy_cells },
                   { "TRIANGLE_STRIPS", vtk_legacy_cells },
                   { "CELL_TYPES", skip_cell_types },
-                  { "POINT_DATA", take_points },
-                  { "CELL_DATA", take_cells },
-                  { "SCALARS", take_scalars },
-                  { "FIELD", take_field },
-                  { "VECTORS", take_attribute },
-                  { "NORMALS", take_attribute },
-                  { "TENSORS", take_attribute },
-                  { "TENSORS6", take_attribute },
-                  { "GLOBAL_IDS", take_attribute },
-                  { "PEDIGREE_IDS", take_attribute },
-                  { "EDGE_FLAGS", take_attribute },
-                  { "TEXTURE_COORDINATES", take_texture },
-                  { "COLOR_SCALARS", take_color_scalars },
+                  { "POINT_DATA", parse_point_data },
+                  { "CELL_DATA", parse_cell_data },
+                  { "SCALARS", parse_scalars },
+                  { "FIELD", parse_field },
+                  { "VECTORS", parse_attribute },
+                  { "NORMALS", parse_attribute },
+                  { "TENSORS", parse_attribute },
+                  { "TENSORS6", parse_attribute },
+                  { "GLOBAL_IDS", parse_attribute },
+                  { "PEDIGREE_IDS", parse_attribute },
+                  { "EDGE_FLAGS", parse_attribute },
+                  { "TEXTURE_COORDINATES", parse_texture },
+                  { "COLOR_SCALARS", parse_color_scalars },
                   { "LOOKUP_TABLE", skip_table } };
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
         if (strcasecmp(word, known[i].keyword) == 0) {
-            if (i > 0 && !l->set && known[i].take != take_field)
+            if (i > 0 && !l->set && known[i].handler != parse_field)
                 return VTK_LEGACY_REFUSE(l, SP_ERR_FORMAT, known[i].keyword,
                                          "comes before DATASET");
-            return known[i].take(l, known[i].keyword);
+            return known[i].handler(l, known[i].keyword);
         }
     return VTK_LEGACY_REFUSE(
         l, SP_ERR_FORMAT, NULL,
         "\"%.40s\" is not a keyword of a VTK file, or a count before it is wrong", word);
 }
 
-static bool take_preamble(struct vtk_legacy *l) {
+static bool parse_preamble(struct vtk_legacy *l) {
     char line[300], word[IMPORT_WORD_MAX + 1];
     int major = 0;
     if (!import_text_line(&l->text, line, sizeof line, l->err))
@@ -481,14 +481,14 @@ static bool check_found(struct vtk_legacy *l) {
     return true;
 }
 
-static bool take_all(struct vtk_legacy *l) {
+static bool parse_all(struct vtk_legacy *l) {
     char word[IMPORT_WORD_MAX + 1];
-    if (!take_preamble(l))
+    if (!parse_preamble(l))
         return false;
     do {
         /* What follows is only read for the names of fields: it may be damaged, or of any kind. */
         const bool may_end = l->has_scalars && l->has_vectors;
-        bool ok = next_keyword(l, word) && (!word[0] || take_keyword(l, word));
+        bool ok = next_keyword(l, word) && (!word[0] || parse_keyword(l, word));
         if (!ok && !may_end)
             return false;
         word[0] = ok ? word[0] : 0;
@@ -506,14 +506,14 @@ static bool parse(struct vtk_volume *volume, const struct import_file *file, str
     vtk_init(volume, file);
     struct vtk_legacy *l = calloc(1, sizeof *l);
     if (!l)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for the header");
     bool ok = vtk_add_piece(volume, 0, err);
     if (ok) {
         l->file = file;
         l->volume = volume;
         l->err = err;
         import_text_init(&l->text, file, 0, file->size);
-        ok = take_all(l);
+        ok = parse_all(l);
     }
     free(l);
     return ok;

@@ -29,7 +29,7 @@ struct vtk_legacy { /* state while the file is read */
 
 /* Fails at the keyword that was read last. */
 #define VTK_LEGACY_REFUSE(l, code, field, ...)                                                     \
-    import_fail((l)->err, code, (l)->file->shown, (l)->byte, field, __VA_ARGS__)
+    import_fail((l)->err, code, (l)->file->title, (l)->byte, field, __VA_ARGS__)
 
 bool vtk_legacy_read_word(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]);
 bool vtk_legacy_count(struct vtk_legacy *l, const char *field, uint64_t limit, uint64_t *count);

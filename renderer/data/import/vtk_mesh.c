@@ -25,10 +25,10 @@ struct reading { /* of one piece */
 };
 
 /* Takes a cell; at[count] are numbers of points that exist. */
-typedef bool take_cell(struct reading *r, const double *at, uint64_t count);
+typedef bool visit_cell(struct reading *r, const double *at, uint64_t count);
 
 static bool fail_memory(const struct reading *r) {
-    return sp_fail(r->err, SP_ERR_MEMORY, r->file->shown,
+    return sp_fail(r->err, SP_ERR_MEMORY, r->file->title,
                    "out of memory for the mesh, or more than %d vertices or triangles",
                    SP_ELEMENTS_MAX);
 }
@@ -77,7 +77,7 @@ static bool read_points(struct reading *r) {
            (!colors || (r->colors = read_array(r, colors, NULL)) != NULL);
 }
 
-static void find_color(const struct reading *r, uint64_t point, float color[4]) {
+static void fill_color(const struct reading *r, uint64_t point, float color[4]) {
     for (unsigned k = 0; k < 4; k++)
         color[k] = !r->colors ? (k < 3 ? 0.8f : 1)
                    : k < r->color_components
@@ -95,7 +95,7 @@ static bool add_triangle(struct reading *r, const double corners[3]) {
             memcpy(v.position, r->positions[point], sizeof v.position);
             if (r->normals)
                 memcpy(v.normal, r->normals[point], sizeof v.normal);
-            find_color(r, point, v.color);
+            fill_color(r, point, v.color);
             if (!import_mesh_vertex(&r->parts->built, &v, number))
                 return fail_memory(r);
         }
@@ -131,14 +131,14 @@ static bool add_line(struct reading *r, const double *at, uint64_t count) {
     p->counts[p->lines++] = (uint32_t)count;
     for (uint64_t i = 0; i < count; i++, p->count++) {
         memcpy(p->positions[p->count], r->positions[(uint64_t)at[i]], sizeof p->positions[0]);
-        find_color(r, (uint64_t)at[i], p->colors[p->count]);
+        fill_color(r, (uint64_t)at[i], p->colors[p->count]);
     }
     return true;
 }
 
 /* Passes the cells on. `ends` is NULL where each cell begins with its count. */
 static bool walk(struct reading *r, const struct vtk_cells *cells, const double *at,
-                 const double *ends, take_cell *take) {
+                 const double *ends, visit_cell *visit) {
     const double total = (double)cells->points.count;
     double begin = 0;
     for (uint64_t i = 0; i < cells->count; i++) {
@@ -146,16 +146,16 @@ static bool walk(struct reading *r, const struct vtk_cells *cells, const double 
         const double end =
             ends ? ends[i + cells->starts_at_0] : first + (begin < total ? at[(uint64_t)begin] : 0);
         if (!(end >= first && end <= total) || (ends && cells->starts_at_0 && ends[0] != 0))
-            return import_fail(r->err, SP_ERR_FORMAT, r->file->shown, cells->at, kinds[r->kind],
+            return import_fail(r->err, SP_ERR_FORMAT, r->file->title, cells->at, kinds[r->kind],
                                "cell %" PRIu64 " ends at %g, outside [%g, %g]", i, end, first,
                                total);
         for (uint64_t k = (uint64_t)first; k < (uint64_t)end; k++)
             if (!(at[k] >= 0 && at[k] < (double)r->count))
-                return import_fail(r->err, SP_ERR_FORMAT, r->file->shown, cells->at, kinds[r->kind],
+                return import_fail(r->err, SP_ERR_FORMAT, r->file->title, cells->at, kinds[r->kind],
                                    "cell %" PRIu64 " has the point %g; the file has %" PRIu64
                                    " points, numbered from 0",
                                    i, at[k], r->count);
-        if (!take(r, at + (uint64_t)first, (uint64_t)(end - first)))
+        if (!visit(r, at + (uint64_t)first, (uint64_t)(end - first)))
             return false;
         begin = end;
     }
@@ -189,8 +189,8 @@ static bool grow_lines(struct reading *r, uint64_t points, uint64_t lines) {
     return true;
 }
 
-static bool take_lines(struct reading *r, const struct vtk_cells *cells, const double *at,
-                       const double *ends) {
+static bool add_lines(struct reading *r, const struct vtk_cells *cells, const double *at,
+                      const double *ends) {
     struct import_line_points *p = &r->parts->points;
     const uint64_t points = p->count, lines = p->lines;
     if (!walk(r, cells, at, ends, count_line))
@@ -203,10 +203,10 @@ static bool take_lines(struct reading *r, const struct vtk_cells *cells, const d
 }
 
 /* How many points the cells have where only their ends tell. */
-static bool find_count(const struct reading *r, struct vtk_cells *cells, const double *ends) {
+static bool set_count(const struct reading *r, struct vtk_cells *cells, const double *ends) {
     const double last = ends[cells->ends.count - 1];
     if (!(last >= 0 && last <= 3.0 * SP_ELEMENTS_MAX))
-        return import_fail(r->err, SP_ERR_FORMAT, r->file->shown, cells->at, kinds[r->kind],
+        return import_fail(r->err, SP_ERR_FORMAT, r->file->title, cells->at, kinds[r->kind],
                            "the last cell ends at %g, outside [0, %.0f]", last,
                            3.0 * SP_ELEMENTS_MAX);
     cells->points.count = (uint64_t)last;
@@ -221,12 +221,12 @@ static bool read_cells(struct reading *r, enum vtk_cell_kind kind) {
         return true;
     bool ok = !cells->ends.type || (ends = read_numbers(r, &cells->ends)) != NULL;
     if (ok && ends && cells->points.type && cells->points.count == 0)
-        ok = find_count(r, cells, ends);
+        ok = set_count(r, cells, ends);
     if (ok && (!cells->points.type || cells->points.count == 0))
-        ok = import_fail(r->err, SP_ERR_FORMAT, r->file->shown, cells->at, kinds[kind],
+        ok = import_fail(r->err, SP_ERR_FORMAT, r->file->title, cells->at, kinds[kind],
                          "%" PRIu64 " cells have no points", cells->count);
     ok = ok && (at = read_numbers(r, &cells->points)) != NULL &&
-         (kind == VTK_LINES   ? take_lines(r, cells, at, ends)
+         (kind == VTK_LINES   ? add_lines(r, cells, at, ends)
           : kind == VTK_POLYS ? walk(r, cells, at, ends, add_polygon)
                               : walk(r, cells, at, ends, add_strip));
     free(at);
@@ -249,7 +249,7 @@ static void warn(const struct vtk_volume *v, struct import_header *header) {
         import_warn(file->warnings,
                     "The values \"%.40s\" are not shown on the surface; %.60s?field=%.40s shows "
                     "the points with them.",
-                    header->value_name, file->shown, header->value_name);
+                    header->value_name, file->title, header->value_name);
 }
 
 bool vtk_mesh_is_there(const struct vtk_volume *v) {

@@ -25,8 +25,8 @@ struct placing { /* one array of one piece */
 };
 
 /* Finds the box of a piece; cells lie between points. */
-static void find_box(const struct vtk_volume *v, const struct vtk_piece *piece, uint32_t dims[3],
-                     uint32_t at[3]) {
+static void compute_box(const struct vtk_volume *v, const struct vtk_piece *piece, uint32_t dims[3],
+                        uint32_t at[3]) {
     for (int axis = 0; axis < 3; axis++) {
         dims[axis] = piece->dims[axis];
         at[axis] = (uint32_t)(piece->first[axis] - v->first[axis]);
@@ -36,13 +36,13 @@ static void find_box(const struct vtk_volume *v, const struct vtk_piece *piece, 
 }
 
 /* Describes the values of a piece. False if it has none. */
-static bool find_placing(const struct vtk_volume *v, const struct vtk_piece *piece,
-                         const struct vtk_stream *stream, struct placing *p) {
+static bool describe_placing(const struct vtk_volume *v, const struct vtk_piece *piece,
+                             const struct vtk_stream *stream, struct placing *p) {
     const struct vtk_entry *e = stream->choice.entry;
     *p =
         (struct placing){ .stream = stream, .in_grid = v->set <= VTK_STRUCTURED, .whole = v->dims };
     p->entry = vtk_find_entry(v, piece, e->home, e->part, e->name);
-    find_box(v, piece, p->dims, p->at);
+    compute_box(v, piece, p->dims, p->at);
     return p->entry != NULL;
 }
 
@@ -112,7 +112,7 @@ struct ghosts {
 };
 
 /* Of vtkGhostType, a byte, the bits 1 (copy) and 2 (hidden) count, of vtkGhostLevels all. */
-static void take_ghosts(void *user, uint64_t first, const void *values, size_t n) {
+static void mark_ghosts(void *user, uint64_t first, const void *values, size_t n) {
     struct ghosts *g = user;
     for (size_t i = 0; i < n; i++) {
         const double value = import_widen((const char *)values + i * g->number.size, g->number);
@@ -143,7 +143,7 @@ static bool read_ghosts(struct vtk_volume *v, const struct vtk_piece *piece,
     a.count = piece->count;
     const struct import_file *file = vtk_open_file(v, piece->file, err);
     if (!file || !vtk_array_check(file, &a, err) ||
-        !vtk_array_read(file, &a, &(struct vtk_sink){ take_ghosts, &g }, err))
+        !vtk_array_read(file, &a, &(struct vtk_sink){ mark_ghosts, &g }, err))
         return false;
     *kept = g.kept;
     return true;
@@ -183,7 +183,7 @@ bool vtk_warn_of_hidden(struct vtk_volume *v, struct sp_error *err) {
         const struct vtk_piece *piece = &v->pieces[i];
         const struct vtk_entry *e = vtk_find_entry(v, piece, v->home, 0, "vtkGhostType");
         uint32_t dims[3], at[3];
-        find_box(v, piece, dims, at);
+        compute_box(v, piece, dims, at);
         if (!e || e->components != 1 || !dims[0] || !dims[1] || !dims[2])
             continue;
         struct vtk_array a = e->array;
@@ -208,7 +208,7 @@ bool vtk_stream_check(struct vtk_volume *v, const struct vtk_stream *stream, str
     for (size_t i = 0; stream->choice.entry && i < v->piece_count; i++) {
         const struct vtk_piece *piece = &v->pieces[i];
         struct placing p;
-        if (!find_placing(v, piece, stream, &p) || tuples_of(&p, piece) == 0)
+        if (!describe_placing(v, piece, stream, &p) || tuples_of(&p, piece) == 0)
             continue;
         struct vtk_array a = p.entry->array;
         a.count = tuples_of(&p, piece) * p.entry->components;
@@ -230,7 +230,7 @@ static bool is_direct(const struct placing *p) {
            (!p->in_grid || memcmp(p->dims, p->whole, sizeof p->dims) == 0);
 }
 
-/* Passes the values of a piece to `take`. */
+/* Passes the values of a piece to place_values(). */
 static bool read_piece(struct vtk_volume *v, const struct vtk_piece *piece, struct placing *p,
                        struct sp_error *err) {
     struct vtk_array a = p->entry->array;
@@ -251,7 +251,7 @@ bool vtk_stream_read(struct vtk_volume *v, const struct vtk_stream *stream, stru
     for (size_t i = 0; ok && i < v->piece_count; i++) {
         const struct vtk_piece *piece = &v->pieces[i];
         struct placing p;
-        if (find_placing(v, piece, stream, &p) && tuples_of(&p, piece) > 0) {
+        if (describe_placing(v, piece, stream, &p) && tuples_of(&p, piece) > 0) {
             const struct vtk_entry *e = p.in_grid ? NULL : find_ghosts(v, piece);
             uint8_t *ghosts = e ? malloc((size_t)piece->count) : NULL;
             uint64_t kept;
@@ -259,7 +259,7 @@ bool vtk_stream_read(struct vtk_volume *v, const struct vtk_stream *stream, stru
             p.done = done;
             p.ghosts = ghosts;
             ok = !e || (ghosts ? read_ghosts(v, piece, e, ghosts, &kept, err)
-                               : sp_fail(err, SP_ERR_MEMORY, v->file->shown,
+                               : sp_fail(err, SP_ERR_MEMORY, v->file->title,
                                          "out of memory for the ghosts of %zu points",
                                          (size_t)piece->count));
             ok = ok && read_piece(v, piece, &p, err);
@@ -322,7 +322,7 @@ bool vtk_has_gaps(const struct vtk_volume *v) {
     for (size_t p = 0; p < v->piece_count && is_known; p++) {
         struct box piece;
         uint32_t dims[3];
-        find_box(v, &v->pieces[p], dims, piece.low);
+        compute_box(v, &v->pieces[p], dims, piece.low);
         for (int axis = 0; axis < 3; axis++)
             piece.high[axis] = piece.low[axis] + dims[axis];
         /* The parts that cut() adds are outside of the piece. */

@@ -35,7 +35,7 @@ static bool check_positions(const struct vtk_volume *v, struct sp_error *err) {
     for (size_t p = 0; p < v->piece_count; p++) {
         const struct vtk_entry *e = vtk_find_entry(v, &v->pieces[p], VTK_POSITIONS, 0, NULL);
         if (v->pieces[p].count && !e)
-            return import_fail(err, SP_ERR_FORMAT, v->file->shown, v->grid_at, "Points",
+            return import_fail(err, SP_ERR_FORMAT, v->file->title, v->grid_at, "Points",
                                "the points are missing");
     }
     return true;
@@ -56,7 +56,7 @@ static bool count_points(struct vtk_volume *v, uint64_t *count, struct sp_error 
             *count += v->pieces[p].count;
     }
     if (*count > SP_ELEMENTS_MAX)
-        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, v->grid_at, v->grid_name,
+        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->title, v->grid_at, v->grid_name,
                            "%" PRIu64 " points are more than the %d that a volume may have", *count,
                            SP_ELEMENTS_MAX);
     return v->set == VTK_STRUCTURED || vtk_count_kept(v, count, err);
@@ -76,7 +76,7 @@ bool vtk_points_open(struct vtk_volume *v, struct import_header *header, struct 
     const struct import_file *file = v->file;
     uint64_t count;
     if (v->piece_count == 0)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, v->grid_at, v->grid_name,
+        return import_fail(err, SP_ERR_FORMAT, file->title, v->grid_at, v->grid_name,
                            "the file ends without a Piece");
     v->home = VTK_OF_POINTS;
     v->may_be_colored = v->set != VTK_STRUCTURED;
@@ -116,7 +116,7 @@ static bool read_colors(struct vtk_volume *v, const struct sp_elements *e,
                         struct import_progress rest, struct sp_error *err) {
     const uint32_t count = e->shape.count;
     float *values = malloc(count * sizeof *values);
-    bool ok = values || sp_fail(err, SP_ERR_MEMORY, v->file->shown, "out of memory for colours");
+    bool ok = values || sp_fail(err, SP_ERR_MEMORY, v->file->title, "out of memory for colours");
     for (unsigned k = 0; ok && k < 3; k++) {
         v->samples.component = k;
         const struct vtk_stream color = { .choice = v->samples,

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 static bool cut_off(const struct vtk_source *s, struct sp_error *err) {
-    return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
+    return import_fail(err, SP_ERR_FORMAT, s->file->title, s->at, s->array->name,
                        "the data ends before the %" PRIu64 " values", s->array->count);
 }
 
@@ -30,7 +30,7 @@ static int base64_digit(int c) {
 
 /* Decodes one character. Each group of four is independent, so that a second text may follow the
  * padding of the first, as after the lengths. False if the character is not base64. */
-static bool take_base64(struct vtk_source *s, int c) {
+static bool decode_base64(struct vtk_source *s, int c) {
     if (c == ' ' || (c >= '\t' && c <= '\r'))
         return true;
     int digit = base64_digit(c);
@@ -59,7 +59,7 @@ static bool decode_more(struct vtk_source *s, struct sp_error *err) {
             return false;
         s->ended = got == 0;
         for (size_t i = 0; i < got && !s->ended; i++)
-            if (!take_base64(s, s->raw[i])) {
+            if (!decode_base64(s, s->raw[i])) {
                 s->at -= got - i;
                 s->ended = true;
             }
@@ -77,7 +77,7 @@ bool vtk_source_pull(struct vtk_source *s, void *out, size_t n, struct sp_error 
             return false;
         got = s->ready - s->used < n - done ? s->ready - s->used : n - done;
         if (got == 0 && s->at < s->end)
-            return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
+            return import_fail(err, SP_ERR_FORMAT, s->file->title, s->at, s->array->name,
                                "the data is not base64 text, or ends too early");
         if (got == 0)
             return cut_off(s, err);
@@ -102,7 +102,7 @@ struct vtk_source *vtk_source_open(const struct import_file *file, const struct 
                                    struct sp_error *err) {
     struct vtk_source *s = malloc(sizeof *s);
     if (!s) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while reading %s", array->name);
+        sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory while reading %s", array->name);
         return NULL;
     }
     memset(s, 0, offsetof(struct vtk_source, raw));

@@ -47,12 +47,12 @@ struct vtk_unpacker {
 
 static bool fail(const struct vtk_unpacker *u, const char *what, struct sp_error *err) {
     const struct vtk_source *s = u->source;
-    return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
+    return import_fail(err, SP_ERR_FORMAT, s->file->title, s->at, s->array->name,
                        "a block of %s data is %s", u->method->name, what);
 }
 
 static bool fail_memory(const struct vtk_unpacker *u, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, u->source->file->shown, "out of memory while unpacking %s",
+    return sp_fail(err, SP_ERR_MEMORY, u->source->file->title, "out of memory while unpacking %s",
                    u->method->name);
 }
 
@@ -83,7 +83,7 @@ static bool zlib_check(const struct vtk_unpacker *u, int status, struct sp_error
     if (status == Z_BUF_ERROR)
         return fail(u, u->z.avail_in ? "larger than declared" : "cut off", err);
     return status == Z_OK || status == Z_STREAM_END ||
-           import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
+           import_fail(err, SP_ERR_FORMAT, s->file->title, s->at, s->array->name,
                        "the zlib data is damaged%s%s", u->z.msg ? ": " : "",
                        u->z.msg ? u->z.msg : "");
 }
@@ -215,12 +215,12 @@ static bool pull_blocks(struct vtk_source *s, uint64_t need, struct blocks *b,
         b->last = b->size;
     if (b->count > BLOCKS_MAX || b->size > BLOCK_MAX || b->last > b->size ||
         (b->count ? (b->count - 1) * b->size + b->last : 0) != need)
-        return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->array->begin, s->array->name,
+        return import_fail(err, SP_ERR_FORMAT, s->file->title, s->array->begin, s->array->name,
                            "%" PRIu64 " blocks of %" PRIu64 " bytes, the last of %" PRIu64
                            ", are not the %" PRIu64 " bytes of the values",
                            b->count, b->size, b->last, need);
     return s->array->packing != VTK_LZ4 || b->size <= LZ4_BLOCK_MAX ||
-           import_fail(err, SP_ERR_UNSUPPORTED, s->file->shown, s->array->begin, s->array->name,
+           import_fail(err, SP_ERR_UNSUPPORTED, s->file->title, s->array->begin, s->array->name,
                        "blocks of %" PRIu64 " bytes are larger than the %" PRIu64
                        " that LZ4 data may have; write the file with smaller blocks",
                        b->size, LZ4_BLOCK_MAX);
@@ -247,7 +247,7 @@ struct vtk_unpacker *vtk_unpack_open(struct vtk_source *s, uint64_t need, struct
     }
     bool ok = u && u->sizes && u->method->init(u);
     if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory for %" PRIu64 " packed blocks",
+        sp_fail(err, SP_ERR_MEMORY, s->file->title, "out of memory for %" PRIu64 " packed blocks",
                 b.count);
     for (uint64_t i = 0; ok && i < b.count; i++)
         ok = vtk_source_pull_length(s, &u->sizes[i], err);

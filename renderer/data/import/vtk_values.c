@@ -54,7 +54,7 @@ static bool pull_byte_count(struct vtk_source *s, uint64_t need, struct sp_error
     if (!vtk_source_pull_length(s, &bytes, err))
         return false;
     return bytes == need ||
-           import_fail(err, SP_ERR_FORMAT, s->file->shown, s->array->begin, s->array->name,
+           import_fail(err, SP_ERR_FORMAT, s->file->title, s->array->begin, s->array->name,
                        "the file declares %" PRIu64 " bytes, the %" PRIu64 " values need %" PRIu64,
                        bytes, s->array->count, need);
 }
@@ -77,7 +77,7 @@ bool vtk_array_check(const struct import_file *file, const struct vtk_array *a,
         least += least / 3;
     uint64_t have = s && s->end > a->begin ? s->end - a->begin : 0;
     if (ok && have < least)
-        ok = import_fail(err, SP_ERR_FORMAT, file->shown, a->begin, a->name,
+        ok = import_fail(err, SP_ERR_FORMAT, file->title, a->begin, a->name,
                          "%" PRIu64 " values need at least %" PRIu64 " bytes, the file has %" PRIu64
                          ": it is cut off or a count is wrong",
                          a->count, least, have);
@@ -93,9 +93,9 @@ struct target {
 };
 
 /* Passes on `n` values in native byte order that follow the first `at`. */
-static void take_values(const struct target *t, uint64_t at, const void *values, size_t n) {
+static void pass_values(const struct target *t, uint64_t at, const void *values, size_t n) {
     if (t->sink)
-        t->sink->take(t->sink->user, at, t->out ? NULL : values, n);
+        t->sink->receive(t->sink->user, at, t->out ? NULL : values, n);
 }
 
 /* How many values make a run: whole tuples, and whole bytes of bits. */
@@ -128,13 +128,13 @@ static bool read_bytes(struct vtk_source *s, const struct target *target, struct
     uint8_t *bits = a->type->are_bits ? malloc(run / 8) : NULL;
     bool ok = a->packing ? u != NULL : pull_byte_count(s, need, err);
     if (ok && ((!target->out && !own) || (a->type->are_bits && !bits)))
-        ok = sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while reading %s", a->name);
+        ok = sp_fail(err, SP_ERR_MEMORY, s->file->title, "out of memory while reading %s", a->name);
     for (uint64_t at = 0; ok && at < a->count; at += run) {
         const size_t n = a->count - at < run ? (size_t)(a->count - at) : run;
         char *out = own ? own : target->out + at * size;
         ok = read_run(s, u, out, n, bits, err);
         if (ok)
-            take_values(target, at, out, n);
+            pass_values(target, at, out, n);
     }
     free(bits);
     free(own);
@@ -206,10 +206,10 @@ static bool read_word(struct import_text *text, const struct vtk_array *a, uint6
     if (!import_text_word(text, word, &byte, err))
         return false;
     if (!word[0])
-        return import_fail(err, SP_ERR_FORMAT, text->file->shown, byte, a->name,
+        return import_fail(err, SP_ERR_FORMAT, text->file->title, byte, a->name,
                            "the data ends after %" PRIu64 " of %" PRIu64 " values", i, a->count);
     return store_word(word, a->type, out) ||
-           import_fail(err, SP_ERR_FORMAT, text->file->shown, byte, a->name,
+           import_fail(err, SP_ERR_FORMAT, text->file->title, byte, a->name,
                        "value %" PRIu64 ", \"%.40s\", is not of type %s", i, word, a->type->legacy);
 }
 
@@ -225,7 +225,7 @@ static bool check_end(struct import_text *text, const struct vtk_array *a, struc
         first = numbers ? first : byte;
     } while (is_number(word) && ++numbers <= 3);
     return numbers == 0 || (numbers == 3 && vtk_find_type(word, false)) ||
-           import_fail(err, SP_ERR_FORMAT, text->file->shown, first, a->name,
+           import_fail(err, SP_ERR_FORMAT, text->file->title, first, a->name,
                        "more than %" PRIu64 " values: a count is wrong", a->count);
 }
 
@@ -238,14 +238,14 @@ static bool read_words(const struct import_file *file, const struct vtk_array *a
     if (ok)
         import_text_init(text, file, a->begin, a->end < file->size ? a->end : file->size);
     else
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while reading %s", a->name);
+        sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory while reading %s", a->name);
     for (uint64_t at = 0; ok && at < a->count; at += run) {
         const size_t n = a->count - at < run ? (size_t)(a->count - at) : run;
         char *out = own ? own : target->out + at * size;
         for (size_t i = 0; ok && i < n; i++)
             ok = read_word(text, a, at + i, out + i * size, err);
         if (ok)
-            take_values(target, at, out, n);
+            pass_values(target, at, out, n);
     }
     ok = ok && check_end(text, a, err);
     free(text);
@@ -273,7 +273,7 @@ bool vtk_array_copy(const struct import_file *file, const struct vtk_array *a, v
     return read_values(file, a, &(struct target){ .out = out, .sink = report }, err);
 }
 
-static void take_floats(void *user, uint64_t first, const void *values, size_t n) {
+static void put_floats(void *user, uint64_t first, const void *values, size_t n) {
     import_vectors_put(user, first, values, n);
 }
 
@@ -282,7 +282,7 @@ bool vtk_array_read_floats(const struct import_file *file, const struct vtk_arra
     struct import_vectors vectors = { .number = a->type->number,
                                       .out = (float(*)[3])(void *)out,
                                       .shift = shift };
-    return vtk_array_read(file, a, &(struct vtk_sink){ take_floats, &vectors }, err);
+    return vtk_array_read(file, a, &(struct vtk_sink){ put_floats, &vectors }, err);
 }
 
 double *vtk_array_read_numbers(const struct import_file *file, const struct vtk_array *a,
@@ -291,7 +291,7 @@ double *vtk_array_read_numbers(const struct import_file *file, const struct vtk_
     double *numbers = malloc(a->count * sizeof *numbers);
     bool ok = values && numbers;
     if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for %s", a->name);
+        sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for %s", a->name);
     ok = ok && vtk_array_copy(file, a, values, NULL, err);
     for (uint64_t i = 0; ok && i < a->count; i++)
         numbers[i] = import_widen(values + i * a->type->number.size, a->type->number);

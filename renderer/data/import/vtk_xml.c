@@ -65,14 +65,14 @@ refuse(struct xml *x, enum sp_code code, const char *field, const char *format, 
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
     x->failed = true;
-    import_fail(x->err, code, x->file->shown, (uint64_t)XML_GetCurrentByteIndex(x->parser), field,
+    import_fail(x->err, code, x->file->title, (uint64_t)XML_GetCurrentByteIndex(x->parser), field,
                 "%s", text);
     XML_StopParser(x->parser, XML_FALSE);
 }
 
 /* Attributes. */
 
-static const char *find(const char **attributes, const char *name) {
+static const char *get_attr(const char **attributes, const char *name) {
     for (; *attributes; attributes += 2)
         if (strcmp(attributes[0], name) == 0)
             return attributes[1];
@@ -80,9 +80,9 @@ static const char *find(const char **attributes, const char *name) {
 }
 
 /* Reads exactly n numbers. A missing attribute changes nothing. */
-static void take_numbers(struct xml *x, const char **attributes, const char *name, double *out,
+static void read_numbers(struct xml *x, const char **attributes, const char *name, double *out,
                          int n) {
-    const char *text = find(attributes, name), *at = text;
+    const char *text = get_attr(attributes, name), *at = text;
     for (int i = 0; text && i < n; i++) {
         char *end;
         out[i] = strtod(at, &end);
@@ -96,9 +96,9 @@ static void take_numbers(struct xml *x, const char **attributes, const char *nam
         refuse(x, SP_ERR_FORMAT, name, "\"%.60s\" is more than %d numbers", text, n);
 }
 
-static bool take_whole(struct xml *x, const char **attributes, const char *name, uint64_t otherwise,
+static bool read_whole(struct xml *x, const char **attributes, const char *name, uint64_t otherwise,
                        uint64_t limit, uint64_t *out) {
-    const char *text = find(attributes, name);
+    const char *text = get_attr(attributes, name);
     char *end = NULL;
     *out = text ? strtoull(text, &end, 10) : otherwise;
     if (!text || (text[0] >= '0' && text[0] <= '9' && !*end && *out <= limit))
@@ -110,7 +110,7 @@ static bool take_whole(struct xml *x, const char **attributes, const char *name,
 /* Elements. */
 
 /* The data set of the file; "P" before it: in pieces of other files. */
-static void take_type(struct xml *x, const char *type) {
+static void parse_type(struct xml *x, const char *type) {
     if (!vtk_xml_find_type(type, &x->set, &x->is_parallel, &x->is_composite))
         refuse(x, SP_ERR_UNSUPPORTED, "type",
                "data set %.40s is not supported; supported are ImageData, RectilinearGrid, "
@@ -122,16 +122,16 @@ static void take_type(struct xml *x, const char *type) {
                vtk_set_names[x->volume->set]);
 }
 
-static void take_root(struct xml *x, const char *name, const char **attributes) {
-    const char *type = find(attributes, "type"), *order = find(attributes, "byte_order");
-    const char *length = find(attributes, "header_type");
-    const char *compressor = find(attributes, "compressor");
+static void parse_root(struct xml *x, const char *name, const char **attributes) {
+    const char *type = get_attr(attributes, "type"), *order = get_attr(attributes, "byte_order");
+    const char *length = get_attr(attributes, "header_type");
+    const char *compressor = get_attr(attributes, "compressor");
     if (strcmp(name, "VTKFile") != 0) {
         refuse(x, SP_ERR_UNSUPPORTED, NULL, "this is XML of the kind <%.40s>, not <VTKFile>", name);
         return;
     }
     if (type)
-        take_type(x, type);
+        parse_type(x, type);
     if (x->names && x->set) {
         x->volume->set = x->set;
         x->volume->grid_name = vtk_set_names[x->set];
@@ -155,7 +155,7 @@ static void take_root(struct xml *x, const char *name, const char **attributes) 
                compressor);
 }
 
-static void take_grid(struct xml *x, const char *name, const char **attributes) {
+static void parse_grid(struct xml *x, const char *name, const char **attributes) {
     struct vtk_volume *v = x->volume;
     x->in_grid = x->set && strcmp(name + x->is_parallel, vtk_set_names[x->set]) == 0;
     if (!x->in_grid)
@@ -168,9 +168,9 @@ static void take_grid(struct xml *x, const char *name, const char **attributes) 
     v->grid_at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
     if (x->set != VTK_IMAGE)
         return;
-    take_numbers(x, attributes, "Origin", v->image.origin, 3);
-    take_numbers(x, attributes, "Spacing", v->image.spacing, 3);
-    take_numbers(x, attributes, "Direction", v->image.direction, 9);
+    read_numbers(x, attributes, "Origin", v->image.origin, 3);
+    read_numbers(x, attributes, "Spacing", v->image.spacing, 3);
+    read_numbers(x, attributes, "Direction", v->image.direction, 9);
 }
 
 static const char *const cell_names[VTK_CELL_KINDS] = {
@@ -183,37 +183,37 @@ static void stop(struct xml *x) {
 }
 
 /* The arrays that a section calls its scalars and vectors; the first section that does counts. */
-static void take_selection(struct xml *x, enum vtk_home home, const char **attributes) {
+static void parse_selection(struct xml *x, enum vtk_home home, const char **attributes) {
     static const char *const names[] = {
         [VTK_SAMPLES] = "Scalars", [VTK_VECTOR_FIELD] = "Vectors"
     };
     for (int kind = VTK_SAMPLES; kind <= VTK_VECTOR_FIELD; kind++) {
-        const char *array = find(attributes, names[kind]);
+        const char *array = get_attr(attributes, names[kind]);
         if (array && !x->volume->selected[home][kind][0])
             import_name(x->volume->selected[home][kind], array);
     }
 }
 
-static void take_counts(struct xml *x, struct vtk_piece *piece, const char **attributes) {
+static void parse_counts(struct xml *x, struct vtk_piece *piece, const char **attributes) {
     uint64_t cells = 0;
-    if (!find(attributes, "NumberOfPoints"))
+    if (!get_attr(attributes, "NumberOfPoints"))
         refuse(x, SP_ERR_FORMAT, "NumberOfPoints", "this field is missing");
-    take_whole(x, attributes, "NumberOfPoints", 0, UINT32_MAX, &piece->count);
-    take_whole(x, attributes, "NumberOfCells", 0, UINT64_MAX, &cells);
+    read_whole(x, attributes, "NumberOfPoints", 0, UINT32_MAX, &piece->count);
+    read_whole(x, attributes, "NumberOfCells", 0, UINT64_MAX, &cells);
     if (x->set == VTK_UNSTRUCTURED && cells != piece->count)
         x->volume->cell_count += cells;
     for (int kind = 0; kind < VTK_CELL_KINDS && x->set == VTK_POLY; kind++) {
         char number[32];
         snprintf(number, sizeof number, "NumberOf%s", cell_names[kind]);
-        take_whole(x, attributes, number, 0, UINT32_MAX, &piece->cells[kind].count);
+        read_whole(x, attributes, number, 0, UINT32_MAX, &piece->cells[kind].count);
     }
 }
 
-static void take_extent(struct xml *x, struct vtk_piece *piece, const char **attributes) {
+static void parse_extent(struct xml *x, struct vtk_piece *piece, const char **attributes) {
     double extent[6] = { 0 };
-    if (!find(attributes, "Extent"))
+    if (!get_attr(attributes, "Extent"))
         refuse(x, SP_ERR_FORMAT, "Extent", "this field is missing");
-    take_numbers(x, attributes, "Extent", extent, 6);
+    read_numbers(x, attributes, "Extent", extent, 6);
     for (int axis = 0; axis < 3 && !x->failed; axis++) {
         const double low = extent[2 * axis], high = extent[2 * axis + 1];
         if (low != trunc(low) || high != trunc(high) || fabs(low) > INT32_MAX / 2)
@@ -229,9 +229,9 @@ static void take_extent(struct xml *x, struct vtk_piece *piece, const char **att
     }
 }
 
-static void take_piece(struct xml *x, const char **attributes) {
+static void parse_piece(struct xml *x, const char **attributes) {
     if (x->is_parallel) {
-        const char *source = find(attributes, "Source");
+        const char *source = get_attr(attributes, "Source");
         if (!source || !*source)
             refuse(x, SP_ERR_FORMAT, "Source", "is missing: the piece names no file");
         else if (!x->failed && !vtk_add_file(x->volume, source, x->err))
@@ -242,24 +242,24 @@ static void take_piece(struct xml *x, const char **attributes) {
     if (!piece)
         stop(x);
     else if (vtk_has_points(x->set) && x->set != VTK_STRUCTURED)
-        take_counts(x, piece, attributes);
+        parse_counts(x, piece, attributes);
     else
-        take_extent(x, piece, attributes);
+        parse_extent(x, piece, attributes);
 }
 
-static void take_in_grid(struct xml *x, const char *name, const char **attributes) {
+static void parse_in_grid(struct xml *x, const char *name, const char **attributes) {
     x->in_piece = strcmp(name, "Piece") == 0;
     x->in_data = strcmp(name, "FieldData") == 0;
     x->coordinate_count = 0;
     if (x->in_piece)
-        take_piece(x, attributes);
+        parse_piece(x, attributes);
     else if (x->is_parallel && strcmp(name, "PPointData") == 0)
-        take_selection(x, VTK_OF_POINTS, attributes);
+        parse_selection(x, VTK_OF_POINTS, attributes);
     else if (x->is_parallel && strcmp(name, "PCellData") == 0)
-        take_selection(x, VTK_OF_CELLS, attributes);
+        parse_selection(x, VTK_OF_CELLS, attributes);
 }
 
-static void take_part(struct xml *x, const char *name, const char **attributes) {
+static void parse_section(struct xml *x, const char *name, const char **attributes) {
     struct vtk_piece *piece = &x->volume->pieces[x->volume->piece_count - 1];
     x->home = -1;
     x->in_cells = strcmp(name, "CellData") == 0 && vtk_has_points(x->set);
@@ -278,13 +278,13 @@ static void take_part(struct xml *x, const char *name, const char **attributes) 
             piece->cells[kind].at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
         }
     if (x->home == VTK_OF_POINTS || x->home == VTK_OF_CELLS)
-        take_selection(x, (enum vtk_home)x->home, attributes);
+        parse_selection(x, (enum vtk_home)x->home, attributes);
 }
 
 /* Fills in everything but the name and home. */
 static bool describe_array(struct xml *x, const char **attributes, const char *name,
                            struct vtk_entry *e) {
-    const char *type = find(attributes, "type"), *format = find(attributes, "format");
+    const char *type = get_attr(attributes, "type"), *format = get_attr(attributes, "format");
     struct vtk_array *a = &e->array;
     snprintf(a->name, sizeof a->name, "DataArray \"%.60s\"", name);
     a->type = vtk_find_type(type ? type : "", true);
@@ -299,7 +299,7 @@ static bool describe_array(struct xml *x, const char **attributes, const char *n
     a->packing = x->packing;
     a->length_size = x->length_size;
     if (e->is_appended)
-        return take_whole(x, attributes, "offset", 0, x->file->size, &a->begin);
+        return read_whole(x, attributes, "offset", 0, x->file->size, &a->begin);
     if (strcmp(format, "binary") != 0) {
         refuse(x, SP_ERR_FORMAT, a->name,
                "format is \"%.40s\"; it must be ascii, binary or appended", format);
@@ -344,7 +344,7 @@ static bool place_array(struct xml *x, struct vtk_entry *e, const char *name) {
 }
 
 /* Takes the time of the data set. */
-static void take_time(struct xml *x, const char *name, const char **attributes) {
+static void parse_time(struct xml *x, const char *name, const char **attributes) {
     if (strcmp(name, "TimeValue") != 0 && strcmp(name, "TIME") != 0)
         return;
     x->time = (struct vtk_entry){ .components = 1 };
@@ -355,14 +355,14 @@ static void take_time(struct xml *x, const char *name, const char **attributes) 
         begin_text(x, &x->time);
 }
 
-static void take_array(struct xml *x, const char *element, const char **attributes) {
+static void parse_array(struct xml *x, const char *element, const char **attributes) {
     uint64_t components;
-    const char *name = find(attributes, "Name"), *type = find(attributes, "type");
+    const char *name = get_attr(attributes, "Name"), *type = get_attr(attributes, "type");
     name = name ? name : "";
     if (x->in_cells && strcmp(element, "DataArray") == 0)
         vtk_note_cells(x->volume, name);
     if (x->home < 0 || x->failed || strcmp(element, "DataArray") != 0 ||
-        !take_whole(x, attributes, "NumberOfComponents", 1, VTK_COMPONENTS_MAX, &components))
+        !read_whole(x, attributes, "NumberOfComponents", 1, VTK_COMPONENTS_MAX, &components))
         return;
     const bool is_field = x->home == VTK_OF_POINTS || x->home == VTK_OF_CELLS;
     if (is_field && (!vtk_find_type(type ? type : "", true) || components == 0))
@@ -382,8 +382,8 @@ static void take_array(struct xml *x, const char *element, const char **attribut
         begin_text(x, e);
 }
 
-static void take_appended(struct xml *x, const char **attributes) {
-    const char *encoding = find(attributes, "encoding");
+static void parse_appended(struct xml *x, const char **attributes) {
+    const char *encoding = get_attr(attributes, "encoding");
     x->appended_base64 = !encoding || strcmp(encoding, "base64") == 0;
     if (!x->appended_base64 && strcmp(encoding, "raw") != 0)
         refuse(x, SP_ERR_UNSUPPORTED, "encoding", "is \"%.40s\"; it must be raw or base64",
@@ -402,8 +402,8 @@ static void end_text(struct xml *x) {
 }
 
 /* An element of a composite data set that names a file. */
-static void take_block(struct xml *x, const char *name, const char **attributes) {
-    const char *source = find(attributes, "file");
+static void parse_block(struct xml *x, const char *name, const char **attributes) {
+    const char *source = get_attr(attributes, "file");
     if (strcmp(name, "DataSet") == 0 && source && *source &&
         !vtk_xml_add_name(x->names, source, x->file, x->err))
         stop(x);
@@ -416,21 +416,21 @@ static void XMLCALL start_element(void *user, const char *name, const char **att
     if (x->depth == DEPTH_MAX)
         refuse(x, SP_ERR_FORMAT, NULL, "elements nest deeper than %d", DEPTH_MAX);
     else if (x->depth == 1)
-        take_root(x, name, attributes);
+        parse_root(x, name, attributes);
     else if (x->is_composite)
-        take_block(x, name, attributes);
+        parse_block(x, name, attributes);
     else if (x->depth == 2 && strcmp(name, "AppendedData") == 0)
-        take_appended(x, attributes);
+        parse_appended(x, attributes);
     else if (x->depth == 2)
-        take_grid(x, name, attributes);
+        parse_grid(x, name, attributes);
     else if (x->depth == 3 && x->in_grid)
-        take_in_grid(x, name, attributes);
+        parse_in_grid(x, name, attributes);
     else if (x->depth == 4 && x->in_piece && !x->is_parallel)
-        take_part(x, name, attributes);
+        parse_section(x, name, attributes);
     else if (x->depth == 4 && x->in_data)
-        take_time(x, find(attributes, "Name") ? find(attributes, "Name") : "", attributes);
+        parse_time(x, get_attr(attributes, "Name") ? get_attr(attributes, "Name") : "", attributes);
     else if (x->depth == 5 && x->in_piece && !x->is_parallel)
-        take_array(x, name, attributes);
+        parse_array(x, name, attributes);
 }
 
 static void XMLCALL end_element(void *user, const char *name) {
@@ -464,14 +464,14 @@ static bool check_chunk(struct xml *x, enum XML_Status status, uint64_t fed) {
     if (status == XML_STATUS_OK) {
         XML_Index at = XML_GetCurrentByteIndex(x->parser);
         return at < 0 || fed - (uint64_t)at <= TAG_MAX ||
-               import_fail(x->err, SP_ERR_FORMAT, x->file->shown, (uint64_t)at, NULL,
+               import_fail(x->err, SP_ERR_FORMAT, x->file->title, (uint64_t)at, NULL,
                            "a tag is longer than %d bytes", TAG_MAX);
     }
     if (x->stopped)
         return true;
     enum XML_Error why = XML_GetErrorCode(x->parser);
     return import_fail(x->err, why == XML_ERROR_NO_MEMORY ? SP_ERR_MEMORY : SP_ERR_FORMAT,
-                       x->file->shown, (uint64_t)XML_GetCurrentByteIndex(x->parser), NULL,
+                       x->file->title, (uint64_t)XML_GetCurrentByteIndex(x->parser), NULL,
                        "line %lu: %s", (unsigned long)XML_GetCurrentLineNumber(x->parser),
                        XML_ErrorString(why));
 }
@@ -481,7 +481,7 @@ static bool parse(struct xml *x) {
     for (bool last = false; !last && !x->stopped;) {
         void *buffer = XML_GetBuffer(x->parser, CHUNK);
         if (!buffer)
-            return sp_fail(x->err, SP_ERR_MEMORY, x->file->shown,
+            return sp_fail(x->err, SP_ERR_MEMORY, x->file->title,
                            "out of memory while parsing XML");
         size_t got;
         if (!import_read(x->file, buffer, CHUNK, fed, &got, x->err))
@@ -502,7 +502,7 @@ static bool find_appended(struct xml *x) {
     while (i < n && (start[i] == ' ' || (start[i] >= '\t' && start[i] <= '\r')))
         i++;
     if (i >= n || start[i] != '_')
-        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->appended_at, "AppendedData",
+        return import_fail(x->err, SP_ERR_FORMAT, x->file->title, x->appended_at, "AppendedData",
                            "the data does not begin with an underscore");
     x->appended_at += (uint64_t)i + 1;
     return true;
@@ -516,7 +516,7 @@ static bool locate(struct xml *x, struct vtk_entry *e) {
         return true;
     }
     if (!x->appended_at)
-        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->file->size, a->name,
+        return import_fail(x->err, SP_ERR_FORMAT, x->file->title, x->file->size, a->name,
                            "the file ends before its AppendedData");
     a->form = x->appended_base64 ? VTK_BASE64 : VTK_BYTES;
     a->begin += x->appended_at;
@@ -531,7 +531,7 @@ static bool join_cells(struct xml *x, struct vtk_piece *piece) {
             vtk_find_entry(x->volume, piece, VTK_CORNERS, kind, "connectivity");
         const struct vtk_entry *ends = vtk_find_entry(x->volume, piece, VTK_ENDS, kind, NULL);
         if (cells->count && kind != VTK_VERTS && !(corners && ends))
-            return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, cells->at, cell_names[kind],
+            return import_fail(x->err, SP_ERR_FORMAT, x->file->title, cells->at, cell_names[kind],
                                "%" PRIu64 " cells without the arrays connectivity and offsets",
                                cells->count);
         if (!corners || !ends)
@@ -582,7 +582,7 @@ bool vtk_xml_read(struct vtk_volume *v, uint32_t number, struct vtk_xml_names *n
                      .home = -1,
                      .first_entry = v->entry_count };
     if (!x.parser)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while parsing XML");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory while parsing XML");
     XML_SetUserData(x.parser, &x);
     XML_SetElementHandler(x.parser, start_element, end_element);
     XML_SetStartDoctypeDeclHandler(x.parser, start_doctype);

@@ -12,7 +12,7 @@
 extern const char *const vtk_set_names[];
 
 /* probe() of struct import_format. */
-bool vtk_xml_probe(const uint8_t *start, size_t size, const char *shown);
+bool vtk_xml_probe(const uint8_t *start, size_t size, const char *title);
 
 /* Finds the data set of a type: itself, in pieces of other files (parallel), or in blocks of other
  * files (composite, without a set). False if it is not supported. */

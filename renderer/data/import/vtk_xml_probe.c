@@ -16,14 +16,14 @@ static bool is_data_set(const uint8_t *start, size_t size) {
     return has_type && memmem(start, size, "<VTKFile", 8);
 }
 
-bool vtk_xml_probe(const uint8_t *start, size_t size, const char *shown) {
+bool vtk_xml_probe(const uint8_t *start, size_t size, const char *title) {
     static const uint8_t mark[] = { 0xef, 0xbb, 0xbf }; /* byte order, as UTF-8 */
-    size_t n = strlen(shown), i = size >= 3 && memcmp(start, mark, 3) == 0 ? 3 : 0;
+    size_t n = strlen(title), i = size >= 3 && memcmp(start, mark, 3) == 0 ? 3 : 0;
     if (n == 0)
         return is_data_set(start, size);
     while (i < size && (start[i] == ' ' || (start[i] >= '\t' && start[i] <= '\r')))
         i++;
-    const char *dot = strrchr(shown, '.'), *ending = dot ? dot : "";
+    const char *dot = strrchr(title, '.'), *ending = dot ? dot : "";
     static const char *const endings[] = { ".vti",  ".vtr",  ".vts",  ".vtu",  ".vtp", ".pvti",
                                            ".pvtr", ".pvts", ".pvtu", ".pvtp", ".vtm", ".vtmb",
                                            ".vtpd", ".vtpc", ".vth",  ".vthb" };

@@ -38,9 +38,9 @@ struct zarr {
     struct reading *chunk_of[BRICK_LEVELS_MAX]; /* owned: the same, by level; NULL = not used yet */
 };
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
+static bool probe(const uint8_t *start, size_t size, const char *title) {
     static const char *const names[] = { ".zattrs", ".zgroup", ".zarray", "zarr.json" };
-    const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
+    const char *slash = strrchr(title, '/'), *name = slash ? slash + 1 : title;
     (void)start;
     (void)size;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
@@ -54,7 +54,7 @@ static bool choose_level(struct zarr *z, struct import_header *header, struct sp
     const unsigned count = z->image.level_count;
     const int wanted = z->file->level;
     if (wanted >= (int)count)
-        return sp_fail(err, SP_ERR_NOT_FOUND, z->store->shown,
+        return sp_fail(err, SP_ERR_NOT_FOUND, z->store->title,
                        "there is no level %d; the image has level 0, the finest, to %u", wanted,
                        count - 1);
     for (unsigned i = wanted < 0 ? 0 : (unsigned)wanted;; i++) {
@@ -66,7 +66,7 @@ static bool choose_level(struct zarr *z, struct import_header *header, struct sp
             header->grid.direction[a][a] = z->level->is_turned[a] ? -1 : 1;
         header->level = i;
         header->level_count = count;
-        if (sp_grid_check(&header->grid, header->type, z->store->shown, &header->bytes, err))
+        if (sp_grid_check(&header->grid, header->type, z->store->title, &header->bytes, err))
             return true;
         if (wanted >= 0 || i + 1 == count)
             return false;
@@ -99,7 +99,7 @@ static bool choose_channel(struct zarr *z, struct import_header *header, struct 
             import_list_add(&list, i ? ", " : " ",
                             image->names[i][0] ? image->names[i] : "one channel without a name");
         import_list_end(&list, false);
-        return sp_fail(err, SP_ERR_NOT_FOUND, z->store->shown, "%s", text);
+        return sp_fail(err, SP_ERR_NOT_FOUND, z->store->title, "%s", text);
     }
     import_name(header->value_name, image->names[chosen]);
     for (unsigned i = 0; i < count; i++)
@@ -109,7 +109,7 @@ static bool choose_channel(struct zarr *z, struct import_header *header, struct 
     return true;
 }
 
-static bool take_image(struct zarr *z, struct import_header *header, struct sp_error *err) {
+static bool describe_image(struct zarr *z, struct import_header *header, struct sp_error *err) {
     if (!zarr_image_choose(&z->image, z->file, header, err))
         return false;
     z->conversion = import_conversion_of(z->image.levels[0].array.number, z->file->warnings);
@@ -133,14 +133,14 @@ static bool take_image(struct zarr *z, struct import_header *header, struct sp_e
 }
 
 /* An array without metadata of OME: the conventions of CF. */
-static bool take_plain(struct zarr *z, const struct zarr_node *node, struct import_header *header,
-                       struct sp_error *err) {
+static bool describe_plain(struct zarr *z, const struct zarr_node *node,
+                           struct import_header *header, struct sp_error *err) {
     struct arrays *a = &z->arrays;
     z->fields = zarr_fields_open(node, z->file, err);
     if (!z->fields)
         return false;
     a->file = z->file;
-    a->shown = z->store->shown;
+    a->title = z->store->title;
     a->call = &zarr_field_functions;
     a->handle = z->fields;
     a->takes_first = true;
@@ -149,21 +149,21 @@ static bool take_plain(struct zarr *z, const struct zarr_node *node, struct impo
     if (z->file->level > 0)
         return arrays_fail(a, err, SP_ERR_NOT_FOUND,
                            "there is no level %d; the array has only level 0", z->file->level);
-    if (!arrays_take(a, header, err) ||
-        !sp_grid_check(&header->grid, header->type, a->shown, &header->bytes, err))
+    if (!arrays_fill_header(a, header, err) ||
+        !sp_grid_check(&header->grid, header->type, a->title, &header->bytes, err))
         return false;
     header->level_count = 1;
     z->conversion = a->conversion;
     z->channel = a->channel;
     if (!zarr_image_use_array(&z->image, zarr_fields_array(z->fields, a->chosen), &a->axes))
-        return sp_fail(err, SP_ERR_MEMORY, a->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, a->title, "out of memory");
     z->level = &z->image.levels[0];
     return true;
 }
 
 /* An array in a folder that lists it as a level of its image: it has the place that the image gives
  * it. Returns true. */
-static bool take_as_level(struct zarr *z) {
+static bool open_as_level(struct zarr *z) {
     enum { DEPTH_MAX = 2 }; /* "image.zarr/0" and "image.zarr/scale0/image" */
     const char *folder = z->store->list ? z->file->folder : "", *own = folder + strlen(folder);
     char up[3 * DEPTH_MAX] = "..";
@@ -198,14 +198,15 @@ bool zarr_open(struct zarr *z, const struct zarr_store *store, const struct impo
     z->file = file;
     const enum zarr_found found = zarr_node_open(&node, z->store, "", err);
     if (found == ZARR_MISSING)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, z->store->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, z->store->title,
                        "this folder has no metadata of Zarr (zarr.json, .zarray, .zgroup or "
                        ".zattrs)");
     if (found != ZARR_FOUND)
         return false;
-    const bool ok =
-        zarr_image_open(&z->image, &node, err) && (!node.is_array || take_as_level(z)) &&
-        (z->image.is_plain ? take_plain(z, &node, header, err) : take_image(z, header, err));
+    const bool ok = zarr_image_open(&z->image, &node, err) &&
+                    (!node.is_array || open_as_level(z)) &&
+                    (z->image.is_plain ? describe_plain(z, &node, header, err)
+                                       : describe_image(z, header, err));
     zarr_node_close(&node);
     return ok;
 }
@@ -252,7 +253,7 @@ static bool begin(struct reading *r, struct sp_error *err) {
     r->row = malloc((size_t)r->level->dims[0] * r->array->number.size);
     r->floats = r->vectors ? malloc((size_t)r->level->dims[0] * sizeof *r->floats) : NULL;
     if (!r->chunk || !r->row || (r->vectors && !r->floats))
-        return sp_fail(err, SP_ERR_MEMORY, r->zarr->store->shown, "out of memory for a chunk");
+        return sp_fail(err, SP_ERR_MEMORY, r->zarr->store->title, "out of memory for a chunk");
     size_t step = 1;
     for (unsigned d = r->array->rank; d-- > 0; step *= (size_t)r->array->chunk[d]) {
         for (int a = 0; a < 3; a++)
@@ -297,8 +298,8 @@ static void put(struct reading *r, const struct box *box) {
 }
 
 /* The chunk at a place of the grid of chunks, and its part of the volume. */
-static void find_chunk(const struct reading *r, const uint64_t place[3], uint64_t at[],
-                       struct box *box) {
+static void locate_chunk(const struct reading *r, const uint64_t place[3], uint64_t at[],
+                         struct box *box) {
     const struct zarr_image *image = &r->zarr->image;
     memset(at, 0, ZARR_RANK_MAX * sizeof *at);
     if (image->axes.channel >= 0)
@@ -344,7 +345,7 @@ static bool read_range(struct reading *r, struct zarr_chunks *chunks, const uint
     for (place[2] = first[2]; place[2] < end[2]; place[2]++)
         for (place[1] = first[1]; place[1] < end[1]; place[1]++)
             for (place[0] = first[0]; place[0] < end[0]; place[0]++) {
-                find_chunk(r, place, at, &box);
+                locate_chunk(r, place, at, &box);
                 if (zarr_chunk_read(chunks, r->array, at, r->chunk, err) == ZARR_FAILED &&
                     !mark_hole(r, err))
                     return false;
@@ -460,7 +461,7 @@ static bool read_chunk(void *reader, unsigned l, const uint32_t place[3], void *
     uint64_t at[ZARR_RANK_MAX];
     if (!r) {
         if (!(r = calloc(1, sizeof *r)))
-            return sp_fail(err, SP_ERR_MEMORY, z->store->shown, "out of memory for a chunk");
+            return sp_fail(err, SP_ERR_MEMORY, z->store->title, "out of memory for a chunk");
         r->zarr = z;
         r->channel = z->channel;
         r->level = z->level + l;
@@ -476,10 +477,10 @@ static bool read_chunk(void *reader, unsigned l, const uint32_t place[3], void *
     for (int a = 0; a < 3; a++) {
         const int d = z->image.axes.space[a];
         if (place[a] >= (d < 0 ? 1 : zarr_array_chunks(r->array, (unsigned)d)))
-            return sp_fail(err, SP_ERR_INVALID, z->store->shown, "there is no such chunk");
+            return sp_fail(err, SP_ERR_INVALID, z->store->title, "there is no such chunk");
     }
     const uint64_t wide[3] = { place[0], place[1], place[2] };
-    find_chunk(r, wide, at, &r->out);
+    locate_chunk(r, wide, at, &r->out);
     r->voxels = out;
     if (zarr_chunk_read(&z->chunks, r->array, at, r->chunk, err) == ZARR_FAILED)
         return false;
@@ -493,7 +494,7 @@ static bool open_folder(void *reader, const struct import_file *file, struct imp
     z->folder = zarr_folder_open(file);
     z->close_store = zarr_folder_close;
     if (!z->folder)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory");
     return zarr_open(z, z->folder, file, header, err);
 }
 
@@ -509,7 +510,7 @@ static bool lacks_root(const struct zarr_store *store) {
 static bool open_remote(void *reader, const struct import_file *file, struct import_header *header,
                         struct sp_error *err) {
     struct zarr *z = reader;
-    z->folder = zarr_remote_open(REMOTE_FILE, REMOTE_MEMORY, file->shown, err);
+    z->folder = zarr_remote_open(REMOTE_FILE, REMOTE_MEMORY, file->title, err);
     z->close_store = zarr_remote_close;
     if (!z->folder)
         return false;
@@ -517,16 +518,16 @@ static bool open_remote(void *reader, const struct import_file *file, struct imp
         return true;
     const unsigned status = zarr_remote_status(z->folder);
     if (err->code == SP_ERR_UNSUPPORTED && status && lacks_root(z->folder))
-        sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
+        sp_fail(err, SP_ERR_NOT_FOUND, file->title,
                 "there is no OME-Zarr at this address: the host answered with the status %u",
                 status);
     return false;
 }
 
-static bool is_never(const uint8_t *start, size_t size, const char *shown) {
+static bool is_never(const uint8_t *start, size_t size, const char *title) {
     (void)start;
     (void)size;
-    (void)shown;
+    (void)title;
     return false;
 }
 

@@ -68,7 +68,7 @@ static void fill_part(const json_t *json, struct import_number part, uint8_t *ou
 }
 
 /* The fill value of a complex number is a list of its two parts. */
-static void take_fill(struct zarr_array *a, const json_t *json) {
+static void parse_fill(struct zarr_array *a, const json_t *json) {
     const struct import_number part = import_number_part(a->number);
     memset(a->fill, 0, sizeof a->fill);
     fill_part(json_is_array(json) ? json_array_get(json, 0) : json, part, a->fill);
@@ -76,7 +76,7 @@ static void take_fill(struct zarr_array *a, const json_t *json) {
         fill_part(json_array_get(json, 1), part, a->fill + part.size);
 }
 
-static bool take_dtype(struct zarr_array *a, const struct zarr_node *node, struct sp_error *err) {
+static bool parse_dtype(struct zarr_array *a, const struct zarr_node *node, struct sp_error *err) {
     const char *const key = node->version == 2 ? "dtype" : "data_type";
     const char *text = json_string_value(json_object_get(node->metadata, key));
     char pointer[16];
@@ -99,8 +99,8 @@ static bool take_dtype(struct zarr_array *a, const struct zarr_node *node, struc
 
 /* Shapes. */
 
-static bool take_sizes(const struct zarr_node *node, const json_t *json, const char *pointer,
-                       uint64_t least, unsigned rank, uint64_t *out, struct sp_error *err) {
+static bool parse_sizes(const struct zarr_node *node, const json_t *json, const char *pointer,
+                        uint64_t least, unsigned rank, uint64_t *out, struct sp_error *err) {
     if (json_array_size(json) != rank)
         return zarr_node_fail(node, err, SP_ERR_FORMAT, pointer, "must have %u numbers", rank);
     for (unsigned d = 0; d < rank; d++) {
@@ -114,7 +114,7 @@ static bool take_sizes(const struct zarr_node *node, const json_t *json, const c
     return true;
 }
 
-static bool take_shape(struct zarr_array *a, const struct zarr_node *node, struct sp_error *err) {
+static bool parse_shape(struct zarr_array *a, const struct zarr_node *node, struct sp_error *err) {
     const json_t *shape = json_object_get(node->metadata, "shape");
     const size_t rank = json_array_size(shape);
     if (rank < 1 || rank > ZARR_RANK_MAX)
@@ -125,11 +125,11 @@ static bool take_shape(struct zarr_array *a, const struct zarr_node *node, struc
         a->order[d] = d;
         a->shard[d] = 1;
     }
-    return take_sizes(node, shape, "/shape", 1, a->rank, a->shape, err);
+    return parse_sizes(node, shape, "/shape", 1, a->rank, a->shape, err);
 }
 
 /* The names of dimensions are in v3's metadata; xarray writes them into the attributes of v2. */
-static void take_names(struct zarr_array *a, const struct zarr_node *node) {
+static void parse_names(struct zarr_array *a, const struct zarr_node *node) {
     const json_t *names = json_object_get(node->metadata, "dimension_names");
     if (!names)
         names = json_object_get(node->attributes, "_ARRAY_DIMENSIONS");
@@ -182,7 +182,7 @@ static bool parse_v2(struct zarr_array *a, const struct zarr_node *node, struct 
     a->separator = separator && strcmp(separator, "/") == 0 ? '/' : '.';
     for (unsigned d = 0; order && order[0] == 'F' && d < a->rank; d++)
         a->order[d] = a->rank - 1 - d;
-    take_fill(a, json_object_get(metadata, "fill_value"));
+    parse_fill(a, json_object_get(metadata, "fill_value"));
     json_array_foreach(filters, i,
                        filter) if (!add_codec(a, node,
                                               json_string_value(json_object_get(filter, "id")),
@@ -191,14 +191,14 @@ static bool parse_v2(struct zarr_array *a, const struct zarr_node *node, struct 
         !add_codec(a, node, json_string_value(json_object_get(compressor, "id")), compressor,
                    "/compressor/id", err))
         return false;
-    return take_sizes(node, json_object_get(metadata, "chunks"), "/chunks", 1, a->rank, a->chunk,
-                      err) &&
+    return parse_sizes(node, json_object_get(metadata, "chunks"), "/chunks", 1, a->rank, a->chunk,
+                       err) &&
            check_chunk(a, node, "/chunks", err);
 }
 
 /* Takes a transposition. One after another is of the dimensions that the first one has made. */
-static bool take_order(struct zarr_array *a, const struct zarr_node *node, const json_t *order,
-                       struct sp_error *err) {
+static bool parse_order(struct zarr_array *a, const struct zarr_node *node, const json_t *order,
+                        struct sp_error *err) {
     unsigned seen = 0, before[ZARR_RANK_MAX];
     memcpy(before, a->order, sizeof before);
     for (unsigned d = 0; d < a->rank; d++) {
@@ -213,14 +213,14 @@ static bool take_order(struct zarr_array *a, const struct zarr_node *node, const
                           "the order of \"transpose\" is not one of %u dimensions", a->rank);
 }
 
-static bool take_shards(struct zarr_array *a, const struct zarr_node *node, const json_t *settings,
-                        struct sp_error *err) {
+static bool parse_shards(struct zarr_array *a, const struct zarr_node *node, const json_t *settings,
+                         struct sp_error *err) {
     uint64_t inner[ZARR_RANK_MAX], count = 1;
     const char *at = json_string_value(json_object_get(settings, "index_location"));
     const json_t *codec;
     size_t i;
-    if (!take_sizes(node, json_object_get(settings, "chunk_shape"), "/codecs/sharding_indexed", 1,
-                    a->rank, inner, err))
+    if (!parse_sizes(node, json_object_get(settings, "chunk_shape"), "/codecs/sharding_indexed", 1,
+                     a->rank, inner, err))
         return false;
     for (unsigned d = 0; d < a->rank; d++) {
         if (a->chunk[d] % inner[d] != 0)
@@ -251,8 +251,8 @@ static bool take_shards(struct zarr_array *a, const struct zarr_node *node, cons
 
 /* The codecs of v3: an optional transposition, "bytes", then compressors; or a shard with such
  * codecs inside. */
-static bool take_codecs(struct zarr_array *a, const struct zarr_node *node, const json_t *codecs,
-                        struct sp_error *err) {
+static bool parse_codecs(struct zarr_array *a, const struct zarr_node *node, const json_t *codecs,
+                         struct sp_error *err) {
     const json_t *codec;
     bool has_bytes = false;
     unsigned filters = 0;
@@ -261,7 +261,7 @@ static bool take_codecs(struct zarr_array *a, const struct zarr_node *node, cons
         const char *name = json_string_value(json_object_get(codec, "name"));
         const json_t *settings = json_object_get(codec, "configuration");
         if (name && !has_bytes && a->codec_count == 0 && strcmp(name, "transpose") == 0) {
-            if (!take_order(a, node, json_object_get(settings, "order"), err))
+            if (!parse_order(a, node, json_object_get(settings, "order"), err))
                 return false;
         } else if (name && !has_bytes && strcmp(name, "bytes") == 0) {
             const char *endian = json_string_value(json_object_get(settings, "endian"));
@@ -269,8 +269,8 @@ static bool take_codecs(struct zarr_array *a, const struct zarr_node *node, cons
             has_bytes = true;
         } else if (name && i == 0 && json_array_size(codecs) == 1 && !a->is_sharded &&
                    strcmp(name, "sharding_indexed") == 0) {
-            return take_shards(a, node, settings, err) &&
-                   take_codecs(a, node, json_object_get(settings, "codecs"), err);
+            return parse_shards(a, node, settings, err) &&
+                   parse_codecs(a, node, json_object_get(settings, "codecs"), err);
         } else if (!has_bytes && name && strncmp(name, "numcodecs.", 10) == 0) { /* a filter */
             if (!add_codec(a, node, name, settings, "/codecs", err))
                 return false;
@@ -307,22 +307,22 @@ static bool parse_v3(struct zarr_array *a, const struct zarr_node *node, struct 
                    : separator && separator[0] == '/' ? '/'
                    : a->has_prefix                    ? '/'
                                                       : '.';
-    take_fill(a, json_object_get(node->metadata, "fill_value"));
+    parse_fill(a, json_object_get(node->metadata, "fill_value"));
     if (json_array_size(json_object_get(node->metadata, "storage_transformers")) > 0)
         return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/storage_transformers",
                               "storage transformers are not supported; write the array "
                               "without them");
-    return take_sizes(node, json_object_get(json_object_get(grid, "configuration"), "chunk_shape"),
-                      "/chunk_grid/configuration/chunk_shape", 1, a->rank, a->chunk, err) &&
-           take_codecs(a, node, json_object_get(node->metadata, "codecs"), err) &&
+    return parse_sizes(node, json_object_get(json_object_get(grid, "configuration"), "chunk_shape"),
+                       "/chunk_grid/configuration/chunk_shape", 1, a->rank, a->chunk, err) &&
+           parse_codecs(a, node, json_object_get(node->metadata, "codecs"), err) &&
            check_chunk(a, node, "/chunk_grid/configuration/chunk_shape", err);
 }
 
 bool zarr_array_parse(struct zarr_array *a, const struct zarr_node *node, struct sp_error *err) {
     *a = (struct zarr_array){ .rank = 0 };
     snprintf(a->path, sizeof a->path, "%s", node->path);
-    if (!take_shape(a, node, err) || !take_dtype(a, node, err))
+    if (!parse_shape(a, node, err) || !parse_dtype(a, node, err))
         return false;
-    take_names(a, node);
+    parse_names(a, node);
     return node->version == 2 ? parse_v2(a, node, err) : parse_v3(a, node, err);
 }

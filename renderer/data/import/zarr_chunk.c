@@ -100,7 +100,7 @@ static enum zarr_found load_index(struct zarr_chunks *c, const struct zarr_array
     uint64_t *larger = realloc(c->index, count * 2 * sizeof *larger);
     if (!larger || !reserve(c, 0, bytes, key, err)) {
         c->index = larger ? larger : c->index;
-        sp_fail(err, SP_ERR_MEMORY, c->store->shown, "out of memory for a shard");
+        sp_fail(err, SP_ERR_MEMORY, c->store->title, "out of memory for a shard");
         return ZARR_FAILED;
     }
     c->index = larger;
@@ -210,7 +210,7 @@ static void arrange(const struct zarr_array *a, const char *from, char *out) {
     }
 }
 
-static void take_numbers(const struct zarr_array *a, char *from, char *out) {
+static void copy_numbers(const struct zarr_array *a, char *from, char *out) {
     bool is_ordered = true;
     if (a->is_big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
         import_swap_numbers(from, a->number, a->chunk_bytes / a->number.size);
@@ -257,6 +257,6 @@ enum zarr_found zarr_chunk_read(struct zarr_chunks *c, const struct zarr_array *
                   bytes.size, a->chunk_bytes);
         return ZARR_FAILED;
     }
-    take_numbers(a, c->buffers[bytes.buffer], out);
+    copy_numbers(a, c->buffers[bytes.buffer], out);
     return ZARR_FOUND;
 }

@@ -146,8 +146,8 @@ bool zarr_is_sound(const void *bytes, size_t size) {
 }
 
 /* Takes the bytes without their checksum. */
-static bool take_sum(enum zarr_codec codec, const uint8_t *in, size_t size, void *out,
-                     size_t capacity, size_t *got, char *why, size_t why_size) {
+static bool strip_checksum(enum zarr_codec codec, const uint8_t *in, size_t size, void *out,
+                           size_t capacity, size_t *got, char *why, size_t why_size) {
     const bool is_end = codec == ZARR_CRC32C;
     bool ok = size >= 4 && size - 4 <= capacity;
     if (ok && codec == ZARR_CRC32C)
@@ -307,7 +307,7 @@ bool zarr_step_undo(const struct zarr_step *step, const void *in, size_t size, v
     case ZARR_CRC32C:
     case ZARR_CRC32:
     case ZARR_ADLER32:
-        return take_sum(step->codec, in, size, out, capacity, got, why, why_size);
+        return strip_checksum(step->codec, in, size, out, capacity, got, why, why_size);
     case ZARR_SHUFFLE:
         return unshuffle(step->element, in, size, out, capacity, got, why, why_size);
     case ZARR_DELTA:

@@ -82,7 +82,7 @@ struct zarr_fields *zarr_fields_open(const struct zarr_node *node, const struct 
                                      struct sp_error *err) {
     struct zarr_fields *f = calloc(1, sizeof *f);
     if (!f) {
-        sp_fail(err, SP_ERR_MEMORY, node->store->shown, "out of memory");
+        sp_fail(err, SP_ERR_MEMORY, node->store->title, "out of memory");
         return NULL;
     }
     const struct visit root = { f, node->path, "", 0 };
@@ -95,7 +95,7 @@ struct zarr_fields *zarr_fields_open(const struct zarr_node *node, const struct 
     else if (node->store->list)
         node->store->list(node->store->user, node->path, visit, (void *)(uintptr_t)&root);
     qsort(f->fields, f->count, sizeof f->fields[0], by_name);
-    bool ok = f->has_memory || sp_fail(err, SP_ERR_MEMORY, node->store->shown, "out of memory");
+    bool ok = f->has_memory || sp_fail(err, SP_ERR_MEMORY, node->store->title, "out of memory");
     if (ok && f->count == 0)
         ok = zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "",
                             "this group has neither \"multiscales\" nor an array; open one of the "

@@ -24,13 +24,13 @@ static const char *text_of(const json_t *object, const char *key) {
 /* Units. */
 
 /* The unit of x is that of the image; other axes are converted to it. */
-static void take_units(struct zarr_image *image, struct axes *axes,
-                       const char *const names[ZARR_RANK_MAX]) {
+static void set_units(struct zarr_image *image, struct axes *axes,
+                      const char *const names[ZARR_RANK_MAX]) {
     const struct sp_unit *of_x =
         image->axes.space[0] < 0 ? NULL : sp_unit_find(names[image->axes.space[0]]);
     if (image->axes.space[0] >= 0)
         snprintf(image->unit, sizeof image->unit, "%s",
-                 of_x ? of_x->shown : names[image->axes.space[0]]);
+                 of_x ? of_x->symbol : names[image->axes.space[0]]);
     for (int a = 0; a < 3; a++) {
         const int d = image->axes.space[a];
         const struct sp_unit *own = d < 0 ? NULL : sp_unit_find(names[d]);
@@ -39,7 +39,7 @@ static void take_units(struct zarr_image *image, struct axes *axes,
     }
 }
 
-static void take_time_unit(struct zarr_image *image, const char *name) {
+static void parse_time_unit(struct zarr_image *image, const char *name) {
     static const char *const known[][2] = { { "second", "s" },       { "millisecond", "ms" },
                                             { "microsecond", "us" }, { "minute", "min" },
                                             { "hour", "h" },         { "day", "d" } };
@@ -52,7 +52,7 @@ static void take_time_unit(struct zarr_image *image, const char *name) {
 /* Axes. */
 
 /* The "orientation" of each axis of space (RFC-4): "right-to-left". All or none. */
-static void take_anatomy(struct zarr_image *image, const json_t *axes) {
+static void parse_anatomy(struct zarr_image *image, const json_t *axes) {
     static const char *const known[] = { "left-to-right",         "right-to-left",
                                          "posterior-to-anterior", "anterior-to-posterior",
                                          "inferior-to-superior",  "superior-to-inferior" };
@@ -70,8 +70,8 @@ static void take_anatomy(struct zarr_image *image, const json_t *axes) {
 }
 
 /* The axes of OME-Zarr: {"name", "type", "unit"}. */
-static bool take_axes(struct zarr_image *image, const struct zarr_node *node, const json_t *json,
-                      struct axes *axes, struct sp_error *err) {
+static bool parse_axes(struct zarr_image *image, const struct zarr_node *node, const json_t *json,
+                       struct axes *axes, struct sp_error *err) {
     int space[ZARR_RANK_MAX];
     const char *names[ZARR_RANK_MAX], *unit_names[ZARR_RANK_MAX];
     unsigned count = 0;
@@ -96,11 +96,11 @@ static bool take_axes(struct zarr_image *image, const struct zarr_node *node, co
         return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, "/multiscales/0/axes",
                               "has %u dimensions of space, outside [1, 3]", count);
     import_axes_place(&image->axes, space, count, names);
-    take_units(image, axes, unit_names);
+    set_units(image, axes, unit_names);
     if (count == 3)
-        take_anatomy(image, json);
+        parse_anatomy(image, json);
     if (image->axes.time >= 0)
-        take_time_unit(image, unit_names[image->axes.time]);
+        parse_time_unit(image, unit_names[image->axes.time]);
     return true;
 }
 
@@ -170,9 +170,9 @@ static void place_level(const struct zarr_image *image, struct zarr_level *level
 }
 
 /* `only`: the path of the one level that is taken; NULL = all. */
-static bool take_levels(struct zarr_image *image, const struct zarr_node *node,
-                        const json_t *multiscale, const struct axes *axes, const char *only,
-                        struct sp_error *err) {
+static bool parse_levels(struct zarr_image *image, const struct zarr_node *node,
+                         const json_t *multiscale, const struct axes *axes, const char *only,
+                         struct sp_error *err) {
     const json_t *dataset;
     size_t i;
     json_array_foreach(json_object_get(multiscale, "datasets"), i, dataset) {
@@ -234,8 +234,8 @@ static bool has_name(const struct zarr_image *image, const char *name) {
 }
 
 /* The channels have the labels of "omero" if these are there and differ. */
-static bool take_channels(struct zarr_image *image, const struct zarr_node *node,
-                          const json_t *omero, struct sp_error *err) {
+static bool parse_channels(struct zarr_image *image, const struct zarr_node *node,
+                           const json_t *omero, struct sp_error *err) {
     const struct zarr_array *a = &image->levels[0].array;
     const uint64_t count = image->axes.channel < 0 ? 1 : a->shape[image->axes.channel];
     if (count > ZARR_CHANNELS_MAX)
@@ -244,7 +244,7 @@ static bool take_channels(struct zarr_image *image, const struct zarr_node *node
     image->channels = (uint32_t)count;
     image->steps = image->axes.time < 0 ? 1 : a->shape[image->axes.time];
     if (!reserve_names(image, image->channels))
-        return sp_fail(err, SP_ERR_MEMORY, node->store->shown, "out of memory for channels");
+        return sp_fail(err, SP_ERR_MEMORY, node->store->title, "out of memory for channels");
     for (unsigned i = 0; i < image->channels; i++) {
         const json_t *one = json_array_get(json_object_get(omero, "channels"), i);
         char name[SP_FIELD_BYTES] = "";
@@ -263,16 +263,16 @@ static bool open_multiscale(struct zarr_image *image, const struct zarr_node *no
     struct axes axes = { .rank = 0 };
     image->are_labels = json_is_object(json_object_get(ome, "image-label"));
     json_t *five = json_pack("[sssss]", "t", "c", "z", "y", "x"); /* before OME-Zarr 0.3 */
-    const bool ok = take_axes(image, node, listed ? listed : five, &axes, err);
+    const bool ok = parse_axes(image, node, listed ? listed : five, &axes, err);
     json_decref(five);
-    if (!ok || !take_levels(image, node, multiscale, &axes, only, err))
+    if (!ok || !parse_levels(image, node, multiscale, &axes, only, err))
         return false;
     for (unsigned i = 1; image->axes.channel >= 0 && i < image->level_count; i++)
         if (image->levels[i].array.shape[image->axes.channel] !=
             image->levels[0].array.shape[image->axes.channel])
             return zarr_node_fail(node, err, SP_ERR_FORMAT, "/multiscales/0/datasets",
                                   "level %u has another number of channels than level 0", i);
-    return take_channels(image, node, json_object_get(ome, "omero"), err);
+    return parse_channels(image, node, json_object_get(ome, "omero"), err);
 }
 
 /* Plain arrays and groups. */
@@ -323,7 +323,7 @@ static bool init(struct zarr_image *image, const struct zarr_node *node, struct 
     *image = (struct zarr_image){ .steps = 1 };
     image->axes = (struct import_axes){ .space = { -1, -1, -1 }, .channel = -1, .time = -1 };
     image->levels = calloc(ZARR_LEVELS_MAX, sizeof *image->levels);
-    return image->levels || sp_fail(err, SP_ERR_MEMORY, node->store->shown, "out of memory");
+    return image->levels || sp_fail(err, SP_ERR_MEMORY, node->store->title, "out of memory");
 }
 
 enum zarr_found zarr_image_open_level(struct zarr_image *image, const struct zarr_node *node,
@@ -365,20 +365,20 @@ bool zarr_image_choose(struct zarr_image *image, const struct import_file *file,
     if (image->axes.channel == channel && image->axes.time == time)
         return true;
     if (image->axes.space[2] < 0 && image->level_count > 1 && channel < 0 && time < 0)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title,
                        "?as=%s: the image has levels of detail, whose z axis is one of space",
                        import_as_name(file->selection.as));
     image->levels[0].dims[2] = image->axes.space[2] < 0 ? 1 : image->levels[0].dims[2];
     const uint64_t count = image->axes.channel < 0 ? 1 : shape[image->axes.channel];
     if (count > ZARR_CHANNELS_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown, "?as=%s: more than %d channels",
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->title, "?as=%s: more than %d channels",
                        import_as_name(file->selection.as), ZARR_CHANNELS_MAX);
     image->channels = (uint32_t)count;
     image->steps = image->axes.time < 0 ? 1 : shape[image->axes.time];
     image->interval = 0; /* that of the other axis is none of this one */
     image->name_count = 0;
     if (!reserve_names(image, image->channels))
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for channels");
+        return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for channels");
     for (unsigned i = 0; i < image->channels; i++) {
         char *name = image->names[image->name_count++];
         name[0] = 0;

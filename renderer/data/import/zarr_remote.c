@@ -39,7 +39,7 @@ static enum zarr_found fetch(struct remote *r, const char *key, uint64_t offset,
                              struct sp_error *err) {
     struct remote_request request = { .magic = REMOTE_MAGIC, .offset = offset };
     struct remote_reply reply;
-    request.size = size < REMOTE_WINDOW ? (uint32_t)size : REMOTE_WINDOW;
+    request.size = size < REMOTE_BUFFER ? (uint32_t)size : REMOTE_BUFFER;
     r->key[0] = 0;
     if (snprintf(request.key, sizeof request.key, "%s", key) >= (int)sizeof request.key)
         return ZARR_MISSING;
@@ -51,7 +51,7 @@ static enum zarr_found fetch(struct remote *r, const char *key, uint64_t offset,
         r->missing_status = reply.status;
         return ZARR_MISSING;
     }
-    if (reply.found != REMOTE_FOUND || reply.got > REMOTE_WINDOW) {
+    if (reply.found != REMOTE_FOUND || reply.got > REMOTE_BUFFER) {
         const enum sp_code code = reply.code == SP_ERR_DENIED ? SP_ERR_DENIED : SP_ERR_IO;
         zarr_fail(&r->store, err, code, key, "", "%s", reply.text);
         return ZARR_FAILED;
@@ -66,7 +66,7 @@ static enum zarr_found fetch(struct remote *r, const char *key, uint64_t offset,
 static enum zarr_found size_of(void *user, const char *key, uint64_t *size, struct sp_error *err) {
     struct remote *r = user;
     if (strcmp(r->key, key) != 0) {
-        const enum zarr_found found = fetch(r, key, 0, REMOTE_WINDOW, err);
+        const enum zarr_found found = fetch(r, key, 0, REMOTE_BUFFER, err);
         if (found != ZARR_FOUND)
             return found;
     }
@@ -98,18 +98,18 @@ static enum zarr_found read_from(void *user, const char *key, uint64_t offset, v
     return ZARR_FOUND;
 }
 
-struct zarr_store *zarr_remote_open(int socket, int memory, const char *shown,
+struct zarr_store *zarr_remote_open(int socket, int memory, const char *title,
                                     struct sp_error *err) {
     struct remote *r = calloc(1, sizeof *r);
-    void *mapped = r ? mmap(NULL, REMOTE_WINDOW, PROT_READ, MAP_SHARED, memory, 0) : MAP_FAILED;
+    void *mapped = r ? mmap(NULL, REMOTE_BUFFER, PROT_READ, MAP_SHARED, memory, 0) : MAP_FAILED;
     if (mapped == MAP_FAILED) {
         free(r);
-        sp_fail(err, SP_ERR_MEMORY, shown, "out of memory for what is fetched");
+        sp_fail(err, SP_ERR_MEMORY, title, "out of memory for what is fetched");
         return NULL;
     }
     r->memory = mapped;
     r->socket = socket;
-    r->store = (struct zarr_store){ .user = r, .shown = shown, .size = size_of, .read = read_from };
+    r->store = (struct zarr_store){ .user = r, .title = title, .size = size_of, .read = read_from };
     return &r->store;
 }
 
@@ -117,7 +117,7 @@ void zarr_remote_close(struct zarr_store **store) {
     if (!*store)
         return;
     struct remote *r = (*store)->user;
-    munmap((void *)(uintptr_t)r->memory, REMOTE_WINDOW);
+    munmap((void *)(uintptr_t)r->memory, REMOTE_BUFFER);
     free(r);
     *store = NULL;
 }

@@ -8,7 +8,7 @@
 #include "data/import/zarr_store.h"
 
 /* Uses the socket and the memory that are open as `socket` and `memory`. NULL with *err set. */
-struct zarr_store *zarr_remote_open(int socket, int memory, const char *shown,
+struct zarr_store *zarr_remote_open(int socket, int memory, const char *title,
                                     struct sp_error *err);
 void zarr_remote_close(struct zarr_store **store);
 

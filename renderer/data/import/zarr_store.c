@@ -20,7 +20,7 @@ struct folder {
     int fd; /* of the last object; −1 = none */
     uint64_t size;
     char key[ZARR_KEY_BYTES]; /* of the last object */
-    char shown[PATH_MAX];     /* the folder */
+    char title[PATH_MAX];     /* the folder */
 };
 
 bool zarr_fail(const struct zarr_store *store, struct sp_error *err, enum sp_code code,
@@ -30,7 +30,7 @@ bool zarr_fail(const struct zarr_store *store, struct sp_error *err, enum sp_cod
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    snprintf(place, sizeof place, "%.120s: %.80s%s%.50s", store->shown, key, *pointer ? ": " : "",
+    snprintf(place, sizeof place, "%.120s: %.80s%s%.50s", store->title, key, *pointer ? ": " : "",
              pointer);
     return sp_fail(err, code, place, "%s", text);
 }
@@ -48,7 +48,7 @@ static void forget(struct folder *f) {
 }
 
 /* Opens the file of a key unless it is the last one. */
-static enum zarr_found find(struct folder *f, const char *key, struct sp_error *err) {
+static enum zarr_found open_key(struct folder *f, const char *key, struct sp_error *err) {
     char path[PATH_MAX + ZARR_KEY_BYTES], real[PATH_MAX];
     struct sp_error why;
     if (f->fd >= 0 && strcmp(f->key, key) == 0)
@@ -69,7 +69,7 @@ static enum zarr_found find(struct folder *f, const char *key, struct sp_error *
 
 static enum zarr_found size_of(void *user, const char *key, uint64_t *size, struct sp_error *err) {
     struct folder *f = user;
-    const enum zarr_found found = find(f, key, err);
+    const enum zarr_found found = open_key(f, key, err);
     *size = f->size;
     return found;
 }
@@ -77,7 +77,7 @@ static enum zarr_found size_of(void *user, const char *key, uint64_t *size, stru
 static enum zarr_found read_from(void *user, const char *key, uint64_t offset, void *out,
                                  size_t size, size_t *got, struct sp_error *err) {
     struct folder *f = user;
-    const enum zarr_found found = find(f, key, err);
+    const enum zarr_found found = open_key(f, key, err);
     *got = 0;
     while (found == ZARR_FOUND && *got < size) {
         const ssize_t n =
@@ -114,11 +114,11 @@ struct zarr_store *zarr_folder_open(const struct import_file *file) {
     if (!f)
         return NULL;
     f->store = (struct zarr_store){
-        .user = f, .shown = f->shown, .size = size_of, .read = read_from, .list = list
+        .user = f, .title = f->title, .size = size_of, .read = read_from, .list = list
     };
-    const char *slash = strrchr(file->shown, '/');
-    snprintf(f->shown, sizeof f->shown, "%.*s",
-             slash ? (int)(slash - file->shown) : (int)strlen(file->shown), file->shown);
+    const char *slash = strrchr(file->title, '/');
+    snprintf(f->title, sizeof f->title, "%.*s",
+             slash ? (int)(slash - file->title) : (int)strlen(file->title), file->title);
     f->file = file;
     f->fd = -1;
     return &f->store;

@@ -18,7 +18,7 @@ enum zarr_found { ZARR_FAILED, ZARR_MISSING, ZARR_FOUND };
 
 struct zarr_store {
     void *user;
-    const char *shown; /* the name in errors */
+    const char *title; /* the name in errors */
     /* The size of an object in bytes. ZARR_MISSING is no error; ZARR_FAILED sets *err. */
     enum zarr_found (*size)(void *user, const char *key, uint64_t *size, struct sp_error *err);
     /* Reads `size` bytes from `offset` on; *got is smaller only at the end of the object. */

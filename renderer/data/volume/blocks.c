@@ -49,8 +49,8 @@ struct between {
     double share; /* of the high one */
 };
 
-static inline struct between find_between(const struct sp_blocks_coarse *c, unsigned axis,
-                                          uint32_t i) {
+static inline struct between compute_between(const struct sp_blocks_coarse *c, unsigned axis,
+                                             uint32_t i) {
     const double last = c->dims[axis] - 1.0, wanted = c->first[axis] + c->step[axis] * i;
     const double at = wanted < 0 ? 0 : wanted < last ? wanted : last;
     const uint32_t low = (uint32_t)at;
@@ -76,15 +76,15 @@ static void read_line(const struct sp_blocks *b, unsigned axis, const uint32_t a
 static void read_coarse(const struct sp_blocks *b, unsigned axis, const uint32_t at[3], size_t n,
                         void *out) {
     const unsigned beside[2] = { axis == 0, axis == 2 ? 1 : 2 };
-    const uint32_t first = find_between(&b->coarse, axis, at[axis]).low;
-    const uint32_t last = find_between(&b->coarse, axis, at[axis] + (uint32_t)n - 1).high;
+    const uint32_t first = compute_between(&b->coarse, axis, at[axis]).low;
+    const uint32_t last = compute_between(&b->coarse, axis, at[axis] + (uint32_t)n - 1).high;
     const size_t count = last - first + 1;
     double sum[LINE] = { 0 }, line[LINE], values[SP_BLOCK_SIDE];
     for (int k = 0; k < 4; k++) {
         uint32_t place[3];
         double weight = 1;
         for (int j = 0; j < 2; j++) {
-            const struct between p = find_between(&b->coarse, beside[j], at[beside[j]]);
+            const struct between p = compute_between(&b->coarse, beside[j], at[beside[j]]);
             place[beside[j]] = k >> j & 1 ? p.high : p.low;
             weight *= k >> j & 1 ? p.share : 1 - p.share;
         }
@@ -96,7 +96,7 @@ static void read_coarse(const struct sp_blocks *b, unsigned axis, const uint32_t
             sum[i] += weight * line[i];
     }
     for (size_t i = 0; i < n; i++) {
-        const struct between p = find_between(&b->coarse, axis, at[axis] + (uint32_t)i);
+        const struct between p = compute_between(&b->coarse, axis, at[axis] + (uint32_t)i);
         const double low = sum[p.low - first], high = sum[p.high - first];
         values[i] = p.share > 0 ? low + p.share * (high - low) : low;
     }
@@ -109,7 +109,7 @@ void sp_blocks_read(const struct sp_blocks *blocks, unsigned axis, const uint32_
     const size_t size = sp_type_size(blocks->type), stride = (size_t)1 << SP_BLOCK_BITS * axis;
     uint32_t place[3] = { at[0], at[1], at[2] };
     for (char *to = out; n > 0;) {
-        const struct sp_block *block = sp_blocks_find(blocks, place);
+        const struct sp_block *block = sp_blocks_at(blocks, place);
         const size_t inside =
             (((size_t)(place[2] & last) << SP_BLOCK_BITS | (place[1] & last)) << SP_BLOCK_BITS) |
             (place[0] & last);

@@ -46,8 +46,8 @@ struct sp_blocks {
 void sp_blocks_read(const struct sp_blocks *blocks, unsigned axis, const uint32_t at[3], size_t n,
                     void *out);
 
-static inline const struct sp_block *sp_blocks_find(const struct sp_blocks *blocks,
-                                                    const uint32_t at[3]) {
+static inline const struct sp_block *sp_blocks_at(const struct sp_blocks *blocks,
+                                                  const uint32_t at[3]) {
     const size_t x = at[0] >> SP_BLOCK_BITS, y = at[1] >> SP_BLOCK_BITS, z = at[2] >> SP_BLOCK_BITS;
     return &blocks->block[(z * blocks->count[1] + y) * blocks->count[0] + x];
 }

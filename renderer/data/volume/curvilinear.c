@@ -111,7 +111,7 @@ static void add_missing(const struct lattice *l, double edges[3][3]) {
 }
 
 /* Finds the edges of the cell around a node and returns its determinant: 0 = flat. */
-static double find_cell(const struct lattice *l, const uint32_t at[3], double edges[3][3]) {
+static double measure_cell(const struct lattice *l, const uint32_t at[3], double edges[3][3]) {
     double normal[3], box = 1;
     for (int axis = 0; axis < 3; axis++)
         if (l->dims[axis] > 1)
@@ -137,7 +137,7 @@ static void set_cell(const struct lattice *l, const uint32_t at[3], const double
     points->volumes[i] = (float)fmin(fmax(volume, (double)FLT_MIN), (double)FLT_MAX);
 }
 
-static void find_node(const uint32_t dims[3], uint64_t i, uint32_t at[3]) {
+static void compute_node(const uint32_t dims[3], uint64_t i, uint32_t at[3]) {
     at[0] = (uint32_t)(i % dims[0]);
     at[1] = (uint32_t)(i / dims[0] % dims[1]);
     at[2] = (uint32_t)(i / dims[0] / dims[1]);
@@ -152,13 +152,13 @@ uint64_t sp_curvilinear_finish(const struct sp_elements *points, uint64_t first,
     for (int axis = 0; axis < 3; axis++)
         l.closed[axis] = is_closed(&l, axis);
     for (uint64_t i = 0; i < count; i++) {
-        find_node(dims, i, at);
-        negative += find_cell(&l, at, edges) < 0;
+        compute_node(dims, i, at);
+        negative += measure_cell(&l, at, edges) < 0;
     }
     double sign = 2 * negative > count ? -1 : 1;
     for (uint64_t i = 0; i < count; i++) {
-        find_node(dims, i, at);
-        double det = sign * find_cell(&l, at, edges);
+        compute_node(dims, i, at);
+        double det = sign * measure_cell(&l, at, edges);
         set_cell(&l, at, (const double(*)[3])edges, det, points, first + i);
         folded += det <= 0; /* not those that are NaN */
         if (!(det > 0))

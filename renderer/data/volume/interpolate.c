@@ -122,8 +122,8 @@ struct corners {
     bool is_inside;
 };
 
-static void find_corners(const struct sp_interpolator *self, const double distances[3],
-                         struct corners *corners) {
+static void compute_corners(const struct sp_interpolator *self, const double distances[3],
+                            struct corners *corners) {
     const uint64_t step[3] = { 1, self->grid->dims[0],
                                (uint64_t)self->grid->dims[0] * self->grid->dims[1] };
     *corners = (struct corners){ .is_inside = true };
@@ -169,7 +169,7 @@ void sp_interpolate_run(const struct sp_interpolator *self, size_t n, const doub
     struct corners corners[SP_INTERPOLATE_RUN];
     assert(n <= SP_INTERPOLATE_RUN);
     for (size_t i = 0; i < n; i++) {
-        find_corners(self, distances[i], &corners[i]);
+        compute_corners(self, distances[i], &corners[i]);
         values[i] = NAN;
     }
     switch (self->type) { SP_TYPE_CASES(INTERPOLATE) }

@@ -51,7 +51,7 @@ void sp_samples_to_doubles(const void *voxels, enum sp_type type, size_t begin, 
     switch (type) { SP_TYPE_CASES(WIDEN) }
 }
 
-static void find_range(void *user, size_t begin, size_t end, unsigned worker) {
+static void measure_range(void *user, size_t begin, size_t end, unsigned worker) {
     const struct measure *m = user;
     struct partial *p = &m->partials[worker];
     double run[RUN], low = p->low, high = p->high;
@@ -87,7 +87,7 @@ static void fill_bins(void *user, size_t begin, size_t end, unsigned worker) {
 }
 
 /* Counts the samples of the value at one end, and finds its neighbour. */
-static void find_extreme(void *user, size_t begin, size_t end, unsigned worker) {
+static void count_extreme(void *user, size_t begin, size_t end, unsigned worker) {
     const struct measure *m = user;
     struct sp_extreme *e = &m->partials[worker].extreme;
     const double sign = m->side ? -1 : 1, least = m->side ? -m->high : m->low;
@@ -123,7 +123,7 @@ static bool drop_extreme(struct measure *m, int side, struct sp_volume_info *inf
     m->side = side;
     for (unsigned t = 0; t < m->workers; t++)
         m->partials[t].extreme = (struct sp_extreme){ .next = INFINITY };
-    sp_parallel_for(m->pool, m->count, GRAIN, find_extreme, m);
+    sp_parallel_for(m->pool, m->count, GRAIN, count_extreme, m);
     struct sp_extreme e = { .value = side ? m->high : m->low,
                             .far = side ? m->low : m->high,
                             .next = INFINITY };
@@ -146,7 +146,7 @@ static void measure_values(struct measure *m, struct sp_volume_info *info) {
     uint64_t finite = 0;
     for (unsigned t = 0; t < m->workers; t++)
         m->partials[t] = (struct partial){ .low = INFINITY, .high = -INFINITY };
-    sp_parallel_for(m->pool, m->count, GRAIN, find_range, m);
+    sp_parallel_for(m->pool, m->count, GRAIN, measure_range, m);
     for (unsigned t = 0; t < m->workers; t++) {
         low = fmin(low, m->partials[t].low);
         high = fmax(high, m->partials[t].high);
@@ -203,7 +203,7 @@ void sp_volume_lengths(const float (*vectors)[3], uint64_t count, float *lengths
         lengths[i] = (float)sqrt(square_of(vectors[i]));
 }
 
-static void find_longest(void *user, size_t begin, size_t end, unsigned worker) {
+static void measure_longest(void *user, size_t begin, size_t end, unsigned worker) {
     const struct lengths *l = user;
     double longest = l->longest[worker];
     for (size_t i = begin; i < end; i++) {
@@ -221,7 +221,7 @@ bool sp_volume_measure_vectors(const float (*vectors)[3], uint64_t count, double
         return false;
     double squares[THREADS_MAX] = { 0 };
     struct lengths lengths = { vectors, squares };
-    sp_parallel_for(pool, count, GRAIN, find_longest, &lengths);
+    sp_parallel_for(pool, count, GRAIN, measure_longest, &lengths);
     *longest = 0;
     for (int t = 0; t < THREADS_MAX; t++)
         *longest = fmax(*longest, sqrt(squares[t]));

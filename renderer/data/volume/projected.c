@@ -109,8 +109,8 @@ static void walk_samples(struct walk *w, const struct sp_volume_info *info, cons
 enum number { MAXIMUM, MEAN, SUM };
 
 /* The ends beyond which the shares of the rays of a direction lie. False: no ray has a sample. */
-static bool find_ends(struct walk *w, unsigned direction, enum number number,
-                      const double shares[2], double ends[2]) {
+static bool compute_ends(struct walk *w, unsigned direction, enum number number,
+                         const double shares[2], double ends[2]) {
     size_t n = 0;
     for (size_t i = 0; i < w->ray_count[direction]; i++) {
         const struct ray *ray = &w->rays[direction][i];
@@ -135,7 +135,7 @@ static void mean_ends(struct walk *w, const struct sp_grid *grid, enum number nu
     for (unsigned a = 0; a < AXES; a++) {
         double extent[2];
         sp_grid_extent(grid, a, extent);
-        if (!find_ends(w, a, number, shares, own))
+        if (!compute_ends(w, a, number, shares, own))
             continue;
         const double area = 1 / (extent[1] - extent[0]); /* over the volume of the box */
         total += area;
@@ -150,7 +150,7 @@ static void mean_ends(struct walk *w, const struct sp_grid *grid, enum number nu
 static void include_diagonals(struct walk *w, double ends[2]) {
     double own[2];
     for (unsigned d = AXES; d < DIRECTIONS; d++)
-        if (find_ends(w, d, MEAN, tails, own))
+        if (compute_ends(w, d, MEAN, tails, own))
             ends[1] = fmax(ends[1], own[1]);
 }
 

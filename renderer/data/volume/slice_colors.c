@@ -56,7 +56,7 @@ void sp_points_color(const struct sp_transfer_function *tf, double value, double
 }
 
 /* The colour of a map at a place in [0, 1]. */
-static void find_map_color(const uint32_t map[COLORS], double at, double rgb[3]) {
+static void compute_map_color(const uint32_t map[COLORS], double at, double rgb[3]) {
     const int low = at * (COLORS - 1) < COLORS - 1 ? (int)(at * (COLORS - 1)) : COLORS - 2;
     const double t = at * (COLORS - 1) - low;
     for (int c = 0; c < 3; c++) {
@@ -76,6 +76,6 @@ void sp_slice_color(const struct sp_view *view, double value, double rgb[3]) {
         sp_points_color(&view->transfer_function, value, rgb);
         break;
     default:
-        find_map_color(maps[slices->colors], sp_grey_level(value, window), rgb);
+        compute_map_color(maps[slices->colors], sp_grey_level(value, window), rgb);
     }
 }

@@ -60,7 +60,8 @@ static struct sp_slot *find_oldest(const struct sp_slots *slots, void *array, ui
     return oldest;
 }
 
-void *sp_slots_take(const struct sp_slots *slots, void *array, uint64_t until, const void *keep) {
+void *sp_slots_acquire(const struct sp_slots *slots, void *array, uint64_t until,
+                       const void *keep) {
     for (size_t i = 0; i < slots->count; i++)
         if (!slot_at(slots, array, i)->volume)
             return slot_at(slots, array, i);

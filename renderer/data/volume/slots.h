@@ -40,7 +40,7 @@ void *sp_slots_newest(const struct sp_slots *slots, void *array, const struct sp
 
 /* Returns an empty slot. If there is none, empties the least recently used one of those that were
  * last used at `until` or before and are not `keep`; NULL = none. */
-void *sp_slots_take(const struct sp_slots *slots, void *array, uint64_t until, const void *keep);
+void *sp_slots_acquire(const struct sp_slots *slots, void *array, uint64_t until, const void *keep);
 
 /* Empties such slots, least recently used first, until all have at most `bytes_max`, as far as it
  * can. */

@@ -65,7 +65,7 @@ const struct sp_unit *sp_unit_find(const char *name) {
     char simple[NAME_BYTES];
     simplify(name, simple);
     for (size_t i = 0; i < sizeof units / sizeof *units; i++) /* "Mm" is not "mm" */
-        if (strcmp(units[i].shown, simple) == 0)
+        if (strcmp(units[i].symbol, simple) == 0)
             return &units[i];
     for (size_t i = 0; i < sizeof units / sizeof *units; i++)
         if (strcasecmp(units[i].name, simple) == 0)
@@ -75,7 +75,7 @@ const struct sp_unit *sp_unit_find(const char *name) {
 
 const char *sp_unit_full_name(const struct sp_unit *unit) {
     for (size_t i = 0; i < sizeof units / sizeof *units; i++)
-        if (strcmp(units[i].shown, unit->shown) == 0)
+        if (strcmp(units[i].symbol, unit->symbol) == 0)
             return units[i].name;
     return unit->name;
 }

@@ -6,7 +6,7 @@
 #define SP_VOLUME_UNIT_H
 
 struct sp_unit {
-    const char *name, *shown; /* in files; as volumes name it */
+    const char *name, *symbol; /* in files; as volumes name it */
     double meters;
 };
 

@@ -9,13 +9,13 @@ struct span {
     int c0, r0, c1, r1;
 };
 
-static inline struct span find_span(const struct sp_tile_grid *grid, const struct sp_splat *s) {
+static inline struct span compute_span(const struct sp_tile_grid *grid, const struct sp_splat *s) {
     return (struct span){ s->x0 / SP_TILE, (s->y0 - grid->y) / SP_TILE, (s->x1 - 1) / SP_TILE,
                           (s->y1 - 1 - grid->y) / SP_TILE };
 }
 
 bool sp_bins_is_hidden(const struct sp_tile_grid *grid, const struct sp_splat *splat) {
-    struct span t = find_span(grid, splat);
+    struct span t = compute_span(grid, splat);
     for (int r = t.r0; r <= t.r1; r++)
         for (int c = t.c0; c <= t.c1; c++)
             if (!grid->tiles[r * grid->columns + c].saturated)
@@ -32,7 +32,7 @@ void sp_bins_count(const struct sp_bins *bins, uint32_t block, const struct sp_t
                    const struct sp_splat *records, uint32_t count) {
     uint32_t *counts = bins->counts + (size_t)block * bins->tiles;
     for (uint32_t i = 0; i < count; i++) {
-        struct span t = find_span(grid, &records[i]);
+        struct span t = compute_span(grid, &records[i]);
         for (int r = t.r0; r <= t.r1; r++)
             for (int c = t.c0; c <= t.c1; c++)
                 counts[r * grid->columns + c]++;
@@ -65,7 +65,7 @@ void sp_bins_fill(struct sp_bins *bins, uint32_t block, const struct sp_tile_gri
                   const struct sp_splat *records, uint32_t count, uint32_t first_record) {
     uint32_t *next = bins->counts + (size_t)block * bins->tiles;
     for (uint32_t i = 0; i < count; i++) {
-        struct span t = find_span(grid, &records[i]);
+        struct span t = compute_span(grid, &records[i]);
         for (int r = t.r0; r <= t.r1; r++)
             for (int c = t.c0; c <= t.c1; c++)
                 bins->entries[next[r * grid->columns + c]++] = first_record + i;

@@ -30,7 +30,7 @@ double sp_depth_thickness(const struct sp_ewa_frame *frame, double thickness, do
 
 /* Computes the layers of a brick's entries relative to the brick's first layer, which is returned.
  */
-static int64_t find_layers(const struct sort *s, uint32_t b, int64_t *layer, int64_t *last) {
+static int64_t compute_layers(const struct sort *s, uint32_t b, int64_t *layer, int64_t *last) {
     const struct sp_visible *list = s->job->list;
     struct sp_ewa_brick brick;
     uint32_t n = (uint32_t)(list->first[b + 1] - list->first[b]);
@@ -69,7 +69,7 @@ static void sort_bricks(void *user, size_t begin, size_t end, unsigned worker) {
             s->runs[b] = 0;
             continue;
         }
-        s->begin[b] = find_layers(s, (uint32_t)b, layer, &last);
+        s->begin[b] = compute_layers(s, (uint32_t)b, layer, &last);
         for (uint32_t i = 0; i < n; i++)
             counts[layer[i]]++;
         for (int64_t l = 0; l <= last; l++) {

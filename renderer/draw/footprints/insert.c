@@ -88,8 +88,8 @@ static struct place place_in_splats(const struct sp_insert *insert, double dista
 }
 
 /* Where the first of `count` fragments on the ray of pixel (x, y) of the image lies. */
-static struct place find_place(const struct sp_insert *insert, int x, int y,
-                               const struct sp_fragment *list, uint32_t count) {
+static struct place compute_place(const struct sp_insert *insert, int x, int y,
+                                  const struct sp_fragment *list, uint32_t count) {
     const struct sp_camera_transform *camera = insert->camera;
     bool is_perspective = camera->projection == SP_PERSPECTIVE;
     double aside[2] = { (x + 0.5 - camera->centre[0]) / camera->scale,
@@ -113,8 +113,8 @@ static struct place find_place(const struct sp_insert *insert, int x, int y,
 }
 
 /* The fragments of a pixel of the tile. */
-static const struct sp_fragment *find(const struct sp_tile *tile, const struct sp_insert *insert,
-                                      int i, uint32_t *count) {
+static const struct sp_fragment *
+find_fragments(const struct sp_tile *tile, const struct sp_insert *insert, int i, uint32_t *count) {
     const struct sp_fragments *all = insert->fragments;
     int x = tile->x + i % SP_TILE, y = tile->y + i / SP_TILE;
     *count = 0;
@@ -125,11 +125,11 @@ static const struct sp_fragment *find(const struct sp_tile *tile, const struct s
 
 static void set_next(struct sp_tile *tile, const struct sp_insert *insert, int i, uint8_t next) {
     uint32_t count;
-    const struct sp_fragment *list = find(tile, insert, i, &count);
+    const struct sp_fragment *list = find_fragments(tile, insert, i, &count);
     struct place place = { .layer = UINT32_MAX, .share = 1e30 };
     if (next < count)
-        place = find_place(insert, tile->x + i % SP_TILE, tile->y + i / SP_TILE, list + next,
-                           count - next);
+        place = compute_place(insert, tile->x + i % SP_TILE, tile->y + i / SP_TILE, list + next,
+                              count - next);
     tile->insert->next[i] = next;
     tile->insert->layer[i] = place.layer;
     tile->insert->share[i] = (float)place.share;
@@ -154,7 +154,8 @@ static void composite_behind(struct sp_tile *tile, int i) {
 /* Composites the next fragment of pixel i. */
 static void composite(struct sp_tile *tile, const struct sp_insert *insert, int i) {
     uint32_t count;
-    const struct sp_fragment *fragment = find(tile, insert, i, &count) + tile->insert->next[i];
+    const struct sp_fragment *fragment =
+        find_fragments(tile, insert, i, &count) + tile->insert->next[i];
     float *through = &tile->done[0][0][0] + i;
     for (int c = 0; c < 3; c++)
         through[(c + 1) * SP_TILE_AREA] += *through * fragment->color[c];
@@ -202,7 +203,7 @@ void sp_insert_row(struct sp_tile *tile, const struct sp_insert *insert, uint32_
 void sp_insert_rest(struct sp_tile *tile, const struct sp_insert *insert) {
     for (int i = 0; i < SP_TILE_AREA; i++) {
         uint32_t count;
-        find(tile, insert, i, &count);
+        find_fragments(tile, insert, i, &count);
         while (tile->insert->next[i] < count)
             composite(tile, insert, i);
     }

@@ -187,8 +187,8 @@ static inline void eye_direction(const struct sp_post *post, int x, int y, sp_wi
             inv * (post->to_camera[0][k] * u + post->to_camera[1][k] * v + post->to_camera[2][k]);
 }
 
-static inline void find_means(const struct sp_post *post, int x, int y, const sp_wide sums[5],
-                              struct means *m) {
+static inline void compute_means(const struct sp_post *post, int x, int y, const sp_wide sums[5],
+                                 struct means *m) {
     sp_wide inv = 1 / sums[0], along = sp_wide_all(0);
     for (int k = 0; k < 3; k++)
         m->gradient[k] = sums[k + 1] * inv;
@@ -236,7 +236,7 @@ void sp_post_classify(const struct sp_post *post, int x, int y, float *sums, int
         for (int k = 0; k < 5; k++)
             at[k] = sp_wide_load(sums + k * S + i);
         unsigned bits = sp_wide_mask_bits(sp_wide_lt(sp_wide_all(1e-12f), at[0]));
-        find_means(post, x + i, y, at, &m);
+        compute_means(post, x + i, y, at, &m);
         classify(&post->curve, &m, bits, &depth, color);
         if (post->shade && sp_wide_any(sp_wide_lt(sp_wide_all(0), depth)))
             shade(post->shade, &m, color);

@@ -21,8 +21,8 @@ struct range {
     uint32_t first, last, slot;
 };
 
-static inline struct range find_slabs(const struct sp_blend *blend, const struct sp_splat *s,
-                                      const struct sp_span *span) {
+static inline struct range bound_slabs(const struct sp_blend *blend, const struct sp_splat *s,
+                                       const struct sp_span *span) {
     float from = floorf((span->distance - span->reach - blend->nearest) / blend->thickness);
     float to = floorf((span->distance + span->reach - blend->nearest) / blend->thickness);
     float low = (float)s->sheet, high = (float)(s->sheet + blend->slots - 1);
@@ -83,9 +83,9 @@ static void fill_column(const struct sp_blend *blend, const struct sp_tile *tile
 
 /* Computes the depth of the far face of slab k on the rays of the pixels [standard deviations],
  * limited to the range that the planes keep. */
-static inline sp_wide find_depth(const struct sp_blend *blend, const struct sp_splat *s,
-                                 const struct sp_span *span, const struct column *c, uint32_t k,
-                                 int y) {
+static inline sp_wide compute_depth(const struct sp_blend *blend, const struct sp_splat *s,
+                                    const struct sp_span *span, const struct column *c, uint32_t k,
+                                    int y) {
     float face = blend->nearest + (float)(k + 1) * blend->thickness - span->distance;
     float first =
         (face - span->slope[0] * c->first_dx - span->slope[1] * c->dy[y]) * span->sharpness;
@@ -104,7 +104,8 @@ static inline void add_slab(const struct sp_blend *blend, bool is_post, const st
     for (int y = c->y0; y < c->y1; y++) {
         sp_wide next = sp_wide_all(1); /* never less than the share before the near face */
         if (!is_last)
-            next = sp_footprint_share(blend, c->exponent[y], find_depth(blend, s, span, c, k, y));
+            next =
+                sp_footprint_share(blend, c->exponent[y], compute_depth(blend, s, span, c, k, y));
         else if (s->cuts)
             next = sp_footprint_share(blend, c->exponent[y], c->high[y]);
         next = sp_wide_max(next, c->before[y]);
@@ -145,8 +146,8 @@ static bool is_even(const struct sp_blend *blend, const struct sp_splat *s,
 }
 
 /* Computes the shares that all pixels of such a splat have in common. */
-static void find_shares(const struct sp_blend *blend, const struct sp_span *span,
-                        const struct range *slabs, float share[SP_SLOTS_MAX + SP_WIDE]) {
+static void compute_shares(const struct sp_blend *blend, const struct sp_span *span,
+                           const struct range *slabs, float share[SP_SLOTS_MAX + SP_WIDE]) {
     int last = (int)(slabs->last - slabs->first);
     for (int i = 0; i < last; i += SP_WIDE) {
         sp_wide k = sp_wide_from_int(sp_wide_int_count() + (int32_t)(slabs->first + 1) + i);
@@ -170,7 +171,7 @@ static void add_even(struct sp_tile *tile, const struct sp_blend *blend, const s
                      const struct sp_span *span, const struct range *slabs,
                      const struct sp_box *box) {
     float share[SP_SLOTS_MAX + SP_WIDE];
-    find_shares(blend, span, slabs, share);
+    compute_shares(blend, span, slabs, share);
     for (int x = sp_column_first(box); x < box->x1; x += SP_WIDE) {
         sp_wide weight[SP_TILE];
         int y0 = box->y1, y1 = box->y0; /* outside these rows all weights are zero */
@@ -204,7 +205,7 @@ void sp_slab_add(struct sp_tile *tile, const struct sp_blend *blend,
     if (tile->saturated)
         return;
     struct sp_box box = sp_tile_box(tile, s);
-    struct range slabs = find_slabs(blend, s, span);
+    struct range slabs = bound_slabs(blend, s, span);
     if (is_even(blend, s, span))
         add_even(tile, blend, s, span, &slabs, &box);
     else

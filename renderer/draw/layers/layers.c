@@ -79,8 +79,8 @@ static bool prepare_surface(struct sp_layers *l, const struct sp_layer *layer,
     return input.points && sp_surface_prepare(&input, &l->surfaces[l->surface_count++], err);
 }
 
-static const struct sp_voxel_list *find_shell(const struct sp_layers_input *from,
-                                              const struct sp_layer *layer, struct sp_error *err) {
+static const struct sp_voxel_list *get_shell(const struct sp_layers_input *from,
+                                             const struct sp_layer *layer, struct sp_error *err) {
     const struct sp_shell_job job = { .volume = from->volume,
                                       .tf = &from->view->transfer_function,
                                       .low = layer->low,
@@ -92,8 +92,8 @@ static const struct sp_voxel_list *find_shell(const struct sp_layers_input *from
     return sp_shell_cache_get(from->shells, &job, err);
 }
 
-static const struct sp_voxel_list *find_vectors(const struct sp_layers_input *from, uint32_t number,
-                                                struct sp_error *err) {
+static const struct sp_voxel_list *get_vectors(const struct sp_layers_input *from, uint32_t number,
+                                               struct sp_error *err) {
     const struct sp_layer *layer = &from->view->layers[number];
     struct sp_vectors_job job = { .volume = from->volume,
                                   .tf = &from->view->transfer_function,
@@ -113,8 +113,8 @@ bool sp_layers_voxels(const struct sp_layers_input *from, uint32_t number,
     *input = (struct sp_voxel_input){ .view = from->view,
                                       .layer = layer,
                                       .grid = &sp_volume_info(from->volume)->grid,
-                                      .list = is_shell ? find_shell(from, layer, err)
-                                                       : find_vectors(from, number, err),
+                                      .list = is_shell ? get_shell(from, layer, err)
+                                                       : get_vectors(from, number, err),
                                       .camera = from->camera,
                                       .shade = from->shade,
                                       .kernels = from->voxel_kernels,
@@ -132,7 +132,7 @@ static bool prepare_voxels(const struct sp_layers_input *from, uint32_t layer,
     if (!sp_layers_voxels(from, layer, &to->input, err))
         return false;
     return from->voxel_kernels ? sp_voxel_prepare(&to->input, &to->layer, err)
-                               : sp_voxel_find(&to->input, &to->layer, err);
+                               : sp_voxel_source_acquire(&to->input, &to->layer, err);
 }
 
 bool sp_layers_cloud(const struct sp_layers_input *from, uint32_t layer, struct sp_layers_cloud *to,

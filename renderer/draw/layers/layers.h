@@ -30,7 +30,8 @@ struct sp_layers_input {
     struct sp_cloud_cache *clouds;    /* the same for layers of points */
     struct sp_vectors_cache *vectors; /* NULL = layers of vectors cannot be drawn */
     uint64_t bytes_max;               /* of all these caches */
-    /* All NULL: the frame is prepared only; of splats, sp_voxel_find(); of meshes, sp_mesh_init().
+    /* All NULL: the frame is prepared only; of splats, sp_voxel_source_acquire(); of meshes,
+     * sp_mesh_init().
      */
     sp_surface_tile_fn *surface_tile;
     const struct sp_voxel_kernels *voxel_kernels;

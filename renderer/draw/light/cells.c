@@ -45,8 +45,8 @@ struct worker {
         PLACE(type, double)
 
 /* Places of the samples from `first` on. Doubles where floats do not hold all values. */
-static void find_places(const struct sp_light_cells *c, uint64_t first, size_t count,
-                        float *place) {
+static void compute_places(const struct sp_light_cells *c, uint64_t first, size_t count,
+                           float *place) {
     const double far = 1e9, scale = c->per_unit;
     switch (c->info->type) {
         SP_SHORT_CASES(PLACE_SHORT)
@@ -73,12 +73,12 @@ static void load_places(const struct worker *w, uint64_t first, struct row *row)
     const struct sp_light_cells *c = w->c;
     size_t samples = c->info->grid.dims[0], count = w->count;
     if (c->is_even) {
-        find_places(c, first, samples < count ? samples : count, row->place);
+        compute_places(c, first, samples < count ? samples : count, row->place);
         for (size_t i = samples; i < count; i++)
             row->place[i] = row->place[samples - 1];
     } else {
         for (size_t i = 0; i < count; i++)
-            find_places(c, first + c->sample[0][i], 1, row->place + i);
+            compute_places(c, first + c->sample[0][i], 1, row->place + i);
     }
     for (size_t i = count; i < count + LIGHT_PAD; i++)
         row->place[i] = row->place[count - 1];
@@ -133,8 +133,8 @@ static float scale_depth(const struct sp_light_cells *c, const float value[4], f
 }
 
 /* The depths at the positions of a row: means over the pairs with the next neighbours. */
-static void find_depths(const struct worker *w, const struct row *row, const struct row *across,
-                        const struct row *along, float *out) {
+static void compute_depths(const struct worker *w, const struct row *row, const struct row *across,
+                           const struct row *along, float *out) {
     for (size_t i = 0; i + 1 < w->count; i += SP_WIDE) {
         sp_wide place = sp_wide_load(row->place + i);
         sp_wide sum = sp_wide_load(row->sum + i), mean = sp_wide_load(row->mean + i);
@@ -177,7 +177,7 @@ static void add_columns(float *const *rows, size_t step, unsigned count, unsigne
 }
 
 /* The share of a cell that clipping keeps. */
-static float find_kept(const struct sp_light_cells *c, const uint32_t cell[3]) {
+static float compute_kept(const struct sp_light_cells *c, const uint32_t cell[3]) {
     double share = 1;
     for (int h = 0; h < c->half_count; h++) {
         const struct sp_light_half *half = &c->halves[h];
@@ -191,7 +191,7 @@ static float find_kept(const struct sp_light_cells *c, const uint32_t cell[3]) {
 
 /* What clipping leaves of a depth. */
 static float clip_depth(const struct sp_light_cells *c, const uint32_t cell[3], float depth) {
-    return depth > 0 ? -log1pf(find_kept(c, cell) * expm1f(-depth)) : 0;
+    return depth > 0 ? -log1pf(compute_kept(c, cell) * expm1f(-depth)) : 0;
 }
 
 /* The depths of a row of cells. Light that passes beside matter in a cell counts: the depth is that
@@ -252,7 +252,7 @@ static void write_cells(const struct worker *w, uint32_t row, bool is_clear) {
     }
 }
 
-static void find_row(struct worker *w, uint32_t row) {
+static void compute_row(struct worker *w, uint32_t row) {
     const unsigned n = w->c->per_cell;
     const uint32_t along = (w->slice - 1) * n, across = (row - 1) * n;
     bool is_clear = true;
@@ -267,11 +267,12 @@ static void find_row(struct worker *w, uint32_t row) {
     }
     for (unsigned k = 0; !is_clear && k < n; k++)
         for (unsigned j = 0; j < n; j++)
-            find_depths(w, &w->rows[j][k], &w->rows[j + 1][k], &w->rows[j][k + 1], w->depth[j][k]);
+            compute_depths(w, &w->rows[j][k], &w->rows[j + 1][k], &w->rows[j][k + 1],
+                           w->depth[j][k]);
     write_cells(w, row, is_clear);
 }
 
-void sp_light_find_cells(const struct sp_light_cells *c, uint32_t slice, unsigned worker) {
+void sp_light_compute_cells(const struct sp_light_cells *c, uint32_t slice, unsigned worker) {
     const unsigned n = c->per_cell;
     const size_t length = sp_light_row_floats(c->dims[0] - 2, n);
     float *memory = c->rows + worker * c->worker_floats;
@@ -292,5 +293,5 @@ void sp_light_find_cells(const struct sp_light_cells *c, uint32_t slice, unsigne
         if (is_border || row == 0 || row + 1 == c->dims[1])
             write_cells(&w, row, true);
         else
-            find_row(&w, row);
+            compute_row(&w, row);
 }

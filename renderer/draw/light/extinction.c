@@ -49,7 +49,7 @@ static void init_integral(struct sp_light_cells *c) {
 }
 
 /* The samples at evenly spaced coordinates. */
-static bool find_positions(struct sp_light_cells *x, unsigned side) {
+static bool list_positions(struct sp_light_cells *x, unsigned side) {
     const struct sp_grid *grid = &x->info->grid;
     x->is_even = true;
     for (unsigned a = 0; a < 3; a++) {
@@ -79,7 +79,7 @@ static void add_half(struct sp_light_cells *x, const double normal[3], double of
 
 /* What clipping keeps, in cell coordinates: world = origin + direction·distance, and
  * distance = (cell − first)·side·spacing. */
-static void find_halves(struct sp_light_cells *x, const struct sp_light_slot *slot) {
+static void list_halves(struct sp_light_cells *x, const struct sp_light_slot *slot) {
     const struct sp_grid *grid = &x->info->grid;
     const struct sp_clip *clip = &slot->clip;
     double side = slot->side, first = sp_light_first(slot);
@@ -113,18 +113,18 @@ struct work {
     const struct sp_light_job *job;
 };
 
-static void find_slices(void *user, size_t begin, size_t end, unsigned worker) {
+static void compute_slices(void *user, size_t begin, size_t end, unsigned worker) {
     const struct work *work = user;
     for (size_t k = begin; k < end && !sp_interrupt_is_cancelled(&work->job->interrupt); k++)
-        work->job->kernels->find_cells(work->cells, (uint32_t)k, worker);
+        work->job->kernels->compute_cells(work->cells, (uint32_t)k, worker);
 }
 
-static bool find(struct sp_light_cells *c, const struct sp_light_slot *slot,
-                 const struct sp_light_job *job) {
+static bool compute_extinction(struct sp_light_cells *c, const struct sp_light_slot *slot,
+                               const struct sp_light_job *job) {
     const struct work work = { c, job };
     c->worker_floats = sp_light_cells_floats(c->dims[0] - 2, c->per_cell);
     c->rows = malloc(c->worker_floats * sp_pool_threads(job->pool) * sizeof *c->rows);
-    if (!c->rows || !find_positions(c, slot->side))
+    if (!c->rows || !list_positions(c, slot->side))
         return false;
     init_integral(c);
     for (int a = 0; a < 3; a++) {
@@ -133,13 +133,13 @@ static bool find(struct sp_light_cells *c, const struct sp_light_slot *slot,
         c->per_column[a] =
             (float)(sp_light_cell_width(slot) / (c->width[a] * c->per_cell) / 3 / (double)SP_LOG2E);
     }
-    find_halves(c, slot);
-    sp_parallel_for(job->pool, c->dims[2], 1, find_slices, (void *)&work);
+    list_halves(c, slot);
+    sp_parallel_for(job->pool, c->dims[2], 1, compute_slices, (void *)&work);
     return true;
 }
 
-bool sp_extinction_find(struct sp_light_slot *slot, const struct sp_light_job *job,
-                        struct sp_error *err) {
+bool sp_extinction_compute(struct sp_light_slot *slot, const struct sp_light_job *job,
+                           struct sp_error *err) {
     struct sp_light_cells *c = malloc(sizeof *c);
     if (!c)
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the volume's extinction");
@@ -150,7 +150,7 @@ bool sp_extinction_find(struct sp_light_slot *slot, const struct sp_light_job *j
                                   .extinction = slot->extinction,
                                   .field = slot->field };
     memcpy(c->dims, slot->dims, sizeof c->dims);
-    bool ok = find(c, slot, job);
+    bool ok = compute_extinction(c, slot, job);
     free(c->rows);
     for (int a = 0; a < 3; a++)
         free(c->sample[a]);

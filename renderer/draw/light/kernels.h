@@ -55,7 +55,7 @@ struct sp_light_cells {
 
 /* Fills a slice of cells. */
 typedef void sp_light_cells_fn(const struct sp_light_cells *cells, uint32_t slice, unsigned worker);
-void sp_light_find_cells(const struct sp_light_cells *cells, uint32_t slice, unsigned worker);
+void sp_light_compute_cells(const struct sp_light_cells *cells, uint32_t slice, unsigned worker);
 
 /* Rows of samples that a worker holds: each has four numbers; depths; and sums. */
 static inline size_t sp_light_row_floats(uint32_t cells, unsigned per_cell) {
@@ -121,7 +121,7 @@ void sp_light_turn_in(const struct sp_light_turn *turn, size_t row);  /* extinct
 void sp_light_turn_out(const struct sp_light_turn *turn, size_t row); /* staged → field */
 
 struct sp_light_kernels {
-    sp_light_cells_fn *find_cells;
+    sp_light_cells_fn *compute_cells;
     sp_light_pass_fn *pass;
     sp_light_turn_fn *turn_in, *turn_out;
 };

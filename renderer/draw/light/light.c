@@ -75,7 +75,7 @@ static struct sp_light_slot *free_slot(struct sp_light_cache *cache, uint64_t by
     const uint64_t beside = cache->scratch.count * sizeof *cache->scratch.floats + bytes;
     sp_slots_trim(&slots, cache->slots, bytes_max > beside ? bytes_max - beside : 0, UINT64_MAX,
                   NULL);
-    return beside > bytes_max ? NULL : sp_slots_take(&slots, cache->slots, UINT64_MAX, NULL);
+    return beside > bytes_max ? NULL : sp_slots_acquire(&slots, cache->slots, UINT64_MAX, NULL);
 }
 
 double sp_light_cell_width(const struct sp_light_slot *slot) {
@@ -114,15 +114,15 @@ static struct sp_light_slot *create_slot(struct sp_light_cache *cache,
     bool ok = slot->extinction && slot->field;
     if (!ok)
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the light of the volume");
-    if (!ok || !sp_extinction_find(slot, job, err)) {
+    if (!ok || !sp_extinction_compute(slot, job, err)) {
         sp_slots_empty(&slots, slot);
         return NULL;
     }
     return slot;
 }
 
-static struct sp_light_slot *find_slot(struct sp_light_cache *cache, const struct sp_light_job *job,
-                                       struct sp_error *err) {
+static struct sp_light_slot *get_slot(struct sp_light_cache *cache, const struct sp_light_job *job,
+                                      struct sp_error *err) {
     for (int i = 0; i < LIGHT_SLOTS; i++) {
         struct sp_light_slot *slot = &cache->slots[i];
         if (slot->base.volume == job->volume &&
@@ -190,8 +190,8 @@ static void close_sums(void *user, size_t begin, size_t end, unsigned worker) {
 }
 
 /* Fills the openness, and makes all light arrive. */
-static bool find_openness(struct sp_light_slot *slot, const struct sp_light_job *job,
-                          struct sp_light_scratch *scratch, struct sp_error *err) {
+static bool compute_openness(struct sp_light_slot *slot, const struct sp_light_job *job,
+                             struct sp_light_scratch *scratch, struct sp_error *err) {
     const struct sp_grid *grid = &sp_volume_info(slot->base.volume)->grid;
     struct sp_vec3 directions[LIGHT_DIRECTIONS];
     double diagonal = 0;
@@ -221,8 +221,8 @@ static bool find_openness(struct sp_light_slot *slot, const struct sp_light_job 
 }
 
 /* Fills the transmittance: the mean over four directions within the light's disc. */
-static bool find_transmittance(struct sp_light_slot *slot, const struct sp_light_job *job,
-                               struct sp_light_scratch *scratch, struct sp_error *err) {
+static bool compute_transmittance(struct sp_light_slot *slot, const struct sp_light_job *job,
+                                  struct sp_light_scratch *scratch, struct sp_error *err) {
     struct sp_vec3 d = { { (double)job->direction[0], (double)job->direction[1],
                            (double)job->direction[2] } };
     int least = fabs(d.v[0]) < fabs(d.v[1]) ? 0 : 1;
@@ -254,10 +254,10 @@ static bool update(struct sp_light_slot *slot, const struct sp_light_job *job,
     const struct sp_shading *shading = &job->view->shading;
     bool wants_openness = shading->occlusion > 0;
     bool wants_shadow = shading->shadow > 0 && job->direction;
-    if (wants_openness && !slot->has_openness && !find_openness(slot, job, scratch, err))
+    if (wants_openness && !slot->has_openness && !compute_openness(slot, job, scratch, err))
         return false;
     return !wants_shadow || is_direction(slot->direction, job->direction) ||
-           find_transmittance(slot, job, scratch, err);
+           compute_transmittance(slot, job, scratch, err);
 }
 
 static void describe(const struct sp_light_slot *slot, const struct sp_view *view,
@@ -282,7 +282,7 @@ static void describe(const struct sp_light_slot *slot, const struct sp_view *vie
 
 bool sp_light_get(struct sp_light_cache *cache, const struct sp_light_job *job,
                   struct sp_light_field *field, struct sp_error *err) {
-    struct sp_light_slot *slot = find_slot(cache, job, err);
+    struct sp_light_slot *slot = get_slot(cache, job, err);
     bool is_made =
         slot && (!slot->base.used || (job->view->shading.occlusion > 0 && !slot->has_openness));
     if (!slot || !update(slot, job, &cache->scratch, err))

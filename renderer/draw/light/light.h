@@ -118,8 +118,8 @@ static inline double sp_light_first(const struct sp_light_slot *slot) {
 
 /* extinction.c: fills slot->extinction, and slot->field with how clear cells are; all light
  * arrives. False if cancelled or out of memory (SP_ERR_MEMORY). */
-bool sp_extinction_find(struct sp_light_slot *slot, const struct sp_light_job *job,
-                        struct sp_error *err);
+bool sp_extinction_compute(struct sp_light_slot *slot, const struct sp_light_job *job,
+                           struct sp_error *err);
 
 /* One sweep: light from a set of directions that cross the slices of one axis the same way. */
 struct sp_sweep {

@@ -35,8 +35,8 @@ static inline const float *first_ray(const struct sp_light_slice *s, int d, size
 }
 
 /* Directions with equal steps share the transmittance of a cell. */
-static int find_groups(const struct sp_light_slice *s, int group[LIGHT_DIRECTIONS],
-                       float depth[LIGHT_DIRECTIONS]) {
+static int group_directions(const struct sp_light_slice *s, int group[LIGHT_DIRECTIONS],
+                            float depth[LIGHT_DIRECTIONS]) {
     int count = 0;
     for (int d = 0; d < s->count; d++) {
         int g = 0;
@@ -55,7 +55,7 @@ static void pass_ambient(const struct sp_light_slice *s, size_t row, const float
     const size_t at = (row + LIGHT_MARGIN) * (size_t)s->width + LIGHT_MARGIN;
     int group[LIGHT_DIRECTIONS];
     float group_depth[LIGHT_DIRECTIONS];
-    int groups = find_groups(s, group, group_depth);
+    int groups = group_directions(s, group, group_depth);
     for (int i = 0; i < s->dims[0]; i += SP_WIDE) {
         sp_wide passed[LIGHT_DIRECTIONS], all = zero;
         sp_wide depth = sp_wide_load(extinction + i);

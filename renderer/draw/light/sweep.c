@@ -41,8 +41,8 @@ struct sweep {
 };
 
 /* Cells per world unit in a direction, by axis. */
-static void find_direction(const struct sp_light_slot *slot, struct sp_vec3 towards,
-                           double cells[3]) {
+static void convert_direction(const struct sp_light_slot *slot, struct sp_vec3 towards,
+                              double cells[3]) {
     const struct sp_grid *grid = &sp_volume_info(slot->base.volume)->grid;
     double volume;
     struct sp_mat3 from = sp_grid_steps(grid, slot->side);
@@ -55,7 +55,7 @@ static void find_direction(const struct sp_light_slot *slot, struct sp_vec3 towa
 int sp_sweep_axis(const struct sp_light_slot *slot, struct sp_vec3 towards, bool *rises) {
     double cells[3];
     int best = 2;
-    find_direction(slot, towards, cells);
+    convert_direction(slot, towards, cells);
     for (int a = 2; a >= 0; a--)
         if (fabs(cells[a]) > fabs(cells[best]) * (1 + 1e-9))
             best = a;
@@ -66,7 +66,7 @@ int sp_sweep_axis(const struct sp_light_slot *slot, struct sp_vec3 towards, bool
 static void init_step(struct sweep *w, int d, const struct sp_light_slot *slot,
                       struct sp_vec3 towards, double fading) {
     double cells[3];
-    find_direction(slot, towards, cells);
+    convert_direction(slot, towards, cells);
     double length = 1 / fabs(cells[w->axis[2]]); /* from slice to slice, world units */
     for (int a = 0; a < 2; a++)
         w->rays[d].move[a] = fmin(fmax(cells[w->axis[a]] * length, -2), 2);

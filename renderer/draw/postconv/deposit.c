@@ -490,7 +490,7 @@ static void add_footprint(struct sp_postconv_open_tile *t, const struct sp_splat
 
 /* Lists the entries of the brick that are not drawn yet, from *at on; at most `most`, a multiple of
  * CHUNK. */
-static uint32_t find_entries(const struct run_frame *r, const struct sp_postconv_run *run,
+static uint32_t list_entries(const struct run_frame *r, const struct sp_postconv_run *run,
                              uint64_t first, uint32_t *at, uint32_t most, uint16_t *entries) {
     uint32_t count = 0;
     for (; *at < run->end && count + CHUNK <= most; *at += CHUNK) {
@@ -531,7 +531,7 @@ void sp_postconv_add_footprints(struct sp_postconv_open_tile *t,
     /* Footprints may be wide. Few are drawn at a time, so that a cancelled frame ends soon. */
     for (uint32_t at = run->begin;
          at < run->end && !sp_interrupt_is_cancelled(&t->postconv->interrupt);) {
-        r.count = find_entries(&frame, run, r.first, &at, COUNT, entries);
+        r.count = list_entries(&frame, run, r.first, &at, COUNT, entries);
         sp_visible_locals(list, b->brick, entries, 0, r.count, local);
         uint32_t n = sp_ewa_set_up(ewa, &r, &out);
         for (uint32_t i = 0; i < n; i++)

@@ -40,7 +40,7 @@ static void make_wide_zoom(const struct sp_postconv_tables *tables,
 }
 
 /* Finds the blocks of samples that each block of pixels needs. */
-static void find_needs(struct sp_postconv_open_tile *t) {
+static void compute_needs(struct sp_postconv_open_tile *t) {
     int scale = t->group.scale[0], reach = t->group.filter[0]->taps;
     for (int b = 0; b < POSTCONV_TILE / BLOCK; b++) {
         int first = (b * BLOCK >> scale) - 1 - reach + ORIGIN;
@@ -50,7 +50,7 @@ static void find_needs(struct sp_postconv_open_tile *t) {
 }
 
 /* Finds the blocks of samples that matter to pixels [4·block, 4·block + 4) along an axis. */
-static void find_span(const struct sp_postconv_group *g, int axis, int block, int span[2]) {
+static void compute_span(const struct sp_postconv_group *g, int axis, int block, int span[2]) {
     float start = g->offset[axis] + (float)(block * BLOCK) * g->per_px[axis];
     float before = g->offset[axis] - g->low[axis];
     span[0] = (int)(start - before) / BLOCK;
@@ -58,21 +58,21 @@ static void find_span(const struct sp_postconv_group *g, int axis, int block, in
 }
 
 /* Finds the blocks of samples that matter to pixels that are not opaque. */
-static void find_wanted(struct sp_postconv_open_tile *t) {
+static void mark_wanted(struct sp_postconv_open_tile *t) {
     if (!t->has_dead)
         return;
     uint32_t columns[POSTCONV_TILE / BLOCK];
     int span[2];
     memset(t->wanted, 0, sizeof t->wanted);
     for (int b = 0; b < POSTCONV_TILE / BLOCK; b++) {
-        find_span(&t->group, 0, b, span);
+        compute_span(&t->group, 0, b, span);
         columns[b] = (UINT32_C(2) << span[1]) - (UINT32_C(1) << span[0]);
     }
     for (int r = 0; r < POSTCONV_TILE / BLOCK; r++) {
         uint32_t wanted = 0;
         for (uint32_t live = t->live[r]; live; live &= live - 1)
             wanted |= columns[__builtin_ctz(live)];
-        find_span(&t->group, 1, r, span);
+        compute_span(&t->group, 1, r, span);
         for (int q = span[0]; q <= span[1]; q++)
             t->wanted[q] |= wanted;
     }
@@ -82,7 +82,7 @@ static void find_wanted(struct sp_postconv_open_tile *t) {
 static void start_filters(struct sp_postconv_open_tile *t) {
     const struct sp_postconv_group *g = &t->group;
     if (g->scale[0]) {
-        find_needs(t);
+        compute_needs(t);
         make_wide_zoom(t->postconv->tables, g->filter[0], g->scale[0], t->zoom[0]);
     }
     if (g->scale[1])
@@ -97,7 +97,7 @@ bool sp_postconv_start_group(struct sp_postconv_open_tile *t, const struct sp_po
         range[1] = runs[i].range[1] > range[1] ? runs[i].range[1] : range[1];
     if (!sp_postconv_group_init(t->postconv, &t->postconv->bricks[runs[0].brick], range, g))
         return false;
-    find_wanted(t);
+    mark_wanted(t);
     start_filters(t);
     return true;
 }
@@ -313,7 +313,7 @@ static void composite_fragments(struct sp_postconv_open_tile *t, int y, int x, s
             p[i] *= left;
         }
         composite_part(t, y, x, part);
-        sp_postconv_take_fragments(t, y, x, sp_wide_mask_bits(before));
+        sp_postconv_composite_fragments(t, y, x, sp_wide_mask_bits(before));
         done = share;
         place = sp_wide_load(&t->inserted->place[y][x]);
         before = sp_wide_lt(place, end);

@@ -6,8 +6,8 @@
 #include "splat/camera.h"
 
 /* Fills how many slices lie in front of a point of camera space: offset + normal·u. */
-static void find_normal(const struct sp_camera_transform *camera, const struct sp_grid *grid,
-                        unsigned axis, double normal[3], double *offset) {
+static void compute_normal(const struct sp_camera_transform *camera, const struct sp_grid *grid,
+                           unsigned axis, double normal[3], double *offset) {
     double det;
     struct sp_mat3 d = sp_grid_steps(grid, 1);
     struct sp_vec3 row = sp_vec3_from(sp_mat3_inverse(&d, &det).m[axis]);
@@ -44,7 +44,7 @@ const struct sp_postconv_insert *sp_postconv_insert_create(const struct sp_postc
     float(*begin)[2] = sp_arena_alloc(input->arena, "places of slices", count, sizeof *begin);
     if (input->arena->failed)
         return NULL;
-    find_normal(camera, input->grid, postconv->axis, normal, &offset);
+    compute_normal(camera, input->grid, postconv->axis, normal, &offset);
     fill_begins(postconv, count, begin);
     *insert = (struct sp_postconv_insert){
         .fragments = input->fragments,

@@ -81,8 +81,8 @@ static const float no_cross = 0.02f; /* a covariance below this share of the var
 static const float small_cross = 0.1f; /* up to this share the deposit alone corrects it */
 
 /* Finds filters for samples that are 2^scale px wide; false if there are none. */
-static bool find_filters(const struct sp_postconv *postconv, const float v[3],
-                         struct sp_postconv_group *g) {
+static bool choose_filters(const struct sp_postconv *postconv, const float v[3],
+                           struct sp_postconv_group *g) {
     const struct sp_postconv_filter *filters = postconv->tables->filters[postconv->exact];
     float cross = fabsf(v[2]);
     for (int a = 0; a < 2; a++) {
@@ -144,7 +144,7 @@ bool sp_postconv_group_init(const struct sp_postconv *postconv, const struct sp_
             g->scale[a]++;
     float radius = sp_postconv_ewa(postconv, b)->radius;
     g->area = (float)M_PI * radius * radius * sqrtf(fmaxf(0, v[0] * v[1] - v[2] * v[2]));
-    while (!find_filters(postconv, v, g)) {
+    while (!choose_filters(postconv, v, g)) {
         int a = g->scale[1] > g->scale[0];
         if (g->scale[a] == 0)
             return false;
@@ -239,7 +239,7 @@ static bool has_filters(const struct sp_postconv *postconv, const struct sp_post
     return sp_postconv_group_init(postconv, b, b->range, &group);
 }
 
-bool sp_postconv_find_filters(const struct sp_postconv *postconv, struct sp_postconv_brick *b) {
+bool sp_postconv_choose_filters(const struct sp_postconv *postconv, struct sp_postconv_brick *b) {
     const float most[2] = { b->range[1], b->range[1] };
     struct sp_postconv_group group;
     return b->range[1] <= uneven * b->range[0] && choose_scales(postconv, b) &&

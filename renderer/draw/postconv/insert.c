@@ -6,7 +6,7 @@
 #include "draw/postconv/tile.h"
 
 /* The place of a fragment on the ray of pixel (x, y) of the image. */
-static float find_place(const struct sp_postconv_insert *insert, int x, int y, float depth) {
+static float compute_place(const struct sp_postconv_insert *insert, int x, int y, float depth) {
     const double u2 = (double)depth;
     double aside = insert->right * (x + 0.5 - insert->centre[0]) +
                    insert->down * (y + 0.5 - insert->centre[1]);
@@ -21,11 +21,11 @@ static float find_place(const struct sp_postconv_insert *insert, int x, int y, f
 }
 
 /* Finds the place of the first of the fragments that are left of a pixel. */
-static inline void find_next(const struct sp_postconv_open_tile *t, int y, int column) {
+static inline void update_place(const struct sp_postconv_open_tile *t, int y, int column) {
     struct sp_postconv_inserted *own = t->inserted;
     const int x = t->x + column / W * W + sp_postconv_pixel_at(column % W);
-    own->place[y][column] = own->left[y][column] ? find_place(t->postconv->insert, x, t->y + y,
-                                                              own->next[y][column]->depth)
+    own->place[y][column] = own->left[y][column] ? compute_place(t->postconv->insert, x, t->y + y,
+                                                                 own->next[y][column]->depth)
                                                  : INFINITY;
 }
 
@@ -54,11 +54,11 @@ void sp_postconv_open_fragments(struct sp_postconv_open_tile *t) {
                 t->inserted->next[y][column] =
                     sp_fragments_at(t->postconv->insert->fragments, t->x + x, t->y + y, &count);
             t->inserted->left[y][column] = (uint8_t)count;
-            find_next(t, y, column);
+            update_place(t, y, column);
         }
 }
 
-void sp_postconv_take_fragments(struct sp_postconv_open_tile *t, int y, int x, unsigned bits) {
+void sp_postconv_composite_fragments(struct sp_postconv_open_tile *t, int y, int x, unsigned bits) {
     float(*done)[POSTCONV_TILE][POSTCONV_TILE] = t->scratch->done;
     _Alignas(64) float color[3][W] = { { 0 } }, alpha[W] = { 0 };
     for (; bits; bits &= bits - 1) {
@@ -68,7 +68,7 @@ void sp_postconv_take_fragments(struct sp_postconv_open_tile *t, int y, int x, u
             color[c][i] = fragment->color[c];
         alpha[i] = fragment->alpha;
         t->inserted->left[y][x + i]--;
-        find_next(t, y, x + i);
+        update_place(t, y, x + i);
     }
     sp_wide through = sp_wide_load(&done[3][y][x]);
     for (int c = 0; c < 3; c++)
@@ -78,7 +78,7 @@ void sp_postconv_take_fragments(struct sp_postconv_open_tile *t, int y, int x, u
 }
 
 /* The pixels of the vector at (x, y) that have fragments left, as bits. */
-static unsigned find_left(const struct sp_postconv_open_tile *t, int y, int x) {
+static unsigned mask_left(const struct sp_postconv_open_tile *t, int y, int x) {
     unsigned bits = 0;
     for (int i = 0; i < W; i++)
         bits |= (unsigned)(t->inserted->left[y][x + i] > 0) << i;
@@ -88,6 +88,6 @@ static unsigned find_left(const struct sp_postconv_open_tile *t, int y, int x) {
 void sp_postconv_finish_fragments(struct sp_postconv_open_tile *t) {
     for (int y = 0; t->inserted && y < POSTCONV_TILE; y++)
         for (int x = 0; x < POSTCONV_TILE; x += W)
-            for (unsigned left = find_left(t, y, x); left; left = find_left(t, y, x))
-                sp_postconv_take_fragments(t, y, x, left);
+            for (unsigned left = mask_left(t, y, x); left; left = mask_left(t, y, x))
+                sp_postconv_composite_fragments(t, y, x, left);
 }

@@ -64,8 +64,8 @@ struct prepare {
 };
 
 /* Computes the variance of a brick's footprints at u. */
-static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, unsigned axis,
-                          const float u[3], struct sp_postconv_brick *b) {
+static void compute_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, unsigned axis,
+                             const float u[3], struct sp_postconv_brick *b) {
     float *v = b->spread, *scale = &b->scale, *lowpass2 = &b->lowpass2;
     unsigned across[2] = { axis == 0, axis == 2 ? 1 : 2 };
     float t[2] = { 0, 0 }, fx = f->scale, m[2][3];
@@ -101,8 +101,8 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
 }
 
 /* Finds the pixels that a brick's voxels can reach; false if none is in the image. */
-static bool find_box(const struct sp_postconv *postconv, const float size[3],
-                     struct sp_postconv_brick *b) {
+static bool compute_box(const struct sp_postconv *postconv, const float size[3],
+                        struct sp_postconv_brick *b) {
     const struct sp_ewa_frame *f = sp_postconv_ewa(postconv, b);
     float low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
     float nearest = INFINITY, farthest = -INFINITY;
@@ -132,7 +132,7 @@ static bool find_box(const struct sp_postconv *postconv, const float size[3],
         b->range[1] = 1 / (near ? f->near : nearest);
     }
     float v[3];
-    b->is_unfit = b->is_unfit || !sp_postconv_find_filters(postconv, b);
+    b->is_unfit = b->is_unfit || !sp_postconv_choose_filters(postconv, b);
     sp_postconv_variance(b, b->range[1], v);
     int box[2][2];
     for (int i = 0; i < 2; i++) {
@@ -161,7 +161,7 @@ static const float most_depth = 24;
 
 /* Returns the depth at a footprint's centre over the depth of a layer of such footprints, at
  * least 1. It is larger for footprints that leave gaps. */
-static float find_peak(const struct sp_postconv_brick *b) {
+static float compute_peak(const struct sp_postconv_brick *b) {
     float v[3], cell = fabsf(b->step[0][0] * b->step[1][1] - b->step[0][1] * b->step[1][0]);
     sp_postconv_variance(b, sqrtf(b->range[0] * b->range[1]), v);
     float det = fmaxf(v[0] * v[1] - v[2] * v[2], SP_VARIANCE_MIN * SP_VARIANCE_MIN);
@@ -173,9 +173,9 @@ static const float thin = 0.2f;
 
 /* Finds the largest depth of each slice of the brick along the axis, for the length of a ray in it.
  */
-static void find_depths(const struct prepare *p, struct sp_postconv_brick *b) {
+static void compute_depths(const struct prepare *p, struct sp_postconv_brick *b) {
     const struct sp_level *level = sp_postconv_level(p->postconv, b);
-    float scale = ldexpf(p->length, b->level) * find_peak(b);
+    float scale = ldexpf(p->length, b->level) * compute_peak(b);
     for (int k = 0; k < SP_BRICK; k++) {
         b->depth[k] = scale * level->depths[p->postconv->axis][b->brick][k];
         b->is_unfit |= b->depth[k] > most_depth;
@@ -183,7 +183,7 @@ static void find_depths(const struct prepare *p, struct sp_postconv_brick *b) {
 }
 
 /* Returns the largest depth of a class. */
-static float find_deepest(const struct sp_transfer_function *tf) {
+static float compute_deepest(const struct sp_transfer_function *tf) {
     float most = 0;
     for (uint32_t i = 0; i < tf->point_count; i++)
         most = fmaxf(most, -log1pf(-tf->points[i].opacity));
@@ -246,15 +246,15 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
                                          .mode = (uint8_t)(modes ? modes[bricks[i].brick]
                                                                  : p->input->view->filter.mode) };
         place_brick(p->postconv, b, size, middle);
-        find_variance(sp_postconv_ewa(p->postconv, b), (enum sp_filter_mode)b->mode,
-                      p->postconv->axis, middle, b);
-        p->sight[i] = find_box(p->postconv, size, b);
+        compute_variance(sp_postconv_ewa(p->postconv, b), (enum sp_filter_mode)b->mode,
+                         p->postconv->axis, middle, b);
+        p->sight[i] = compute_box(p->postconv, size, b);
         if (!p->sight[i])
             continue;
         bool is_unfit = b->is_unfit;
-        find_depths(p, b);
+        compute_depths(p, b);
         if (b->is_unfit != is_unfit)
-            p->sight[i] = find_box(p->postconv, size, b);
+            p->sight[i] = compute_box(p->postconv, size, b);
     }
 }
 
@@ -385,7 +385,7 @@ static bool draw_bands(const struct sp_postconv_input *input, const struct sp_po
         const uint32_t first = (uint32_t)(y / POSTCONV_TILE * postconv->columns);
         struct tiles band = { postconv, input->draw_tile, first,
                               first + (uint32_t)(step / POSTCONV_TILE * postconv->columns) };
-        if (!sp_fragments_find(input->fragments, y, y + step, err))
+        if (!sp_fragments_ensure(input->fragments, y, y + step, err))
             return false;
         sp_parallel_for(input->pool, tiles, 1, draw_tiles, &band);
         if (sp_interrupt_is_cancelled(&input->interrupt))
@@ -478,7 +478,7 @@ static bool join_layers(struct sp_postconv *postconv, uint32_t most, struct sp_a
 /* Returns the number of deviations from a voxel to the pixels that it matters to. A tile leaves out
  * voxels that are farther away, and may miss less than 1/400 of the light at its edge. For a
  * straight edge of depth d the missing depth is about d/2 · erfc(r/√2). */
-static float find_reach(const struct sp_postconv *postconv, float cutoff, float deepest) {
+static float compute_reach(const struct sp_postconv *postconv, float cutoff, float deepest) {
     float seam = sqrtf(2 * logf(fmaxf(1, 53 * deepest)));
     return fmaxf(cutoff, postconv->exact ? 4 : fminf(4, seam));
 }
@@ -511,10 +511,10 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
                          .postconv = postconv,
                          .slots = postconv->bricks,
                          .length = layer_length(input),
-                         .deepest = find_deepest(&view->transfer_function) };
+                         .deepest = compute_deepest(&view->transfer_function) };
     unsigned coarsest = 31 - (unsigned)__builtin_clz(input->detail->levels | 1);
-    postconv->reach = find_reach(postconv, (float)view->filter.cutoff,
-                                 ldexpf(p.deepest * p.length, (int)coarsest));
+    postconv->reach = compute_reach(postconv, (float)view->filter.cutoff,
+                                    ldexpf(p.deepest * p.length, (int)coarsest));
     p.sight = sp_arena_alloc(input->arena, "bricks", bricks, sizeof *p.sight);
     if (input->arena->failed)
         return sp_arena_fail(input->arena, "data", err);

@@ -192,7 +192,8 @@ static inline void sp_postconv_variance(const struct sp_postconv_brick *brick, f
 }
 
 /* Chooses brick->scale_max. False if no filters serve all voxels of the brick. */
-bool sp_postconv_find_filters(const struct sp_postconv *postconv, struct sp_postconv_brick *brick);
+bool sp_postconv_choose_filters(const struct sp_postconv *postconv,
+                                struct sp_postconv_brick *brick);
 
 /* Chooses filters for a brick's voxels from range[0] on, with samples as wide as they allow. False
  * if there are none. */

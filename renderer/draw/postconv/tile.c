@@ -16,8 +16,8 @@ static uint32_t cells_between(int c0, int r0, int c1, int r1) {
 
 /* Finds the range of the tile's pixels that each slice of a brick may reach: its corners and the
  * reach of a voxel around them. Returns a bit per slice that reaches any. */
-static uint32_t find_slices(const struct sp_postconv_open_tile *t,
-                            const struct sp_postconv_brick *b, int32_t (*reached)[2][SP_BRICK]) {
+static uint32_t bound_slices(const struct sp_postconv_open_tile *t,
+                             const struct sp_postconv_brick *b, int32_t (*reached)[2][SP_BRICK]) {
     const struct sp_ewa_frame *f = sp_postconv_ewa(t->postconv, b);
     unsigned axis = t->postconv->axis, first = axis == 0, second = axis == 2 ? 1 : 2;
     const float box[2][2] = { { (float)(b->x0 - t->x), (float)(b->x1 - t->x) },
@@ -70,7 +70,7 @@ static void add_runs(struct sp_postconv_open_tile *t, uint32_t number) {
     _Alignas(64) int32_t reached[2][2][SP_BRICK];
     uint32_t corner[3];
     sp_visible_brick_corner(list->bricks, b->brick, corner);
-    for (uint32_t met = find_slices(t, b, reached); met; met &= met - 1) {
+    for (uint32_t met = bound_slices(t, b, reached); met; met &= met - 1) {
         int k = __builtin_ctz(met);
         if (start[k] == start[k + 1] || !(b->depth[k] > 0))
             continue;
@@ -191,7 +191,7 @@ static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *
                 prefetch_run(t, &runs[i + 1]);
             int part = fit_part(t, &runs[i]);
             if (i == 0 && part == 0) {
-                /* find_box() checks many distances, but not every one. */
+                /* compute_box() checks many distances, but not every one. */
                 sp_postconv_add_footprints(t, &runs[i]);
                 several = true;
                 continue;

@@ -81,7 +81,8 @@ void sp_postconv_check_cells(struct sp_postconv_open_tile *tile);
 void sp_postconv_open_fragments(struct sp_postconv_open_tile *tile);
 
 /* Composites the next fragments of the pixels in `bits` of the vector at (x, y). */
-void sp_postconv_take_fragments(struct sp_postconv_open_tile *tile, int y, int x, unsigned bits);
+void sp_postconv_composite_fragments(struct sp_postconv_open_tile *tile, int y, int x,
+                                     unsigned bits);
 
 /* Composites those that are left. */
 void sp_postconv_finish_fragments(struct sp_postconv_open_tile *tile);

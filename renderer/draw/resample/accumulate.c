@@ -8,8 +8,8 @@
 #include "frame/resolve.h"
 #include "splat/exp2.h"
 
-/* Below it a level is that of samples that are not finite. */
-static const float none_below = 0.5f * (CURVE_LEVEL_NONE + CURVE_LEVEL_MIN);
+/* Below it a code is that of samples that are not finite. */
+static const float none_below = 0.5f * (CURVE_CODE_NONE + CURVE_CODE_MIN);
 
 /* The interval behind a sheet. */
 struct gap {
@@ -28,12 +28,12 @@ struct span {
     sp_wide_mask known; /* all samples around are finite */
 };
 
-/* The value on the sheet; the level of no value beside samples that are not finite. */
+/* The value on the sheet; the code of no value beside samples that are not finite. */
 static inline sp_wide known_values(const struct sp_resample_open_tile *t,
                                    const struct sp_rays *rays, int number) {
     const struct sp_resample_sheet *sheet = &t->scratch->sheets[number % RESAMPLE_SHEETS];
     struct place place;
-    find_place(t, sheet, rays, &place);
+    compute_place(t, sheet, rays, &place);
     sp_wide_int pair[2];
     sp_wide least = sp_wide_all(INFINITY);
     for (int k = 0; k < 2; k++) {
@@ -74,15 +74,15 @@ static inline void read_span(const struct gap *gap, int i, struct span *span) {
                                 0.5f * (sheet[1] + sheet[2]));
     }
     span->value[0] = sheet[1]; /* the polynomial overshoots */
-    span->value[1] = sp_wide_min(sp_wide_max(middle, sp_wide_all(CURVE_LEVEL_MIN)),
-                                 sp_wide_all(CURVE_LEVEL_MAX));
+    span->value[1] =
+        sp_wide_min(sp_wide_max(middle, sp_wide_all(CURVE_CODE_MIN)), sp_wide_all(CURVE_CODE_MAX));
     span->value[2] = sheet[2];
     span->share = gap->is_cut ? sp_cut_interval(gap->block, i, gap->start, gap->width, span->value)
                               : sp_wide_all(1);
 }
 
 /* Returns the largest sign·value in the interval, or of that and `before`. */
-static inline sp_wide find_most(const struct gap *gap, const struct span *span, sp_wide before) {
+static inline sp_wide compute_most(const struct gap *gap, const struct span *span, sp_wide before) {
     const float sign = gap->reduction->sign;
     sp_wide a = sign * span->value[0], b = sign * span->value[1], c = sign * span->value[2];
     sp_wide most = sp_wide_max(sp_wide_max(a, c), sp_wide_max(b, before));
@@ -113,7 +113,7 @@ static inline sp_wide add_span(const struct gap *gap, int i) {
         sp_wide_store(seen, sp_wide_load(seen) + sp_wide_keep(counts, length));
     }
     if (r->is_extreme) {
-        after = find_most(gap, &span, before);
+        after = compute_most(gap, &span, before);
     } else {
         sp_wide sum = zero;
         for (int k = 0; k < 3; k++)

@@ -26,7 +26,8 @@ static inline void cut_rays(const struct sp_resample_open_tile *t,
 }
 
 /* Finds the unit vectors to the eye from SP_WIDE pixels whose centres are at (x, y). */
-static inline void find_eye(const struct sp_resample *r, sp_wide x, sp_wide y, sp_wide to_eye[3]) {
+static inline void compute_eye(const struct sp_resample *r, sp_wide x, sp_wide y,
+                               sp_wide to_eye[3]) {
     const struct sp_camera_transform *camera = r->camera;
     const sp_wide zero = sp_wide_all(0);
     const float inverse = 1 / (float)camera->scale;
@@ -67,7 +68,8 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_r
     sp_wide y = sp_wide_from_int((sp_wide_int_count() + i) >> 3);
     if (r->shade) {
         sp_wide to_eye[3];
-        find_eye(r, x + ((float)(t->x + at[0]) + 0.5f), y + ((float)(t->y + at[1]) + 0.5f), to_eye);
+        compute_eye(r, x + ((float)(t->x + at[0]) + 0.5f), y + ((float)(t->y + at[1]) + 0.5f),
+                    to_eye);
         for (int c = 0; c < 3; c++)
             sp_wide_store(block->to_eye[c] + i, to_eye[c]);
     }

@@ -5,7 +5,7 @@
 #include <string.h>
 
 /* Values farther from the visible ones than this many times the span of these are moved there, so
- * that levels stay fine where the transfer function changes. */
+ * that codes stay fine where the transfer function changes. */
 static const double spans_beyond = 16;
 
 bool sp_curve_shows(const struct sp_transfer_function *tf, double low, double high) {
@@ -75,8 +75,8 @@ static void integrate(const struct sp_curve *curve, double low, double step, str
 /* The values between which the transfer function may show something different. Where its first
  * point is visible, all lower values are; where its last point is, all higher values look like it.
  */
-static void find_visible(const struct sp_transfer_function *tf, double low, double high,
-                         double visible[2]) {
+static void bound_visible(const struct sp_transfer_function *tf, double low, double high,
+                          double visible[2]) {
     uint32_t first = 0, last = tf->point_count - 1;
     while (first < last && !(tf->points[first].opacity > 0))
         first++;
@@ -92,7 +92,7 @@ void sp_curve_init(struct sp_curve *curve, const struct sp_transfer_function *tf
                    const double range[2], float (*integral)[4], struct sp_pool *pool) {
     const double most = 8e307; /* so that differences do not overflow */
     double low = fmax(range[0], -most), high = fmin(range[1], most), visible[2];
-    find_visible(tf, low, high, visible);
+    bound_visible(tf, low, high, visible);
     double span = visible[1] - visible[0];
     if (span > 0) {
         low = fmax(low, visible[0] - spans_beyond * span);
@@ -102,30 +102,28 @@ void sp_curve_init(struct sp_curve *curve, const struct sp_transfer_function *tf
         low -= 0.5 * fmax(1, fabs(low));
         high += 0.5 * fmax(1, fabs(high));
     }
-    *curve =
-        (struct sp_curve){ .base = low,
-                           .data = { -INFINITY, INFINITY },
-                           .levels_per_unit = (CURVE_LEVEL_MAX - CURVE_LEVEL_MIN) / (high - low),
-                           .integral = integral,
-                           .tf = tf };
-    /* If the smallest value may be visible, the bins begin half way down to CURVE_LEVEL_NONE. */
+    *curve = (struct sp_curve){ .base = low,
+                                .data = { -INFINITY, INFINITY },
+                                .codes_per_unit = (CURVE_CODE_MAX - CURVE_CODE_MIN) / (high - low),
+                                .integral = integral,
+                                .tf = tf };
+    /* If the smallest value may be visible, the bins begin half way down to CURVE_CODE_NONE. */
     struct sp_class ends[2];
     sp_transfer_function_eval(tf, low, &ends[0]);
     sp_transfer_function_eval(tf, high, &ends[1]);
     bool is_lowest = ends[0].depth > 0;
-    double from = is_lowest ? low - CURVE_LEVEL_MIN / 2 / curve->levels_per_unit : visible[0];
+    double from = is_lowest ? low - CURVE_CODE_MIN / 2 / curve->codes_per_unit : visible[0];
     double to = visible[1] > from ? visible[1] : from + (high - low) / CURVE_BINS;
     double step = (to - from) / (CURVE_BINS - 1);
     integrate(curve, from, step, pool);
-    double per_level = 1 / (step * curve->levels_per_unit);
-    double level = CURVE_LEVEL_MIN + (from - low) * curve->levels_per_unit;
-    curve->bins_per_level = (float)per_level;
-    curve->first_bin = (float)(1 - level * per_level);
-    curve->visible[0] = (float)level;
+    double per_code = 1 / (step * curve->codes_per_unit);
+    double code = CURVE_CODE_MIN + (from - low) * curve->codes_per_unit;
+    curve->bins_per_code = (float)per_code;
+    curve->first_bin = (float)(1 - code * per_code);
+    curve->visible[0] = (float)code;
     for (int c = 0; c < 4; c++)
         curve->above[c] = (c < 3 ? ends[1].color[c] : 1) * ends[1].depth;
     curve->has_above = ends[1].depth > 0;
-    curve->visible[1] = ends[1].depth > 0
-                            ? INFINITY
-                            : (float)(CURVE_LEVEL_MIN + (to - low) * curve->levels_per_unit);
+    curve->visible[1] =
+        ends[1].depth > 0 ? INFINITY : (float)(CURVE_CODE_MIN + (to - low) * curve->codes_per_unit);
 }

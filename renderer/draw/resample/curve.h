@@ -5,7 +5,7 @@
  *
  *   mean of f over [a, b] = (F(b) − F(a))/(b − a)        F = ∫ f
  *
- * Samples are stored as 16-bit *levels*, evenly spaced over the values that matter.
+ * Samples are stored as 16-bit *codes*, evenly spaced over the values that matter.
  */
 #ifndef SP_RESAMPLE_CURVE_H
 #define SP_RESAMPLE_CURVE_H
@@ -15,19 +15,19 @@
 
 enum {
     CURVE_BINS = 4096,
-    CURVE_LEVEL_MIN = 1024, /* the level of the smallest value that matters */
-    CURVE_LEVEL_MAX = 31744,
-    CURVE_LEVEL_NONE = 0 /* of a sample that is not finite: below all bins, transparent */
+    CURVE_CODE_MIN = 1024, /* the code of the smallest value that matters */
+    CURVE_CODE_MAX = 31744,
+    CURVE_CODE_NONE = 0 /* of a sample that is not finite: below all bins, transparent */
 };
 
 struct sp_curve {
-    double base, levels_per_unit; /* level = CURVE_LEVEL_MIN + (value − base)·levels_per_unit */
+    double base, codes_per_unit; /* code = CURVE_CODE_MIN + (value − base)·codes_per_unit */
     double data[2]; /* real numbers outside of it are none, as those that are not finite */
-    /* bin = level·bins_per_level + first_bin. Bin 0 is transparent, and so is what lies below. */
-    float bins_per_level, first_bin;
+    /* bin = code·bins_per_code + first_bin. Bin 0 is transparent, and so is what lies below. */
+    float bins_per_code, first_bin;
     float above[4];   /* what values above all bins add per bin */
     bool has_above;   /* false: they are transparent */
-    float visible[2]; /* levels: outside of them everything is transparent */
+    float visible[2]; /* codes: outside of them everything is transparent */
     /* ∫ up to the start of each bin of red, green and blue times depth, and of depth [bins]. */
     float (*integral)[4]; /* [CURVE_BINS + 2] */
     const struct sp_transfer_function *tf;

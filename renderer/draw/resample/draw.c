@@ -85,7 +85,7 @@ static bool draw_bands(const struct sp_resample_input *input, const struct sp_re
         const int end = y + step < height ? y + step : height;
         struct tiles tiles = { (uint32_t)(y / RESAMPLE_TILE * r->columns), r, scratch,
                                input->draw_tile };
-        if (!sp_fragments_find(input->fragments, y, end, err))
+        if (!sp_fragments_ensure(input->fragments, y, end, err))
             return false;
         sp_parallel_for(input->pool, (size_t)((end - y) / RESAMPLE_TILE * r->columns), 1,
                         draw_tiles, &tiles);

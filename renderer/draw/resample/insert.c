@@ -35,8 +35,8 @@ static inline void add(struct rays *rays, sp_wide opacity, const sp_wide color[3
 }
 
 /* s of a depth on the ray of pixel i of the block. */
-static inline float find_s(const struct sp_resample_open_tile *t,
-                           const struct sp_resample_block *block, int i, float depth) {
+static inline float compute_s(const struct sp_resample_open_tile *t,
+                              const struct sp_resample_block *block, int i, float depth) {
     const struct sp_resample *r = t->r;
     const int axis = t->axis[2];
     const double x = t->x + block->at[0] + i % RESAMPLE_BLOCK + 0.5 - r->camera->centre[0];
@@ -52,7 +52,7 @@ static inline float find_s(const struct sp_resample_open_tile *t,
 static inline void note_next(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
                              int i) {
     const struct sp_fragment *next = block->next[i];
-    block->next_s[i] = find_s(t, block, i, next->depth);
+    block->next_s[i] = compute_s(t, block, i, next->depth);
     block->next_alpha[i] = next->alpha;
     for (int c = 0; c < 3; c++)
         block->next_color[c][i] = next->color[c];
@@ -106,14 +106,14 @@ static inline bool composite_next(const struct sp_resample_open_tile *t,
 }
 
 /* The rays whose next fragment lies before s. */
-static inline sp_wide_mask find_before(const struct sp_resample_block *block, int pixel,
+static inline sp_wide_mask mask_before(const struct sp_resample_block *block, int pixel,
                                        sp_wide s) {
     return sp_wide_lt(sp_wide_load(block->next_s + pixel), s);
 }
 
 void sp_resample_prefetch_fragments(const struct sp_resample_block *block, float s) {
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
-        unsigned bits = sp_wide_mask_bits(find_before(block, i, sp_wide_all(s)));
+        unsigned bits = sp_wide_mask_bits(mask_before(block, i, sp_wide_all(s)));
         for (; bits; bits &= bits - 1)
             __builtin_prefetch(block->next[i + __builtin_ctz(bits)] + 1);
     }
@@ -125,7 +125,7 @@ void sp_resample_insert(const struct sp_resample_open_tile *t, struct sp_resampl
     const int pixel = part->pixel;
     sp_wide to = sp_wide_min(sp_wide_all(part->end), sp_wide_load(block->end + pixel));
     sp_wide at = sp_wide_max(sp_wide_all(part->begin), sp_wide_load(block->begin + pixel));
-    sp_wide_mask is_inside = sp_wide_lt(at, to), before = find_before(block, pixel, to);
+    sp_wide_mask is_inside = sp_wide_lt(at, to), before = mask_before(block, pixel, to);
     sp_wide per_length = 1 / sp_wide_select(is_inside, to - at, one);
     sp_wide depth = sp_wide_log2(sp_wide_max(1 - part->opacity, sp_wide_all(1e-30f)));
     sp_wide left = one; /* of the interval's length */
@@ -143,7 +143,7 @@ void sp_resample_insert(const struct sp_resample_open_tile *t, struct sp_resampl
         at = sp_wide_select(before, next, at);
         is_again = composite_next(t, block, &rays, before, until);
         if (is_again)
-            before = find_before(block, pixel, to);
+            before = mask_before(block, pixel, to);
     }
     sp_wide rest = t->r->is_linear ? part->opacity * left : 1 - sp_wide_exp2(depth * left);
     rest = sp_wide_select(sp_wide_lt(left, one), rest, part->opacity);
@@ -156,13 +156,13 @@ void sp_resample_insert_before(const struct sp_resample_open_tile *t,
     _Alignas(64) float until[SP_WIDE];
     sp_wide_store(until, sp_wide_all(s));
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
-        sp_wide_mask before = find_before(block, i, sp_wide_all(s));
+        sp_wide_mask before = mask_before(block, i, sp_wide_all(s));
         struct rays rays;
         if (!sp_wide_any(before))
             continue;
         load_rays(block, i, &rays);
         while (composite_next(t, block, &rays, before, until))
-            before = find_before(block, i, sp_wide_all(s));
+            before = mask_before(block, i, sp_wide_all(s));
         store_rays(block, &rays);
     }
 }

@@ -18,7 +18,7 @@ enum { PARTS = RESAMPLE_PIXELS / SP_WIDE };
 struct interval {
     int begin;           /* first pixel */
     sp_wide sheet[4];    /* values on the sheet before it, at its start, at its end and behind it */
-    sp_wide value[3];    /* at its start, in its middle and at its end [levels] */
+    sp_wide value[3];    /* at its start, in its middle and at its end [codes] */
     sp_wide length;      /* of the ray inside, reference lengths */
     sp_wide gradient[3]; /* in its middle [gradient_unit] */
     sp_wide square;      /* of its length */
@@ -56,8 +56,8 @@ static inline sp_wide scale_depth(sp_wide depth, sp_wide scale) {
 }
 
 /* The bin of a value, and how far the value lies below all bins or above them. */
-static inline sp_wide find_bin(const struct sp_curve *curve, sp_wide value, sp_wide *beyond) {
-    sp_wide x = value * curve->bins_per_level + curve->first_bin;
+static inline sp_wide compute_bin(const struct sp_curve *curve, sp_wide value, sp_wide *beyond) {
+    sp_wide x = value * curve->bins_per_code + curve->first_bin;
     sp_wide inside = sp_wide_clamp(x, 0, CURVE_BINS);
     *beyond = x - inside;
     return sp_wide_floor(inside);
@@ -88,13 +88,13 @@ static inline void end_mean(const struct work *work, int begin, sp_wide bin,
 
 /* The mean of the curve over the interval: over its first half, where the value goes from
  * value[0] to value[1], and over its second one. */
-static inline void find_mean(const struct work *work, struct interval *in) {
+static inline void compute_mean(const struct work *work, struct interval *in) {
     const struct sp_curve *curve = &work->t->r->curve;
     const sp_wide zero = sp_wide_all(0);
     struct sp_entries entries[3];
     sp_wide bin[3], beyond[3], share[2], above = zero;
     for (int k = 0; k < 3; k++)
-        bin[k] = find_bin(curve, in->value[k], &beyond[k]);
+        bin[k] = compute_bin(curve, in->value[k], &beyond[k]);
     bin[0] = begin_mean(work, in->begin, bin[0], &entries[0]);
     for (int k = 0; k < 2; k++) {
         /* A half is at least one bin wide. It is as wide as the whole bins whose integral is taken,
@@ -134,23 +134,23 @@ static inline sp_wide read_slopes(const struct sp_resample_open_tile *t,
     return value;
 }
 
-/* The gradient along u and v on sheet `number` [levels per sample]. */
-static inline void find_slope(const struct work *work, const struct sp_rays *rays, int begin,
-                              int number, sp_wide slope[2]) {
+/* The gradient along u and v on sheet `number` [codes per sample]. */
+static inline void compute_slope(const struct work *work, const struct sp_rays *rays, int begin,
+                                 int number, sp_wide slope[2]) {
     if (!(work->block->has_slope[number & 3] >> begin & 1))
         read_slopes(work->t, work->block, rays, begin, number);
     for (int a = 0; a < 2; a++)
         slope[a] = sp_wide_load(work->block->slope[number & 3][a] + begin);
 }
 
-static inline void find_gradient(const struct work *work, struct interval *in) {
+static inline void compute_gradient(const struct work *work, struct interval *in) {
     static const float share[4] = { -1 / 16.0f, 9 / 16.0f, 9 / 16.0f, -1 / 16.0f };
     const struct sp_resample_open_tile *t = work->t;
     struct sp_rays rays = load_rays(work->block, in->begin);
     sp_wide slope[3] = { sp_wide_all(0), sp_wide_all(0) };
     for (int k = 0; k < 4; k++) {
         sp_wide along[2];
-        find_slope(work, &rays, in->begin, work->number - 1 + k, along);
+        compute_slope(work, &rays, in->begin, work->number - 1 + k, along);
         for (int a = 0; a < 2; a++)
             slope[a] += share[k] * along[a];
     }
@@ -180,9 +180,9 @@ static inline sp_wide gradient_scale(const struct sp_transfer_function *tf, sp_w
 /* The shares of ambient light and of the first light that arrive at the middle of an interval. They
  * are read about a cell before it, on the eye's side of its surface. A gradient as small as noise
  * is no surface. */
-static inline void find_share(const struct sp_resample_open_tile *t, const struct sp_rays *rays,
-                              float s, const sp_wide normal[3], sp_wide square,
-                              const sp_wide to_eye[3], sp_wide share[2]) {
+static inline void compute_share(const struct sp_resample_open_tile *t, const struct sp_rays *rays,
+                                 float s, const sp_wide normal[3], sp_wide square,
+                                 const sp_wide to_eye[3], sp_wide share[2]) {
     const struct sp_resample *r = t->r;
     const struct sp_light_field *light = r->light;
     const float to_front = 0.75f, off_surface = 0.5f; /* cells */
@@ -212,8 +212,8 @@ static inline void find_share(const struct sp_resample_open_tile *t, const struc
  * are small: noise, ringing of the interpolation and rounding would give the material there any
  * normal. So the surface's gradient stays, a quarter as long after each slice. A gradient that is
  * shorter than 0.8 of it, or than rounding, is mixed with it. */
-static inline void find_normal(const struct work *work, const struct interval *in,
-                               sp_wide normal[3]) {
+static inline void compute_normal(const struct work *work, const struct interval *in,
+                                  sp_wide normal[3]) {
     const float share = 0.8f, faint = 64, rounding = work->t->r->rounding;
     struct sp_resample_block *block = work->block;
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
@@ -242,14 +242,14 @@ static inline void find_normal(const struct work *work, const struct interval *i
 static inline void shade(const struct work *work, struct interval *in) {
     const struct sp_resample *r = work->t->r;
     sp_wide normal[3], to_eye[3];
-    find_normal(work, in, normal);
+    compute_normal(work, in, normal);
     for (int c = 0; c < 3; c++)
         to_eye[c] = sp_wide_load(work->block->to_eye[c] + in->begin);
     if (r->light) {
         struct sp_rays rays = load_rays(work->block, in->begin);
         sp_wide share[2];
-        find_share(work->t, &rays, work->start + 0.5f * work->width, normal, in->square, to_eye,
-                   share);
+        compute_share(work->t, &rays, work->start + 0.5f * work->width, normal, in->square, to_eye,
+                      share);
         sp_shade_occluded(r->shade, normal, to_eye, share, in->color);
     } else {
         sp_shade_direction(r->shade, normal, to_eye, in->color);
@@ -332,9 +332,9 @@ static void composite_around(const struct work *work, const struct interval *in)
 }
 
 /* Finds what the interval behind sheet `number` shows; light and result as above. */
-static inline bool find_interval(const struct sp_resample_open_tile *t,
-                                 struct sp_resample_block *block, const float *light, int number,
-                                 struct work *work) {
+static inline bool compute_interval(const struct sp_resample_open_tile *t,
+                                    struct sp_resample_block *block, const float *light, int number,
+                                    struct work *work) {
     const struct sp_resample *r = t->r;
     bool is_alive = open_work(t, block, light, number, work);
     for (int k = 0; work->is_cut && k < work->count; k++) {
@@ -342,9 +342,9 @@ static inline bool find_interval(const struct sp_resample_open_tile *t,
         in->length *= sp_cut_interval(block, in->begin, work->start, work->width, in->value);
     }
     for (int k = 0; r->needs_gradient && k < work->count; k++)
-        find_gradient(work, &work->parts[k]);
+        compute_gradient(work, &work->parts[k]);
     for (int k = 0; k < work->count; k++)
-        find_mean(work, &work->parts[k]);
+        compute_mean(work, &work->parts[k]);
     for (int k = 0; k < work->count; k++)
         classify(r, &work->parts[k]);
     for (int k = 0; r->shade && k < work->count; k++)
@@ -452,7 +452,7 @@ static bool add_mixture(const struct sp_resample_open_tile *first,
         if (!(batch->now[n - batch->first] >> b & 1))
             continue;
         read_sheets(t, own, n + t->shift);
-        is_alive = find_interval(t, own, block->light, n + t->shift - 2, &work);
+        is_alive = compute_interval(t, own, block->light, n + t->shift - 2, &work);
         add_channel(&work, &mixture);
     }
     mixture.work.t = first;
@@ -493,7 +493,7 @@ bool sp_resample_integrate(const struct sp_resample_open_tile *t,
         if (!(batch->now[n - batch->first] >> b & 1))
             continue;
         read_sheets(t, block, n);
-        bool is_alive = find_interval(t, block, block->light, n - 2, &work);
+        bool is_alive = compute_interval(t, block, block->light, n - 2, &work);
         composite_interval(&work);
         if (!is_alive)
             return false;

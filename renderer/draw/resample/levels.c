@@ -77,10 +77,10 @@ uint64_t sp_samples_bytes(const struct sp_samples_cache *cache, const struct sp_
 }
 
 /* Returns the slot of the volume; a new one takes the place of the least recently used. */
-static struct sp_samples_slot *find_slot(struct sp_samples_cache *cache, struct sp_volume *volume) {
+static struct sp_samples_slot *get_slot(struct sp_samples_cache *cache, struct sp_volume *volume) {
     struct sp_samples_slot *slot = sp_slots_newest(&slots, cache->slots, volume);
     if (!slot) {
-        slot = sp_slots_take(&slots, cache->slots, UINT64_MAX, NULL);
+        slot = sp_slots_acquire(&slots, cache->slots, UINT64_MAX, NULL);
         slot->base.volume = sp_volume_ref(volume);
     }
     slot->base.used = ++cache->clock;
@@ -196,8 +196,8 @@ static bool make_samples(struct sp_samples *s, const struct sp_samples *fine,
         made.voxels = made.owned;
         sp_parallel_for(job->pool, (size_t)made.dims[1] * made.dims[2], 16, average_rows, &average);
     }
-    sp_ranges_find_fn *find = job->find_ranges ? job->find_ranges : sp_ranges_find;
-    find(&made, job->pool, &job->interrupt);
+    sp_ranges_compute_fn *compute = job->compute_ranges ? job->compute_ranges : sp_ranges_compute;
+    compute(&made, job->pool, &job->interrupt);
     if (sp_interrupt_is_cancelled(&job->interrupt)) {
         finish_samples(&made);
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
@@ -299,7 +299,7 @@ static void turn(struct sp_samples *s, const struct sp_samples_job *job,
 }
 
 /* Returns the class for the job; a new one takes the place of the least recently used. */
-static struct sp_samples_class *find_class(struct sp_samples *s, const struct sp_samples_job *job) {
+static struct sp_samples_class *get_class(struct sp_samples *s, const struct sp_samples_job *job) {
     struct sp_samples_class *oldest = &s->classes[0];
     for (int i = 0; i < SAMPLES_CLASSES; i++) {
         struct sp_samples_class *class = &s->classes[i];
@@ -335,7 +335,7 @@ static bool fill_class(struct sp_samples_class *class, struct sp_samples *s,
     sp_curve_init(&class->curve, &class->tf, limits, class->curve.integral, job->pool);
     if (sp_missing_are_there(info))
         memcpy(class->curve.data, info->data, sizeof info->data);
-    return sp_visible_find(s, class, job->pool, &job->interrupt) ||
+    return sp_samples_mark_visible(s, class, job->pool, &job->interrupt) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
 
@@ -343,14 +343,14 @@ const struct sp_samples *sp_samples_get(struct sp_samples_cache *cache,
                                         const struct sp_samples_job *job,
                                         const struct sp_samples_class **class,
                                         struct sp_error *err) {
-    struct sp_samples_slot *slot = find_slot(cache, job->volume);
+    struct sp_samples_slot *slot = get_slot(cache, job->volume);
     struct sp_samples *s = NULL, *finer = NULL;
     for (unsigned l = 0; l <= job->level; l++, finer = s) {
         s = &slot->levels[l ? job->kind : SAMPLES_MEANS][l];
         if (!s->range && !make_samples(s, finer, job, cache, err))
             return NULL;
     }
-    struct sp_samples_class *found = find_class(s, job);
+    struct sp_samples_class *found = get_class(s, job);
     if (!found->used && !fill_class(found, s, job, cache, err))
         return NULL;
     found->used = ++cache->clock;

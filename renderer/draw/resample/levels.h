@@ -37,9 +37,9 @@ struct sp_samples_job {
     enum sp_samples_kind kind; /* of the levels above 0 */
     unsigned axis; /* of the slices that frames show; for axis 0 `turned` makes reading faster */
     const struct sp_transfer_function *tf;
-    uint64_t bytes_max;             /* of the cache */
-    sp_ranges_find_fn *find_ranges; /* of an instruction set; NULL = the reference */
-    bool keeps_layout;              /* `turned` is not made */
+    uint64_t bytes_max;                   /* of the cache */
+    sp_ranges_compute_fn *compute_ranges; /* of an instruction set; NULL = the reference */
+    bool keeps_layout;                    /* `turned` is not made */
     struct sp_pool *pool;
     struct sp_interrupt interrupt;
 };

@@ -39,12 +39,12 @@ static void LINES(join_lines)(struct LINES(line) * line, const struct LINES(line
     LINES(join)(line, 0, RUN_SAMPLES, other->low, other->high);
 }
 
-static void LINES(find_row)(const struct sp_samples *s, uint32_t first, uint32_t y, uint32_t slab,
-                            struct LINES(row) * row) {
+static void LINES(compute_row)(const struct sp_samples *s, uint32_t first, uint32_t y,
+                               uint32_t slab, struct LINES(row) * row) {
     LINES(empty)(&row->own);
     LINES(empty)(&row->wide);
     for (uint32_t z = first_near(slab); z < s->dims[2] && is_near(z, slab); z++) {
-        const struct stretch stretch = find_stretch(s, first, y, z);
+        const struct stretch stretch = compute_stretch(s, first, y, z);
         struct LINES(line) line;
         const ELEMENT *low = line.low, *high = line.high;
         READ_LINE(s, &stretch, &line, &low, &high);
@@ -83,7 +83,7 @@ static void LINES(write_ranges)(const struct LINES(row) * row, uint32_t count, f
 }
 
 /* A run of regions along the first axis, all along the second one, in one slab. */
-static void LINES(find_run)(const struct sp_samples *s, uint32_t first, uint32_t slab) {
+static void LINES(compute_run)(const struct sp_samples *s, uint32_t first, uint32_t slab) {
     enum { KEPT = 8 }; /* rows of samples: neighbouring regions share three of seven */
     struct LINES(row) rows[KEPT], all;
     const uint32_t *regions = s->regions;
@@ -94,7 +94,7 @@ static void LINES(find_run)(const struct sp_samples *s, uint32_t first, uint32_t
         for (uint32_t y = first_near(q); y < s->dims[1] && is_near(y, q); y++) {
             const struct LINES(row) *row = &rows[y % KEPT];
             for (; known <= y; known++)
-                LINES(find_row)(s, first * SAMPLES_REGION, known, slab, &rows[known % KEPT]);
+                LINES(compute_row)(s, first * SAMPLES_REGION, known, slab, &rows[known % KEPT]);
             if (is_own(y, q))
                 LINES(join_lines)(&all.own, &row->own);
             LINES(join_lines)(&all.wide, &row->wide);

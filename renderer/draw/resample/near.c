@@ -18,9 +18,9 @@ struct extent {
     int largest[2]; /* last − first, of blocks that are near */
 };
 
-static inline void find_extent(const struct sp_resample_open_tile *t,
-                               const struct sp_resample_sheet *sheet, int begin,
-                               struct extent *extent) {
+static inline void compute_extent(const struct sp_resample_open_tile *t,
+                                  const struct sp_resample_sheet *sheet, int begin,
+                                  struct extent *extent) {
     sp_wide min[2], max[2], size[2];
     sp_resample_extents(t, begin, sp_wide_all(sheet->s), min, max);
     for (int a = 0; a < 2; a++) {
@@ -39,8 +39,8 @@ static inline void find_extent(const struct sp_resample_open_tile *t,
 }
 
 /* Pairs of samples of 16 bits are compared as such. */
-static inline void find_range(const struct sp_resample_sheet *sheet, const struct extent *extent,
-                              sp_wide range[2]) {
+static inline void compute_range(const struct sp_resample_sheet *sheet, const struct extent *extent,
+                                 sp_wide range[2]) {
     sp_wide_short low = sp_wide_short_all(UINT16_MAX), high = sp_wide_short_all(0);
     for (int j = 0; j <= extent->largest[1]; j++)
         for (int i = 0; i <= extent->largest[0]; i += 2) {
@@ -65,9 +65,9 @@ void sp_resample_near_ranges(const struct sp_resample_open_tile *t, struct sp_re
         sp_wide range[2] = { -far, far };
         if (!(need >> b & group))
             continue;
-        find_extent(t, sheet, b, &extent);
+        compute_extent(t, sheet, b, &extent);
         if (extent.largest[0] > 0)
-            find_range(sheet, &extent, range);
+            compute_range(sheet, &extent, range);
         sp_wide_store(sheet->range[0] + b, sp_wide_select(extent.is_near, range[0], -far));
         sp_wide_store(sheet->range[1] + b, sp_wide_select(extent.is_near, range[1], far));
     }

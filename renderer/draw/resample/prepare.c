@@ -230,7 +230,7 @@ static double init_metric(struct sp_resample *r, const struct coordinates *c) {
         largest = fmax(largest, fabs(slope.m[i / 3][i % 3]));
     for (int i = 0; i < 9; i++)
         r->to_world[i / 3][i % 3] = (float)(slope.m[i / 3][i % 3] / largest);
-    r->gradient_unit = (float)(largest / r->curve.levels_per_unit);
+    r->gradient_unit = (float)(largest / r->curve.codes_per_unit);
     return unit;
 }
 
@@ -255,14 +255,14 @@ static void init_light(struct sp_resample *r, unsigned level) {
     float size = ldexpf(1, (int)level); /* coordinate on level 0 = (coordinate + ½)·size − ½ */
     r->light_scale = size * r->light->per_sample;
     r->light_first = (size - 1) / 2 * r->light->per_sample + r->light->first;
-    r->light_firmness = (float)fmin(1 / (surface * span * r->curve.levels_per_unit), 1e6);
+    r->light_firmness = (float)fmin(1 / (surface * span * r->curve.codes_per_unit), 1e6);
 }
 
-/* Gradients from one sample to the next one that rounded samples and levels may have. */
-static float find_rounding(enum sp_type type, const struct sp_curve *curve) {
-    const double levels = 4; /* what refining rounds, and linear interpolation of it */
+/* Gradients from one sample to the next one that rounded samples and codes may have. */
+static float compute_rounding(enum sp_type type, const struct sp_curve *curve) {
+    const double codes = 4; /* what refining rounds, and linear interpolation of it */
     bool is_real = type == SP_FLOAT32 || type == SP_FLOAT64;
-    return (float)fmax(levels, is_real ? 0 : 0.5 * curve->levels_per_unit);
+    return (float)fmax(codes, is_real ? 0 : 0.5 * curve->codes_per_unit);
 }
 
 /* What the samples of coarser levels are made of: a maximum of means would lose thin structures. */
@@ -298,7 +298,7 @@ bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample 
                                   .axis = (unsigned)axis,
                                   .tf = is_projection ? &tf : &input->view->transfer_function,
                                   .bytes_max = input->bytes_max,
-                                  .find_ranges = input->find_ranges,
+                                  .compute_ranges = input->compute_ranges,
                                   .pool = input->pool,
                                   .interrupt = input->interrupt,
                                   .keeps_layout = input->keeps_layout };
@@ -311,8 +311,8 @@ bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample 
 }
 
 /* Finds where sample 0 of the first channel lies. */
-static void find_offset(struct sp_resample *r, const struct coordinates *own,
-                        const struct sp_grid *first_grid) {
+static void compute_offset(struct sp_resample *r, const struct coordinates *own,
+                           const struct sp_grid *first_grid) {
     struct coordinates first;
     init_coordinates(&first, first_grid, r->first->level);
     const struct sp_vec3 back = { { -first.shift, -first.shift, -first.shift } };
@@ -348,14 +348,14 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     struct coordinates coordinates;
     init_coordinates(&coordinates, &info->grid, level);
     if (first)
-        find_offset(r, &coordinates, first_grid);
+        compute_offset(r, &coordinates, first_grid);
     add_halves(r, &coordinates, &info->grid);
     init_camera(r, &coordinates);
     if (!sp_resample_turn(input, r, choose_axis(r, &coordinates), err))
         return false;
-    r->rounding = find_rounding(info->type, &r->curve);
+    r->rounding = compute_rounding(info->type, &r->curve);
     init_steep(r);
-    r->lowest = sp_missing_are_holes(info) ? CURVE_LEVEL_NONE : CURVE_LEVEL_MIN;
+    r->lowest = sp_missing_are_holes(info) ? CURVE_CODE_NONE : CURVE_CODE_MIN;
     for (unsigned a = 0; a < 3; a++)
         if (!init_axis(&r->axes[a], input, r->samples, a, level))
             return sp_arena_fail(input->arena, "data", err);
@@ -371,7 +371,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
 }
 
 /* The mean distance of a volume's samples [world unit]. */
-static double find_width(const struct sp_resample_input *input) {
+static double compute_width(const struct sp_resample_input *input) {
     const double *spacing = sp_volume_info(input->volume)->grid.spacing;
     return cbrt(spacing[0]) * cbrt(spacing[1]) * cbrt(spacing[2]);
 }
@@ -379,7 +379,7 @@ static double find_width(const struct sp_resample_input *input) {
 /* The level at which a channel's samples are as far apart as those of the others: windows of
  * volumes that are larger than memory may have coarser samples than volumes in memory. */
 static unsigned common_level(const struct sp_resample_input *input, double width) {
-    const double level = log2(width / find_width(input));
+    const double level = log2(width / compute_width(input));
     return (unsigned)fmin(fmax(round(level), 0), SAMPLES_LEVELS - 1);
 }
 
@@ -389,7 +389,7 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
     const struct sp_resample *first = r;
     double width = 0;
     for (const struct sp_resample_input *i = input; i; i = i->next)
-        width = fmax(width, ldexp(find_width(i), (int)choose_level(i)));
+        width = fmax(width, ldexp(compute_width(i), (int)choose_level(i)));
     input->frame->stats.visible_voxels = 0;
     sp_samples_begin(input->cache);
     if (!prepare(input, NULL, NULL, common_level(input, width), r, err))

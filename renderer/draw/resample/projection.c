@@ -73,8 +73,8 @@ void sp_projection_window(const struct sp_view *view, const struct sp_volume_inf
 }
 
 /* The numbers that have the first and the last colour. */
-static void find_ends(const struct sp_view *view, const struct sp_volume_info *info,
-                      double ends[2]) {
+static void compute_ends(const struct sp_view *view, const struct sp_volume_info *info,
+                         double ends[2]) {
     const struct sp_transfer_function *tf = &view->transfer_function;
     double window[2];
     sp_projection_window(view, info, window);
@@ -94,8 +94,8 @@ static void show_all(struct sp_transfer_function *tf, const struct sp_volume_inf
     tf->points[0] = (struct sp_tf_point){ .value = sp_missing_data(info)[0], .opacity = 0.5f };
 }
 
-/* Levels span a multiple of what the transfer function tells apart. It is wide enough that integers
- * have levels. */
+/* Codes span a multiple of what the transfer function tells apart. It is wide enough that integers
+ * have codes. */
 static void widen(const struct sp_volume_info *info, double ends[2]) {
     const double least_share = 1e-5;
     bool is_real = info->type == SP_FLOAT32 || info->type == SP_FLOAT64;
@@ -117,7 +117,7 @@ void sp_reduction_transfer(const struct sp_view *view, const struct sp_volume_in
     if (view->compositing.mode == SP_COMPOSITE_SUM)
         ends[0] = zero_of(view, info);
     else if (view->compositing.mode != SP_COMPOSITE_MEAN)
-        find_ends(view, info, ends);
+        compute_ends(view, info, ends);
     if (sp_missing_are_holes(info) || !(ends[1] > ends[0])) {
         show_all(tf, info);
         return;
@@ -128,8 +128,8 @@ void sp_reduction_transfer(const struct sp_view *view, const struct sp_volume_in
     tf->points[1] = (struct sp_tf_point){ .value = ends[1], .opacity = is_minimum ? 0 : 0.5f };
 }
 
-static double level_of(const struct sp_curve *curve, double value) {
-    return CURVE_LEVEL_MIN + (value - curve->base) * curve->levels_per_unit;
+static double code_of(const struct sp_curve *curve, double value) {
+    return CURVE_CODE_MIN + (value - curve->base) * curve->codes_per_unit;
 }
 
 /* A float, whatever the double is. */
@@ -141,21 +141,21 @@ void sp_reduction_init(struct sp_reduction *r, const struct sp_view *view,
                        const struct sp_volume_info *info, const struct sp_curve *curve,
                        double length_unit) {
     const enum sp_compositing mode = view->compositing.mode;
-    const double per_unit = curve->levels_per_unit;
+    const double per_unit = curve->codes_per_unit;
     *r = (struct sp_reduction){ .is_on = true,
                                 .is_extreme =
                                     mode == SP_COMPOSITE_MAXIMUM || mode == SP_COMPOSITE_MINIMUM,
                                 .is_mean = mode == SP_COMPOSITE_MEAN,
                                 .leaves_out = sp_missing_are_holes(info),
                                 .sign = mode == SP_COMPOSITE_MINIMUM ? -1 : 1 };
-    find_ends(view, info, r->ends);
-    double ends[2] = { level_of(curve, r->ends[0]), level_of(curve, r->ends[1]) };
-    double zero = level_of(curve, r->is_mean ? sp_missing_data(info)[0] : zero_of(view, info));
+    compute_ends(view, info, r->ends);
+    double ends[2] = { code_of(curve, r->ends[0]), code_of(curve, r->ends[1]) };
+    double zero = code_of(curve, r->is_mean ? sp_missing_data(info)[0] : zero_of(view, info));
     double shift = 0, span = ends[1] - ends[0]; /* position = (number + shift − ends[0])/span */
     if (r->is_extreme) {
         /* Rays begin with what looks like the end of the window that is not looked for, or, where
          * all samples are looked at, with less than these. */
-        const double beyond = 1e6, none = r->sign > 0 ? CURVE_LEVEL_NONE : -INT16_MAX;
+        const double beyond = 1e6, none = r->sign > 0 ? CURVE_CODE_NONE : -INT16_MAX;
         double start = r->leaves_out ? none : r->sign > 0 ? ends[0] : -ends[1];
         r->start = (float)fmin(fmax(start, -beyond), beyond);
         r->full = to_float(r->sign > 0 ? ends[1] : -ends[0]);
@@ -178,7 +178,7 @@ void sp_reduction_init(struct sp_reduction *r, const struct sp_view *view,
 void sp_reduction_colors(const struct sp_view *view, const struct sp_volume_info *info,
                          float (*colors)[4]) {
     double ends[2];
-    find_ends(view, info, ends);
+    compute_ends(view, info, ends);
     for (int i = 0; i <= REDUCTION_COLORS; i++) {
         double share = (double)i / REDUCTION_COLORS;
         struct sp_class class = { .color = { (float)share, (float)share, (float)share } };

@@ -44,16 +44,16 @@ static uint32_t first_near(uint32_t region) {
 }
 
 /* Of line (y, z), from sample first − 1 on. */
-static struct stretch find_stretch(const struct sp_samples *s, uint32_t first, uint32_t y,
-                                   uint32_t z) {
+static struct stretch compute_stretch(const struct sp_samples *s, uint32_t first, uint32_t y,
+                                      uint32_t z) {
     uint32_t begin = first > 0 ? first - 1 : 0, end = first - 1 + RUN_SAMPLES;
     end = end < s->dims[0] ? end : s->dims[0];
     return (struct stretch){ { begin, y, z }, (int)(end - begin), (int)(begin + 1 - first) };
 }
 
 /* The samples of a stretch: where they lie, or in blocks a copy of them. */
-static const void *find_samples(const struct sp_samples *s, const struct stretch *stretch,
-                                void *copy) {
+static const void *get_samples(const struct sp_samples *s, const struct stretch *stretch,
+                               void *copy) {
     const uint32_t *at = stretch->begin;
     if (!s->blocks)
         return (const char *)s->voxels +
@@ -66,7 +66,7 @@ static const void *find_samples(const struct sp_samples *s, const struct stretch
 /* Integers are used as they are. */
 #define READ_INTEGERS(s, stretch, line, low_out, high_out)                                         \
     do {                                                                                           \
-        *(low_out) = find_samples(s, stretch, (line)->low);                                        \
+        *(low_out) = get_samples(s, stretch, (line)->low);                                         \
         *(high_out) = *(low_out);                                                                  \
     } while (0)
 
@@ -114,7 +114,7 @@ static void read_sample(double x, float *low, float *high) {
 static void read_floats(const struct sp_samples *s, const struct stretch *stretch, float *low,
                         float *high) {
     double copy[RUN_SAMPLES]; /* memory for samples of any type */
-    const void *samples = find_samples(s, stretch, copy);
+    const void *samples = get_samples(s, stretch, copy);
     if (s->type == SP_FLOAT32)
         for (int i = 0; i < stretch->count; i++) {
             float x = ((const float *)samples)[i];
@@ -134,7 +134,7 @@ static void read_floats(const struct sp_samples *s, const struct stretch *stretc
     read_floats(s, stretch, (line)->low, (line)->high)
 #include "draw/resample/lines.h"
 
-static void find_ranges(void *user, size_t begin, size_t end, unsigned worker) {
+static void compute_ranges(void *user, size_t begin, size_t end, unsigned worker) {
     const struct ranges *r = user;
     const struct sp_samples *s = r->samples;
     size_t runs = (s->regions[0] + RUN - 1) / RUN;
@@ -143,26 +143,26 @@ static void find_ranges(void *user, size_t begin, size_t end, unsigned worker) {
         uint32_t first = (uint32_t)(i % runs) * RUN, slab = (uint32_t)(i / runs);
         switch (s->type) {
         case SP_UINT8:
-            find_run_uint8(s, first, slab);
+            compute_run_uint8(s, first, slab);
             break;
         case SP_INT8:
-            find_run_int8(s, first, slab);
+            compute_run_int8(s, first, slab);
             break;
         case SP_UINT16:
-            find_run_uint16(s, first, slab);
+            compute_run_uint16(s, first, slab);
             break;
         case SP_INT16:
-            find_run_int16(s, first, slab);
+            compute_run_int16(s, first, slab);
             break;
         default:
-            find_run_float(s, first, slab);
+            compute_run_float(s, first, slab);
         }
     }
 }
 
-void sp_ranges_find(struct sp_samples *samples, struct sp_pool *pool,
-                    const struct sp_interrupt *interrupt) {
+void sp_ranges_compute(struct sp_samples *samples, struct sp_pool *pool,
+                       const struct sp_interrupt *interrupt) {
     struct ranges ranges = { samples, interrupt };
     size_t runs = (samples->regions[0] + RUN - 1) / RUN;
-    sp_parallel_for(pool, runs * samples->regions[2], 1, find_ranges, &ranges);
+    sp_parallel_for(pool, runs * samples->regions[2], 1, compute_ranges, &ranges);
 }

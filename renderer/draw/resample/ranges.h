@@ -9,9 +9,9 @@
 
 /* Fills samples->range: what interpolation inside of each region may give. Incomplete after a
  * cancellation. */
-typedef void sp_ranges_find_fn(struct sp_samples *samples, struct sp_pool *pool,
-                               const struct sp_interrupt *interrupt);
-sp_ranges_find_fn sp_ranges_find;
+typedef void sp_ranges_compute_fn(struct sp_samples *samples, struct sp_pool *pool,
+                                  const struct sp_interrupt *interrupt);
+sp_ranges_compute_fn sp_ranges_compute;
 
 /* What interpolation between samples with the range `own` may give; `wide`: the range of these and
  * of those one sample farther. {∞, −∞} if that is empty. */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 /* The direction of the ray (x, y) px from the image's centre [samples per unit of depth]. */
-static void find_direction(const struct sp_resample *r, double x, double y, double out[3]) {
+static void compute_direction(const struct sp_resample *r, double x, double y, double out[3]) {
     for (int a = 0; a < 3; a++)
         out[a] = r->ray[a] + x * r->right[a] + y * r->down[a];
 }
@@ -50,10 +50,10 @@ static double slant(const struct sp_resample *r, const double direction[3], int 
 }
 
 /* Steepness of the ray (x, y) px from the image's centre. */
-static double find_steepness(const struct sp_resample *r, double x, double y, int axis) {
+static double compute_steepness(const struct sp_resample *r, double x, double y, int axis) {
     bool is_perspective = r->camera->projection == SP_PERSPECTIVE;
     double direction[3], square = 0;
-    find_direction(r, is_perspective ? x : 0, is_perspective ? y : 0, direction);
+    compute_direction(r, is_perspective ? x : 0, is_perspective ? y : 0, direction);
     for (int a = 0; a < 3; a++)
         square += direction[a] * direction[a];
     return fmax(sqrt(square) / fabs(direction[axis]), slant(r, direction, axis));
@@ -61,15 +61,15 @@ static double find_steepness(const struct sp_resample *r, double x, double y, in
 
 /* Steepness is a convex function, so it is largest at a corner, and hardly below twice that of the
  * centre minus that of the opposite corner. */
-static int find_sheets(const struct sp_resample *r, const struct sp_resample_rays *rays,
-                       const int place[4]) {
+static int choose_sheets(const struct sp_resample *r, const struct sp_resample_rays *rays,
+                         const int place[4]) {
     double x = rays->centre[0] - r->camera->centre[0], y = rays->centre[1] - r->camera->centre[1];
     double largest = 0;
     for (int corner = 0; corner < 4; corner++)
-        largest =
-            fmax(largest, find_steepness(r, x + (corner & 1 ? 0.5 : -0.5) * place[2],
+        largest = fmax(largest,
+                       compute_steepness(r, x + (corner & 1 ? 0.5 : -0.5) * place[2],
                                          y + (corner & 2 ? 0.5 : -0.5) * place[3], rays->axis[2]));
-    double least = 2 * find_steepness(r, x, y, rays->axis[2]) - largest;
+    double least = 2 * compute_steepness(r, x, y, rays->axis[2]) - largest;
     if (r->is_fine || least >= (double)r->steep[1])
         return RESAMPLE_HALVES;
     return largest <= (double)r->steep[0] ? RESAMPLE_WHOLE : RESAMPLE_WHOLE | RESAMPLE_HALVES;
@@ -84,7 +84,7 @@ void sp_resample_rays_init(struct sp_resample_rays *rays, const struct sp_resamp
     double x = rays->centre[0] - r->camera->centre[0], y = rays->centre[1] - r->camera->centre[1];
     memcpy(direction, r->ray, sizeof direction);
     if (is_perspective)
-        find_direction(r, x, y, direction);
+        compute_direction(r, x, y, direction);
     /* One axis for the whole image, so that there are no seams; but its own axis for a tile whose
      * rays would hardly cross those slices. */
     set_axis(rays, r, r->axis, r->ray);
@@ -110,5 +110,5 @@ void sp_resample_rays_init(struct sp_resample_rays *rays, const struct sp_resamp
     rays->fall[1] = is_perspective ? r->down[axis[2]] / forward : 0;
     rays->lever = is_perspective ? ahead : 1;
     rays->is_too_wide = fabs(rays->fall[0]) * place[2] + fabs(rays->fall[1]) * place[3] > 1.7;
-    rays->sheets = find_sheets(r, rays, place);
+    rays->sheets = choose_sheets(r, rays, place);
 }

@@ -9,7 +9,7 @@
  *
  *   read           double across         (mix)                double down
  *   a row   ──►    a row of the    ──►   rows of six    ──►   two rows of the sheet, from six rows
- *   of levels      slice                 slices, halfway
+ *   of codes      slice                 slices, halfway
  *
  * Each row is read and doubled across only in the columns that blocks see, in units of a few
  * columns. Sheets that lie halfway between two slices share these rows: six slices are kept.
@@ -52,11 +52,11 @@ static inline sp_wide_short between(const sp_wide_short x[TAPS]) {
                                   sp_wide_short_scale(sp_wide_short_average(x[1], x[4]), outer));
 }
 
-/* The same where a sample may be none (CURVE_LEVEL_NONE): then there is none beside it, and
+/* The same where a sample may be none (CURVE_CODE_NONE): then there is none beside it, and
  * the value between two others is their mean. */
 static inline sp_wide_short between_known(const sp_wide_short x[TAPS]) {
-    const sp_wide_short zero = { 0 }, none = zero + (ROWS_RAISED + CURVE_LEVEL_NONE);
-    const sp_wide_short lowest = zero + (ROWS_RAISED + CURVE_LEVEL_MIN);
+    const sp_wide_short zero = { 0 }, none = zero + (ROWS_RAISED + CURVE_CODE_NONE);
+    const sp_wide_short lowest = zero + (ROWS_RAISED + CURVE_CODE_MIN);
     sp_wide_short inner = sp_wide_short_min(x[2], x[3]), all = inner;
     for (int k = 0; k < TAPS; k++)
         all = sp_wide_short_min(all, x[k]);
@@ -72,7 +72,7 @@ static inline sp_wide_short halfway(const sp_wide_short x[TAPS], bool has_none) 
 
 /* Takes the first columns from a set of units: those of neighbouring units, and of units that the
  * last vector of them reaches. */
-static inline bool take_columns(uint64_t *units, int unit_bits, int *begin, int *end) {
+static inline bool pop_columns(uint64_t *units, int unit_bits, int *begin, int *end) {
     const int step = SP_WIDE >> unit_bits > 1 ? SP_WIDE >> unit_bits : 1;
     if (!*units)
         return false;
@@ -89,8 +89,8 @@ static inline bool take_columns(uint64_t *units, int unit_bits, int *begin, int 
 
 /* Finds what each of the blocks of `need` sees at s. Gradients look half a sample farther, and
  * interpolation one refined sample. */
-static void find_extents(const struct sp_resample_open_tile *t, uint64_t need, float s,
-                         struct extents *extents) {
+static void compute_extents(const struct sp_resample_open_tile *t, uint64_t need, float s,
+                            struct extents *extents) {
     const float rounding = 1 / 1024.0f, before = (t->r->needs_gradient ? 0.5f : 0) + rounding,
                 behind = before + 0.5f;
     const uint64_t group = (UINT64_C(1) << SP_WIDE) - 1;
@@ -150,7 +150,7 @@ static void init_sheet(const struct sp_resample_open_tile *t, const struct regio
 
 /* Finds the units of each row of the sheet that blocks see, and those of the rows that are filtered
  * for it. */
-static void find_needs(const struct sp_resample_open_tile *t, const struct extents *extents,
+static void mark_needs(const struct sp_resample_open_tile *t, const struct extents *extents,
                        uint64_t need, const struct region *region) {
     uint64_t *seen = t->scratch->seen, *around = t->scratch->around;
     int rows = region->last[1] - region->first[1] + 1;
@@ -195,7 +195,7 @@ static struct sp_resample_rows *rows_of(const struct sp_resample_open_tile *t,
     if (rows->slice == slice)
         return rows;
     for (int k = -1; k <= 1; k += 2) {
-        find_extents(t, t->alive, sp_resample_s(t, (float)(slice + k * TAPS / 2)), &extents);
+        compute_extents(t, t->alive, sp_resample_s(t, (float)(slice + k * TAPS / 2)), &extents);
         add_extents(&extents, t->alive, &region);
     }
     region.first[0] = to_unit(t, region.first[0] - 1);
@@ -223,19 +223,19 @@ static inline void double_across(const uint16_t *from, int count, uint16_t *out,
  * read across two others waits until these have reached the cache. */
 struct pending {
     int count;
-    bool has_none; /* some levels are none */
+    bool has_none; /* some codes are none */
     int columns[PENDING];
     uint16_t *out[PENDING];
-    _Alignas(64) uint16_t levels[PENDING][ROWS_MEMORY];
+    _Alignas(64) uint16_t codes[PENDING][ROWS_MEMORY];
 };
 
 static void double_pending(struct pending *pending) {
     for (int i = 0; i < pending->count; i++) {
-        const uint16_t *levels = pending->levels[i] + ROWS_MARGIN;
+        const uint16_t *codes = pending->codes[i] + ROWS_MARGIN;
         if (pending->has_none)
-            double_across(levels, pending->columns[i], pending->out[i], true);
+            double_across(codes, pending->columns[i], pending->out[i], true);
         else
-            double_across(levels, pending->columns[i], pending->out[i], false);
+            double_across(codes, pending->columns[i], pending->out[i], false);
     }
     pending->count = 0;
 }
@@ -249,13 +249,13 @@ static inline void fill_row(const struct sp_resample_open_tile *t, struct sp_res
                     (size_t)sp_clampi(rows->origin[1] + j, 0, t->dims[1] - 1) * t->stride[1]);
     int begin, end;
     rows->filled[j] |= units;
-    while (take_columns(&units, t->unit_bits, &begin, &end))
+    while (pop_columns(&units, t->unit_bits, &begin, &end))
         for (int i = begin; i < end; i += CHUNK) {
             int k = pending->count++, columns = end - i < CHUNK ? end - i : CHUNK;
             pending->columns[k] = columns;
             pending->out[k] = out + 2 * i;
             sp_rows_read(&t->reader, line, rows->origin[0] + i - BEFORE, columns + TAPS - 1,
-                         pending->levels[k] + ROWS_MARGIN);
+                         pending->codes[k] + ROWS_MARGIN);
             if (pending->count == PENDING)
                 double_pending(pending);
         }
@@ -298,7 +298,7 @@ static void mix_rows(const struct sp_resample_open_tile *t, const struct region 
     for (int j = 0; j < count; j++) {
         uint16_t *to = out->doubled + (ptrdiff_t)j * out->width;
         for (uint64_t units = t->scratch->around[j];
-             take_columns(&units, t->unit_bits, &begin, &end);)
+             pop_columns(&units, t->unit_bits, &begin, &end);)
             for (int i = 2 * begin; i < 2 * end; i += SP_WIDE_SHORT) {
                 sp_wide_short x[TAPS];
                 for (int k = 0; k < TAPS; k++)
@@ -310,9 +310,9 @@ static void mix_rows(const struct sp_resample_open_tile *t, const struct region 
     }
 }
 
-static inline void write_levels(sp_wide_short x, sp_wide_short lowest, uint16_t *out) {
+static inline void write_codes(sp_wide_short x, sp_wide_short lowest, uint16_t *out) {
     x = sp_wide_short_min(sp_wide_short_max(x, lowest),
-                          sp_wide_short_all(ROWS_RAISED + CURVE_LEVEL_MAX));
+                          sp_wide_short_all(ROWS_RAISED + CURVE_CODE_MAX));
     sp_wide_short_store(out, x - ROWS_RAISED);
 }
 
@@ -327,13 +327,13 @@ static void double_down(const struct sp_resample_open_tile *t, const struct regi
     int begin, end, count = 0;
     for (int j = 0; j <= region->last[1] - region->first[1]; j++, from += width, out += 2 * next)
         for (uint64_t units = t->scratch->seen[j];
-             take_columns(&units, t->unit_bits, &begin, &end);) {
+             pop_columns(&units, t->unit_bits, &begin, &end);) {
             for (int i = 2 * begin; i < 2 * end; i += SP_WIDE_SHORT) {
                 sp_wide_short x[TAPS];
                 for (int k = 0; k < TAPS; k++)
                     x[k] = sp_wide_short_load(from + k * width + i);
-                write_levels(x[BEFORE], lowest, out + i);
-                write_levels(halfway(x, has_none), lowest, out + next + i);
+                write_codes(x[BEFORE], lowest, out + i);
+                write_codes(halfway(x, has_none), lowest, out + next + i);
             }
             count += end - begin;
         }
@@ -356,11 +356,11 @@ void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resampl
     struct region region = nowhere;
     struct extents extents;
     int whole = (int)floorf(z);
-    find_extents(t, need, sheet->s, &extents);
+    compute_extents(t, need, sheet->s, &extents);
     add_extents(&extents, need, &region);
     region.first[0] = to_unit(t, region.first[0]);
     init_sheet(t, &region, sheet);
-    find_needs(t, &extents, need, &region);
+    mark_needs(t, &extents, need, &region);
     if (z > (float)whole) {
         for (int k = 0; k < TAPS; k++)
             slices[k] = fill_rows(t, &region, sp_clampi(whole - BEFORE + k, 0, t->dims[2] - 1));

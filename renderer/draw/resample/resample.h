@@ -92,11 +92,11 @@ struct sp_resample {
     double right[3], down[3]; /* its change per pixel; orthographic: of the ray's start */
     double start[3];          /* orthographic: a point of the centre's ray [samples] */
     double metric[6];     /* of sample coordinates: xx, yy, zz, yz, xz, xy [reference length²] */
-    float to_world[3][3]; /* gradient in levels per sample → gradient_unit, so that no product of
+    float to_world[3][3]; /* gradient in codes per sample → gradient_unit, so that no product of
                              two overflows */
     float gradient_unit;  /* data unit per world unit */
     float rounding;       /* gradients below are those of rounded samples [gradient_unit] */
-    float lowest;         /* level below which no value lies */
+    float lowest;         /* code below which no value lies */
     uint32_t half_count;
     /* The volume, or what is kept of it by the clip box; of a channel, both. The near plane, clip
      * planes. */
@@ -149,10 +149,10 @@ struct sp_resample_sheet {
     float shift[2], first[2], last[2];
     float s;     /* where it lies on the rays */
     float decay; /* of a surface's normal from this sheet to the next one */
-    _Alignas(64) float range[2][RESAMPLE_BLOCKS]; /* of levels that blocks see (near.c) */
+    _Alignas(64) float range[2][RESAMPLE_BLOCKS]; /* of codes that blocks see (near.c) */
 };
 
-/* Rows of a slice with twice the samples across, in levels that are raised for filtering. */
+/* Rows of a slice with twice the samples across, in codes that are raised for filtering. */
 struct sp_resample_rows {
     uint16_t *doubled;
     uint64_t *filled; /* by row: the units of columns that it has, as bits */
@@ -200,15 +200,15 @@ struct sp_resample_input {
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
     const struct sp_camera_transform *camera;
-    const struct sp_shade *shade;       /* NULL = not lit */
-    const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
-    struct sp_fragments *fragments;     /* of other layers; NULL = none */
-    struct sp_samples_cache *cache;     /* mip levels and ranges */
-    uint64_t bytes_max;                 /* of the cache */
-    unsigned mip_level;                 /* no finer level is drawn */
-    sp_resample_tile_fn *draw_tile;     /* sp_resample_tile() of an instruction set */
-    sp_ranges_find_fn *find_ranges;     /* sp_ranges_find() of that set */
-    bool keeps_layout;                  /* no copy of the samples is turned for faster reading */
+    const struct sp_shade *shade;         /* NULL = not lit */
+    const struct sp_light_field *light;   /* NULL = no occlusion and no shadow */
+    struct sp_fragments *fragments;       /* of other layers; NULL = none */
+    struct sp_samples_cache *cache;       /* mip levels and ranges */
+    uint64_t bytes_max;                   /* of the cache */
+    unsigned mip_level;                   /* no finer level is drawn */
+    sp_resample_tile_fn *draw_tile;       /* sp_resample_tile() of an instruction set */
+    sp_ranges_compute_fn *compute_ranges; /* sp_ranges_compute() of that set */
+    bool keeps_layout;                    /* no copy of the samples is turned for faster reading */
     struct sp_pool *pool;
     struct sp_arena *arena;
 };

@@ -5,22 +5,22 @@
 #include <math.h>
 #include <string.h>
 
-/* Values beyond the range of the levels are moved into it. */
+/* Values beyond the range of the codes are moved into it. */
 static void init_scaling(const struct sp_curve *curve, enum sp_type type,
                          struct sp_rows_scaling *s) {
     const bool has_sign = type == SP_INT8 || type == SP_INT16;
     const double largest = type == SP_UINT8 || type == SP_INT8 ? 255 : 65535;
     const double zero = has_sign ? (largest + 1) / 2 : 0, rounding = 1e-6;
-    const double levels = CURVE_LEVEL_MAX - CURVE_LEVEL_MIN, base = curve->base + zero;
+    const double codes = CURVE_CODE_MAX - CURVE_CODE_MIN, base = curve->base + zero;
     double low = fmin(fmax(ceil(base - rounding), 0), largest);
-    double high = floor(base + levels / curve->levels_per_unit + rounding);
+    double high = floor(base + codes / curve->codes_per_unit + rounding);
     high = fmin(fmax(high, low), largest);
     *s = (struct sp_rows_scaling){ .low = (uint16_t)low, .high = (uint16_t)high };
     while (s->shift < 15 && (high - low) * (double)(2 << s->shift) < 65536)
-        s->shift++; /* then levels_per_unit is below 1 << shift */
-    s->scale = (uint16_t)fmin(rint(curve->levels_per_unit * (65536 >> s->shift)), 65535);
-    double level = CURVE_LEVEL_MIN + (low - base) * curve->levels_per_unit;
-    s->start = (uint16_t)rint(ROWS_RAISED + level + 0.5); /* scaling rounds down */
+        s->shift++; /* then codes_per_unit is below 1 << shift */
+    s->scale = (uint16_t)fmin(rint(curve->codes_per_unit * (65536 >> s->shift)), 65535);
+    double code = CURVE_CODE_MIN + (low - base) * curve->codes_per_unit;
+    s->start = (uint16_t)rint(ROWS_RAISED + code + 0.5); /* scaling rounds down */
 }
 
 void sp_rows_init(struct sp_rows *rows, const struct sp_curve *curve, const void *voxels,
@@ -42,20 +42,20 @@ static inline void write_narrow(const struct sp_rows_scaling *s, sp_wide_short x
     sp_wide_short_store(out, x + s->start);
 }
 
-/* Writes levels above CURVE_LEVEL_MIN, which may lie beyond those of the curve. Values that are not
- * finite, or stand for missing data, have CURVE_LEVEL_NONE. */
-static inline void write_levels(sp_wide level, sp_wide_mask is_finite, uint16_t *out) {
-    const sp_wide low = sp_wide_all(CURVE_LEVEL_MIN), high = sp_wide_all(CURVE_LEVEL_MAX);
-    level = sp_wide_min(sp_wide_max(level + (CURVE_LEVEL_MIN + 0.5f), low), high);
-    level = sp_wide_select(is_finite, level, sp_wide_all(CURVE_LEVEL_NONE));
-    sp_wide_int_store_short(out, sp_wide_to_int(level) + ROWS_RAISED);
+/* Writes codes above CURVE_CODE_MIN, which may lie beyond those of the curve. Values that are not
+ * finite, or stand for missing data, have CURVE_CODE_NONE. */
+static inline void write_codes(sp_wide code, sp_wide_mask is_finite, uint16_t *out) {
+    const sp_wide low = sp_wide_all(CURVE_CODE_MIN), high = sp_wide_all(CURVE_CODE_MAX);
+    code = sp_wide_min(sp_wide_max(code + (CURVE_CODE_MIN + 0.5f), low), high);
+    code = sp_wide_select(is_finite, code, sp_wide_all(CURVE_CODE_NONE));
+    sp_wide_int_store_short(out, sp_wide_to_int(code) + ROWS_RAISED);
 }
 
 /* The curve's numbers are floats; is that exact enough? */
 static bool is_float_exact(const struct sp_curve *curve) {
     const double most = 1e37;
-    return fabs(curve->base) < most && curve->levels_per_unit < most &&
-           curve->levels_per_unit > 1 / most;
+    return fabs(curve->base) < most && curve->codes_per_unit < most &&
+           curve->codes_per_unit > 1 / most;
 }
 
 static inline void write_floats(const struct sp_curve *curve, const float *from, uint16_t *out) {
@@ -63,20 +63,20 @@ static inline void write_floats(const struct sp_curve *curve, const float *from,
     const float low = nextafterf((float)curve->data[0], -INFINITY),
                 high = nextafterf((float)curve->data[1], INFINITY);
     sp_wide_mask is_data = sp_wide_lt(sp_wide_all(low), x) & sp_wide_lt(x, sp_wide_all(high));
-    write_levels((x - (float)curve->base) * (float)curve->levels_per_unit, is_data, out);
+    write_codes((x - (float)curve->base) * (float)curve->codes_per_unit, is_data, out);
 }
 
 /* Numbers that need the range of doubles. */
 #define WRITE_DOUBLES(curve, from, out)                                                            \
     do {                                                                                           \
-        float level[SP_WIDE], zero[SP_WIDE];                                                       \
+        float code[SP_WIDE], zero[SP_WIDE];                                                        \
         for (int l = 0; l < SP_WIDE; l++) {                                                        \
             double x = (double)(from)[l];                                                          \
-            level[l] = (float)((x - (curve)->base) * (curve)->levels_per_unit);                    \
+            code[l] = (float)((x - (curve)->base) * (curve)->codes_per_unit);                      \
             const bool is_data = x >= (curve)->data[0] && x <= (curve)->data[1];                   \
             zero[l] = is_data ? (float)(x - x) : NAN; /* NaN if x is not finite, too */            \
         }                                                                                          \
-        write_levels(sp_wide_load(level), sp_wide_eq(sp_wide_load(zero), sp_wide_all(0)), out);    \
+        write_codes(sp_wide_load(code), sp_wide_eq(sp_wide_load(zero), sp_wide_all(0)), out);      \
     } while (0)
 
 /* Samples that lie in blocks. */

@@ -34,9 +34,9 @@ static inline sp_wide coordinate(const struct sp_resample_open_tile *t, int a, s
     return sp_wide_clamp(x, sheet->first[a], sheet->last[a]);
 }
 
-static inline void find_place(const struct sp_resample_open_tile *t,
-                              const struct sp_resample_sheet *sheet, const struct sp_rays *rays,
-                              struct place *place) {
+static inline void compute_place(const struct sp_resample_open_tile *t,
+                                 const struct sp_resample_sheet *sheet, const struct sp_rays *rays,
+                                 struct place *place) {
     sp_wide u = coordinate(t, 0, rays->u, rays->du, sheet);
     sp_wide v = coordinate(t, 1, rays->v, rays->dv, sheet);
     sp_wide column = sp_wide_floor(u), row = sp_wide_floor(v);
@@ -82,7 +82,7 @@ static inline sp_wide sp_sample_values(const struct sp_resample_open_tile *t,
                                        const struct sp_rays *rays, int number) {
     const struct sp_resample_sheet *sheet = &t->scratch->sheets[number % RESAMPLE_SHEETS];
     struct place place;
-    find_place(t, sheet, rays, &place);
+    compute_place(t, sheet, rays, &place);
     sp_wide_int above = sp_fetch_pairs(sheet->refined, place.index);
     sp_wide_int below = sp_fetch_pairs(sheet->refined + sheet->width, place.index);
     return mix_pairs(&place, above, below) * (1.0f / SAMPLE_ONE);
@@ -99,7 +99,7 @@ static inline void rescale(const struct sp_resample_open_tile *t, int a, sp_wide
     }
 }
 
-/* Returns the values, and fills the gradients along u and v [levels per sample]: differences of
+/* Returns the values, and fills the gradients along u and v [codes per sample]: differences of
  * values one sample apart. The
  * place is between refined samples 1 and 2 of rows 1 and 2; differences are those of
  *
@@ -112,7 +112,7 @@ static inline sp_wide sp_sample_slopes(const struct sp_resample_open_tile *t,
     const int width = sheet->width;
     struct place place;
     sp_wide_int quad[2][2], middle[2], across[2], down[2];
-    find_place(t, sheet, rays, &place);
+    compute_place(t, sheet, rays, &place);
     for (int k = 0; k < 2; k++) {
         sp_fetch_quads(from + k * width - 1, place.index, quad[k]);
         middle[k] = (sp_wide_int)((sp_wide_bits)quad[k][0] >> 16) | quad[k][1] << 16;

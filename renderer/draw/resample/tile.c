@@ -70,7 +70,7 @@ static unsigned look(const struct slab *slab, const int first[2], const int last
     return seen;
 }
 
-/* The largest sign·level that a maximum or minimum may find in the regions first to last. Reading
+/* The largest sign·code that a maximum or minimum may find in the regions first to last. Reading
  * rounds. */
 static float look_for_most(const struct sp_resample_open_tile *t, const struct slab *slab,
                            const int first[2], const int last[2]) {
@@ -85,14 +85,14 @@ static float look_for_most(const struct sp_resample_open_tile *t, const struct s
             float own = sign > 0 ? range[1] : -range[0];
             most = own > most ? own : most;
         }
-    double level = ((double)(sign * most) - curve->base) * curve->levels_per_unit + CURVE_LEVEL_MIN;
-    level = fmin(fmax(level, CURVE_LEVEL_MIN), CURVE_LEVEL_MAX); /* as interpolation does */
-    return (float)fmin(fmax((double)sign * level + rounding, -beyond), beyond);
+    double code = ((double)(sign * most) - curve->base) * curve->codes_per_unit + CURVE_CODE_MIN;
+    code = fmin(fmax(code, CURVE_CODE_MIN), CURVE_CODE_MAX); /* as interpolation does */
+    return (float)fmin(fmax((double)sign * code + rounding, -beyond), beyond);
 }
 
 /* Finds what each of the blocks sees of a slab. Returns those that see any of it. */
-static uint64_t find_regions(const struct sp_resample_open_tile *t, const struct slab *slab,
-                             uint64_t blocks, struct regions *regions) {
+static uint64_t bound_regions(const struct sp_resample_open_tile *t, const struct slab *slab,
+                              uint64_t blocks, struct regions *regions) {
     const struct sp_resample_bounds *bounds = &t->scratch->bounds;
     uint64_t meet = 0;
     for (int b = 0; b < RESAMPLE_BLOCKS; b += SP_WIDE) {
@@ -131,7 +131,7 @@ static bool is_any_visible(const struct slab *slab, uint64_t blocks,
 }
 
 /* Fills `active` and returns the blocks that may see something. */
-static uint64_t find_active(const struct sp_resample_open_tile *t) {
+static uint64_t mark_active(const struct sp_resample_open_tile *t) {
     /* The bits of regions are for the axis of most tiles. */
     const bool is_other = (unsigned)t->axis[2] != t->r->class->axis;
     struct regions regions;
@@ -142,7 +142,7 @@ static uint64_t find_active(const struct sp_resample_open_tile *t) {
         memset(active, 0, SAMPLES_REGION * sizeof *active);
         t->scratch->open[n] = UINT64_MAX;
         init_slab(t, n, &slab);
-        uint64_t left = find_regions(t, &slab, t->alive, &regions);
+        uint64_t left = bound_regions(t, &slab, t->alive, &regions);
         if (!is_any_visible(&slab, left, &regions))
             continue;
         for (; left; left &= left - 1) {
@@ -177,7 +177,7 @@ static uint64_t active_at(const struct sp_resample_open_tile *t, int n) {
 }
 
 /* Finds which blocks the slabs of intervals first to last may still change. */
-static void find_open(const struct sp_resample_open_tile *t, int first, int last) {
+static void mark_open(const struct sp_resample_open_tile *t, int first, int last) {
     struct sp_resample_scratch *scratch = t->scratch;
     for (int n = first; n <= last; n++) {
         int slab = interval_of(t, n) / SAMPLES_REGION;
@@ -229,7 +229,7 @@ static bool draw_batch(const struct sp_resample_open_tile *t,
 
 /* The first sheet of the batch from which a maximum or minimum begins: that of the slab that
  * promises the blocks most. Once it is drawn, the others can seldom change a block. */
-static int find_start(const struct sp_resample_open_tile *t) {
+static int choose_start(const struct sp_resample_open_tile *t) {
     const struct sp_resample_scratch *scratch = t->scratch;
     int best = 0, best_slab = -1;
     float most = -INFINITY;
@@ -268,7 +268,7 @@ static void draw_batches(struct sp_resample_open_tile *t, int begin, int first, 
             batch->first = n;
             batch->last = n + RESAMPLE_BATCH - 1 < last ? n + RESAMPLE_BATCH - 1 : last;
             if (c->r->reduction.is_extreme)
-                find_open(c, batch->first - 2, batch->last + 1);
+                mark_open(c, batch->first - 2, batch->last + 1);
             left |= refine_sheets(c, batch);
         }
         for (; n >= first && left; left &= left - 1)
@@ -286,7 +286,7 @@ static void draw_sheets(struct sp_resample_open_tile *t) {
         end = c->count + 1 - c->shift > end ? c->count + 1 - c->shift : end;
     }
     if (t->r->reduction.is_extreme)
-        start = find_start(t);
+        start = choose_start(t);
     for (int b = 0; b < RESAMPLE_BLOCKS; b++)
         t->scratch->least[b] = t->r->reduction.start;
     draw_batches(t, begin, start > 0 ? start : begin, end);
@@ -387,7 +387,7 @@ static inline sp_wide halves_share(const struct sp_resample_open_tile *t,
 }
 
 /* Finds those of the blocks that need a sheet per slice, and those that need half sheets. */
-static void find_steep(const struct sp_resample_open_tile *t, uint64_t blocks, uint64_t need[2]) {
+static void mark_steep(const struct sp_resample_open_tile *t, uint64_t blocks, uint64_t need[2]) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
     need[0] = need[1] = 0;
     for (uint64_t left = blocks; left; left &= left - 1) {
@@ -440,7 +440,7 @@ static void mix_aside(const struct sp_resample_open_tile *t, int b) {
 static void draw_sheets_of(struct sp_resample_open_tile *t, int sheets, uint64_t set) {
     uint64_t need[2] = { sheets & RESAMPLE_WHOLE ? set : 0, sheets & RESAMPLE_HALVES ? set : 0 };
     if (need[0] && need[1])
-        find_steep(t, set, need);
+        mark_steep(t, set, need);
     t->sheets_per_slice = 1;
     draw_blocks(t, need[0]);
     finish_fragments(t, need[0]);
@@ -456,7 +456,7 @@ static void draw_sheets_of(struct sp_resample_open_tile *t, int sheets, uint64_t
 }
 
 /* The blocks with fragments of other layers. */
-static uint64_t find_fragments(const struct sp_resample_open_tile *t) {
+static uint64_t mark_fragments(const struct sp_resample_open_tile *t) {
     uint64_t found = 0;
     for (int v = 0; v < t->height; v += RESAMPLE_BLOCK)
         for (int u = 0; u < t->width; u += RESAMPLE_BLOCK) {
@@ -510,7 +510,7 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
     }
     for (struct sp_resample_open_tile *c = t; c; c = c->next) {
         met |= sp_resample_init_blocks(c, &rays[c - channels]);
-        drawn |= find_active(c);
+        drawn |= mark_active(c);
     }
     draw_sheets_of(t, rays->sheets, drawn);
     if (r->reduction.is_on) {
@@ -518,7 +518,7 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
         sp_resample_resolve(t, met);
         return;
     }
-    uint64_t with_fragments = find_fragments(t);
+    uint64_t with_fragments = mark_fragments(t);
     finish_fragments(t, with_fragments & ~drawn);
     sp_resample_resolve(t, drawn | with_fragments);
 }

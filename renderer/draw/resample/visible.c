@@ -47,8 +47,8 @@ static uint32_t sample_at(const struct sp_samples *s, const uint32_t region[3], 
     return at < last ? at : last;
 }
 
-static void find_place(const struct sp_samples *s, const uint32_t region[3], struct copy *copy,
-                       struct place *place) {
+static void set_place(const struct sp_samples *s, const uint32_t region[3], struct copy *copy,
+                      struct place *place) {
     *place = (struct place){
         s->voxels, s->type, { 0, 0, 0 }, { 1, s->dims[0], (size_t)s->dims[0] * s->dims[1] }
     };
@@ -62,7 +62,7 @@ static void find_place(const struct sp_samples *s, const uint32_t region[3], str
         is_one = is_one && place->origin[a] >> SP_BLOCK_BITS == (end[a] - 1) >> SP_BLOCK_BITS;
         end[a] = end[a] < s->dims[a] ? end[a] : s->dims[a];
     }
-    const struct sp_block *block = sp_blocks_find(s->blocks, place->origin);
+    const struct sp_block *block = sp_blocks_at(s->blocks, place->origin);
     if (is_one && block->samples && !block->is_constant) {
         const size_t side = SP_BLOCK_SIDE;
         *place = (struct place){ block->samples, s->type, { 0, 0, 0 }, { 1, side, side * side } };
@@ -119,11 +119,11 @@ static void reduce(const float low[ROW], const float high[ROW], int first, int l
 }
 
 /* The ranges of the slices of a region. */
-static void find_planes(const struct sp_samples *s, unsigned slices, const uint32_t region[3],
-                        struct plane_range planes[PLANES]) {
+static void measure_planes(const struct sp_samples *s, unsigned slices, const uint32_t region[3],
+                           struct plane_range planes[PLANES]) {
     struct copy copy;
     struct place place;
-    find_place(s, region, &copy, &place);
+    set_place(s, region, &copy, &place);
     const unsigned axis[3] = { slices == 0 ? 1 : 0, slices == 2 ? 1 : 2, slices };
     size_t at[3][PLANES];
     for (int a = 0; a < 3; a++)
@@ -185,10 +185,10 @@ static void write_range(const struct sp_samples *s, bytes range, int lane, float
     out[1] = is_signed ? (float)(high - 128) : (float)high;
 }
 
-/* find_planes() for samples of one byte, of regions that have eight samples along the first axis
+/* measure_planes() for samples of one byte, of regions that have eight samples along the first axis
  * from the one before them on. */
-static void find_planes_of_bytes(const struct sp_samples *s, unsigned slices,
-                                 const uint32_t region[3], struct plane_range planes[PLANES]) {
+static void measure_planes_of_bytes(const struct sp_samples *s, unsigned slices,
+                                    const uint32_t region[3], struct plane_range planes[PLANES]) {
     const bytes own = { 0, 255, 255, 255, 255, 255, 0, 0, 0, 255, 255, 255, 255, 255, 0, 0 };
     const bytes wide = {
         255, 255, 255, 255, 255, 255, 255, 0, 255, 255, 255, 255, 255, 255, 255, 0
@@ -197,7 +197,7 @@ static void find_planes_of_bytes(const struct sp_samples *s, unsigned slices,
     const uint8_t *lines[PLANES][PLANES]; /* plane (slices 0: z), line of it */
     struct copy copy;
     struct place place;
-    find_place(s, region, &copy, &place);
+    set_place(s, region, &copy, &place);
     for (uint32_t k = 0; k < PLANES; k++)
         for (uint32_t j = 0; j < PLANES; j++) {
             const uint32_t at[3] = { region[0] * SAMPLES_REGION - 1,
@@ -231,20 +231,20 @@ static void find_planes_of_bytes(const struct sp_samples *s, unsigned slices,
     }
 }
 
-/* True if find_planes_of_bytes() can read the region. */
+/* True if measure_planes_of_bytes() can read the region. */
 static bool has_bytes(const struct sp_samples *s, const uint32_t region[3]) {
     return sp_type_size(s->type) == 1 && region[0] > 0 &&
            region[0] * SAMPLES_REGION + ROW - 1 <= s->dims[0];
 }
 
-static unsigned find_intervals(const struct sp_samples *s, const struct sp_samples_class *class,
+static unsigned mark_intervals(const struct sp_samples *s, const struct sp_samples_class *class,
                                const uint32_t region[3]) {
     struct plane_range planes[PLANES];
     unsigned visible = 0;
     if (has_bytes(s, region))
-        find_planes_of_bytes(s, class->axis, region, planes);
+        measure_planes_of_bytes(s, class->axis, region, planes);
     else
-        find_planes(s, class->axis, region, planes);
+        measure_planes(s, class->axis, region, planes);
     for (int k = 0; k < SAMPLES_REGION; k++) {
         float own[2], wide[2] = { INFINITY, -INFINITY }, range[2];
         own[0] = sp_minf(planes[k + 1].own[0], planes[k + 2].own[0]);
@@ -268,7 +268,7 @@ struct search {
     _Atomic uint64_t visible_count;
 };
 
-static void find_ends(const struct sp_transfer_function *tf, struct search *search) {
+static void compute_ends(const struct sp_transfer_function *tf, struct search *search) {
     uint32_t first = 0, end = tf->point_count;
     while (first < end && !(tf->points[first].opacity > 0))
         first++;
@@ -278,7 +278,7 @@ static void find_ends(const struct sp_transfer_function *tf, struct search *sear
     search->last = end < tf->point_count ? tf->points[end].value : INFINITY;
 }
 
-static unsigned find_region(const struct search *search, const uint32_t region[3]) {
+static unsigned mark_region(const struct search *search, const uint32_t region[3]) {
     const struct sp_samples *s = search->samples;
     const struct sp_samples_class *class = search->class;
     size_t at = ((size_t)region[2] * s->regions[1] + region[1]) * s->regions[0] + region[0];
@@ -290,10 +290,10 @@ static unsigned find_region(const struct search *search, const uint32_t region[3
     if (is_rounded || !isfinite(low) || !isfinite(high) ||
         sp_curve_shows_all(&class->tf, low, high))
         return ALL;
-    return find_intervals(s, class, region);
+    return mark_intervals(s, class, region);
 }
 
-static void find_rows(void *user, size_t begin, size_t end, unsigned worker) {
+static void mark_rows(void *user, size_t begin, size_t end, unsigned worker) {
     struct search *search = user;
     const struct sp_samples *s = search->samples;
     uint64_t count = 0;
@@ -302,18 +302,18 @@ static void find_rows(void *user, size_t begin, size_t end, unsigned worker) {
         for (uint32_t x = 0; x < s->regions[0]; x++) {
             const uint32_t region[3] = { x, (uint32_t)(i % s->regions[1]),
                                          (uint32_t)(i / s->regions[1]) };
-            unsigned visible = find_region(search, region);
+            unsigned visible = mark_region(search, region);
             search->class->visible[i * s->regions[0] + x] = (uint8_t)visible;
             count += visible != 0;
         }
     atomic_fetch_add(&search->visible_count, count);
 }
 
-bool sp_visible_find(const struct sp_samples *samples, struct sp_samples_class *class,
-                     struct sp_pool *pool, const struct sp_interrupt *interrupt) {
+bool sp_samples_mark_visible(const struct sp_samples *samples, struct sp_samples_class *class,
+                             struct sp_pool *pool, const struct sp_interrupt *interrupt) {
     struct search search = { .samples = samples, .class = class, .interrupt = interrupt };
-    find_ends(&class->tf, &search);
-    sp_parallel_for(pool, (size_t)samples->regions[1] * samples->regions[2], 8, find_rows, &search);
+    compute_ends(&class->tf, &search);
+    sp_parallel_for(pool, (size_t)samples->regions[1] * samples->regions[2], 8, mark_rows, &search);
     class->visible_count = atomic_load(&search.visible_count);
     return !sp_interrupt_is_cancelled(interrupt);
 }

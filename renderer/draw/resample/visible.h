@@ -6,7 +6,7 @@
 
 /* Fills class->visible and visible_count from the ranges of the samples, for its transfer function
  * and axis. False: cancelled, and not whole. */
-bool sp_visible_find(const struct sp_samples *samples, struct sp_samples_class *class,
-                     struct sp_pool *pool, const struct sp_interrupt *interrupt);
+bool sp_samples_mark_visible(const struct sp_samples *samples, struct sp_samples_class *class,
+                             struct sp_pool *pool, const struct sp_interrupt *interrupt);
 
 #endif

@@ -55,8 +55,8 @@ static int side_of_eye(const struct sp_slice_cut *cut, const struct sp_interpola
 }
 
 /* The box around a piece of a slice: flat if the slice is orthogonal. */
-static void find_box(const struct sp_compose_plan *plan, const struct sp_interpolator *grid,
-                     struct sp_compose_step *step) {
+static void compute_box(const struct sp_compose_plan *plan, const struct sp_interpolator *grid,
+                        struct sp_compose_step *step) {
     step->clip = (struct sp_clip){ .box = { { 0, 0, 0 }, { 1, 1, 1 } } };
     for (unsigned i = 0; i <= step->plane; i++) {
         const struct sp_slice_cut *cut = &plan->cuts[i];
@@ -71,8 +71,8 @@ static void find_box(const struct sp_compose_plan *plan, const struct sp_interpo
 }
 
 /* The clip of a part; false if it is empty. */
-static bool find_clip(const struct sp_compose_plan *plan, const struct sp_interpolator *grid,
-                      const struct sp_view *view, const int *sides, struct sp_clip *clip) {
+static bool compute_clip(const struct sp_compose_plan *plan, const struct sp_interpolator *grid,
+                         const struct sp_view *view, const int *sides, struct sp_clip *clip) {
     *clip = view->clip;
     for (unsigned i = 0; i < plan->planes; i++) {
         const struct sp_slice_cut *cut = &plan->cuts[i];
@@ -106,7 +106,7 @@ static void walk(struct sp_compose_plan *plan, const struct sp_interpolator *gri
     if (depth == plan->planes) {
         step->is_slice = false;
         memcpy(step->sides, sides, sizeof step->sides);
-        plan->steps += find_clip(plan, grid, view, sides, &step->clip);
+        plan->steps += compute_clip(plan, grid, view, sides, &step->clip);
         return;
     }
     int near = side_of_eye(&plan->cuts[depth], grid, &view->camera);
@@ -115,7 +115,7 @@ static void walk(struct sp_compose_plan *plan, const struct sp_interpolator *gri
     step = &plan->step[plan->steps++];
     *step = (struct sp_compose_step){ .is_slice = true, .plane = depth };
     memcpy(step->sides, sides, sizeof step->sides);
-    find_box(plan, grid, step);
+    compute_box(plan, grid, step);
     sides[depth] = -near;
     walk(plan, grid, view, depth + 1, sides);
 }

@@ -68,7 +68,7 @@ struct border {
 };
 enum { BORDERS_MAX = 6 + SP_SLICE_PLANES_MAX - 1 };
 
-static unsigned find_borders(const struct sp_interpolator *grid, const struct sp_compose_plan *plan,
+static unsigned list_borders(const struct sp_interpolator *grid, const struct sp_compose_plan *plan,
                              const struct sp_compose_step *step, struct border *borders) {
     unsigned count = 0;
     for (int a = 0; a < 3; a++) {
@@ -129,7 +129,7 @@ void sp_quad_sample(const struct sp_quad_rays *rays, const struct sp_interpolato
                     uint32_t x, uint32_t y, size_t n, double *values, double *coverage) {
     const struct sp_slice_cut *cut = &plan->cuts[step->plane];
     struct border borders[BORDERS_MAX];
-    const unsigned count = find_borders(grid, plan, step, borders);
+    const unsigned count = list_borders(grid, plan, step, borders);
     double at[SP_INTERPOLATE_RUN][3];
     for (size_t i = 0; i < n; i++) {
         struct hit hit;

@@ -41,7 +41,7 @@ static void clear_rows(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-static void find_seen(void *user, size_t begin, size_t end, unsigned worker) {
+static void check_seen(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct image *p = user;
     for (size_t y = p->low[1] + begin; y < p->low[1] + end; y++) {
@@ -135,7 +135,7 @@ static bool is_seen(struct image *p) {
     if (p->low[0] >= p->high[0] || p->low[1] >= p->high[1])
         return false;
     atomic_store(&p->is_seen, false);
-    sp_parallel_for(p->job->workers, p->high[1] - p->low[1], ROWS, find_seen, p);
+    sp_parallel_for(p->job->workers, p->high[1] - p->low[1], ROWS, check_seen, p);
     return atomic_load(&p->is_seen);
 }
 

@@ -14,8 +14,8 @@
 
 /* The bricks of a level around the points, with a sample more on each side. False without memory.
  */
-static bool find_need(const struct sp_brick_file *file, const double (*points)[3], unsigned count,
-                      unsigned l, struct sp_brick_need *need) {
+static bool compute_need(const struct sp_brick_file *file, const double (*points)[3],
+                         unsigned count, unsigned l, struct sp_brick_need *need) {
     const struct sp_brick_header *header = sp_brick_file_header(file);
     const struct sp_brick_level *level = &header->level[l];
     struct sp_interpolator to;
@@ -66,7 +66,7 @@ struct sp_volume *sp_bricks_around(struct sp_volume *volume, const double (*poin
     for (; *level < base; (*level)++) {
         struct sp_brick_need need;
         const struct sp_brick_file *file = sp_brick_store_file(store);
-        if (!find_need(file, points, count, *level, &need)) {
+        if (!compute_need(file, points, count, *level, &need)) {
             sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");
             return NULL;
         }

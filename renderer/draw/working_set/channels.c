@@ -52,16 +52,17 @@ static void finish(struct found *found) {
 }
 
 /* Finds what the frame draws of each channel. */
-static bool find(const struct sp_frame_source_job *job, struct sp_volume *const *channels,
-                 struct found *found, struct sp_error *err) {
-    struct sp_frame_source shown;
+static bool choose_channels(const struct sp_frame_source_job *job,
+                            struct sp_volume *const *channels, struct found *found,
+                            struct sp_error *err) {
+    struct sp_frame_source drawn;
     for (uint32_t i = 0; i < job->view->layer_count; i++) {
         if (!is_shown_channel(job->view, i))
             continue;
-        if (!sp_frame_source_find(channels[i], job, &shown, err))
+        if (!sp_frame_source_choose(channels[i], job, &drawn, err))
             return false;
-        found->volumes[i] = shown.volume;
-        found->bricks[i] = shown.bricks;
+        found->volumes[i] = drawn.volume;
+        found->bricks[i] = drawn.bricks;
     }
     return true;
 }
@@ -69,10 +70,10 @@ static bool find(const struct sp_frame_source_job *job, struct sp_volume *const 
 /* True if all that are shown from bricks have one level. Else *coarsest is the coarsest of theirs.
  * Volumes in memory have all levels. */
 static bool is_common(struct sp_volume *volume, struct sp_volume *const *channels,
-                      const struct sp_frame_source *shown, const struct found *found,
+                      const struct sp_frame_source *drawn, const struct found *found,
                       unsigned *coarsest) {
     const bool is_brick = sp_brick_store_of(volume) != NULL;
-    unsigned finest = is_brick ? shown->bricks.level : UINT_MAX;
+    unsigned finest = is_brick ? drawn->bricks.level : UINT_MAX;
     *coarsest = is_brick ? finest : 0;
     for (int i = 0; i < SP_LAYERS_MAX; i++) {
         const unsigned level = found->bricks[i].level;
@@ -85,16 +86,17 @@ static bool is_common(struct sp_volume *volume, struct sp_volume *const *channel
 }
 
 /* Coarsens what is shown until all have one level; each round ends at a coarser one. */
-static bool find_common(struct sp_volume *volume, const struct sp_frame_source_job *job,
-                        struct sp_volume *const *channels, struct sp_frame_source *shown,
-                        struct found *found, struct sp_error *err) {
+static bool choose_common(struct sp_volume *volume, const struct sp_frame_source_job *job,
+                          struct sp_volume *const *channels, struct sp_frame_source *drawn,
+                          struct found *found, struct sp_error *err) {
     struct sp_frame_source_job next = *job;
-    if (!find(job, channels, found, err))
+    if (!choose_channels(job, channels, found, err))
         return false;
-    while (!is_common(volume, channels, shown, found, &next.least)) {
-        sp_volume_unref(&shown->volume);
+    while (!is_common(volume, channels, drawn, found, &next.least)) {
+        sp_volume_unref(&drawn->volume);
         finish(found);
-        if (!sp_frame_source_find(volume, &next, shown, err) || !find(&next, channels, found, err))
+        if (!sp_frame_source_choose(volume, &next, drawn, err) ||
+            !choose_channels(&next, channels, found, err))
             return false;
     }
     return true;
@@ -134,19 +136,19 @@ static bool check_grids(struct sp_volume *volume, const struct sp_view *view,
     return true;
 }
 
-bool sp_channels_find_sources(struct sp_volume *volume, const struct sp_frame_source_job *job,
-                              struct sp_frame_source *shown,
-                              struct sp_volume *channels[SP_LAYERS_MAX], struct sp_error *err) {
+bool sp_channels_choose_sources(struct sp_volume *volume, const struct sp_frame_source_job *job,
+                                struct sp_frame_source *drawn,
+                                struct sp_volume *channels[SP_LAYERS_MAX], struct sp_error *err) {
     const struct sp_view *view = job->view;
     struct found found = { .volumes = { NULL } };
     if (!sp_view_has_channels(view))
         return true;
     bool ok = check_grids(volume, view, channels, err) &&
-              find_common(volume, job, channels, shown, &found, err);
+              choose_common(volume, job, channels, drawn, &found, err);
     for (uint32_t i = 0; ok && i < view->layer_count; i++) {
         if (!found.volumes[i])
             continue;
-        add_bricks(&found.bricks[i], &shown->bricks);
+        add_bricks(&found.bricks[i], &drawn->bricks);
         sp_volume_unref(&channels[i]);
         channels[i] = sp_volume_ref(found.volumes[i]);
     }

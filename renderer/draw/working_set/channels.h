@@ -12,8 +12,8 @@
  * Replaces each by what the frame draws of it: itself, or a window. All windows have one level, but
  * perhaps show different parts. Where they would have different levels, replaces *shown, too.
  * SP_ERR_INVALID, SP_ERR_CANCELLED, SP_ERR_MEMORY. */
-bool sp_channels_find_sources(struct sp_volume *volume, const struct sp_frame_source_job *job,
-                              struct sp_frame_source *shown,
-                              struct sp_volume *channels[SP_LAYERS_MAX], struct sp_error *err);
+bool sp_channels_choose_sources(struct sp_volume *volume, const struct sp_frame_source_job *job,
+                                struct sp_frame_source *drawn,
+                                struct sp_volume *channels[SP_LAYERS_MAX], struct sp_error *err);
 
 #endif

@@ -20,11 +20,11 @@ static bool find_level(const struct sp_brick_header *header, const uint32_t dims
 }
 
 /* The box of bricks of a level around the samples that the frame shows. */
-static void find_box(const struct sp_volume_info *shown, struct sp_brick_need *need) {
-    const struct sp_whole_part *part = &shown->whole.part;
+static void compute_box(const struct sp_volume_info *drawn, struct sp_brick_need *need) {
+    const struct sp_whole_part *part = &drawn->whole.part;
     for (int a = 0; a < 3; a++) {
         const uint32_t first = part->dims[0] > 0 ? part->first[a] : 0,
-                       last = first + shown->grid.dims[a] - 1;
+                       last = first + drawn->grid.dims[a] - 1;
         need->first[a] = first / BRICK_SIDE;
         need->count[a] = last / BRICK_SIDE - need->first[a] + 1;
     }
@@ -34,18 +34,18 @@ static void find_box(const struct sp_volume_info *shown, struct sp_brick_need *n
  * one for which the memory suffices. need->count is 0 if only the volume that was opened is coarse
  * enough. `level`: that of the frame; the file may have another number for the same samples.
  * *steps: by how many levels the colours are coarser. False without memory. */
-static bool find_need(const struct sp_brick_store *store, const struct sp_volume_info *shown,
-                      unsigned level, struct sp_brick_need *need, unsigned *steps) {
+static bool choose_need(const struct sp_brick_store *store, const struct sp_volume_info *drawn,
+                        unsigned level, struct sp_brick_need *need, unsigned *steps) {
     const struct sp_brick_file *file = sp_brick_store_file(store);
     const struct sp_brick_header *header = sp_brick_file_header(file);
-    const bool is_part = shown->whole.part.dims[0] > 0;
+    const bool is_part = drawn->whole.part.dims[0] > 0;
     const unsigned base = sp_brick_store_base(store);
     unsigned own;
     *need = (struct sp_brick_need){ .level = 0 };
     const bool has_level =
-        find_level(header, is_part ? shown->whole.part.dims : shown->grid.dims, &own);
+        find_level(header, is_part ? drawn->whole.part.dims : drawn->grid.dims, &own);
     if (has_level) {
-        find_box(shown, need);
+        compute_box(drawn, need);
         level = own;
     }
     *steps = 0;
@@ -74,16 +74,16 @@ static bool is_cancelled(void *user) {
 
 /* Replaces a volume by its samples around those that the frame shows. */
 static bool replace(struct sp_volume **colors, const struct sp_render_options *options,
-                    unsigned level, struct sp_frame_source *shown, struct sp_error *err) {
+                    unsigned level, struct sp_frame_source *drawn, struct sp_error *err) {
     struct sp_brick_store *store = sp_brick_store_of(*colors);
     const double wait_ms = options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0);
     struct sp_brick_window window;
     struct sp_brick_need need;
     unsigned steps;
-    if (!find_need(store, sp_volume_info(shown->volume), level, &need, &steps))
+    if (!choose_need(store, sp_volume_info(drawn->volume), level, &need, &steps))
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the bricks of a frame");
-    if (level + steps > shown->bricks.level)
-        shown->bricks.level = level + steps;
+    if (level + steps > drawn->bricks.level)
+        drawn->bricks.level = level + steps;
     if (!need.count[0])
         return true;
     const bool ok = sp_brick_store_get(store, &need, wait_ms, false, is_cancelled, (void *)options,
@@ -93,19 +93,19 @@ static bool replace(struct sp_volume **colors, const struct sp_render_options *o
         return false;
     sp_volume_unref(colors);
     *colors = window.volume;
-    shown->bricks.is_incomplete |= !window.is_wanted || window.lost > 0;
+    drawn->bricks.is_incomplete |= !window.is_wanted || window.lost > 0;
     return true;
 }
 
-bool sp_frame_source_find_colors(const struct sp_view *view,
-                                 const struct sp_render_options *options,
-                                 struct sp_frame_source *shown,
-                                 struct sp_volume *colors[SP_LAYERS_MAX], struct sp_error *err) {
-    const unsigned level = shown->bricks.level;
+bool sp_frame_source_replace_colors(const struct sp_view *view,
+                                    const struct sp_render_options *options,
+                                    struct sp_frame_source *drawn,
+                                    struct sp_volume *colors[SP_LAYERS_MAX], struct sp_error *err) {
+    const unsigned level = drawn->bricks.level;
     for (uint32_t i = 0; i < view->layer_count; i++) {
         const struct sp_layer *layer = &view->layers[i];
         if (colors[i] && layer->visible && layer->type == SP_LAYER_VECTORS && !layer->id[0] &&
-            sp_brick_store_of(colors[i]) && !replace(&colors[i], options, level, shown, err))
+            sp_brick_store_of(colors[i]) && !replace(&colors[i], options, level, drawn, err))
             return false;
     }
     return true;

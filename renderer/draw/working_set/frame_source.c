@@ -60,17 +60,17 @@ static double wait_for(const struct sp_render_options *options, bool is_coarse) 
     return is_coarse || options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0);
 }
 
-bool sp_frame_source_find(struct sp_volume *volume, const struct sp_frame_source_job *wanted,
-                          struct sp_frame_source *shown, struct sp_error *err) {
+bool sp_frame_source_choose(struct sp_volume *volume, const struct sp_frame_source_job *wanted,
+                            struct sp_frame_source *drawn, struct sp_error *err) {
     const struct sp_view *view = wanted->view;
     const struct sp_render_options *options = wanted->options;
     const unsigned least = wanted->least;
     struct sp_brick_store *store = sp_brick_store_of(volume);
-    struct sp_window window;
+    struct sp_working_set window;
     struct sp_brick_window place;
-    *shown = (struct sp_frame_source){ .view = *view, .mip_level = options->mip_level };
+    *drawn = (struct sp_frame_source){ .view = *view, .mip_level = options->mip_level };
     if (!store) {
-        shown->volume = sp_volume_ref(volume);
+        drawn->volume = sp_volume_ref(volume);
         return true;
     }
     const struct sp_brick_header *header = sp_brick_file_header(sp_brick_store_file(store));
@@ -87,15 +87,15 @@ bool sp_frame_source_find(struct sp_volume *volume, const struct sp_frame_source
         .is_cancelled = is_cancelled,
         .user = (void *)options, /* only read */
     };
-    if (!sp_working_set_find(&job, &window, &place, err))
+    if (!sp_working_set_choose(&job, &window, &place, err))
         return false;
-    sp_working_set_view(header, &place, view, &shown->view);
-    shown->volume = window.volume;
+    sp_working_set_view(header, &place, view, &drawn->view);
+    drawn->volume = window.volume;
     const double left = options->mip_level - sp_brick_level_width(&header->level[window.level]);
-    shown->mip_level = left > 0 ? (unsigned)lround(left) : 0;
+    drawn->mip_level = left > 0 ? (unsigned)lround(left) : 0;
     uint64_t bricks, bytes;
     sp_brick_store_usage(store, &bricks, &bytes);
-    shown->bricks =
+    drawn->bricks =
         (struct sp_frame_bricks){ .is_incomplete = !window.is_complete,
                                   .is_being_read = window.is_being_read,
                                   .level = window.is_empty ? window.asked : window.coarsest,
@@ -104,6 +104,6 @@ bool sp_frame_source_find(struct sp_volume *volume, const struct sp_frame_source
                                   .resident = window.resident,
                                   .lost = place.lost,
                                   .memory_bytes = bytes + sp_volume_info(volume)->voxel_bytes };
-    memcpy(shown->bricks.lost_box, place.lost_box, sizeof place.lost_box);
+    memcpy(drawn->bricks.lost_box, place.lost_box, sizeof place.lost_box);
     return true;
 }

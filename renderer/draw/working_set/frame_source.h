@@ -23,15 +23,15 @@ struct sp_frame_source_job {
 };
 
 /* SP_ERR_CANCELLED, SP_ERR_MEMORY. */
-bool sp_frame_source_find(struct sp_volume *volume, const struct sp_frame_source_job *job,
-                          struct sp_frame_source *shown, struct sp_error *err);
+bool sp_frame_source_choose(struct sp_volume *volume, const struct sp_frame_source_job *job,
+                            struct sp_frame_source *drawn, struct sp_error *err);
 
 /* Replaces volumes that are larger than memory, and that give streaks of shown->volume their
  * colours, by their samples around it, perhaps of a coarser level; colors: by layer. The same
  * errors. */
-bool sp_frame_source_find_colors(const struct sp_view *view,
-                                 const struct sp_render_options *options,
-                                 struct sp_frame_source *shown,
-                                 struct sp_volume *colors[SP_LAYERS_MAX], struct sp_error *err);
+bool sp_frame_source_replace_colors(const struct sp_view *view,
+                                    const struct sp_render_options *options,
+                                    struct sp_frame_source *drawn,
+                                    struct sp_volume *colors[SP_LAYERS_MAX], struct sp_error *err);
 
 #endif

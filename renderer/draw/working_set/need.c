@@ -42,7 +42,7 @@ struct search {
 };
 
 /* How far streaks reach from their samples [samples]; 0 = there are none. */
-static double find_reach(const struct sp_view *view) {
+static double compute_reach(const struct sp_view *view) {
     const double cubic = 2; /* where the other kernels end */
     double reach = 0;
     for (uint32_t i = 0; i < view->layer_count; i++) {
@@ -57,7 +57,7 @@ static double find_reach(const struct sp_view *view) {
 }
 
 /* Finds by which values bricks may be left out. */
-static void find_values(struct search *s) {
+static void choose_values(struct search *s) {
     const struct sp_view *view = s->view;
     bool has_function = false;
     s->shows_all = sp_compositing_is_projection(view->compositing.mode) || view->edit_count > 0 ||
@@ -104,8 +104,8 @@ struct block {
     struct sp_vec3 centre, half[3];
 };
 
-static void find_block(const struct search *s, const uint32_t first[3], const uint32_t size[3],
-                       struct block *block) {
+static void compute_block(const struct search *s, const uint32_t first[3], const uint32_t size[3],
+                          struct block *block) {
     const struct sp_grid *grid = &s->header->info.grid;
     block->centre = sp_vec3_from(grid->origin);
     for (int a = 0; a < 3; a++) {
@@ -120,7 +120,7 @@ static void find_block(const struct search *s, const uint32_t first[3], const ui
 }
 
 /* The largest opacity that values in [low, high] have. */
-static double find_opacity(const struct sp_transfer_function *tf, double low, double high) {
+static double measure_opacity(const struct sp_transfer_function *tf, double low, double high) {
     const struct sp_tf_point *points = tf->points;
     const uint32_t last = tf->point_count - 1;
     double most = 0;
@@ -153,8 +153,8 @@ static uint16_t to_number(double importance, bool is_seen) {
     return (uint16_t)(fmin(fmax(number, BRICK_WANTED), HALF - 1) + (is_seen ? HALF : 0));
 }
 
-static uint16_t find_importance(const struct search *s, const struct sp_brick_entry *entry,
-                                const struct block *block, bool is_seen) {
+static uint16_t compute_importance(const struct search *s, const struct sp_brick_entry *entry,
+                                   const struct block *block, bool is_seen) {
     const struct sp_camera_transform *c = &s->camera;
     const struct sp_vec3 way = sp_vec3_sub(block->centre, c->eye);
     const double distance = c->projection == SP_PERSPECTIVE
@@ -165,13 +165,13 @@ static uint16_t find_importance(const struct search *s, const struct sp_brick_en
         radius += sp_vec3_dot(block->half[a], block->half[a]);
     radius = sqrt(radius);
     if (s->is_classified)
-        opacity = find_opacity(&s->view->transfer_function, low_end(entry), high_end(entry));
+        opacity = measure_opacity(&s->view->transfer_function, low_end(entry), high_end(entry));
     const double share = radius / fmax(distance, radius); /* 1 if the eye is in the brick */
     return to_number(opacity * share * share, is_seen);
 }
 
 /* The largest normal·(world − point) of the block. */
-static double find_most(const struct block *block, struct sp_vec3 normal, struct sp_vec3 point) {
+static double compute_most(const struct block *block, struct sp_vec3 normal, struct sp_vec3 point) {
     double most = sp_vec3_dot(normal, sp_vec3_sub(block->centre, point));
     for (int a = 0; a < 3; a++)
         most += fabs(sp_vec3_dot(normal, block->half[a]));
@@ -181,7 +181,7 @@ static double find_most(const struct block *block, struct sp_vec3 normal, struct
 static bool is_in_image(const struct search *s, const struct block *block) {
     const struct sp_camera_transform *c = &s->camera;
     const struct sp_vec3 forward = sp_vec3_from(c->w.m[2]);
-    if (find_most(block, forward, c->eye) < c->near)
+    if (compute_most(block, forward, c->eye) < c->near)
         return false;
     for (int i = 0; i < 4; i++) { /* the four sides */
         const int axis = i >> 1;
@@ -193,7 +193,7 @@ static bool is_in_image(const struct search *s, const struct block *block) {
                 inwards.v[r] += tangent * forward.v[r];
             least = 0;
         }
-        if (find_most(block, inwards, c->eye) < least)
+        if (compute_most(block, inwards, c->eye) < least)
             return false;
     }
     return true;
@@ -214,26 +214,27 @@ static bool is_clipped(const struct search *s, const uint32_t first[3], const ui
             return true;
     }
     for (uint32_t i = 0; i < clip->plane_count; i++)
-        if (find_most(block, sp_vec3_from(clip->planes[i].normal), zero) < clip->planes[i].offset)
+        if (compute_most(block, sp_vec3_from(clip->planes[i].normal), zero) <
+            clip->planes[i].offset)
             return true;
     return false;
 }
 
 /* How much a brick matters; 0 = it is not needed. */
-static uint16_t find_mark(const struct search *s, uint64_t number) {
+static uint16_t compute_mark(const struct search *s, uint64_t number) {
     uint32_t first[3], size[3];
     struct block block;
     if (!may_show(s, &s->entries[number]))
         return 0;
     sp_brick_box(&s->header->level[s->level], number, first, size);
-    find_block(s, first, size, &block);
+    compute_block(s, first, size, &block);
     const bool is_seen = is_in_image(s, &block) && !is_clipped(s, first, size, &block);
-    return is_seen || s->is_whole ? find_importance(s, &s->entries[number], &block, is_seen) : 0;
+    return is_seen || s->is_whole ? compute_importance(s, &s->entries[number], &block, is_seen) : 0;
 }
 
 /* The box of the bricks that are marked; false = there are none. */
-static bool find_box(const struct sp_brick_level *level, const uint16_t *marks, uint32_t first[3],
-                     uint32_t count[3]) {
+static bool bound_marks(const struct sp_brick_level *level, const uint16_t *marks,
+                        uint32_t first[3], uint32_t count[3]) {
     uint32_t last[3] = { 0, 0, 0 };
     bool any = false;
     for (int a = 0; a < 3; a++)
@@ -254,7 +255,7 @@ static bool find_box(const struct sp_brick_level *level, const uint16_t *marks, 
 }
 
 bool sp_working_set_needs_vectors(const struct sp_brick_file *file, const struct sp_view *view) {
-    return find_reach(view) > 0 && sp_brick_file_header(file)->info.vector_bytes > 0;
+    return compute_reach(view) > 0 && sp_brick_file_header(file)->info.vector_bytes > 0;
 }
 
 bool sp_working_set_need(const struct sp_brick_file *file, const struct sp_view *view,
@@ -270,16 +271,16 @@ bool sp_working_set_need(const struct sp_brick_file *file, const struct sp_view 
     uint16_t *marks = malloc(count * sizeof *marks);
     *need = (struct sp_brick_need){ .level = level,
                                     .has_vectors = sp_working_set_needs_vectors(file, view) };
-    s.margin = fmax(find_reach(view), 1);
+    s.margin = fmax(compute_reach(view), 1);
     if (!marks)
         return false;
-    find_values(&s);
+    choose_values(&s);
     sp_camera_transform_init(&s.camera, &view->camera, view->size);
     sp_brick_file_begin(file);
     for (uint64_t i = 0; i < count; i++)
-        marks[i] = find_mark(&s, i);
+        marks[i] = compute_mark(&s, i);
     sp_brick_file_end(file);
-    if (find_box(own, marks, need->first, need->count)) {
+    if (bound_marks(own, marks, need->first, need->count)) {
         sp_brick_need_allocate(need, 0);
         for (uint64_t i = 0; need->wanted && i < sp_brick_need_count(need); i++)
             need->wanted[i] = marks[sp_brick_need_at(need, own, i)];

@@ -78,7 +78,7 @@ static bool shorten(const struct sp_working_set_job *job, struct sp_brick_need *
 
 /* Finds the need of the finest level, from `level` on, that fits into a window. The bricks of all
  * the volume are taken where they fit, so that turning it needs no others. False without memory. */
-static bool find_need(const struct sp_working_set_job *job, struct sp_brick_need *need) {
+static bool choose_need(const struct sp_working_set_job *job, struct sp_brick_need *need) {
     const struct sp_brick_file *file = sp_brick_store_file(job->store);
     const uint64_t bytes_max = sp_brick_store_window_max(job->store);
     const unsigned base = sp_brick_store_base(job->store);
@@ -105,11 +105,11 @@ static bool find_need(const struct sp_working_set_job *job, struct sp_brick_need
     return true;
 }
 
-bool sp_working_set_find(const struct sp_working_set_job *job, struct sp_window *window,
-                         struct sp_brick_window *place, struct sp_error *err) {
+bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *window,
+                           struct sp_brick_window *place, struct sp_error *err) {
     struct sp_brick_need need;
-    *window = (struct sp_window){ .volume = NULL };
-    if (!find_need(job, &need))
+    *window = (struct sp_working_set){ .volume = NULL };
+    if (!choose_need(job, &need))
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the bricks of a frame");
     window->asked = need.level;
     window->is_empty = !need.count[0] && need.level < sp_brick_store_base(job->store);

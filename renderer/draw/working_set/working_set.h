@@ -23,7 +23,7 @@ struct sp_working_set_job {
     void *user;
 };
 
-struct sp_window {
+struct sp_working_set {
     struct sp_volume *volume;  /* a reference */
     unsigned level;            /* of its samples */
     unsigned coarsest;         /* of those that are interpolated between coarser ones */
@@ -35,8 +35,8 @@ struct sp_window {
 };
 
 /* Finds what to draw, and its place in the whole volume. SP_ERR_CANCELLED, SP_ERR_MEMORY. */
-bool sp_working_set_find(const struct sp_working_set_job *job, struct sp_window *window,
-                         struct sp_brick_window *place, struct sp_error *err);
+bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *window,
+                           struct sp_brick_window *place, struct sp_error *err);
 
 /* Writes the view for the window's volume: what a view gives in fractions of the whole volume, its
  * clip box and boxes of edits, becomes fractions of the window. */

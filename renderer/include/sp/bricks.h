@@ -51,7 +51,7 @@ struct sp_bricks_damage {
     struct sp_error why; /* of the first one */
 };
 /* Returns false if there are none, or if the volume is no brick file. Thread-safe. */
-SP_API bool sp_bricks_find_damage(const struct sp_volume *volume, struct sp_bricks_damage *damage);
+SP_API bool sp_bricks_get_damage(const struct sp_volume *volume, struct sp_bricks_damage *damage);
 
 /* A volume of the samples around some points (world): of the level *level, or of the finest coarser
  * one for which the memory suffices, which is written to it. Reads the bricks in the box around the

@@ -32,8 +32,8 @@ struct sp_visible_part {
  * influence. Reads at most 2 million samples for each of the three types of layer; 32 million if
  * fewer than 256 of those are visible. A few milliseconds; with a gradient axis or the second
  * reading, some tens of them. SP_ERR_MEMORY. Thread-safe. */
-SP_API bool sp_view_find_visible_part(const struct sp_view *view, const struct sp_volume *volume,
-                                      struct sp_visible_part *part, struct sp_error *err);
+SP_API bool sp_view_compute_visible_part(const struct sp_view *view, const struct sp_volume *volume,
+                                         struct sp_visible_part *part, struct sp_error *err);
 
 #ifdef __cplusplus
 }

@@ -25,8 +25,8 @@ static size_t key_bytes(const struct key *key) {
 
 /* The lowest of the transparent values at the ends of the range and at the points of the transfer
  * function; NaN = none. */
-static double find_transparent(const struct sp_volume_info *info,
-                               const struct sp_transfer_function *tf) {
+static double choose_transparent(const struct sp_volume_info *info,
+                                 const struct sp_transfer_function *tf) {
     double best = info->range[0];
     struct sp_class least;
     sp_transfer_function_eval(tf, best, &least);
@@ -53,9 +53,9 @@ static bool has_surfaces_only(const struct sp_view *view) {
 }
 
 /* Returns the new value of removed samples: a value that the view does not show, or NaN. */
-static double find_empty(const struct sp_volume_info *info, const struct sp_view *view) {
-    double empty =
-        has_surfaces_only(view) ? info->range[0] : find_transparent(info, &view->transfer_function);
+static double choose_empty(const struct sp_volume_info *info, const struct sp_view *view) {
+    double empty = has_surfaces_only(view) ? info->range[0]
+                                           : choose_transparent(info, &view->transfer_function);
     /* These show all values. */
     if (sp_compositing_is_projection(view->compositing.mode) || sp_view_draws_slices(view))
         return NAN;
@@ -67,7 +67,7 @@ static double find_empty(const struct sp_volume_info *info, const struct sp_view
 
 static void make_key(struct key *key, const struct sp_volume *volume, const struct sp_view *view) {
     memset(key, 0, sizeof *key);
-    key->empty = find_empty(sp_volume_info(volume), view);
+    key->empty = choose_empty(sp_volume_info(volume), view);
     key->count = view->edit_count;
     memcpy(key->edits, view->edits, view->edit_count * sizeof view->edits[0]);
 }

@@ -131,13 +131,13 @@ static bool is_inside(const struct lattice *l, double s, double t) {
 typedef void run_fn(void *user, const struct sp_run *run);
 
 struct visit {
-    run_fn *take;
+    run_fn *add_run;
     void *user;
     struct sp_run run;
 };
 
 static void flush(struct visit *visit) {
-    visit->take(visit->user, &visit->run);
+    visit->add_run(visit->user, &visit->run);
     visit->run.count = 0;
 }
 
@@ -216,8 +216,8 @@ static void visit_oblique(const struct lattice *l, struct visit *visit) {
     }
 }
 
-static void visit_all(const struct lattice *l, run_fn *take, void *user) {
-    struct visit visit = { .take = take, .user = user };
+static void visit_all(const struct lattice *l, run_fn *add_run, void *user) {
+    struct visit visit = { .add_run = add_run, .user = user };
     if (l->is_outside)
         return;
     if (l->is_aligned)

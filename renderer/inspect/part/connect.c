@@ -16,7 +16,7 @@ struct search {
     struct sp_mask *all;
 };
 
-static void find_range(void *user, size_t begin, size_t end, unsigned worker) {
+static void mark_range(void *user, size_t begin, size_t end, unsigned worker) {
     const struct search *part = user;
     const struct sp_volume_info *info = part->info;
     const uint32_t *dims = info->grid.dims;
@@ -89,7 +89,7 @@ bool sp_part_connect(const struct sp_volume_info *info, const void *voxels, cons
     *is_found = false;
     if (!sp_mask_init(all, dims, err) || !sp_mask_init(mine, dims, err))
         return false;
-    sp_parallel_for(pool, (size_t)dims[1] * dims[2], 64, find_range, &search);
+    sp_parallel_for(pool, (size_t)dims[1] * dims[2], 64, mark_range, &search);
     *is_found = find_start(&search, at);
     return !*is_found || sp_mask_connect(all, at, mine, err);
 }

@@ -38,7 +38,7 @@ static bool push(struct seeds *seeds, uint32_t x, uint32_t y, uint32_t z, struct
 }
 
 /* The run of bits of a row around x: [run[0], run[1]). */
-static void find_run(const uint64_t *row, uint32_t width, uint32_t x, uint32_t run[2]) {
+static void extend_run(const uint64_t *row, uint32_t width, uint32_t x, uint32_t run[2]) {
     run[0] = x;
     run[1] = x + 1;
     while (run[0] > 0 && row[(run[0] - 1) / 64] >> (run[0] - 1) % 64 & 1)
@@ -74,7 +74,7 @@ static bool spread(const struct sp_mask *all, struct sp_mask *part, const struct
     uint32_t run[2];
     if (row[at->x / 64] >> at->x % 64 & 1)
         return true;
-    find_run(sp_mask_row(all, at->y, at->z), all->dims[0], at->x, run);
+    extend_run(sp_mask_row(all, at->y, at->z), all->dims[0], at->x, run);
     for (uint32_t x = run[0]; x < run[1]; x++)
         row[x / 64] |= UINT64_C(1) << x % 64;
     return (at->y == 0 || follow(all, part, run, at->y - 1, at->z, seeds, err)) &&

@@ -85,7 +85,7 @@ static void list_steps(struct search *s) {
 }
 
 /* The samples of the part that have a neighbour outside of it, or lie at the volume's border. */
-static void find_border(const struct sp_mask *mine, struct sp_mask *border) {
+static void mark_border(const struct sp_mask *mine, struct sp_mask *border) {
     const uint32_t *dims = mine->dims;
     for (uint32_t z = 0; z < dims[2]; z++)
         for (uint32_t y = 0; y < dims[1]; y++)
@@ -243,8 +243,8 @@ struct curve {
     uint32_t count;
 };
 
-static bool find_gradient(const struct curve *curve, const double p[3], double *value,
-                          struct sp_vec3 *gradient) {
+static bool compute_gradient(const struct curve *curve, const double p[3], double *value,
+                             struct sp_vec3 *gradient) {
     double h = 0.25 * curve->reach;
     if (!sp_interpolator_at(&curve->field, p, value) || !isfinite(*value))
         return false;
@@ -267,7 +267,7 @@ static void settle(const struct curve *curve, double p[3]) {
     for (int i = 0; i < 4; i++) {
         struct sp_vec3 gradient;
         double value;
-        if (!find_gradient(curve, q, &value, &gradient))
+        if (!compute_gradient(curve, q, &value, &gradient))
             return;
         double square = sp_vec3_dot(gradient, gradient);
         if (!(square > 0))
@@ -431,7 +431,7 @@ bool sp_part_find_path(const struct sp_volume *volume, const struct sp_part *par
     if (ok && is_found)
         ok = is_near(volume, part, to, pool, &mine, &is_same, err);
     if (ok && is_same) {
-        find_border(&mine, &all); /* whose bits are no longer needed */
+        mark_border(&mine, &all); /* whose bits are no longer needed */
         ok = search(volume, part, to, &all, path, err);
     }
     sp_mask_finish(&all);

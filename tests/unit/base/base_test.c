@@ -46,24 +46,24 @@ static void a_budget_is_never_exceeded(void **state) {
     struct sp_error err = { .code = SP_OK };
     struct sp_budget *budget = sp_budget_create(1000, &err);
     assert_non_null(budget);
-    assert_true(sp_budget_take(budget, SP_BUDGET_IMAGES, 600));
-    assert_false(sp_budget_take(budget, SP_BUDGET_ENCODERS, 401));
-    assert_false(sp_budget_take(budget, SP_BUDGET_ENCODERS, UINT64_MAX));
-    assert_true(sp_budget_take(budget, SP_BUDGET_ENCODERS, 400));
+    assert_true(sp_budget_acquire(budget, SP_BUDGET_IMAGES, 600));
+    assert_false(sp_budget_acquire(budget, SP_BUDGET_ENCODERS, 401));
+    assert_false(sp_budget_acquire(budget, SP_BUDGET_ENCODERS, UINT64_MAX));
+    assert_true(sp_budget_acquire(budget, SP_BUDGET_ENCODERS, 400));
     assert_int_equal(sp_budget_used(budget, SP_BUDGET_IMAGES), 600);
     assert_int_equal(sp_budget_total(budget), 1000);
     sp_budget_add(budget, SP_BUDGET_ANSWERS, 50); /* is there already */
-    assert_false(sp_budget_take(budget, SP_BUDGET_ARENAS, 0));
+    assert_false(sp_budget_acquire(budget, SP_BUDGET_ARENAS, 0));
     assert_false(sp_budget_fail(budget, "pixels", 77, &err));
     assert_int_equal(err.code, SP_ERR_FRAME_BUDGET);
     assert_non_null(strstr(err.text, "77 more bytes for its pixels"));
     assert_non_null(strstr(err.text, "1050 of the 1000 bytes"));
-    sp_budget_give(budget, SP_BUDGET_IMAGES, 600);
-    sp_budget_give(budget, SP_BUDGET_ENCODERS, 400);
-    sp_budget_give(budget, SP_BUDGET_ANSWERS, 50);
+    sp_budget_release(budget, SP_BUDGET_IMAGES, 600);
+    sp_budget_release(budget, SP_BUDGET_ENCODERS, 400);
+    sp_budget_release(budget, SP_BUDGET_ANSWERS, 50);
     sp_budget_destroy(&budget);
     assert_null(budget);
-    assert_true(sp_budget_take(NULL, SP_BUDGET_IMAGES, UINT64_MAX)); /* no limit */
+    assert_true(sp_budget_acquire(NULL, SP_BUDGET_IMAGES, UINT64_MAX)); /* no limit */
 }
 
 static void an_arena_takes_its_blocks_from_the_budget(void **state) {

@@ -109,7 +109,7 @@ static int by_value(const void *a, const void *b) {
 }
 
 /* Computes the index of the voxel of entry e in brick b. */
-static void find_voxel(const struct sp_visible *list, uint32_t b, uint64_t e, uint32_t i[3]) {
+static void compute_voxel(const struct sp_visible *list, uint32_t b, uint64_t e, uint32_t i[3]) {
     uint16_t local;
     sp_visible_locals(list, b, NULL, (uint32_t)(e - list->first[b]), 1, &local);
     sp_visible_brick_corner(list->bricks, b, i);
@@ -123,7 +123,7 @@ static uint64_t *flatten(const struct sp_visible *list, const uint32_t dims[3]) 
     for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
             uint32_t i[3];
-            find_voxel(list, b, e, i);
+            compute_voxel(list, b, e, i);
             flat[n++] = ((uint64_t)i[0] + dims[0] * (i[1] + (uint64_t)dims[1] * i[2])) << 8 |
                         sp_visible_key(list, e);
         }
@@ -184,7 +184,7 @@ static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
             uint32_t i[3];
             double gradient[3];
-            find_voxel(list, b, e, i);
+            compute_voxel(list, b, e, i);
             sp_gradient_at(&grid, i, gradient);
             assert_int_equal(((const uint16_t *)list->normal)[e],
                              sp_gradient_pack_direction(gradient));
@@ -246,7 +246,7 @@ static void mip_levels_average_the_classified_voxels(void **state) {
         for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
             for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
                 uint32_t cell[3];
-                find_voxel(list, b, e, cell);
+                compute_voxel(list, b, e, cell);
                 struct sp_class want = average(values, dims, l, cell);
                 struct sp_class got = sp_transfer_class(&level->transfer, sp_visible_key(list, e));
                 assert_compare(fabsf(got.depth - want.depth), <, 1e-6f);
@@ -292,7 +292,7 @@ static void microflakes_match_those_of_all_voxels(void **state) {
         memset(depths, 0, sizeof depths);
         for (uint32_t b = 0; b < sp_visible_bricks(fine); b++)
             for (uint64_t e = fine->first[b]; e < fine->first[b + 1]; e++) {
-                find_voxel(fine, b, e, at);
+                compute_voxel(fine, b, e, at);
                 uint32_t cell = (at[0] >> l) + d[0] * ((at[1] >> l) + d[1] * (at[2] >> l));
                 float depth =
                     sp_transfer_class(&c.levels[0].transfer, sp_visible_key(fine, e)).depth;
@@ -301,7 +301,7 @@ static void microflakes_match_those_of_all_voxels(void **state) {
             }
         for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
             for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
-                find_voxel(list, b, e, at);
+                compute_voxel(list, b, e, at);
                 uint32_t cell = at[0] + d[0] * (at[1] + d[1] * at[2]);
                 struct sp_microflakes want = sp_microflakes_pack(&sums[cell], depths[cell]);
                 struct sp_microflakes got = *sp_visible_microflakes(list, e);

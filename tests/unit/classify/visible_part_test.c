@@ -67,10 +67,11 @@ static struct sp_view view_of(const struct sp_volume *volume) {
     return view;
 }
 
-static struct sp_visible_part find(const struct sp_view *view, const struct sp_volume *volume) {
+static struct sp_visible_part compute_part(const struct sp_view *view,
+                                           const struct sp_volume *volume) {
     struct sp_visible_part part;
     struct sp_error err;
-    if (!sp_view_find_visible_part(view, volume, &part, &err))
+    if (!sp_view_compute_visible_part(view, volume, &part, &err))
         fail_msg("%s", err.text);
     return part;
 }
@@ -91,7 +92,7 @@ static void an_object_has_its_box_in_the_world(void **state) {
         struct sp_volume *volume = make(64, types[i], (const uint32_t[3]){ 16, 32, 8 },
                                         (const uint32_t[3]){ 31, 47, 15 }, 0);
         struct sp_view view = view_of(volume);
-        struct sp_visible_part part = find(&view, volume);
+        struct sp_visible_part part = compute_part(&view, volume);
         check_box(&part, (const double[3]){ 0.25, 0.5, 0.125 },
                   (const double[3]){ 0.5, 0.75, 0.25 }, 1e-9);
         const double center[3] = { 10 - 39.5, 20 + 23.5, 30 + 23 };
@@ -114,7 +115,7 @@ static void the_clip_cuts_the_box(void **state) {
     view.clip.box[1][0] = 0.5;
     view.clip.plane_count = 1; /* axis 1 is world −x: keeps its samples up to 31 */
     view.clip.planes[0] = (struct sp_clip_plane){ .normal = { 1 }, .offset = 10 - 31.5 };
-    struct sp_visible_part part = find(&view, volume);
+    struct sp_visible_part part = compute_part(&view, volume);
     check_box(&part, (const double[3]){ 0.25, 0.25, 0.25 }, (const double[3]){ 0.5, 0.5, 0.75 },
               1e-9);
     sp_volume_unref(&volume);
@@ -126,14 +127,14 @@ static void a_hidden_object_leaves_the_whole_volume(void **state) {
         make(64, SP_UINT8, (const uint32_t[3]){ 16, 16, 16 }, (const uint32_t[3]){ 47, 47, 47 }, 0);
     struct sp_view view = view_of(volume);
     view.clip.box[1][2] = 0.2;
-    struct sp_visible_part part = find(&view, volume);
+    struct sp_visible_part part = compute_part(&view, volume);
     assert_false(part.is_visible);
     for (int a = 0; a < 3; a++) {
         assert_true(part.box[0][a] == 0);
         assert_true(part.box[1][a] == 1);
     }
     view.clip.box[0][2] = view.clip.box[1][2] = 0.501; /* between two samples */
-    assert_false(find(&view, volume).is_visible);
+    assert_false(compute_part(&view, volume).is_visible);
     sp_volume_unref(&volume);
 }
 
@@ -142,7 +143,7 @@ static void an_object_between_the_samples_is_found(void **state) {
     struct sp_volume *volume = make(256, SP_UINT8, (const uint32_t[3]){ 100, 60, 200 },
                                     (const uint32_t[3]){ 100, 60, 200 }, 0);
     struct sp_view view = view_of(volume);
-    struct sp_visible_part part = find(&view, volume);
+    struct sp_visible_part part = compute_part(&view, volume);
     check_box(&part, (const double[3]){ 100 / 256.0, 60 / 256.0, 200 / 256.0 },
               (const double[3]){ 101 / 256.0, 61 / 256.0, 201 / 256.0 }, 1e-9);
     sp_volume_unref(&volume);
@@ -153,12 +154,12 @@ static void the_gradient_axis_counts(void **state) {
     struct sp_volume *volume =
         make(64, SP_UINT8, (const uint32_t[3]){ 16, 0, 0 }, (const uint32_t[3]){ 63, 63, 63 }, 120);
     struct sp_view view = view_of(volume); /* both values are visible */
-    struct sp_visible_part part = find(&view, volume);
+    struct sp_visible_part part = compute_part(&view, volume);
     check_box(&part, (const double[3]){ 0 }, (const double[3]){ 1, 1, 1 }, 1e-9);
     view.transfer_function.gradient_count = 2; /* the border alone */
     view.transfer_function.gradient[0] = (struct sp_gradient_point){ .magnitude = 10 };
     view.transfer_function.gradient[1] = (struct sp_gradient_point){ .magnitude = 20, .scale = 1 };
-    part = find(&view, volume);
+    part = compute_part(&view, volume);
     check_box(&part, (const double[3]){ 15 / 64.0, 0, 0 }, (const double[3]){ 17 / 64.0, 1, 1 },
               1e-9);
     sp_volume_unref(&volume);
@@ -171,7 +172,7 @@ static void slices_reach_to_the_borders(void **state) {
     struct sp_view view = view_of(volume);
     view.slices.mode = SP_SLICES_ORTHOGONAL;
     view.slices.in_3d = true;
-    struct sp_visible_part part = find(&view, volume);
+    struct sp_visible_part part = compute_part(&view, volume);
     check_box(&part, (const double[3]){ 0 }, (const double[3]){ 1, 1, 1 }, 0);
     sp_volume_unref(&volume);
 }
@@ -192,7 +193,7 @@ static void a_ball_is_smaller_than_its_box(void **state) {
     struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, 64 * 64 * 64, release, NULL);
     assert_non_null(volume);
     struct sp_view view = view_of(volume);
-    struct sp_visible_part part = find(&view, volume);
+    struct sp_visible_part part = compute_part(&view, volume);
     assert_compare(part.radius, >, 15.5);
     assert_compare(part.radius, <, 17.5);
     sp_volume_unref(&volume);
@@ -205,7 +206,7 @@ static void a_few_wild_samples_do_not_count(void **state) {
     uint8_t *voxels = (uint8_t *)(uintptr_t)sp_volume_voxels(volume);
     voxels[1] = voxels[64 * 64 * 64 - 1] = OBJECT; /* 2 of 32768 */
     struct sp_view view = view_of(volume);
-    struct sp_visible_part part = find(&view, volume);
+    struct sp_visible_part part = compute_part(&view, volume);
     check_box(&part, (const double[3]){ 0.25, 0.25, 0.25 }, (const double[3]){ 0.75, 0.75, 0.75 },
               1e-9);
     sp_volume_unref(&volume);
@@ -226,20 +227,20 @@ static void a_surface_has_the_box_of_what_it_encloses(void **state) {
     const double low[3] = { 0.25, 0.5, 0.125 }, high[3] = { 0.5, 0.75, 0.25 };
     struct sp_view view = surface_of(volume, 120);
     view.transfer_function.point_count = 1; /* shows nothing; a surface does not need it */
-    struct sp_visible_part part = find(&view, volume);
+    struct sp_visible_part part = compute_part(&view, volume);
     check_box(&part, low, high, 1e-9);
     view.clip.box[1][0] = 0.4;
-    part = find(&view, volume);
+    part = compute_part(&view, volume);
     check_box(&part, low, (const double[3]){ 0.4, 0.75, 0.25 }, 1.0 / 64);
     view.clip.box[1][0] = 1;
     const double none[] = { 0, 201, 1e9 };
     for (int i = 0; i < 3; i++) {
         view.layers[0].value = none[i]; /* all samples lie on one side */
-        assert_false(find(&view, volume).is_visible);
+        assert_false(compute_part(&view, volume).is_visible);
     }
     view = surface_of(volume, 120);
     view.layers[0].opacity = 0;
-    assert_false(find(&view, volume).is_visible);
+    assert_false(compute_part(&view, volume).is_visible);
     sp_volume_unref(&volume);
 }
 
@@ -256,10 +257,11 @@ static void a_surface_around_a_hollow_is_seen(void **state) {
         voxels[i] = is_hollow ? NAN : OBJECT; /* a hole has no surface */
     }
     struct sp_view view = surface_of(volume, 120);
-    assert_false(find(&view, volume).is_visible);
+    assert_false(compute_part(&view, volume).is_visible);
     for (int i = 0; i < 64 * 64 * 64; i++)
         voxels[i] = isfinite(voxels[i]) ? OBJECT : 10;
-    struct sp_visible_part part = find(&view, volume); /* of the samples around the hollow */
+    struct sp_visible_part part =
+        compute_part(&view, volume); /* of the samples around the hollow */
     check_box(&part, (const double[3]){ 19 / 64.0, 19 / 64.0, 19 / 64.0 },
               (const double[3]){ 31 / 64.0, 31 / 64.0, 31 / 64.0 }, 1e-9);
     sp_volume_unref(&volume);
@@ -277,16 +279,16 @@ static void only_visible_layers_count(void **state) {
     const double low[3] = { 0.125, 0.125, 0.125 }, inner[3] = { 0.75, 0.75, 0.75 };
     struct sp_view view = view_of(volume);
     view.layers[1] = surface_of(volume, 60).layers[0];
-    struct sp_visible_part part = find(&view, volume); /* the volume alone */
+    struct sp_visible_part part = compute_part(&view, volume); /* the volume alone */
     check_box(&part, low, inner, 1e-9);
     view.layer_count = 2;
-    part = find(&view, volume); /* a small surface beside a large volume is no tail */
+    part = compute_part(&view, volume); /* a small surface beside a large volume is no tail */
     check_box(&part, low, (const double[3]){ 0.875, 0.875, 0.875 }, 1e-9);
     view.layers[1].visible = false;
-    part = find(&view, volume);
+    part = compute_part(&view, volume);
     check_box(&part, low, inner, 1e-9);
     view.layers[0].visible = false;
-    assert_false(find(&view, volume).is_visible);
+    assert_false(compute_part(&view, volume).is_visible);
     sp_volume_unref(&volume);
 }
 
@@ -299,11 +301,11 @@ static void a_shell_has_the_box_of_what_is_opaque_enough(void **state) {
     struct sp_view view = view_of(volume); /* the object's is 0.5 */
     view.layers[0] = sp_layer_default(SP_LAYER_SHELL);
     view.layers[0].low = 0.3;
-    struct sp_visible_part part = find(&view, volume);
+    struct sp_visible_part part = compute_part(&view, volume);
     check_box(&part, (const double[3]){ 0.25, 0.25, 0.25 }, (const double[3]){ 0.75, 0.75, 0.75 },
               1e-9);
     view.layers[0].low = 0.6;
-    assert_false(find(&view, volume).is_visible);
+    assert_false(compute_part(&view, volume).is_visible);
     sp_volume_unref(&volume);
 }
 

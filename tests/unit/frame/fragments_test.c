@@ -158,7 +158,7 @@ static void a_large_image_has_a_band_of_fragments_at_a_time(void **state) {
     all.user = &filling;
     assert_int_equal(sp_fragments_rows(NULL, 64, 320), 320);
     assert_int_equal(sp_fragments_rows(&all, 64, 320), 320);
-    assert_true(sp_fragments_find(&all, 0, 320, NULL));
+    assert_true(sp_fragments_ensure(&all, 0, 320, NULL));
     assert_int_equal(filling.calls, 0); /* all are there already */
     sp_fragments_limit(&all, 1);
     assert_int_equal(all.most, 1);
@@ -168,12 +168,13 @@ static void a_large_image_has_a_band_of_fragments_at_a_time(void **state) {
     assert_int_equal(all.most, 5);
     assert_int_equal(sp_fragments_rows(&all, 32, 320), 160);
     assert_int_equal(sp_fragments_rows(&all, 64, 320), 128);
-    assert_true(sp_fragments_find(&all, 128, 256, NULL));
+    assert_true(sp_fragments_ensure(&all, 128, 256, NULL));
     assert_int_equal(filling.begin, 4);
     assert_int_equal(filling.end, 8);
-    assert_true(sp_fragments_find(&all, 130, 250, NULL));
+    assert_true(sp_fragments_ensure(&all, 130, 250, NULL));
     assert_int_equal(filling.calls, 1);
-    assert_true(sp_fragments_find(&all, 256, 384, NULL)); /* the last tiles reach below the image */
+    assert_true(
+        sp_fragments_ensure(&all, 256, 384, NULL)); /* the last tiles reach below the image */
     assert_int_equal(filling.begin, 8);
     assert_int_equal(filling.end, 10);
     assert_int_equal(filling.calls, 2);

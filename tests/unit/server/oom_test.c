@@ -328,12 +328,12 @@ static int send_long_body(const char *method, const char *path, const char *toke
                         "Content-Type: application/json\r\nContent-Length: %d\r\n\r\n",
                         method, path, token, token[0] ? "\r\n" : "", BYTES);
     oom_connect(&oom_http);
-    memory_take_largest();
+    memory_consume_largest();
     oom_send(&oom_http, head, (size_t)size);
     oom_send(&oom_http, blanks, BYTES);
     while (oom_receive(&oom_http)) {
     }
-    *largest = memory_take_largest();
+    *largest = memory_consume_largest();
     oom_hang_up(&oom_http);
     free(blanks);
     assert_int_equal(sscanf(oom_http.bytes, "HTTP/1.1 %d", &status), 1);

@@ -80,8 +80,8 @@ static bool project(const struct sp_camera_transform *camera, const struct sp_gr
 }
 
 /* Returns the voxels [first, last] of a brick along each axis. */
-static void find_box(const struct sp_grid *grid, const struct sp_detail_brick *brick,
-                     uint32_t first[3], uint32_t last[3]) {
+static void compute_box(const struct sp_grid *grid, const struct sp_detail_brick *brick,
+                        uint32_t first[3], uint32_t last[3]) {
     uint32_t rest = brick->brick;
     for (int a = 0; a < 3; a++) {
         uint32_t cells = sp_detail_cells(grid->dims[a], brick->level);
@@ -145,7 +145,7 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
             levels |= 1u << b->level;
             assert_compare(b->level, >=, job.floor);
             assert_compare(b->level, <, job.levels);
-            find_box(&grid, b, first, last);
+            compute_box(&grid, b, first, last);
             for (uint32_t z = first[2]; z <= last[2]; z++)
                 for (uint32_t y = first[1]; y <= last[1]; y++)
                     for (uint32_t x = first[0]; x <= last[0]; x++)

@@ -28,7 +28,7 @@ vec3 locate(uint e, out vec3 position, out vec3 k[3]) {
 
 #if TRAINED
 // Real spherical harmonics, in the order and with the signs of Kerbl et al. (2023).
-void find_harmonics(vec3 d, out float basis[16]) {
+void compute_harmonics(vec3 d, out float basis[16]) {
     vec3 q = d * d;
     basis = float[](0.28209479, -0.48860251 * d.y, 0.48860251 * d.z, -0.48860251 * d.x, 1.09254843 * d.x * d.y,
                     -1.09254843 * d.y * d.z, 0.31539157 * (2.0 * q.z - q.x - q.y), -1.09254843 * d.x * d.z,
@@ -38,10 +38,10 @@ void find_harmonics(vec3 d, out float basis[16]) {
                     -0.59004359 * d.x * (q.x - 3.0 * q.y));
 }
 
-vec3 find_color(uint e, vec3 position) {
+vec3 compute_color(uint e, vec3 position) {
     float basis[16];
     vec3 color = vec3(0.5), d = is_perspective ? position - eye.xyz : eye.xyz;
-    find_harmonics(d * inversesqrt(max(dot(d, d), 1e-30)), basis);
+    compute_harmonics(d * inversesqrt(max(dot(d, d), 1e-30)), basis);
     for (uint i = 0u, at = 3u * cloud.y * e; i < cloud.y; i++, at += 3u)
         color += basis[i] * vec3(harmonics[at], harmonics[at + 1u], harmonics[at + 2u]);
     return clamp(color, 0.0, COLOR_MAX);
@@ -54,7 +54,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     if (e == UNSEEN)
         return false;
     vec3 position, k[3], u = locate(e, position, k);
-    Footprint f = find_footprint(u, k, LOWPASS2);
+    Footprint f = compute_footprint(u, k, LOWPASS2);
     float opacity = elements[9u * cloud.x + e] * eye.w;
     if (cloud.z != 0u)
         opacity *= sqrt(f.own_det / f.det);
@@ -63,7 +63,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
         return false;
     box = set_ellipse(f, SLACK * sqrt(2.0 / LOG2E * log2(max(parts, 1.000001))), s);
     s.shape.y = opacity;
-    s.color = vec4(find_color(e, position), u.z);
+    s.color = vec4(compute_color(e, position), u.z);
     return true;
 }
 #else
@@ -105,7 +105,7 @@ vec4 classify_merged(float value, uint word) {
 }
 
 // The value, relative to the base, that has the colour of a point (draw/layers/cloud/set_up.c).
-float find_color_value(uint e) {
+float compute_color_value(uint e) {
     bool is_merged = e >= cloud.z; // the number of the points; merged ones have one number
     uint at = is_merged ? cloud.y * cloud.z + (e - cloud.z) : cloud.y * e;
     float number = harmonics[at];
@@ -115,7 +115,7 @@ float find_color_value(uint e) {
 }
 
 // Makes a kernel a part of it (draw/layers/cloud/set_up.c).
-void take_part(uint part, inout vec3 u, inout vec3 k[3]) {
+void reduce_to_part(uint part, inout vec3 u, inout vec3 k[3]) {
     vec3 n = k[2] * inversesqrt(dot(k[2], k[2]) + 1e-30);
     for (int r = 0; r < 3; r++) {
         float along = dot(k[r], n);
@@ -126,7 +126,7 @@ void take_part(uint part, inout vec3 u, inout vec3 k[3]) {
 
 #if STREAKS
 // The phase of a point, in 65536ths: the lower 16 bits of sp_streak_hash() (draw/layers/splat_list/phase.h).
-uint find_phase(uint e) {
+uint compute_phase(uint e) {
     const uvec2 FIRST = uvec2(0xed558ccdu, 0xff51afd7u), SECOND = uvec2(0x1a85ec53u, 0xc4ceb9feu); // low words first
     uint low, high;
     umulExtended(e, FIRST.x, high, low);
@@ -139,7 +139,7 @@ uint find_phase(uint e) {
 }
 
 // The standard deviation of a kernel along a unit vector of the world of the data (draw/layers/cloud/set_up.c).
-float find_deviation(uint e, vec3 d) {
+float compute_deviation(uint e, vec3 d) {
     const float TINY = 1e-20;
     uint l = 3u * cloud.x + 6u * e;
     float x = d.x / max(elements[l], TINY), y = (d.y - elements[l + 1u] * x) / max(elements[l + 2u], TINY);
@@ -160,10 +160,10 @@ bool stretch_along_vector(uint e, vec3 u, inout Footprint f, inout Splat s) {
             direction[r] = dot(steps[r].xyz, d);
         float size = length(direction);
         direction /= size;
-        sigma = cell.w * size * find_deviation(e, d);
+        sigma = cell.w * size * compute_deviation(e, d);
     }
     stretch(u, direction, sigma, f, s);
-    set_phase(find_phase(e), s);
+    set_phase(compute_phase(e), s);
     return moves || streaks.w != 0.0;
 }
 #endif
@@ -174,8 +174,8 @@ bool set_up(uint i, out Splat s, out vec4 box) {
         return false;
     vec3 position, k[3], u = locate(e, position, k);
     if (rows.x > 1u)
-        take_part(number % rows.x, u, k);
-    Footprint f = find_footprint(u, k, filter_of.x);
+        reduce_to_part(number % rows.x, u, k);
+    Footprint f = compute_footprint(u, k, filter_of.x);
 #if STREAKS
     if (!stretch_along_vector(e, u, f, s))
         return false;
@@ -185,7 +185,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     float value = elements[9u * n + e] - eye.x;
     vec4 own = e < cloud.z ? classify(value) : classify_merged(value, floatBitsToUint(elements[11u * n + e - cloud.z]));
     if (cloud.y != 0u)
-        own.rgb = classify(find_color_value(e)).rgb;
+        own.rgb = classify(compute_color_value(e)).rgb;
     box = set_ellipse(f, filter_of.y, s);
     s.shape.y = min(own.a * bounds.w * elements[10u * n + e] * eye.w * (f.gain * filter_of.w / sqrt(f.det)), DEPTH_MAX);
     s.color = vec4(own.rgb, u.z);

@@ -34,7 +34,7 @@ uint marks_before(uint place) {
 }
 
 // True if the place is marked; `before`: the number of marks before it.
-bool find_mark(uint place, out uint before) {
+bool read_mark(uint place, out uint before) {
     uint word = place / 32u, bit = 1u << (place & 31u), mask = masks[word];
     before = ends[word] - uint(bitCount(mask)) + uint(bitCount(mask & (bit - 1u)));
     return (mask & bit) != 0u;

@@ -13,7 +13,7 @@ shared uint sums[SUMS][LANES];
 shared bool has_room;
 
 // The tiles of the band that the box [low, high) px of the image touches, which is not empty, in layers [first, last] of the batch.
-uvec2 find_tiles(ivec2 low, ivec2 high, uvec2 range) {
+uvec2 bound_tiles(ivec2 low, ivec2 high, uvec2 range) {
     uvec2 last = uvec2(tiles.x, (tiles.z - tiles.y + TILE - 1u) / TILE) - 1u;
     uvec2 first = min(uvec2(low.x, low.y - int(tiles.y)) / TILE, last);
     last = min(uvec2(high.x - 1, high.y - 1 - int(tiles.y)) / TILE, last);

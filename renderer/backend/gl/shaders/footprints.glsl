@@ -28,7 +28,7 @@ struct Footprint {
 };
 
 // Rows of K.
-Footprint find_footprint(vec3 u, vec3 k[3], float h2) {
+Footprint compute_footprint(vec3 u, vec3 k[3], float h2) {
     float inverse = is_perspective ? 1.0 / u.z : 1.0, f = view.x * inverse;
     vec2 ratio = is_perspective ? clamp(u.xy * inverse, -bounds.xy, bounds.xy) : vec2(0);
     vec3 m0 = f * (k[0] - ratio.x * k[2]), m1 = f * (k[1] - ratio.y * k[2]), area = cross(m0, m1);

@@ -20,7 +20,7 @@ vec3 read_three(uint first) {
 }
 
 // Camera space. Precise, here and below: triangles meet at their edges only if each finds the same numbers.
-vec3 find_camera(uint vertex) {
+vec3 compute_camera(uint vertex) {
     vec3 p = read_three(3u * vertex) - origin.xyz;
     precise vec3 u;
     for (int r = 0; r < 3; r++)

@@ -70,7 +70,7 @@ bool add_shown() {
 }
 
 // How much each corner counts in the attributes on a ray, or at its start: Σ share·(way from the ray to the corner) = 0.
-vec3 find_shares(vec3 u[3], vec2 ray) {
+vec3 compute_shares(vec3 u[3], vec2 ray) {
     vec2 v[3];
     for (int k = 0; k < 3; k++)
         v[k] = u[k].xy - ray * (choice.x != 0u ? u[k].z : 1.0);
@@ -81,7 +81,7 @@ vec3 find_shares(vec3 u[3], vec2 ray) {
 }
 
 // The unit normal in world space; that of the plane where the vertices have none; 0 if there is none.
-vec3 find_normal(vec3 u[3], vec3 own) {
+vec3 compute_normal(vec3 u[3], vec3 own) {
     const float TINY = 1e-30, HUGE = 1e30;
     vec3 world = vec3(dot(turn[0].xyz, own), dot(turn[1].xyz, own), dot(turn[2].xyz, own)), plane = cross(u[1] - u[0], u[2] - u[0]);
     float square = dot(world, world);
@@ -101,9 +101,9 @@ vec4 shade_triangle(uint number, vec2 px) {
     vec2 ray = (px - view.yz) / view.x;
     for (uint k = 0u; k < 3u; k++) {
         vertex[k] = corners[3u * number + k];
-        u[k] = find_camera(vertex[k]);
+        u[k] = compute_camera(vertex[k]);
     }
-    vec3 share = find_shares(u, ray);
+    vec3 share = compute_shares(u, ray);
     for (uint k = 0u; k < 3u; k++) {
         uint at = 6u * mesh_kind.z + 4u * vertex[k];
         normal += share[k] * read_three(3u * mesh_kind.z + 3u * vertex[k]);
@@ -114,7 +114,7 @@ vec4 shade_triangle(uint number, vec2 px) {
     if (mesh_kind.x == 0u)
         color.rgb = look.rgb;
     if (choice.y != 0u)
-        color.rgb = shade_normal(color.rgb, find_normal(u, normal),
+        color.rgb = shade_normal(color.rgb, compute_normal(u, normal),
                                  is_perspective ? -normalize(vec3(ray, 1.0)) : vec3(0.0, 0.0, -1.0));
     return vec4(color.rgb, color.a * look.a);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Constants of resampled sheets (struct gl_resample_constants in resample_constants.h), coordinates, and the samples of a
-// mip level as 16-bit levels (draw/resample/curve.h). u, v and w are the axes of a tile; w leads from slice to slice.
+// mip level as 16-bit codes (draw/resample/curve.h). u, v and w are the axes of a tile; w leads from slice to slice.
 
 // Samples of an axis, and rows of Places if they are not evenly spaced. EVEN: all axes are.
 struct Axis {
@@ -22,8 +22,8 @@ layout(std140, binding = 1) uniform Resample {
     vec4 metric[2];   // xx, yy, zz, rounding of gradients; yz, xz, xy, a depth inside the volume
     vec4 depths[3];   // by axis w: s at that depth of the centre's ray, forwards; its change by depth, to the right, down
     vec4 steep;       // between which rays get some half sheets
-    vec4 level_scale; // levels per unit, base as two floats, lowest level
-    vec4 bin_scale;   // bins per level, first bin; levels between which something is visible
+    vec4 code_scale; // codes per unit, base as two floats, lowest code
+    vec4 bin_scale;   // bins per code, first bin; codes between which something is visible
     vec4 above_bins;
     vec4 numbers[2];  // of a projection (draw/resample/projection.h): sign, start, full, zero; absorption, gain, offset
     ivec4 choices;    // maximum or minimum; mean; leaves samples out
@@ -40,8 +40,8 @@ layout(std430, binding = 2) readonly buffer Samples { uint samples[]; };
 layout(std430, binding = 3) readonly buffer Visible { uint visible[]; }; // four regions per word
 layout(std430, binding = 6) readonly buffer Places { float places[]; };
 
-const float LEVEL_MIN = 1024.0, LEVEL_MAX = 31744.0; // enum of draw/resample/curve.h
-const float FAR_LEVEL = 1e6;
+const float CODE_MIN = 1024.0, CODE_MAX = 31744.0; // enum of draw/resample/curve.h
+const float FAR_CODE = 1e6;
 const int REGION = 4;
 
 int slices;        // the tile's axis w
@@ -130,7 +130,7 @@ float spacing_at(int a, float index) {
 }
 
 #if SAMPLES == SAMPLES_INTEGER
-float level_of(uint at) {
+float code_of(uint at) {
     const uint per_word = 4u / BYTES, bits = 8u * BYTES;
     uint word = samples[at / per_word], shift = bits * (at % per_word);
 #if SIGNED
@@ -140,19 +140,19 @@ float level_of(uint at) {
 #endif
     // The difference of 32-bit integers is rounded once.
     float above = x >= base.x ? float(uint(x) - uint(base.x)) : -float(uint(base.x) - uint(x));
-    precise float level = (above - level_scale.z) * level_scale.x + LEVEL_MIN;
-    return BYTES == 4u ? clamp(level, -FAR_LEVEL, FAR_LEVEL) : level;
+    precise float code = (above - code_scale.z) * code_scale.x + CODE_MIN;
+    return BYTES == 4u ? clamp(code, -FAR_CODE, FAR_CODE) : code;
 }
 #elif SAMPLES == SAMPLES_REAL
-float level_of(uint at) {
+float code_of(uint at) {
     uint word = samples[at];
     if ((word & 0x7f800000u) == 0x7f800000u)
         return 0.0;
-    precise float level = ((uintBitsToFloat(word) - level_scale.y) - level_scale.z) * level_scale.x + LEVEL_MIN;
-    return clamp(level, -FAR_LEVEL, FAR_LEVEL);
+    precise float code = ((uintBitsToFloat(word) - code_scale.y) - code_scale.z) * code_scale.x + CODE_MIN;
+    return clamp(code, -FAR_CODE, FAR_CODE);
 }
-#else // levels, made by the processor
-float level_of(uint at) {
+#else // codes, made by the processor
+float code_of(uint at) {
     return uintBitsToFloat(samples[at]);
 }
 #endif

@@ -64,7 +64,7 @@ vec2 shorts(uint word) {
 }
 
 // Distance from the block's corner along a rectilinear axis; the cell's length and the local spacing.
-float find_cell(uint axis, uint corner, float at, out float gap, out float size) {
+float measure_cell(uint axis, uint corner, float at, out float gap, out float size) {
     uint last = rows[axis].y - 1u, cell = uint(at), start = words.z + ROW_WORDS * rows[axis].x;
     uint row = start + ROW_WORDS * min(corner + cell, last), next = start + ROW_WORDS * min(corner + cell + 1u, last);
     float share = at - float(cell), low = uintBitsToFloat(surface_words[row + 2u]);
@@ -81,7 +81,7 @@ Point read_point(Block block, uint i) {
     Point p;
     p.size = vec3(1);
     for (uint a = 0u; a < 3u && kind.z != 0u; a++)
-        at[a] = find_cell(a, block.corner[a], at[a], gap[a], p.size[a]);
+        at[a] = measure_cell(a, block.corner[a], at[a], gap[a], p.size[a]);
     area *= gap.yzx * gap.zxy;
     normal /= NORMAL_STEPS;
     for (int r = 0; r < 3; r++) {

@@ -4,7 +4,7 @@
 const float FULL = 0.94, LEAST = 1.0 / 4096.0; // weight of a covered pixel; smaller coverage is not drawn
 
 // The ray of a pixel: u = depth·ray in perspective, (ray.x, ray.y, depth) else.
-vec2 find_ray(vec2 px) {
+vec2 compute_ray(vec2 px) {
     return (px - view.yz) / view.x;
 }
 
@@ -30,7 +30,7 @@ float keep(vec2 crossing) {
 
 // The share of the pixel that clipping keeps of a sheet.
 float clip_share(vec2 px, float depth, vec3 n) {
-    vec2 ray = find_ray(px);
+    vec2 ray = compute_ray(px);
     float share = 1.0;
     for (uint i = 0u; i < plane_counts.x; i++)
         share *= keep(cross_plane(clip[i], ray, depth, n));
@@ -50,7 +50,7 @@ float kernel_variance(vec3 direction, vec3 n) {
 
 // Raises the weight beside borders of the volume, where kernels are missing, and cuts the surface there.
 float end_at_borders(vec2 px, float depth, vec3 n, float weight, inout float share) {
-    vec2 ray = find_ray(px);
+    vec2 ray = compute_ray(px);
     for (uint i = 0u; i < plane_counts.y; i++) {
         vec2 crossing = cross_plane(borders[i], ray, depth, n);
         if (!(crossing.x < bounds.z + 4.0 * crossing.y))
@@ -83,7 +83,7 @@ Resolved resolve(vec2 px, float weight, float depth_sum, vec3 normal_sum) {
     weight = end_at_borders(px, to.depth, n, weight, share);
     to.coverage = cover(weight) * share * clip_share(px, to.depth, n);
     if (choice.y != 0u) {
-        vec3 to_eye = -normalize(vec3(is_perspective ? find_ray(px) : vec2(0), 1.0));
+        vec3 to_eye = -normalize(vec3(is_perspective ? compute_ray(px) : vec2(0), 1.0));
         to.color = shade_facing(to.color, n, any(notEqual(n, vec3(0))), to_eye);
     }
     return to;
@@ -95,7 +95,7 @@ vec2 rays[3];
 const uint OUTSIDE = 0u, INSIDE = 1u, UNKNOWN = 2u;
 
 // Takes rays that cover at most `share` of the pixel.
-vec2 take_rays(uint place, float share) {
+vec2 spend_rays(uint place, float share) {
     float most = max(share, 0.0);
     vec2 from = rays[place], taken = from * (most < from.x ? most / from.x : 1.0);
     rays[place] = from - taken;
@@ -105,9 +105,9 @@ vec2 take_rays(uint place, float share) {
 // Lets rays cross a sheet: those that are on its near side, then those of unknown place. Where they are fewer than the sheet
 // covers, a sheet before it is missing, and others cross. Returns the light that the sheet hides.
 float cross_sheet(uint side, float coverage) {
-    vec2 crossing = take_rays(side, coverage);
-    crossing += take_rays(UNKNOWN, coverage - crossing.x);
-    crossing += take_rays(1u - side, coverage - crossing.x);
+    vec2 crossing = spend_rays(side, coverage);
+    crossing += spend_rays(UNKNOWN, coverage - crossing.x);
+    crossing += spend_rays(1u - side, coverage - crossing.x);
     rays[1u - side] += crossing * vec2(1.0, 1.0 - look.w);
     return look.w * crossing.y;
 }

@@ -20,7 +20,7 @@ void locate(uvec3 i, out vec3 u, out vec3 size) {
 
 #if STREAKS
 // How much longer than a mean cell the cell of a rectilinear grid is along a direction in camera space, which may be 0.
-float find_length(vec3 direction, vec3 size) {
+float compute_length(vec3 direction, vec3 size) {
     if (kind.z == 0u || dot(direction, direction) < 0.5)
         return 1.0;
     vec3 along = direction * inverse(mat3(kernel[0].xyz, kernel[1].xyz, kernel[2].xyz));
@@ -30,9 +30,9 @@ float find_length(vec3 direction, vec3 size) {
 
 // Writes the outline and its box; returns |det J| times the footprint's value at its centre, or 0 if it is not drawn.
 float outline(vec3 u, vec3 k[3], vec3 direction, vec3 size, inout Splat s, out vec4 box) {
-    Footprint f = find_footprint(u, k, kind.x != 0u ? VARIANCE_MIN : filter_of.x);
+    Footprint f = compute_footprint(u, k, kind.x != 0u ? VARIANCE_MIN : filter_of.x);
 #if STREAKS
-    stretch(u, direction, find_length(direction, size), f, s);
+    stretch(u, direction, compute_length(direction, size), f, s);
 #endif
     if (!(f.det < 1e36))
         return 0.0;
@@ -47,7 +47,7 @@ float outline(vec3 u, vec3 k[3], vec3 direction, vec3 size, inout Splat s, out v
 }
 
 // The optical depth at the centre.
-float find_depth(float depth, bool is_opaque, float gain) {
+float compute_depth(float depth, bool is_opaque, float gain) {
     float over_cell = depth * bounds.w, least = is_opaque ? cell.y : 0.0;
     return min(kind.x != 0u ? max(over_cell * gain, least) : max(over_cell, least) * gain, DEPTH_MAX);
 }
@@ -70,7 +70,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     float gain = outline(u, k, direction, size, s, box);
     if (!(gain > 0.0))
         return false;
-    s.shape.y = find_depth(uintBitsToFloat(voxels[w + 5u]), (w1 >> 16 & OPAQUE) != 0u, gain * size.x * size.y * size.z);
+    s.shape.y = compute_depth(uintBitsToFloat(voxels[w + 5u]), (w1 >> 16 & OPAQUE) != 0u, gain * size.x * size.y * size.z);
     vec3 color = vec3(w3 & 0xffffu, w3 >> 16, voxels[w + 4u] & 0xffffu) / 65535.0;
 #if STREAKS
     set_phase(voxels[w + 4u] >> 16, s);

@@ -57,7 +57,7 @@ bool sp_cloud_cache_get(struct sp_cloud_cache *cache, struct sp_volume *volume, 
         return true;
     struct sp_cloud_slot *slot = sp_slots_newest(&trees, cache->slots, volume);
     if (!slot) {
-        slot = sp_slots_take(&trees, cache->slots, UINT64_MAX, NULL);
+        slot = sp_slots_acquire(&trees, cache->slots, UINT64_MAX, NULL);
         if (!sp_cloud_tree_build(volume, pool, interrupt, &slot->tree, err))
             return false;
         slot->base.volume = sp_volume_ref(volume);
@@ -80,7 +80,7 @@ sp_cloud_cache_get_colors(struct sp_cloud_cache *cache, const struct sp_cloud *c
             return at;
         }
     }
-    struct sp_cloud_colors *slot = sp_slots_take(&numbers, cache->colors, UINT64_MAX, NULL);
+    struct sp_cloud_colors *slot = sp_slots_acquire(&numbers, cache->colors, UINT64_MAX, NULL);
     slot->bytes = tree->count * sizeof *slot->numbers;
     slot->numbers = malloc(slot->bytes + sizeof *slot->numbers);
     if (!slot->numbers)

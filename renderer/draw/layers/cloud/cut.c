@@ -162,7 +162,7 @@ static void write_cells(void *user, size_t begin, size_t end, unsigned worker) {
 }
 
 /* The factor by which the placement stretches lengths, in the mean. */
-static float find_growth(const struct sp_cloud *cloud) {
+static float compute_growth(const struct sp_cloud *cloud) {
     float square = 0;
     for (int k = 0; k < 9; k++)
         square += cloud->place[k / 3][k % 3] * cloud->place[k / 3][k % 3];
@@ -222,7 +222,7 @@ static void add_side(struct cut *c, int axis, float sign, float border) {
     add_plane(c, n, kernel * (f->radius * jacobian + part_reach * length), is_flat ? wide : 0);
 }
 
-static void find_planes(struct cut *c) {
+static void list_planes(struct cut *c) {
     const struct sp_ewa_frame *f = &c->frame->ewa;
     for (uint32_t i = 0; i < f->clip.count; i++)
         add_plane(c, f->clip.planes[i].normal, 0, -f->clip.planes[i].offset);
@@ -234,7 +234,7 @@ static void find_planes(struct cut *c) {
 }
 
 /* Finds which bins have visible values. Those at both ends have all values beyond. */
-static void find_visible(struct cut *c, const struct sp_visible_ranges *visible) {
+static void mark_visible(struct cut *c, const struct sp_visible_ranges *visible) {
     const struct sp_cloud_tree *tree = c->tree;
     const double rounding = 0.01;
     c->next_visible[SP_CLOUD_BINS] = SP_CLOUD_BINS;
@@ -297,9 +297,9 @@ bool sp_cloud_cut(const struct sp_cloud_cut *in, struct sp_pool *pool, struct sp
                      .cloud = in->cloud,
                      .frame = in->frame,
                      .pixels = in->pixels,
-                     .grow = find_growth(in->cloud) };
-    find_planes(&c);
-    find_visible(&c, in->visible);
+                     .grow = compute_growth(in->cloud) };
+    list_planes(&c);
+    mark_visible(&c, in->visible);
     struct sp_cloud_choice levels[LEVELS_MAX];
     static const uint32_t root = 0;
     uint32_t level = 0, total = 0;

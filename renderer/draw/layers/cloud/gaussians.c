@@ -41,7 +41,7 @@ static inline void read_gaussians(const struct sp_elements *e, const uint32_t *e
 }
 
 /* Those that the clip planes keep. */
-static inline sp_wide_mask find_kept(const struct sp_clip_frame *clip, const sp_wide u[3]) {
+static inline sp_wide_mask mask_kept(const struct sp_clip_frame *clip, const sp_wide u[3]) {
     sp_wide_mask kept = sp_wide_first(SP_WIDE);
     for (uint32_t i = 0; i < clip->count; i++) {
         const float *n = clip->planes[i].normal;
@@ -57,7 +57,7 @@ static inline sp_wide_mask outline_trained(const struct sp_cloud *cloud,
                                            const struct sp_ewa_frame *f, struct sp_places *p,
                                            sp_wide *opacity, struct sp_outlines *o) {
     sp_wide v[3];
-    sp_wide_mask seen = sp_place_centres(f, p, o) & find_kept(&f->clip, p->u);
+    sp_wide_mask seen = sp_place_centres(f, p, o) & mask_kept(&f->clip, p->u);
     sp_wide det = sp_place_variance((const sp_wide(*)[3])p->m, SP_CLOUD_LOWPASS2, v);
     *opacity *= cloud->opacity;
     if (cloud->is_normalised)
@@ -79,8 +79,8 @@ static inline sp_wide_mask outline_trained(const struct sp_cloud *cloud,
 }
 
 /* Directions from the eye, of unit length, in the world of the data. */
-static inline void find_directions(const struct sp_cloud *cloud, const sp_wide position[3],
-                                   sp_wide d[3]) {
+static inline void compute_directions(const struct sp_cloud *cloud, const sp_wide position[3],
+                                      sp_wide d[3]) {
     sp_wide square = sp_wide_all(0);
     for (int a = 0; a < 3; a++) {
         d[a] = sp_wide_all(cloud->eye[a]);
@@ -95,7 +95,7 @@ static inline void find_directions(const struct sp_cloud *cloud, const sp_wide p
 
 /* The real spherical harmonics, in the order and with the signs of Kerbl et al. (2023):
  * basis[sp_harmonics_count(degree)]. */
-static inline void find_harmonics(unsigned degree, const sp_wide d[3], float basis[][SP_WIDE]) {
+static inline void compute_harmonics(unsigned degree, const sp_wide d[3], float basis[][SP_WIDE]) {
     const sp_wide x = d[0], y = d[1], z = d[2], xx = x * x, yy = y * y, zz = z * z;
     sp_wide_store(basis[0], sp_wide_all(0.28209479f));
     if (degree < 1)
@@ -123,8 +123,8 @@ static inline void find_harmonics(unsigned degree, const sp_wide d[3], float bas
 
 /* Colour of a Gaussian; may be above 1. Four numbers are read where three are needed, but for the
  * last coefficient, behind which the array may end. */
-static inline void find_color(const struct sp_elements *e, uint32_t element,
-                              const float basis[][SP_WIDE], int lane, float color[3]) {
+static inline void compute_color(const struct sp_elements *e, uint32_t element,
+                                 const float basis[][SP_WIDE], int lane, float color[3]) {
     typedef float four __attribute__((vector_size(16), aligned(4)));
     const uint32_t last = sp_harmonics_count(e->shape.degree) - 1;
     const float *c = e->harmonics + (size_t)element * 3 * (last + 1);
@@ -150,17 +150,17 @@ static inline void write_records(const struct sp_cloud *cloud, const struct lane
     const struct sp_elements *e = cloud->elements;
     _Alignas(64) float basis[16][SP_WIDE];
     sp_wide d[3];
-    find_directions(cloud, lanes->position, d);
-    find_harmonics(e->shape.degree, d, basis);
+    compute_directions(cloud, lanes->position, d);
+    compute_harmonics(e->shape.degree, d, basis);
     for (; bits; bits &= bits - 1, out++) {
         const int i = __builtin_ctz(bits);
         sp_voxel_record_write(o, i, opacity[i], u2[i], out);
-        find_color(e, elements[i], (const float(*)[SP_WIDE])basis, i, out->color);
+        compute_color(e, elements[i], (const float(*)[SP_WIDE])basis, i, out->color);
     }
 }
 
 /* Copies splats that are set up, with the part of their boxes that lies in the rows. */
-static uint32_t take_splats(const struct sp_voxel_frame *frame, const struct sp_cloud *cloud,
+static uint32_t copy_splats(const struct sp_voxel_frame *frame, const struct sp_cloud *cloud,
                             const uint32_t *numbers, uint32_t count, struct sp_voxel_record *out) {
     const int *rows = frame->ewa.rows;
     uint32_t written = 0;
@@ -182,7 +182,7 @@ uint32_t sp_cloud_set_up_gaussians(const struct sp_voxel_frame *frame, const str
                                    struct sp_voxel_record *out) {
     uint32_t written = 0;
     if (cloud->splats)
-        return take_splats(frame, cloud, elements, count, out);
+        return copy_splats(frame, cloud, elements, count, out);
     for (uint32_t n = 0; n < count; n += SP_WIDE) {
         const int left = count - n < SP_WIDE ? (int)(count - n) : SP_WIDE;
         struct lanes lanes;

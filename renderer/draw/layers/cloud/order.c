@@ -54,7 +54,7 @@ static uint32_t choose(const struct sort *s, size_t i) {
 }
 
 /* The deviation of a kernel's depth. */
-static float find_deviation(const struct sp_cloud *c, const float l[6]) {
+static float compute_deviation(const struct sp_cloud *c, const float l[6]) {
     const float *w = c->place[2];
     const float row[3] = { w[0] * l[0] + w[1] * l[1] + w[2] * l[3], w[1] * l[2] + w[2] * l[4],
                            w[2] * l[5] };
@@ -62,12 +62,12 @@ static float find_deviation(const struct sp_cloud *c, const float l[6]) {
 }
 
 /* Depth of an element or, with parts, of one of its parts; infinity if it cannot be seen. */
-static float find_depth(const struct sort *s, const struct sp_cloud_element *e, uint32_t part) {
+static float compute_depth(const struct sort *s, const struct sp_cloud_element *e, uint32_t part) {
     const struct sp_cloud *c = s->cloud;
     const float depth = sp_cloud_depth(c, s->frame, e);
     if (!(depth < INFINITY) || c->parts == 1)
         return depth;
-    return depth + c->part_at[part] * find_deviation(c, e->factor);
+    return depth + c->part_at[part] * compute_deviation(c, e->factor);
 }
 
 static void record(const struct sp_cloud *cloud, uint32_t number, const struct sp_cloud_element *e,
@@ -113,10 +113,10 @@ static float read_element(const struct sort *s, size_t i) {
     const struct sp_cloud_element e = sp_cloud_element_at(s->cloud, number / parts);
     if (s->records && part == 0 && !is_merged(s, i))
         record(s->cloud, number / parts, &e, &s->records[i / parts]);
-    return find_depth(s, &e, part);
+    return compute_depth(s, &e, part);
 }
 
-static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
+static void compute_depths(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sort *s = user;
     struct block *b = &s->blocks[begin / BLOCK];
     (void)worker;
@@ -169,7 +169,7 @@ static void collect(void *user, size_t begin, size_t end, unsigned worker) {
                                                 : choose(s, i) };
 }
 
-static void take_elements(void *user, size_t begin, size_t end, unsigned worker) {
+static void copy_elements(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sort *s = user;
     (void)worker;
     for (size_t i = begin; i < end; i++)
@@ -208,7 +208,7 @@ bool sp_cloud_sort(struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
         s.splats = sp_arena_alloc(arena, "splats", n + 1, sizeof *s.splats);
     if (arena->failed)
         return false;
-    sp_parallel_for(pool, n, BLOCK, s.splats ? set_up_splats : find_depths, &s);
+    sp_parallel_for(pool, n, BLOCK, s.splats ? set_up_splats : compute_depths, &s);
     if (sp_interrupt_is_cancelled(interrupt))
         return true;
     sum_blocks(&s, blocks);
@@ -221,7 +221,7 @@ bool sp_cloud_sort(struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
     s.items = sp_radix_sort(s.items, s.count, pool, arena);
     if (!s.items)
         return false;
-    sp_parallel_for(pool, s.count, BLOCK, take_elements, &s);
+    sp_parallel_for(pool, s.count, BLOCK, copy_elements, &s);
     cloud->records = s.records;
     cloud->splats = s.splats;
     *order = (struct sp_voxel_order){ .voxels = s.elements, .count = s.count };

@@ -12,7 +12,7 @@ enum { PARTS_MAX = 1 << 25 }; /* of a frame; the more points, the fewer parts ea
 
 /* The mean of part k of n parts of equal weight of a normal distribution, whose borders are found
  * by bisection. */
-static double find_part(uint32_t k, uint32_t n) {
+static double compute_part(uint32_t k, uint32_t n) {
     double density[2] = { 0, 0 };
     for (uint32_t side = 0; side < 2; side++) {
         double low = -9, high = 9;
@@ -139,7 +139,7 @@ static void choose_parts(const struct sp_compositing_options *compositing, uint3
     const uint32_t most = numbers < sorted ? numbers : sorted;
     cloud->parts = cloud->parts < most ? cloud->parts : most;
     for (uint32_t k = 0; k < cloud->parts; k++) {
-        const double at = find_part(k, cloud->parts);
+        const double at = compute_part(k, cloud->parts);
         cloud->part_at[k] = (float)at;
         rest -= at * at / cloud->parts;
     }

@@ -98,8 +98,8 @@ static inline void locate(const struct sp_cloud *cloud, const struct lanes *lane
 
 /* Makes kernels the parts of them: u is that of the part, and the kernel, K·ξ of a standard normal
  * ξ, keeps the directions of ξ that have no depth and a little of the one that has. */
-static inline void take_parts(const struct sp_cloud *cloud, const struct lanes *lanes,
-                              struct sp_places *p) {
+static inline void reduce_to_parts(const struct sp_cloud *cloud, const struct lanes *lanes,
+                                   struct sp_places *p) {
     sp_wide n[3], square = sp_wide_all(1e-30f);
     for (int a = 0; a < 3; a++)
         square += p->kernel[2][a] * p->kernel[2][a];
@@ -243,7 +243,7 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
             read_vectors(cloud, elements + n, (int)(count - n), &lanes);
         locate(cloud, &lanes, &p);
         if (cloud->parts > 1)
-            take_parts(cloud, &lanes, &p);
+            reduce_to_parts(cloud, &lanes, &p);
         seen = set_up_points(frame, cloud, &lanes, &p, &s);
         s.u2 = p.u[2];
         unsigned bits = sp_wide_mask_bits(seen & sp_wide_first(left));

@@ -93,7 +93,7 @@ static void add_child(const struct child *child, const float from[3], struct sum
 }
 
 /* The triangular factor of a symmetric matrix that is not negative. */
-static void find_factor(const double v[6], float out[6]) {
+static void compute_factor(const double v[6], float out[6]) {
     double l[6];
     for (int k = 0; k < 6; k++) {
         int r = row_of[k], c = column_of[k];
@@ -111,8 +111,8 @@ static void find_factor(const double v[6], float out[6]) {
 static const double rest = 0.49 - 0.49 / 4 - 1.0 / 16;
 
 /* Fills what bounds the cell, after its merged point. */
-static void find_bounds(const struct sp_cloud_tree *tree, const struct sp_elements *points,
-                        struct sp_cloud_node *to) {
+static void bound_cell(const struct sp_cloud_tree *tree, const struct sp_elements *points,
+                       struct sp_cloud_node *to) {
     float reach = 0, deviation = bound_deviation(to->factor);
     uint32_t low = sp_cloud_bin(tree, to->value), high = low;
     for (uint32_t k = 0; k < to->cell.count; k++) {
@@ -135,8 +135,8 @@ static void find_bounds(const struct sp_cloud_tree *tree, const struct sp_elemen
 }
 
 /* Fills how far the values of a cell lie apart, after its bounds. */
-static void find_spread(const struct sp_cloud_tree *tree, const struct sums *sums,
-                        struct sp_cloud_node *to) {
+static void compute_spread(const struct sp_cloud_tree *tree, const struct sums *sums,
+                           struct sp_cloud_node *to) {
     const double mean = sums->value / sums->volume,
                  variance = sums->value2 / sums->volume - mean * mean,
                  step = (to->high - to->low + 1) * tree->bin / 510;
@@ -165,13 +165,13 @@ static void merge(const struct sp_cloud_tree *tree, const struct sp_elements *po
         if (row_of[k] == column_of[k] && cell->count > 1)
             v[k] += rest * (double)cell->side * (double)cell->side;
     }
-    find_factor(v, to->factor);
+    compute_factor(v, to->factor);
     if (cell->count == 1)
         memcpy(to->factor, first.factor, sizeof to->factor);
     to->value = (float)(sums.value / sums.volume);
     to->volume = (float)sums.volume;
-    find_bounds(tree, points, to);
-    find_spread(tree, &sums, to);
+    bound_cell(tree, points, to);
+    compute_spread(tree, &sums, to);
 }
 
 struct merging {

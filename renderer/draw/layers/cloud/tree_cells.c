@@ -340,7 +340,7 @@ static bool join(struct build *b) {
 }
 
 /* Cells are cubes, so that a flat cloud has no more of them than its image needs. */
-static void find_box(struct build *b, const struct sp_grid *grid) {
+static void compute_box(struct build *b, const struct sp_grid *grid) {
     for (int a = 0; a < 3; a++) {
         b->low[a] = (float)(grid->origin[a] - 0.5 * grid->spacing[a]);
         b->side = fmaxf(b->side, (float)grid->spacing[a]);
@@ -356,7 +356,7 @@ bool sp_cloud_cells_make(const struct sp_volume *volume, struct sp_pool *pool,
     };
     const size_t n = b.points->shape.count + (size_t)1;
     *cells = (struct sp_cloud_cells){ 0 };
-    find_box(&b, &sp_volume_info(volume)->grid);
+    compute_box(&b, &sp_volume_info(volume)->grid);
     b.items = malloc(n * sizeof *b.items);
     b.counts = malloc(CHUNKS * sizeof *b.counts);
     b.workers = calloc(sp_pool_threads(pool), sizeof *b.workers);

@@ -11,7 +11,7 @@ struct corner {
     double x, y, w, z;
 };
 
-static struct corner find_corner(const struct sp_mesh *m, const float position[3]) {
+static struct corner compute_corner(const struct sp_mesh *m, const float position[3]) {
     double u[3];
     for (int r = 0; r < 3; r++) {
         u[r] = (double)m->shift[r];
@@ -24,7 +24,7 @@ static struct corner find_corner(const struct sp_mesh *m, const float position[3
 }
 
 /* Distance from plane number i, in some unit; positive inside. */
-static double find_side(const struct sp_mesh *m, const struct corner *c, int i) {
+static double compute_side(const struct sp_mesh *m, const struct corner *c, int i) {
     const double margin = 4096; /* px beside the image */
     switch (i) {
     case 0:
@@ -54,7 +54,7 @@ static int cut_polygon(const struct sp_mesh *m, int plane, const struct corner *
     /* Rounding may bend a thin polygon, which a plane then cuts more than twice. */
     for (int i = 0; i < count && n < CORNERS_MAX; i++) {
         const struct corner *a = &from[i], *b = &from[i + 1 < count ? i + 1 : 0];
-        const double a_side = find_side(m, a, plane), b_side = find_side(m, b, plane);
+        const double a_side = compute_side(m, a, plane), b_side = compute_side(m, b, plane);
         if (a_side >= 0)
             to[n++] = *a;
         if (a_side >= 0 && b_side < 0)
@@ -79,7 +79,7 @@ int sp_mesh_clip(const struct sp_mesh *mesh, uint32_t triangle,
     int count = 3, now = 0;
     for (int k = 0; k < 3; k++) {
         const uint32_t vertex = mesh->elements->triangles[triangle][k];
-        corners[0][k] = find_corner(mesh, mesh->elements->positions[vertex]);
+        corners[0][k] = compute_corner(mesh, mesh->elements->positions[vertex]);
         if (!isfinite(corners[0][k].x + corners[0][k].y + corners[0][k].z))
             return 0;
     }

@@ -66,7 +66,7 @@ static inline void set_up_edge(const struct corners *p, int i, sp_wide area, str
 }
 
 /* The pixels between the ends of an axis, in the tile and the image. */
-static inline sp_wide_mask find_pixels(const sp_wide p[3], int size, float *first, float *last) {
+static inline sp_wide_mask bound_pixels(const sp_wide p[3], int size, float *first, float *last) {
     const sp_wide end = sp_wide_all((float)(size < SP_FRAGMENT_TILE ? size : SP_FRAGMENT_TILE) - 1);
     sp_wide low = sp_wide_floor(sp_wide_min(sp_wide_min(p[0], p[1]), p[2]));
     sp_wide high = sp_wide_floor(sp_wide_max(sp_wide_max(p[0], p[1]), p[2]));
@@ -84,8 +84,8 @@ static inline void set_up(const struct sp_mesh *m, const struct sp_fragment_tile
     const sp_wide *x = p.x, *y = p.y, *q = p.inverse;
     sp_wide area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
     sp_wide_mask seen = sp_wide_first(n) & sp_wide_lt(sp_wide_all(0), sp_wide_abs(area));
-    seen = seen & find_pixels(x, m->size[0] - tile->x, t->x0, t->x1);
-    seen = seen & find_pixels(y, m->size[1] - tile->y, t->y0, t->y1);
+    seen = seen & bound_pixels(x, m->size[0] - tile->x, t->x0, t->x1);
+    seen = seen & bound_pixels(y, m->size[1] - tile->y, t->y0, t->y1);
     t->seen = sp_wide_mask_bits(seen);
     if (!t->seen)
         return;

@@ -3,7 +3,7 @@
  * The loops over vertices, triangles and samples of a mesh, compiled once per instruction set
  * (base/isa.h).
  *
- *   place ─► find_spans ─► (tiles, prepare.c) ─► tile: cover ─► sheets ─► resolve ─► fragments
+ *   place ─► compute_spans ─► (tiles, prepare.c) ─► tile: cover ─► sheets ─► resolve ─► fragments
  */
 #ifndef SP_MESH_KERNELS_H
 #define SP_MESH_KERNELS_H
@@ -102,8 +102,8 @@ struct sp_mesh_kernels {
     void (*place)(const struct sp_mesh *mesh, uint32_t begin, uint32_t end,
                   struct sp_mesh_place *places);
     /* Fills the spans of triangles [first, first + count). */
-    void (*find_spans)(const struct sp_mesh *mesh, uint32_t first, uint32_t count,
-                       struct sp_mesh_span *spans);
+    void (*compute_spans)(const struct sp_mesh *mesh, uint32_t first, uint32_t count,
+                          struct sp_mesh_span *spans);
     /* Adds the fragments of a tile, at (tile->x, tile->y). */
     void (*tile)(const struct sp_mesh *mesh, struct sp_mesh_scratch *scratch,
                  struct sp_fragment_tile *tile);
@@ -112,8 +112,8 @@ struct sp_mesh_kernels {
 /* The functions of the instruction set that the including source is compiled for. */
 void sp_mesh_place(const struct sp_mesh *mesh, uint32_t begin, uint32_t end,
                    struct sp_mesh_place *places);
-void sp_mesh_find_spans(const struct sp_mesh *mesh, uint32_t first, uint32_t count,
-                        struct sp_mesh_span *spans);
+void sp_mesh_compute_spans(const struct sp_mesh *mesh, uint32_t first, uint32_t count,
+                           struct sp_mesh_span *spans);
 void sp_mesh_tile(const struct sp_mesh *mesh, struct sp_mesh_scratch *scratch,
                   struct sp_fragment_tile *tile);
 

@@ -45,7 +45,7 @@ int sp_mesh_count_sheets(const struct sp_mesh *mesh, float least);
  * memory. */
 struct sp_mesh_scratch *sp_mesh_scratch_alloc(struct sp_arena *arena, int sheets);
 
-/* A triangle that find_spans() could not place: writes the parts of it that are before the near
+/* A triangle that compute_spans() could not place: writes the parts of it that are before the near
  * plane and not too far beside the image, and returns their number. */
 enum { SP_MESH_PIECES_MAX = 6 };
 int sp_mesh_clip(const struct sp_mesh *mesh, uint32_t triangle,

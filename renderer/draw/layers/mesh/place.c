@@ -47,7 +47,7 @@ void sp_mesh_place(const struct sp_mesh *mesh, uint32_t begin, uint32_t end,
 }
 
 /* The tiles between two coordinates; false if that is beside the image. */
-static inline bool find_tiles(float low, float high, int size, uint8_t *first, uint8_t *last) {
+static inline bool bound_tiles(float low, float high, int size, uint8_t *first, uint8_t *last) {
     if (!(high >= 0 && low < (float)size))
         return false;
     const int end = size - 1, from = (int)sp_maxf(low, 0), to = (int)sp_minf(high, (float)end);
@@ -56,8 +56,8 @@ static inline bool find_tiles(float low, float high, int size, uint8_t *first, u
     return true;
 }
 
-void sp_mesh_find_spans(const struct sp_mesh *mesh, uint32_t first, uint32_t count,
-                        struct sp_mesh_span *spans) {
+void sp_mesh_compute_spans(const struct sp_mesh *mesh, uint32_t first, uint32_t count,
+                           struct sp_mesh_span *spans) {
     const uint32_t(*triangles)[3] = (const uint32_t(*)[3])mesh->elements->triangles + first;
     for (uint32_t i = 0; i < count; i++) {
         const struct sp_mesh_place *a = &mesh->places[triangles[i][0]],
@@ -73,8 +73,8 @@ void sp_mesh_find_spans(const struct sp_mesh *mesh, uint32_t first, uint32_t cou
         const float y0 = sp_minf(sp_minf(a->y, b->y), c->y),
                     y1 = sp_maxf(sp_maxf(a->y, b->y), c->y);
         uint8_t rows[2];
-        if (find_tiles(y0, y1, mesh->size[1], &rows[0], &rows[1]) &&
-            find_tiles(x0, x1, mesh->size[0], &span->c0, &span->c1)) {
+        if (bound_tiles(y0, y1, mesh->size[1], &rows[0], &rows[1]) &&
+            bound_tiles(x0, x1, mesh->size[0], &span->c0, &span->c1)) {
             span->r0 = rows[0];
             span->r1 = rows[1];
         }

@@ -184,7 +184,7 @@ static void count_pieces(void *user, size_t begin, size_t end, unsigned worker) 
         uint32_t count = 0;
         for (uint32_t from = (uint32_t)n * p->block; from < last; from += CHUNK) {
             const uint32_t here = last - from < CHUNK ? last - from : CHUNK;
-            p->input->kernels->find_spans(p->mesh, from, here, spans);
+            p->input->kernels->compute_spans(p->mesh, from, here, spans);
             for (uint32_t i = 0; i < here; i++)
                 if (must_be_clipped(&spans[i]))
                     count += (uint32_t)sp_mesh_clip(p->mesh, from + i, pieces);
@@ -223,7 +223,7 @@ static struct sp_mesh_span piece_span(const struct preparation *p,
     struct sp_mesh_span span;
     mesh.elements = &one;
     mesh.places = piece->corners;
-    p->input->kernels->find_spans(&mesh, 0, 1, &span);
+    p->input->kernels->compute_spans(&mesh, 0, 1, &span);
     return span;
 }
 
@@ -252,7 +252,7 @@ static void see_blocks(void *user, size_t begin, size_t end, unsigned worker) {
         memset(p->counts + n * p->tiles, 0, p->tiles * sizeof *p->counts);
         for (uint32_t from = (uint32_t)n * p->block; from < last; from += CHUNK) {
             const uint32_t here = last - from < CHUNK ? last - from : CHUNK;
-            p->input->kernels->find_spans(p->mesh, from, here, spans);
+            p->input->kernels->compute_spans(p->mesh, from, here, spans);
             for (uint32_t i = 0; i < here; i++) {
                 if (!must_be_clipped(&spans[i])) {
                     at = add_seen(p, n, seen, at, from + i, &spans[i]);

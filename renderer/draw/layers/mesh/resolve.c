@@ -11,7 +11,7 @@ enum {
 static const float least = 1.0f / 4096; /* smaller opacities are not drawn */
 
 /* Bit s: sample s of a pixel meets this triangle. */
-static inline unsigned find_samples(const int32_t *triangles, int32_t triangle) {
+static inline unsigned match_samples(const int32_t *triangles, int32_t triangle) {
     unsigned samples = 0;
     for (int v = 0; v < SP_MESH_VECTORS; v++)
         samples |= sp_wide_mask_bits(sp_wide_int_eq(sp_wide_int_load(triangles + v * SP_WIDE),
@@ -61,7 +61,7 @@ static inline unsigned join_parts(const struct sp_mesh *m, const float *inverse,
 }
 
 /* Lists the parts of one sheet of a pixel from number `first` on, and returns where they end. */
-static inline int find_parts(const struct sp_mesh *m, const struct sp_mesh_sheet *sheet, int pixel,
+static inline int list_parts(const struct sp_mesh *m, const struct sp_mesh_sheet *sheet, int pixel,
                              unsigned left, struct sp_mesh_parts *parts, int first) {
     const int32_t *triangles = sheet->triangle + (size_t)pixel * SP_MESH_SAMPLES;
     const float *inverse = sheet->inverse + (size_t)pixel * SP_MESH_SAMPLES;
@@ -70,7 +70,7 @@ static inline int find_parts(const struct sp_mesh *m, const struct sp_mesh_sheet
     int count = 0;
     while (left) {
         numbers[count] = triangles[__builtin_ctz(left)];
-        samples[count] = left & find_samples(triangles, numbers[count]);
+        samples[count] = left & match_samples(triangles, numbers[count]);
         left &= ~samples[count++];
         if (count == SHADED && left)
             left = join_parts(m, inverse, left, samples);
@@ -81,7 +81,7 @@ static inline int find_parts(const struct sp_mesh *m, const struct sp_mesh_sheet
 }
 
 /* The middle of some samples of a pixel. */
-static inline void find_middle(unsigned samples, float middle[2]) {
+static inline void compute_middle(unsigned samples, float middle[2]) {
     const float share = 1 / (float)__builtin_popcount(samples);
     float dx = 0, dy = 0;
     for (unsigned left = samples == ALL ? 0 : samples; left; left &= left - 1) {
@@ -93,7 +93,7 @@ static inline void find_middle(unsigned samples, float middle[2]) {
 }
 
 /* Lists the parts of one row of the tile. */
-static void find_row(const struct sp_mesh *m, const struct sp_mesh_sheet *sheets, int count,
+static void list_row(const struct sp_mesh *m, const struct sp_mesh_sheet *sheets, int count,
                      const struct sp_fragment_tile *tile, int row, struct sp_mesh_parts *parts) {
     int at = 0;
     for (int x = 0; x < SP_FRAGMENT_TILE; x++) {
@@ -101,14 +101,14 @@ static void find_row(const struct sp_mesh *m, const struct sp_mesh_sheet *sheets
         parts->first[x] = at;
         for (int l = 0; l < count; l++) {
             const int32_t *triangles = sheets[l].triangle + (size_t)pixel * SP_MESH_SAMPLES;
-            const unsigned hit = ALL & ~find_samples(triangles, SP_MESH_NONE);
+            const unsigned hit = ALL & ~match_samples(triangles, SP_MESH_NONE);
             if (!hit)
                 break;
-            at = find_parts(m, &sheets[l], pixel, hit, parts, at);
+            at = list_parts(m, &sheets[l], pixel, hit, parts, at);
         }
         for (int i = parts->first[x]; i < at; i++) {
             float middle[2];
-            find_middle(parts->samples[i], middle);
+            compute_middle(parts->samples[i], middle);
             parts->x[i] = (float)(tile->x + x) + middle[0];
             parts->y[i] = middle[1];
         }
@@ -135,7 +135,7 @@ static inline sp_wide mean(const struct wide_triangle *t, const float *from, int
 _Static_assert(4ll * SP_ELEMENTS_MAX < INT32_MAX, "four numbers per vertex");
 
 /* The direction of a pixel's ray, or its start: u = u2·(ray0, ray1, 1), or (ray0, ray1, u2). */
-static inline void find_ray(const struct sp_mesh *m, sp_wide x, sp_wide y, sp_wide ray[2]) {
+static inline void compute_ray(const struct sp_mesh *m, sp_wide x, sp_wide y, sp_wide ray[2]) {
     const float inverse = 1 / m->scale;
     ray[0] = (x - m->centre[0]) * inverse;
     ray[1] = (y - m->centre[1]) * inverse;
@@ -161,8 +161,8 @@ static inline void read_triangles(const struct sp_mesh *m, const int32_t *number
 
 /* Finds how much each corner counts on a ray: with v_k the way from the ray to corner k at the
  * corner's depth, Σ share_k·v_k = 0. That holds for corners behind the eye as well. */
-static inline void find_shares(const struct sp_mesh *m, const sp_wide ray[2],
-                               struct wide_triangle *t) {
+static inline void compute_shares(const struct sp_mesh *m, const sp_wide ray[2],
+                                  struct wide_triangle *t) {
     const sp_wide zero = sp_wide_all(0), third = sp_wide_all(1.0f / 3);
     sp_wide v[3][2], sum = zero;
     for (int k = 0; k < 3; k++)
@@ -184,8 +184,8 @@ static inline void find_shares(const struct sp_mesh *m, const sp_wide ray[2],
 }
 
 /* The unit normal in world space; that of the plane where the vertices have none. */
-static inline void find_normal(const struct sp_mesh *m, const struct wide_triangle *t,
-                               sp_wide world[3]) {
+static inline void compute_normal(const struct sp_mesh *m, const struct wide_triangle *t,
+                                  sp_wide world[3]) {
     const sp_wide tiny = sp_wide_all(1e-30f), huge = sp_wide_all(1e30f);
     sp_wide own[3], plane[3], camera[3], e[2][3];
     for (int a = 0; a < 3; a++) {
@@ -222,7 +222,7 @@ static inline void shade(const struct sp_mesh *m, const struct wide_triangle *t,
         eye[2] = -length;
     }
     sp_shade_eye(m->shade, eye, to_eye);
-    find_normal(m, t, normal);
+    compute_normal(m, t, normal);
     sp_shade_direction(m->shade, normal, to_eye, color);
 }
 
@@ -235,8 +235,8 @@ static void shade_parts(const struct sp_mesh *m, struct sp_mesh_parts *parts, in
         struct wide_triangle t;
         sp_wide ray[2], color[3], alpha = sp_wide_all(m->opacity);
         read_triangles(m, parts->triangle + i, count - i, &t);
-        find_ray(m, sp_wide_load(parts->x + i), sp_wide_load(parts->y + i) + (float)row, ray);
-        find_shares(m, ray, &t);
+        compute_ray(m, sp_wide_load(parts->x + i), sp_wide_load(parts->y + i) + (float)row, ray);
+        compute_shares(m, ray, &t);
         for (int c = 0; c < 3; c++)
             color[c] = m->has_own_colors
                            ? sp_wide_min(sp_wide_max(mean(&t, colors, 4, c), zero), one)
@@ -336,7 +336,7 @@ void sp_mesh_tile(const struct sp_mesh *mesh, struct sp_mesh_scratch *scratch,
                          &scratch->sheets[count]))
         count++;
     for (int row = 0; row < SP_FRAGMENT_TILE && row < rows && count; row++) {
-        find_row(mesh, scratch->sheets, count, tile, row, &scratch->parts);
+        list_row(mesh, scratch->sheets, count, tile, row, &scratch->parts);
         shade_parts(mesh, &scratch->parts, tile->y + row);
         for (int x = 0; x < SP_FRAGMENT_TILE && x < columns; x++)
             add_pixel(mesh, &scratch->parts, x, tile, row * SP_FRAGMENT_TILE + x);

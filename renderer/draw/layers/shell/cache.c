@@ -136,8 +136,8 @@ static bool renew(struct sp_shell_slot *slot, const struct sp_shell_job *job,
 }
 
 /* Returns the slot with the whole shell, or NULL. */
-static struct sp_shell_slot *find_shell(struct sp_shell_cache *cache,
-                                        const struct sp_shell_job *job, struct sp_error *err) {
+static struct sp_shell_slot *get_shell(struct sp_shell_cache *cache, const struct sp_shell_job *job,
+                                       struct sp_error *err) {
     for (int i = 0; i < SP_SHELL_SLOTS; i++)
         if (is_wanted(&cache->slots[i], job)) {
             cache->slots[i].repeats++;
@@ -147,7 +147,7 @@ static struct sp_shell_slot *find_shell(struct sp_shell_cache *cache,
                          *slot = newest;
     bool ok = true;
     if (!newest || newest->repeats >= REPEATS) {
-        slot = sp_slots_take(&slots, cache->slots, UINT64_MAX, newest);
+        slot = sp_slots_acquire(&slots, cache->slots, UINT64_MAX, newest);
         slot->base.volume = sp_volume_ref(job->volume);
         ok = start_masks(slot, newest, job, err);
     }
@@ -189,7 +189,7 @@ static bool clip(struct sp_shell_slot *slot, const struct sp_shell_job *job, str
 const struct sp_voxel_list *sp_shell_cache_get(struct sp_shell_cache *cache,
                                                const struct sp_shell_job *job,
                                                struct sp_error *err) {
-    struct sp_shell_slot *slot = find_shell(cache, job, err);
+    struct sp_shell_slot *slot = get_shell(cache, job, err);
     bool clips = job->clip && sp_voxel_clips(job->clip);
     if (!slot)
         return NULL;

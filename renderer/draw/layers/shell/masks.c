@@ -72,8 +72,8 @@ struct extent {
     uint32_t begin[3], end[3];
 };
 
-static struct extent find_extent(const struct sp_shell_masks *m, uint32_t w, uint32_t j,
-                                 uint32_t k) {
+static struct extent compute_extent(const struct sp_shell_masks *m, uint32_t w, uint32_t j,
+                                    uint32_t k) {
     struct extent e = { .begin = { w * SP_SHELL_WORD, j * SP_SHELL_SIDE, k * SP_SHELL_SIDE } };
     for (int a = 0; a < 3; a++) {
         uint32_t left = m->dims[a] - e.begin[a], size = a ? SP_SHELL_SIDE : SP_SHELL_WORD;
@@ -133,7 +133,7 @@ static void measure_blocks(void *user, size_t begin, size_t end, unsigned worker
     for (size_t n = begin; n < end && !sp_interrupt_is_cancelled(pass->interrupt); n++)
         for (uint32_t w = 0; w < m->words; w++) {
             struct extent e =
-                find_extent(m, w, (uint32_t)(n % m->sides[0]), (uint32_t)(n / m->sides[0]));
+                compute_extent(m, w, (uint32_t)(n % m->sides[0]), (uint32_t)(n / m->sides[0]));
             struct sp_shell_range range = { INFINITY, -INFINITY, 0 };
             for (uint32_t z = e.begin[2]; z < e.end[2]; z++)
                 for (uint32_t y = e.begin[1]; y < e.end[1]; y++)
@@ -167,8 +167,8 @@ static uint8_t state_of_voxel(const struct pass *pass, uint64_t at, const uint32
 }
 
 /* Computes the states of `count` voxels of a row from (x, y, z) on. */
-static void find_states(const struct pass *pass, uint32_t x, uint32_t y, uint32_t z, uint32_t count,
-                        uint8_t state[SP_SHELL_WORD]) {
+static void compute_states(const struct pass *pass, uint32_t x, uint32_t y, uint32_t z,
+                           uint32_t count, uint8_t state[SP_SHELL_WORD]) {
     const void *voxels = pass->voxels;
     const uint8_t *table = pass->to->state;
     const int32_t first = pass->to->transfer->first;
@@ -215,7 +215,7 @@ static void fill_block(const struct pass *pass, const struct extent *e, uint32_t
         for (uint32_t y = e->begin[1]; y < e->end[1]; y++) {
             uint64_t at = ((uint64_t)z * m->dims[1] + y) * m->words + w;
             if (uniform == SP_STATE_MIXED)
-                find_states(pass, e->begin[0], y, z, count, state);
+                compute_states(pass, e->begin[0], y, z, count, state);
             for (int which = 0; which < 2; which++)
                 m->bits[which][at] = uniform == SP_STATE_MIXED ? pack_bits(state, which)
                                      : uniform >> which & 1    ? all
@@ -234,7 +234,7 @@ static void update_blocks(void *user, size_t begin, size_t end, unsigned worker)
             if (pass->from && !sp_shell_states_differ(pass->from, pass->to, range))
                 continue;
             struct extent e =
-                find_extent(m, w, (uint32_t)(n % m->sides[0]), (uint32_t)(n / m->sides[0]));
+                compute_extent(m, w, (uint32_t)(n % m->sides[0]), (uint32_t)(n / m->sides[0]));
             fill_block(pass, &e, w, sp_shell_states_of(pass->to, range));
             pass->changed[n] = 1;
         }

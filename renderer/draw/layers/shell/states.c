@@ -37,8 +37,8 @@ void sp_shell_states_finish(struct sp_shell_states *states) {
 }
 
 /* The smallest and the largest depth of the values in a range. */
-static void find_depths(const struct sp_transfer_function *tf, const struct sp_shell_range *range,
-                        float depths[2]) {
+static void compute_depths(const struct sp_transfer_function *tf,
+                           const struct sp_shell_range *range, float depths[2]) {
     struct sp_class c;
     depths[0] = INFINITY;
     depths[1] = 0;
@@ -67,7 +67,7 @@ static unsigned state_of_values(const struct sp_shell_states *s,
         return s->before[low] == s->before[high] ? s->state[low] : SP_STATE_MIXED;
     }
     float depths[2];
-    find_depths(&s->transfer->tf, range, depths);
+    compute_depths(&s->transfer->tf, range, depths);
     unsigned least = sp_shell_state(s, depths[0]), most = sp_shell_state(s, depths[1]);
     return least == most ? least : SP_STATE_MIXED;
 }

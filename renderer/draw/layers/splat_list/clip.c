@@ -62,7 +62,7 @@ struct plane {
     double along[3], least;
 };
 
-static struct plane find_plane(const struct sp_clip_plane *from, const struct sp_grid *grid) {
+static struct plane convert_plane(const struct sp_clip_plane *from, const struct sp_grid *grid) {
     double largest =
         fmax(fabs(from->normal[0]), fmax(fabs(from->normal[1]), fabs(from->normal[2])));
     struct plane p = { .least = from->offset / largest };
@@ -99,7 +99,7 @@ void sp_voxel_clip_rows(const struct sp_clip *clip, const struct sp_grid *grid,
     for (unsigned a = 0; a < 3; a++)
         box[a] = clip_axis(clip, grid, a);
     for (uint32_t i = 0; i < clip->plane_count; i++)
-        planes[i] = find_plane(&clip->planes[i], grid);
+        planes[i] = convert_plane(&clip->planes[i], grid);
     for (uint32_t z = 0; z < grid->dims[2]; z++)
         for (uint32_t y = 0; y < grid->dims[1]; y++) {
             struct sp_voxel_interval *row = intervals + (uint64_t)z * grid->dims[1] + y;

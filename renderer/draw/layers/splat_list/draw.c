@@ -55,7 +55,7 @@ struct span {
     unsigned c0, r0, c1, r1;
 };
 
-static inline struct span find_span(const struct band *b, const struct sp_voxel_record *r) {
+static inline struct span compute_span(const struct band *b, const struct sp_voxel_record *r) {
     return (struct span){ (unsigned)r->x0 / SP_VOXEL_TILE, (unsigned)(r->y0 - b->y) / SP_VOXEL_TILE,
                           (unsigned)(r->x1 - 1) / SP_VOXEL_TILE,
                           (unsigned)(r->y1 - 1 - b->y) / SP_VOXEL_TILE };
@@ -93,7 +93,7 @@ static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker)
                               left < BLOCK ? left : BLOCK, b->records + n * BLOCK);
         memset(counts, 0, b->tiles * sizeof *counts);
         for (uint32_t i = 0; i < b->written[n]; i++) {
-            struct span s = find_span(b, &records[i]);
+            struct span s = compute_span(b, &records[i]);
             area += (double)records[i].area;
             count_span(counts, columns, &s);
         }
@@ -108,7 +108,7 @@ static void fill_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t n = begin; n < end && !is_cancelled(b); n++) {
         uint32_t *next = b->counts + n * b->tiles;
         for (uint32_t i = 0; i < b->written[n]; i++) {
-            struct span s = find_span(b, &b->records[n * BLOCK + i]);
+            struct span s = compute_span(b, &b->records[n * BLOCK + i]);
             for (unsigned r = s.r0; r <= s.r1; r++)
                 for (unsigned c = s.c0; c <= s.c1; c++)
                     b->entries[next[r * columns + c]++] = (uint32_t)(n * BLOCK) + i;
@@ -339,7 +339,7 @@ static bool init_frame(const struct sp_voxel_input *input, struct sp_voxel_frame
     return init_places(frame, grid, input->arena);
 }
 
-static bool find_voxels(const struct sp_voxel_input *input, struct sp_voxel_source *source,
+static bool init_source(const struct sp_voxel_input *input, struct sp_voxel_source *source,
                         struct sp_error *err) {
     if (input->source) {
         *source = *input->source;
@@ -395,7 +395,7 @@ bool sp_voxel_draw(const struct sp_voxel_input *input, struct sp_error *err) {
     struct sp_voxel_source source;
     struct band b = { .input = input, .source = &source };
     double ms[3] = { sp_interrupt_clock_ms(&input->interrupt) };
-    if (!find_voxels(input, &source, err))
+    if (!init_source(input, &source, err))
         return false;
     ms[1] = sp_interrupt_clock_ms(&input->interrupt);
     int rows = (source.frame.ewa.size[1] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE, step;
@@ -445,15 +445,15 @@ static bool bin_all(struct sp_voxel_layer *layer, struct band *b, struct sp_erro
     return !is_cancelled(b) || fail_cancelled(err);
 }
 
-bool sp_voxel_find(const struct sp_voxel_input *input, struct sp_voxel_layer *layer,
-                   struct sp_error *err) {
+bool sp_voxel_source_acquire(const struct sp_voxel_input *input, struct sp_voxel_layer *layer,
+                             struct sp_error *err) {
     *layer = (struct sp_voxel_layer){ .input = input };
-    return find_voxels(input, &layer->source, err);
+    return init_source(input, &layer->source, err);
 }
 
 bool sp_voxel_prepare(const struct sp_voxel_input *input, struct sp_voxel_layer *layer,
                       struct sp_error *err) {
-    if (!sp_voxel_find(input, layer, err))
+    if (!sp_voxel_source_acquire(input, layer, err))
         return false;
     struct band b = { .input = input,
                       .source = &layer->source,

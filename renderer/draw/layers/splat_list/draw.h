@@ -63,8 +63,8 @@ void sp_voxel_init_streaks(const struct sp_layer *layer, const struct sp_camera_
 bool sp_voxel_draw(const struct sp_voxel_input *input, struct sp_error *err);
 
 /* Finds what a layer is drawn from, its `source`. Errors as above. */
-bool sp_voxel_find(const struct sp_voxel_input *input, struct sp_voxel_layer *layer,
-                   struct sp_error *err);
+bool sp_voxel_source_acquire(const struct sp_voxel_input *input, struct sp_voxel_layer *layer,
+                             struct sp_error *err);
 
 /* Prepares the same layer for sp_voxel_tile(). The arena holds about 80 bytes per drawn voxel.
  * Errors as above. */

@@ -56,7 +56,7 @@ static double middle(const struct sp_grid *grid, unsigned a, uint32_t i, int sid
 
 /* Finds on which side of each slice the eye is. eye: its distance along the axis from sample 0, or
  * ±infinity; NAN = the rays are parallel to the slices. */
-static void find_needs(const struct sp_grid *grid, unsigned a, double eye, struct axis *axis) {
+static void compute_needs(const struct sp_grid *grid, unsigned a, double eye, struct axis *axis) {
     axis->split = 0;
     for (uint32_t i = 0; i < grid->dims[a]; i++) {
         axis->need[i] = (uint8_t)(eye < middle(grid, a, i, -1)  ? SP_VOXEL_LOW(a)
@@ -67,8 +67,8 @@ static void find_needs(const struct sp_grid *grid, unsigned a, double eye, struc
     }
 }
 
-static double find_eye(const struct sp_camera_transform *camera, const struct sp_grid *grid,
-                       unsigned a) {
+static double compute_eye(const struct sp_camera_transform *camera, const struct sp_grid *grid,
+                          unsigned a) {
     double det;
     struct sp_mat3 d = sp_grid_directions(grid);
     struct sp_vec3 n = sp_vec3_from(sp_mat3_inverse(&d, &det).m[a]);
@@ -88,8 +88,8 @@ static bool init_axes(struct sort *s) {
         axis->need = sp_arena_alloc(s->job->arena, "slices", n, 1);
         if (!axis->slices || !axis->rank || !axis->need)
             return false;
-        double eye = find_eye(s->job->camera, grid, a);
-        find_needs(grid, a, eye, axis);
+        double eye = compute_eye(s->job->camera, grid, a);
+        compute_needs(grid, a, eye, axis);
         sp_slices_sort(s->job->camera, grid, a, axis->slices);
         for (uint32_t k = 0; k < n; k++)
             axis->rank[axis->slices[k]] = k;
@@ -304,7 +304,7 @@ static void fill_items(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-static void take_items(void *user, size_t begin, size_t end, unsigned worker) {
+static void copy_items(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sort *s = user;
     (void)worker;
     for (size_t i = begin; i < end; i++)
@@ -321,7 +321,7 @@ static bool sort_by_depth(struct sort *s, uint32_t count) {
     s->items = sp_radix_sort(s->items, count, s->job->pool, arena);
     if (!s->items)
         return false;
-    sp_parallel_for(s->job->pool, count, GRAIN, take_items, s);
+    sp_parallel_for(s->job->pool, count, GRAIN, copy_items, s);
     return true;
 }
 

@@ -57,8 +57,8 @@ static inline sp_wide locate(const struct sp_voxel_frame *frame, const struct la
 }
 
 /* Optical depths at the centres of the footprints. */
-static inline sp_wide find_depths(const struct sp_voxel_frame *frame, const struct lanes *lanes,
-                                  sp_wide gain) {
+static inline sp_wide compute_depths(const struct sp_voxel_frame *frame, const struct lanes *lanes,
+                                     sp_wide gain) {
     const struct sp_ewa_frame *f = &frame->ewa;
     const bool is_flat = frame->mode == SP_FILTER_NONE;
     sp_wide over_cell = sp_wide_load(lanes->depth) * f->gain;
@@ -96,8 +96,8 @@ static inline void shade(const struct sp_voxel_frame *frame, const struct sp_pla
 
 /* The standard deviations that decide the length of streaks along unit vectors d of the world
  * [cells]: that of the kernel of a mean cell, times how much longer the cell is along d. */
-static inline sp_wide find_deviations(const struct sp_voxel_frame *frame, const struct lanes *lanes,
-                                      const sp_wide d[3]) {
+static inline sp_wide compute_deviations(const struct sp_voxel_frame *frame,
+                                         const struct lanes *lanes, const sp_wide d[3]) {
     const float(*to_grid)[3] = frame->streaks.to_grid;
     sp_wide mean = sp_wide_all(0), local = sp_wide_all(1e-30f);
     if (!frame->is_rectilinear)
@@ -122,7 +122,7 @@ static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
     for (int r = 0; r < 3; r++)
         direction[r] = streaks->to_camera[r][0] * world[0] + streaks->to_camera[r][1] * world[1] +
                        streaks->to_camera[r][2] * world[2];
-    const sp_wide sigma = find_deviations(frame, lanes, world);
+    const sp_wide sigma = compute_deviations(frame, lanes, world);
     sp_wide_mask seen = sp_streak_place(&frame->ewa, streaks, p, direction, sigma, o, s);
     return sp_streak_keep_moving(streaks, seen,
                                  sp_wide_int_lt(sp_wide_int_all(0), packed >> 22 & 1023), s);
@@ -147,7 +147,7 @@ uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const void *from,
             bits = sp_voxel_drop_covered(frame, &o, bits);
         if (!bits)
             continue;
-        sp_wide depth = find_depths(frame, &lanes, o.gain * volume);
+        sp_wide depth = compute_depths(frame, &lanes, o.gain * volume);
         if (frame->shade)
             shade(frame, &p, &lanes);
         write_records(&o, &lanes, p.u[2], depth, bits, out, written);

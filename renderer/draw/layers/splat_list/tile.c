@@ -71,8 +71,8 @@ struct cells {
     int x0, y0, x1, y1;
 };
 
-static inline struct cells find_cells(const struct sp_voxel_tile *tile,
-                                      const struct sp_voxel_record *r) {
+static inline struct cells compute_cells(const struct sp_voxel_tile *tile,
+                                         const struct sp_voxel_record *r) {
     int x0 = r->x0 - tile->x, y0 = r->y0 - tile->y;
     int x1 = r->x1 - 1 - tile->x, y1 = r->y1 - 1 - tile->y;
     x0 = x0 > 0 ? x0 : 0;
@@ -84,7 +84,7 @@ static inline struct cells find_cells(const struct sp_voxel_tile *tile,
 
 /* Those of the cells that let light through, as bits of a word of tile->open, which has eight rows.
  */
-static inline uint64_t find_open_cells(const struct sp_voxel_tile *tile, const struct cells *c,
+static inline uint64_t mask_open_cells(const struct sp_voxel_tile *tile, const struct cells *c,
                                        int word) {
     const int first = c->y0 - 8 * word, last = c->y1 - 8 * word;
     const uint64_t columns = (2u << c->x1) - (1u << c->x0);
@@ -120,7 +120,7 @@ static inline sp_wide pass_gaussian(const struct sp_voxel_frame *f, const struct
 }
 
 /* p of the pixels at (dx, dy) from the centre. */
-static inline sp_wide find_power(const struct sp_voxel_record *r, sp_wide dx, sp_wide dy) {
+static inline sp_wide compute_power(const struct sp_voxel_record *r, sp_wide dx, sp_wide dy) {
     return (r->a * dx + r->b * dy) * dx + r->c * dy * dy;
 }
 
@@ -155,7 +155,7 @@ static inline int pixel_of(int cell, int i) {
 
 /* Finds the walls behind fragments that begin at `depth` in some pixels of a cell: splats before
  * and behind a triangle must not become one fragment. */
-static void find_walls(struct open_fragments *open, unsigned pixels, float depth, int cell) {
+static void update_walls(struct open_fragments *open, unsigned pixels, float depth, int cell) {
     for (; pixels; pixels &= pixels - 1) {
         const int i = __builtin_ctz(pixels), pixel = pixel_of(cell, i);
         const struct sp_fragment *list = open->to->list[pixel];
@@ -208,12 +208,12 @@ static inline sp_wide begin_fragments(struct sp_voxel_tile *tile, struct open_fr
     sp_wide_mask begins = covered & ~(began & is_near);
     sp_wide_store(open->first + at, sp_wide_select(begins, sp_wide_all(depth), first));
     if (open->has_walls && sp_wide_any(begins))
-        find_walls(open, sp_wide_mask_bits(begins), depth, cell);
+        update_walls(open, sp_wide_mask_bits(begins), depth, cell);
     return sp_wide_load(open->before + at);
 }
 
 /* The pixels of a cell that let light through. */
-static inline sp_wide_mask find_open(const struct sp_voxel_tile *tile,
+static inline sp_wide_mask mask_open(const struct sp_voxel_tile *tile,
                                      const struct open_fragments *open, int cell) {
     sp_wide through = sp_wide_load(tile->cells + cell * CELL_FLOATS);
     if (open)
@@ -259,16 +259,16 @@ composite(struct sp_voxel_tile *tile, struct open_fragments *open, const struct 
 
 static inline void add_gaussian(struct sp_voxel_tile *tile, struct open_fragments *open,
                                 const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
-    struct cells c = find_cells(tile, r);
+    struct cells c = compute_cells(tile, r);
     const sp_wide cut = sp_wide_all(f->ewa.cut);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
     const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
     for (int word = c.y0 / 8; word <= c.y1 / 8; word++)
-        for (uint64_t bits = find_open_cells(tile, &c, word); bits; bits &= bits - 1) {
+        for (uint64_t bits = mask_open_cells(tile, &c, word); bits; bits &= bits - 1) {
             const int cell = 64 * word + __builtin_ctzll(bits);
             const sp_wide dx = dx0 + column_of(cell), dy = dy0 + row_of(cell);
-            sp_wide power = find_power(r, dx, dy);
-            sp_wide_mask covered = sp_wide_le(power, cut) & find_open(tile, open, cell);
+            sp_wide power = compute_power(r, dx, dy);
+            sp_wide_mask covered = sp_wide_le(power, cut) & mask_open(tile, open, cell);
             sp_wide pass = pass_gaussian(f, r, exp2_within(-power));
             composite(tile, open, f, r, pass, NULL, covered, cell);
         }
@@ -285,15 +285,15 @@ static inline sp_wide pass_trained(const struct sp_voxel_record *r, sp_wide powe
 
 static inline void add_trained(struct sp_voxel_tile *tile, struct open_fragments *open,
                                const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
-    struct cells c = find_cells(tile, r);
+    struct cells c = compute_cells(tile, r);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
     const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
     for (int word = c.y0 / 8; word <= c.y1 / 8; word++)
-        for (uint64_t bits = find_open_cells(tile, &c, word); bits; bits &= bits - 1) {
+        for (uint64_t bits = mask_open_cells(tile, &c, word); bits; bits &= bits - 1) {
             const int cell = 64 * word + __builtin_ctzll(bits);
             const sp_wide dx = dx0 + column_of(cell), dy = dy0 + row_of(cell);
-            sp_wide_mask covered = find_open(tile, open, cell);
-            sp_wide pass = pass_trained(r, find_power(r, dx, dy), &covered);
+            sp_wide_mask covered = mask_open(tile, open, cell);
+            sp_wide pass = pass_trained(r, compute_power(r, dx, dy), &covered);
             composite(tile, open, f, r, pass, NULL, covered, cell);
         }
 }
@@ -321,18 +321,18 @@ static inline sp_wide power_of_streak(sp_wide along, sp_wide across) {
 
 static inline void add_streak(struct sp_voxel_tile *tile, struct open_fragments *open,
                               const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
-    struct cells c = find_cells(tile, r);
+    struct cells c = compute_cells(tile, r);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
     const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
     for (int word = c.y0 / 8; word <= c.y1 / 8; word++)
-        for (uint64_t bits = find_open_cells(tile, &c, word); bits; bits &= bits - 1) {
+        for (uint64_t bits = mask_open_cells(tile, &c, word); bits; bits &= bits - 1) {
             const int cell = 64 * word + __builtin_ctzll(bits);
             const sp_wide dx = dx0 + column_of(cell), dy = dy0 + row_of(cell);
             sp_wide blended;
             sp_wide along = r->a * dx + r->b * dy, across = r->c * dx + r->d * dy;
             sp_wide power = power_of_streak(along, across);
             sp_wide_mask covered =
-                sp_wide_le(power, sp_wide_all(f->ewa.cut)) & find_open(tile, open, cell);
+                sp_wide_le(power, sp_wide_all(f->ewa.cut)) & mask_open(tile, open, cell);
             if (!sp_wide_any(covered))
                 continue;
             sp_wide pass = pass_streak(f, r, along, across, power, &blended);
@@ -342,15 +342,15 @@ static inline void add_streak(struct sp_voxel_tile *tile, struct open_fragments 
 
 static inline void add_flat(struct sp_voxel_tile *tile, struct open_fragments *open,
                             const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
-    struct cells c = find_cells(tile, r);
+    struct cells c = compute_cells(tile, r);
     const sp_wide pass = sp_wide_all(pass_flat(f, r));
     const sp_wide right = lane_columns() + ((float)tile->x + 0.5f);
     const sp_wide down = lane_rows() + ((float)tile->y + 0.5f);
     for (int word = c.y0 / 8; word <= c.y1 / 8; word++)
-        for (uint64_t bits = find_open_cells(tile, &c, word); bits; bits &= bits - 1) {
+        for (uint64_t bits = mask_open_cells(tile, &c, word); bits; bits &= bits - 1) {
             const int cell = 64 * word + __builtin_ctzll(bits);
             sp_wide_mask covered = cover_box(r, right + column_of(cell), down + row_of(cell)) &
-                                   find_open(tile, open, cell);
+                                   mask_open(tile, open, cell);
             if (sp_wide_any(covered))
                 composite(tile, open, f, r, pass, NULL, covered, cell);
         }

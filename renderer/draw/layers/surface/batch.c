@@ -44,8 +44,8 @@ static inline sp_wide mix(sp_wide a, sp_wide b, sp_wide t) {
 }
 
 /* Interpolates the slopes along axis b at the corners of the cells. */
-static inline void find_slope(const float *slopes, sp_wide_int sample, const sp_wide at[3],
-                              sp_wide *slope, sp_wide change[3]) {
+static inline void compute_slope(const float *slopes, sp_wide_int sample, const sp_wide at[3],
+                                 sp_wide *slope, sp_wide change[3]) {
     enum { Y = SURFACE_SLOPES_ROW, Z = SURFACE_SLOPES_ROW * SURFACE_SLOPES };
     sp_wide s[4], d[4];
     for (int i = 0; i < 4; i++) {
@@ -61,9 +61,9 @@ static inline void find_slope(const float *slopes, sp_wide_int sample, const sp_
     change[2] = high - low;
 }
 
-static inline void find_derivatives(const struct sp_surface_batch *batch, int first,
-                                    const sp_wide at[3], const sp_wide gap[3],
-                                    struct derivatives *out) {
+static inline void compute_derivatives(const struct sp_surface_batch *batch, int first,
+                                       const sp_wide at[3], const sp_wide gap[3],
+                                       struct derivatives *out) {
     const sp_wide zero = sp_wide_all(0), infinity = sp_wide_all(INFINITY);
     sp_wide_int cell[3];
     for (int a = 0; a < 3; a++)
@@ -71,7 +71,7 @@ static inline void find_derivatives(const struct sp_surface_batch *batch, int fi
     sp_wide_int sample = (cell[2] * SURFACE_SLOPES + cell[1]) * SURFACE_SLOPES_ROW + cell[0];
     sp_wide change[3][3], largest = zero;
     for (int b = 0; b < 3; b++) {
-        find_slope(batch->slopes.along[b], sample, at, &out->slope[b], change[b]);
+        compute_slope(batch->slopes.along[b], sample, at, &out->slope[b], change[b]);
         largest = sp_wide_max(sp_wide_abs(out->slope[b]), largest);
     }
     out->are_known = sp_wide_lt(zero, largest) & sp_wide_lt(largest, infinity);
@@ -83,8 +83,8 @@ static inline void find_derivatives(const struct sp_surface_batch *batch, int fi
 }
 
 /* Unit gradient in world space. Returns the length of the gradient. */
-static inline sp_wide find_normal(const struct sp_surface_batch_frame *f,
-                                  const struct derivatives *d, sp_wide normal[3]) {
+static inline sp_wide compute_normal(const struct sp_surface_batch_frame *f,
+                                     const struct derivatives *d, sp_wide normal[3]) {
     sp_wide square = sp_wide_all(0);
     for (int r = 0; r < 3; r++) {
         const float *w = f->to_world[r];
@@ -100,8 +100,9 @@ static inline sp_wide find_normal(const struct sp_surface_batch_frame *f,
 /* The mean distance of a disc from the surface, for a kernel of one voxel: ½·Σ kᵀ H k/|∇f| over the
  * columns k of the flat kernel, which are those of D·(I − q·qᵀ/q²) with D the cell's size and q the
  * gradient in cells. Along the normal [cells]. */
-static inline sp_wide find_bend(const struct sp_surface_batch_frame *f, const struct derivatives *d,
-                                const sp_wide gap[3], sp_wide length) {
+static inline sp_wide compute_bend(const struct sp_surface_batch_frame *f,
+                                   const struct derivatives *d, const sp_wide gap[3],
+                                   sp_wide length) {
     const sp_wide most = sp_wide_all(0.5f); /* noise and edges bend more than a parabola does */
     sp_wide size[3], q[3], square = sp_wide_all(0), sum = sp_wide_all(0);
     for (int a = 0; a < 3; a++) {
@@ -148,12 +149,12 @@ static void make_points(const struct sp_surface_batch *batch, int first, struct 
         store_steps(out->area[a] + first, sp_wide_load(p->area[a] + first) * f->face[a],
                     SURFACE_AREA_STEPS);
     }
-    find_derivatives(batch, first, at, gap, &d);
-    sp_wide length = find_normal(f, &d, normal);
+    compute_derivatives(batch, first, at, gap, &d);
+    sp_wide length = compute_normal(f, &d, normal);
     for (int a = 0; a < 3; a++)
         store_steps(out->normal[a] + first, sp_wide_keep(d.are_known, normal[a]),
                     SURFACE_NORMAL_STEPS);
-    store_steps(out->bend + first, sp_wide_keep(d.are_known, find_bend(f, &d, gap, length)),
+    store_steps(out->bend + first, sp_wide_keep(d.are_known, compute_bend(f, &d, gap, length)),
                 SURFACE_BEND_STEPS);
 }
 
@@ -162,7 +163,7 @@ static void flush(struct sp_surface_batch *batch) {
     const size_t count = (size_t)batch->patches.count, bytes = count * sizeof(uint16_t);
     struct sp_surface_block *block = batch->block;
     struct stored stored;
-    sp_surface_find_patches(&batch->patches);
+    sp_surface_patches_compute(&batch->patches);
     for (size_t i = 0; i < count; i += SP_WIDE)
         make_points(batch, (int)i, &stored);
     for (int a = 0; a < 3; a++) {

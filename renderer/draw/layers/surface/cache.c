@@ -53,7 +53,7 @@ static struct sp_surface_volume *get_ranges(struct sp_surface_cache *cache,
     const struct sp_surface_job own = { job->volume, job->value, job->pool, job->interrupt };
     struct sp_surface_volume *slot = sp_slots_newest(&ranges, cache->volumes, job->volume);
     if (!slot) {
-        slot = sp_slots_take(&ranges, cache->volumes, UINT64_MAX, NULL);
+        slot = sp_slots_acquire(&ranges, cache->volumes, UINT64_MAX, NULL);
         if (!sp_surface_ranges_init(&slot->ranges, &own, err))
             return NULL;
         slot->base.volume = sp_volume_ref(job->volume);
@@ -82,7 +82,7 @@ static const struct sp_surface_points *add_list(struct sp_surface_cache *cache,
     struct sp_surface_volume *volume = finer ? NULL : get_ranges(cache, job, err);
     /* A view has fewer layers than there are slots. */
     struct sp_surface_list *slot =
-        finer || volume ? sp_slots_take(&lists, cache->lists, cache->frame, NULL) : NULL;
+        finer || volume ? sp_slots_acquire(&lists, cache->lists, cache->frame, NULL) : NULL;
     struct sp_surface_points points;
     struct sp_error why = { 0 };
     if (!slot)

@@ -22,7 +22,7 @@ struct cell_row {
     unsigned inside[2][2]; /* [z][y], bit x: the sample is inside */
 };
 
-static struct cell_row find_row(const struct sp_surface_bits *bits, int y, int z) {
+static struct cell_row compute_row(const struct sp_surface_bits *bits, int y, int z) {
     const uint16_t(*in)[SURFACE_SLOPES] = &bits->inside[z];
     const uint16_t(*finite)[SURFACE_SLOPES] = &bits->finite[z];
     unsigned any = in[0][y] | in[0][y + 1] | in[1][y] | in[1][y + 1];
@@ -44,7 +44,7 @@ static void read_corners(const struct sp_surface_window *window, int x, int y, i
 }
 
 /* The weights of a cell's corners k at the corners c of its parts. */
-static void find_weights(struct extraction *e, const uint8_t split[3]) {
+static void compute_weights(struct extraction *e, const uint8_t split[3]) {
     for (int p = 0; p < split[0] * split[1] * split[2]; p++)
         for (int k = 0; k < 8; k++)
             for (int c = 0; c < 8; c++) {
@@ -98,7 +98,7 @@ static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) 
         block->count = 0;
         for (int z = 0; z < SURFACE_BLOCK; z++)
             for (int y = 0; y < SURFACE_BLOCK; y++) {
-                const struct cell_row row = find_row(&bits, y, z);
+                const struct cell_row row = compute_row(&bits, y, z);
                 for (unsigned left = row.crossed; left; left &= left - 1) {
                     const int cell[3] = { __builtin_ctz(left), y, z };
                     block->count += is_split ? split_cell(e, &window, cell, NULL)
@@ -119,7 +119,7 @@ static void fill_block(const struct extraction *e, struct sp_surface_batch *batc
     memcpy(batch->gap, window.gap, sizeof batch->gap);
     for (int z = 0; z < SURFACE_BLOCK; z++)
         for (int y = 0; y < SURFACE_BLOCK; y++) {
-            const struct cell_row row = find_row(&bits, y, z);
+            const struct cell_row row = compute_row(&bits, y, z);
             for (unsigned left = row.crossed; left; left &= left - 1) {
                 const int cell[3] = { __builtin_ctz(left), y, z }, whole[3] = { 0 };
                 float f[8];
@@ -204,9 +204,9 @@ bool sp_surface_extract(struct sp_surface_points *points, const struct sp_surfac
     *points = (struct sp_surface_points){ 0 };
     sp_surface_points_split(grid, points->split);
     sp_surface_batch_frame_init(&e.frame, points, grid);
-    find_weights(&e, points->split);
+    compute_weights(&e, points->split);
     for (unsigned inside = 1; inside < 255; inside++)
-        sp_surface_find_parts(inside, &e.parts[inside]);
+        sp_surface_parts_init(inside, &e.parts[inside]);
     if (!list_blocks(points, ranges, job->value))
         return fail(points, SP_ERR_MEMORY, err);
     sp_parallel_for(job->pool, points->block_count, 16, count_blocks, &e);

@@ -13,7 +13,8 @@ bool sp_surface_can_merge(const struct sp_grid *grid) {
 }
 
 /* The distance of the nearest corner of the volume, along the view. */
-static double find_nearest(const struct sp_grid *grid, const struct sp_camera_transform *camera) {
+static double compute_nearest(const struct sp_grid *grid,
+                              const struct sp_camera_transform *camera) {
     double nearest = INFINITY;
     for (int c = 0; c < 8; c++) {
         double depth = 0;
@@ -35,7 +36,7 @@ unsigned sp_surface_level(const struct sp_view *view, const struct sp_grid *grid
      * take details away that kernels of that size would show. */
     const double pair = 2, group = 0.5;
     const struct sp_filter filter = sp_surface_filter(&view->filter);
-    double size = 0, nearest = find_nearest(grid, camera);
+    double size = 0, nearest = compute_nearest(grid, camera);
     uint8_t split[3];
     unsigned level = 0;
     if (view->level_of_detail != SP_LOD_AUTO || !sp_surface_can_merge(grid))
@@ -80,7 +81,7 @@ struct merging {
 };
 
 /* Points of a group that face the same way have the same key. */
-static uint32_t find_key(const struct merging *m, uint64_t i) {
+static uint32_t compute_key(const struct merging *m, uint64_t i) {
     const struct sp_surface_points *p = m->from;
     uint32_t group = 0;
     int axis = 0;
@@ -94,9 +95,9 @@ static uint32_t find_key(const struct merging *m, uint64_t i) {
 }
 
 /* Numbers the merged points of a block. numbers: [KEYS_MAX], 0 = none yet. */
-static uint32_t find_number(const struct merging *m, uint64_t i, uint16_t *numbers,
-                            uint32_t *count) {
-    uint16_t *number = &numbers[find_key(m, i)];
+static uint32_t assign_number(const struct merging *m, uint64_t i, uint16_t *numbers,
+                              uint32_t *count) {
+    uint16_t *number = &numbers[compute_key(m, i)];
     if (!*number)
         *number = (uint16_t)++ * count;
     return *number - 1u;
@@ -113,7 +114,7 @@ static void count_points(void *user, size_t begin, size_t end, unsigned worker) 
         to->count = 0;
         memset(numbers, 0, m->keys * sizeof *numbers);
         for (uint32_t i = 0; i < block->count; i++)
-            find_number(m, block->first + i, numbers, &to->count);
+            assign_number(m, block->first + i, numbers, &to->count);
     }
 }
 
@@ -162,7 +163,7 @@ static void merge_points(void *user, size_t begin, size_t end, unsigned worker) 
         memset(sums, 0, to->count * sizeof *sums);
         for (uint32_t i = 0; i < block->count; i++)
             add_point(m->from, block->first + i,
-                      &sums[find_number(m, block->first + i, numbers, &count)]);
+                      &sums[assign_number(m, block->first + i, numbers, &count)]);
         for (int a = 0; a < 3; a++) {
             to->low[a] = UINT16_MAX;
             to->high[a] = 0;

@@ -27,7 +27,7 @@ static int split(unsigned corners, uint8_t parts[SURFACE_PARTS_MAX]) {
     return count;
 }
 
-void sp_surface_find_parts(unsigned inside, struct sp_surface_parts *out) {
+void sp_surface_parts_init(unsigned inside, struct sp_surface_parts *out) {
     int count = split(inside, out->corners);
     out->are_outside = count < 2;
     if (out->are_outside)
@@ -103,7 +103,7 @@ static inline void add_face(const sp_wide_mask in[4], const sp_wide at[4], struc
 }
 
 /* The face across axis a. Corners of the part that face each other do not connect. */
-static inline void find_share(const struct cells *cells, int a, int side, struct share *share) {
+static inline void compute_share(const struct cells *cells, int a, int side, struct share *share) {
     const int b = (a + 1) % 3, c = (a + 2) % 3, first = side << a;
     const int around[4] = { first, first | 1 << b, first | 1 << b | 1 << c, first | 1 << c };
     const sp_wide_mask in[4] = { cells->in[around[0]], cells->in[around[1]], cells->in[around[2]],
@@ -127,7 +127,7 @@ static inline void find_share(const struct cells *cells, int a, int side, struct
 }
 
 /* The mean of the crossings of the part's edges. */
-static inline void find_middle(const struct cells *cells, sp_wide at[3]) {
+static inline void compute_middle(const struct cells *cells, sp_wide at[3]) {
     const sp_wide one = sp_wide_all(1);
     sp_wide count = sp_wide_all(1e-30f);
     for (int a = 0; a < 3; a++)
@@ -197,22 +197,22 @@ static inline void move(const sp_wide f[8], sp_wide at[3]) {
 /* The region of a part is closed by its shares of the six faces and by the surface, so that the
  * vector areas of all of them add up to 0 (Gauss). In the same way the shares of the faces across
  * the axis b give ∫ x_a dA_b of the surface, and thus its centre along the other axes. */
-static void find_patches(struct sp_surface_patches *p, int first) {
+static void compute_patches(struct sp_surface_patches *p, int first) {
     const sp_wide least = sp_wide_all(1e-3f); /* a smaller area has no direction */
     struct cells cells;
     sp_wide area[3], moment[3][2], size[3], at[3], sign = sp_wide_load(p->sign + first);
     read_cells(p, first, &cells);
     for (int a = 0; a < 3; a++) {
         struct share low, high;
-        find_share(&cells, a, 0, &low);
-        find_share(&cells, a, 1, &high);
+        compute_share(&cells, a, 0, &low);
+        compute_share(&cells, a, 1, &high);
         area[a] = low.area - high.area;
         size[a] = sp_wide_abs(area[a]);
         for (int k = 0; k < 2; k++)
             moment[a][k] = low.moment[k] - high.moment[k];
         sp_wide_store(p->area[a] + first, area[a] * sign);
     }
-    find_middle(&cells, at);
+    compute_middle(&cells, at);
     sp_wide_mask faces_0 = sp_wide_le(size[1], size[0]) & sp_wide_le(size[2], size[0]);
     sp_wide_mask faces_1 = sp_wide_le(size[2], size[1]) & ~faces_0;
     const sp_wide_mask faces[3] = { faces_0, faces_1, ~(faces_0 | faces_1) };
@@ -223,7 +223,7 @@ static void find_patches(struct sp_surface_patches *p, int first) {
         sp_wide_store(p->at[a] + first, at[a]);
 }
 
-void sp_surface_find_patches(struct sp_surface_patches *patches) {
+void sp_surface_patches_compute(struct sp_surface_patches *patches) {
     for (int i = 0; i < patches->count; i += SP_WIDE)
-        find_patches(patches, i);
+        compute_patches(patches, i);
 }

@@ -20,7 +20,7 @@ struct sp_surface_parts {
 };
 
 /* inside: bit c = corner c is inside; not all and not none. */
-void sp_surface_find_parts(unsigned inside, struct sp_surface_parts *out);
+void sp_surface_parts_init(unsigned inside, struct sp_surface_parts *out);
 
 struct sp_surface_patches {
     int count;
@@ -32,6 +32,6 @@ struct sp_surface_patches {
 };
 
 /* Finds places and areas. What lies behind the last piece must be initialised. */
-void sp_surface_find_patches(struct sp_surface_patches *patches);
+void sp_surface_patches_compute(struct sp_surface_patches *patches);
 
 #endif

@@ -58,7 +58,7 @@ static void init_frame(struct sp_surface *s, const struct sp_surface_input *inpu
 }
 
 /* How much larger than on average the cells of a block are. */
-static double find_growth(const struct sp_grid *grid, const struct sp_surface_block *block) {
+static double compute_growth(const struct sp_grid *grid, const struct sp_surface_block *block) {
     double most = 1;
     for (unsigned a = 0; a < 3; a++)
         for (uint32_t i = 0; grid->coordinates[a] && i <= SURFACE_BLOCK; i++)
@@ -81,8 +81,8 @@ static double place_of(const struct sp_grid *grid, unsigned a, uint32_t corner, 
 }
 
 /* The corners of a block's bounds in camera space. */
-static void find_corners(const struct sp_ewa_frame *f, const struct sp_surface_block *block,
-                         double corners[8][3]) {
+static void compute_corners(const struct sp_ewa_frame *f, const struct sp_surface_block *block,
+                            double corners[8][3]) {
     double at[3][2];
     for (unsigned a = 0; a < 3; a++) {
         at[a][0] = place_of(f->grid, a, block->corner[a], block->low[a]);
@@ -119,11 +119,11 @@ static void project(const struct preparation *p, uint32_t b) {
     const struct sp_surface_block *block = &s->points->blocks[b];
     struct sp_splat *record = &p->records[b];
     const bool is_perspective = f->projection == SP_PERSPECTIVE;
-    const double reach = (double)s->reach * find_growth(f->grid, block), near = (double)f->near;
+    const double reach = (double)s->reach * compute_growth(f->grid, block), near = (double)f->near;
     double corners[8][3], low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
     double first = INFINITY, last = -INFINITY;
     *record = (struct sp_splat){ .sheet = b };
-    find_corners(f, block, corners);
+    compute_corners(f, block, corners);
     for (int c = 0; c < 8; c++) {
         first = fmin(first, corners[c][2]);
         last = fmax(last, corners[c][2]);
@@ -194,7 +194,7 @@ static uint32_t sort_blocks(struct preparation *p, uint32_t *starts) {
 }
 
 /* Lists the faces of the volume that the surface comes near, where it ends. */
-static void find_borders(struct sp_surface *s, const struct sp_surface_input *input) {
+static void list_borders(struct sp_surface *s, const struct sp_surface_input *input) {
     const struct sp_grid *grid = input->grid;
     const uint32_t near = SURFACE_BLOCK; /* cells; more than kernels reach */
     double det;
@@ -263,7 +263,7 @@ bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface 
     for (int c = 0; c < 3; c++)
         s->color[c] = layer->color[c];
     init_frame(s, input);
-    find_borders(s, input);
+    list_borders(s, input);
     s->columns = (s->frame.size[0] + SP_TILE - 1) / SP_TILE;
     s->rows = (s->frame.size[1] + SP_TILE - 1) / SP_TILE;
     const uint32_t count = input->points->block_count;

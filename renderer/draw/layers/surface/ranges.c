@@ -19,8 +19,8 @@ struct chunk {
 
 /* The smallest and the largest samples of columns across axis 0, then of blocks; the samples of far
  * faces belong to both blocks. Comparisons with NaN are false. Rounded to floats outwards. */
-#define FIND(name, type, lowest, highest, low_end, high_end)                                       \
-    static void find_##name(const struct chunk *chunk) {                                           \
+#define MEASURE(name, type, lowest, highest, low_end, high_end)                                    \
+    static void measure_##name(const struct chunk *chunk) {                                        \
         const uint32_t *dims = sp_volume_info(chunk->volume)->grid.dims;                           \
         const type *voxels = sp_volume_voxels(chunk->volume);                                      \
         const uint32_t count = chunk->end[0] - chunk->start[0];                                    \
@@ -46,31 +46,31 @@ struct chunk {
             store_range(chunk->range[b], (double)least, (double)most);                             \
         }                                                                                          \
     }
-#define FIND_INTEGERS(name, type, lowest, highest)                                                 \
-    FIND(name, type, lowest, highest, lowest, highest)
+#define MEASURE_INTEGERS(name, type, lowest, highest)                                              \
+    MEASURE(name, type, lowest, highest, lowest, highest)
 
 static void store_range(float range[2], double low, double high) {
     range[0] = (double)(float)low <= low ? (float)low : nextafterf((float)low, -INFINITY);
     range[1] = (double)(float)high >= high ? (float)high : nextafterf((float)high, INFINITY);
 }
 
-FIND_INTEGERS(uint8, uint8_t, 0, UINT8_MAX)
-FIND_INTEGERS(int8, int8_t, INT8_MIN, INT8_MAX)
-FIND_INTEGERS(uint16, uint16_t, 0, UINT16_MAX)
-FIND_INTEGERS(int16, int16_t, INT16_MIN, INT16_MAX)
-FIND_INTEGERS(int32, int32_t, INT32_MIN, INT32_MAX)
-FIND(float32, float, -INFINITY, INFINITY, -FLT_MAX, FLT_MAX)
-FIND(float64, double, (double)-INFINITY, (double)INFINITY, -DBL_MAX, DBL_MAX)
-#undef FIND
-#undef FIND_INTEGERS
+MEASURE_INTEGERS(uint8, uint8_t, 0, UINT8_MAX)
+MEASURE_INTEGERS(int8, int8_t, INT8_MIN, INT8_MAX)
+MEASURE_INTEGERS(uint16, uint16_t, 0, UINT16_MAX)
+MEASURE_INTEGERS(int16, int16_t, INT16_MIN, INT16_MAX)
+MEASURE_INTEGERS(int32, int32_t, INT32_MIN, INT32_MAX)
+MEASURE(float32, float, -INFINITY, INFINITY, -FLT_MAX, FLT_MAX)
+MEASURE(float64, double, (double)-INFINITY, (double)INFINITY, -DBL_MAX, DBL_MAX)
+#undef MEASURE
+#undef MEASURE_INTEGERS
 
-static void find_chunk(const struct chunk *chunk) {
-    static void (*const find[SP_TYPE_COUNT])(const struct chunk *chunk) = {
-        [SP_UINT8] = find_uint8,     [SP_INT8] = find_int8,   [SP_UINT16] = find_uint16,
-        [SP_INT16] = find_int16,     [SP_INT32] = find_int32, [SP_FLOAT32] = find_float32,
-        [SP_FLOAT64] = find_float64,
+static void measure_chunk(const struct chunk *chunk) {
+    static void (*const measure[SP_TYPE_COUNT])(const struct chunk *chunk) = {
+        [SP_UINT8] = measure_uint8,     [SP_INT8] = measure_int8,   [SP_UINT16] = measure_uint16,
+        [SP_INT16] = measure_int16,     [SP_INT32] = measure_int32, [SP_FLOAT32] = measure_float32,
+        [SP_FLOAT64] = measure_float64,
     };
-    find[sp_volume_info(chunk->volume)->type](chunk);
+    measure[sp_volume_info(chunk->volume)->type](chunk);
 }
 
 struct range_search {
@@ -84,7 +84,7 @@ static uint32_t end_sample(uint32_t block, uint32_t blocks, uint32_t dim) {
 }
 
 /* Searches rows of blocks along axis 0. */
-static void find_ranges(void *user, size_t begin, size_t end, unsigned worker) {
+static void measure_ranges(void *user, size_t begin, size_t end, unsigned worker) {
     const struct range_search *search = user;
     const uint32_t *blocks = search->ranges->blocks;
     const uint32_t *dims = sp_volume_info(search->job->volume)->grid.dims;
@@ -99,7 +99,7 @@ static void find_ranges(void *user, size_t begin, size_t end, unsigned worker) {
                 chunk.start[a] = at[a] * SURFACE_BLOCK;
                 chunk.end[a] = end_sample(at[a], a ? 1 : CHUNK, dims[a]);
             }
-            find_chunk(&chunk);
+            measure_chunk(&chunk);
         }
 }
 
@@ -128,7 +128,7 @@ bool sp_surface_ranges_init(struct sp_surface_ranges *ranges, const struct sp_su
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the ranges of the volume");
     }
     struct range_search search = { job, ranges };
-    sp_parallel_for(job->pool, count ? count / ranges->blocks[0] : 0, 4, find_ranges, &search);
+    sp_parallel_for(job->pool, count ? count / ranges->blocks[0] : 0, 4, measure_ranges, &search);
     if (sp_interrupt_is_cancelled(&job->interrupt)) {
         sp_surface_ranges_finish(ranges);
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

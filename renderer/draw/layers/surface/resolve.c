@@ -14,7 +14,7 @@ struct resolved {
 };
 
 /* The ray of a pixel: u = depth·ray in perspective, (ray0, ray1, depth) else. */
-static inline void find_ray(const struct sp_ewa_frame *f, int x, int y, sp_wide ray[2]) {
+static inline void compute_ray(const struct sp_ewa_frame *f, int x, int y, sp_wide ray[2]) {
     const float inverse = 1 / f->scale;
     ray[0] = (sp_wide_count() + ((float)x + 0.5f - f->centre[0])) * inverse;
     ray[1] = sp_wide_all(((float)y + 0.5f - f->centre[1]) * inverse);
@@ -92,7 +92,7 @@ static sp_wide end_at_borders(const struct sp_surface *s, int x, int y, sp_wide 
     const struct sp_ewa_frame *f = &s->frame;
     const float least_side = 0.2f;
     sp_wide ray[2];
-    find_ray(f, x, y, ray);
+    compute_ray(f, x, y, ray);
     *share = sp_wide_all(1);
     for (uint32_t i = 0; i < s->borders.count; i++) {
         const struct sp_clip_half *h = &s->borders.planes[i];
@@ -113,7 +113,7 @@ sp_wide sp_surface_clip_share(const struct sp_surface *s, int x, int y, sp_wide 
                               const sp_wide normal[3]) {
     const struct sp_clip_half near = { { 0, 0, 1 }, s->frame.near };
     sp_wide ray[2], share = sp_wide_all(1);
-    find_ray(&s->frame, x, y, ray);
+    compute_ray(&s->frame, x, y, ray);
     for (uint32_t i = 0; i < s->clip.count; i++)
         share *= plane_share(&s->frame, &s->clip.planes[i], ray, depth, normal);
     if (s->cuts_near)
@@ -130,7 +130,7 @@ static inline void shade(const struct sp_surface *s, int x, int y, const sp_wide
         return;
     if (s->frame.projection == SP_PERSPECTIVE) {
         sp_wide ray[2];
-        find_ray(&s->frame, x, y, ray);
+        compute_ray(&s->frame, x, y, ray);
         sp_wide length = sp_wide_inverse_sqrt(ray[0] * ray[0] + ray[1] * ray[1] + 1);
         eye[0] = -ray[0] * length;
         eye[1] = -ray[1] * length;

@@ -154,8 +154,8 @@ static inline sp_wide thickness(const struct sp_ewa_frame *f, const struct point
 
 /* Depths that differ by less than this belong to one sheet: it bends within a kernel, and the
  * low-pass filter spreads it, as it does a plane of 60° [cells]. */
-static inline sp_wide find_tolerance(const struct sp_surface *s, const struct points *p,
-                                     sp_wide scale) {
+static inline sp_wide compute_tolerance(const struct sp_surface *s, const struct points *p,
+                                        sp_wide scale) {
     const float steep = 1.75f;
     return s->tolerance * (thickness(&s->frame, p) + steep * sqrtf(s->frame.lowpass2) / scale);
 }
@@ -186,7 +186,7 @@ static inline sp_wide_mask write_ellipses(const struct sp_surface *s, const stru
     sp_wide_store(out->depth, p->u[2] - s->depth_first);
     sp_wide_store(out->slope[0], slope[0]);
     sp_wide_store(out->slope[1], slope[1]);
-    sp_wide_store(out->tolerance, find_tolerance(s, p, scale));
+    sp_wide_store(out->tolerance, compute_tolerance(s, p, scale));
     out->back = sp_wide_mask_bits(sp_wide_lt(sp_wide_all(0), image.facing));
     return sp_wide_lt(sp_wide_all(1e-6f), peak) & sp_wide_lt(peak, sp_wide_all(1e30f)) &
            store_box(out->x0, out->x1, x, f->radius * sp_wide_sqrt(v00 + h2)) &

@@ -68,8 +68,8 @@ static inline void add_to_sheets(struct sp_surface_scratch *scratch, int facing,
 }
 
 /* The depth behind which nothing of a box in the tile is seen. */
-static inline float find_end(const struct sp_surface_scratch *scratch, int x0, int y0, int x1,
-                             int y1) {
+static inline float compute_end(const struct sp_surface_scratch *scratch, int x0, int y0, int x1,
+                                int y1) {
     float end = -INFINITY;
     for (int y = y0 / CELL_Y; y * CELL_Y < y1; y++)
         for (int x = x0 / CELL_X; x * CELL_X < x1; x++)
@@ -97,7 +97,7 @@ static inline bool is_hidden(const struct sp_surface_scratch *scratch,
     float nearest = f->depth[k] - f->tolerance[k] +
                     least_along(f->slope[0][k], f->x0[k], f->x1[k], f->x[k]) +
                     least_along(f->slope[1][k], f->y0[k], f->y1[k], f->y[k]);
-    return nearest >= find_end(scratch, f->x0[k], f->y0[k], f->x1[k], f->y1[k]);
+    return nearest >= compute_end(scratch, f->x0[k], f->y0[k], f->x1[k], f->y1[k]);
 }
 
 static inline void add_footprint(const struct sp_surface *s, struct sp_surface_scratch *scratch,
@@ -136,10 +136,10 @@ static inline sp_wide_mask is_whole(const struct sp_surface *s,
 
 /* What opaque sheets hide at pixels: what is behind a complete one, or behind several that let all
  * rays in or all rays out together (resolve.c). Nothing will be added before `reached`. */
-static inline sp_wide find_hidden(const struct sp_surface *s,
-                                  const struct sp_surface_scratch *scratch,
-                                  const struct sp_fragment_tile *tile, int x, int y,
-                                  float reached) {
+static inline sp_wide compute_hidden(const struct sp_surface *s,
+                                     const struct sp_surface_scratch *scratch,
+                                     const struct sp_fragment_tile *tile, int x, int y,
+                                     float reached) {
     const sp_wide enough = sp_wide_all(full), tiny = sp_wide_all(1e-6f);
     const bool is_clipped = s->clip.count || s->cuts_near;
     sp_wide hidden = sp_wide_load(&scratch->hidden[y][x]);
@@ -172,7 +172,7 @@ static void update_hidden(const struct sp_surface *s, struct sp_surface_scratch 
         sp_wide end = sp_wide_all(-INFINITY);
         for (int y = cy * CELL_Y; y < (cy + 1) * CELL_Y && y < rows; y++)
             for (int x = cx * CELL_X; x < (cx + 1) * CELL_X && x < columns; x += SP_WIDE) {
-                sp_wide hidden = find_hidden(s, scratch, tile, x, y, reached);
+                sp_wide hidden = compute_hidden(s, scratch, tile, x, y, reached);
                 sp_wide_store(&scratch->hidden[y][x], hidden);
                 end = sp_wide_select(sp_wide_first(columns - x), sp_wide_max(hidden, end), end);
             }
@@ -193,7 +193,7 @@ static void clear(struct sp_surface_scratch *scratch) {
 }
 
 /* The part of a block's box that lies in the tile. */
-static void find_box(const struct sp_splat *record, const struct sp_fragment_tile *tile,
+static void clip_box(const struct sp_splat *record, const struct sp_fragment_tile *tile,
                      int box[4]) {
     const int ends[4] = { record->x0 - tile->x, record->y0 - tile->y, record->x1 - tile->x,
                           record->y1 - tile->y };
@@ -234,13 +234,13 @@ void sp_surface_tile(const struct sp_surface *s, struct sp_surface_scratch *scra
         int box[4];
         if (depth > farthest)
             break;
-        find_box(record, tile, box);
-        if (depth > find_end(scratch, box[0], box[1], box[2], box[3]))
+        clip_box(record, tile, box);
+        if (depth > compute_end(scratch, box[0], box[1], box[2], box[3]))
             continue;
         add_block(s, scratch, &s->points->blocks[record->sheet], corner);
         if (s->is_opaque) {
             update_hidden(s, scratch, tile, record->depth - s->depth_first);
-            farthest = find_end(scratch, 0, 0, size[0], size[1]);
+            farthest = compute_end(scratch, 0, 0, size[0], size[1]);
         }
     }
     sp_surface_resolve(s, scratch, tile);

@@ -17,7 +17,7 @@ struct mapping {
 
 /* Scales values so that the largest difference from the iso-value is about 2: neither squares nor
  * differences overflow. Halves keep the largest doubles finite. */
-static struct mapping find_mapping(const struct sp_volume_info *info, double value) {
+static struct mapping compute_mapping(const struct sp_volume_info *info, double value) {
     double scale =
         2 / fmax(fabs(info->range[1] / 2 - value / 2), fabs(info->range[0] / 2 - value / 2));
     struct mapping m = { .value = value, .scale = scale < (double)INFINITY ? scale : 1 };
@@ -79,7 +79,7 @@ static void read_row(float row[SURFACE_WINDOW_ROW], const struct sp_volume *volu
 void sp_surface_window_read(struct sp_surface_window *window, const struct sp_volume *volume,
                             double value, const uint32_t corner[3]) {
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
-    const struct mapping mapping = find_mapping(sp_volume_info(volume), value);
+    const struct mapping mapping = compute_mapping(sp_volume_info(volume), value);
     int from[3], to[3];
     for (unsigned a = 0; a < 3; a++) {
         int64_t last = (int64_t)grid->dims[a] - corner[a] + 1;

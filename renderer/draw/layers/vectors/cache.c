@@ -48,7 +48,7 @@ const struct sp_voxel_list *sp_vectors_cache_get(struct sp_vectors_cache *cache,
             cache->slots[i].base.used = ++cache->clock;
             return &cache->slots[i].list;
         }
-    struct sp_vectors_slot *slot = sp_slots_take(&slots, cache->slots, UINT64_MAX, NULL);
+    struct sp_vectors_slot *slot = sp_slots_acquire(&slots, cache->slots, UINT64_MAX, NULL);
     if (!sp_vectors_extract(job, &slot->list, err))
         return NULL;
     slot->base =

@@ -360,7 +360,7 @@ static void frames_in_flight(void **state) {
     }
 }
 
-static struct sp_volume *find(void *user, const char *id) {
+static struct sp_volume *find_element(void *user, const char *id) {
     const struct rig *rig = user;
     return sp_volume_ref(rig->elements[id[0] - '0']);
 }
@@ -370,7 +370,7 @@ static void draw_layers(struct rig *rig, unsigned k, uint32_t count) {
     static const enum sp_layer_type types[] = { SP_LAYER_GEOMETRY,  SP_LAYER_POINTS,
                                                 SP_LAYER_GAUSSIANS, SP_LAYER_SHELL,
                                                 SP_LAYER_SURFACE,   SP_LAYER_VOLUME };
-    const struct sp_render_options options = { .find = find, .user = rig };
+    const struct sp_render_options options = { .find = find_element, .user = rig };
     const uint32_t first = count == 1 ? k % 4 : 0;
     struct sp_view view;
     make_view(rig, k, &view);

@@ -265,7 +265,7 @@ static void the_cpu_classifies_when_gpu_memory_is_short(void **state) {
 }
 
 /* The CPU makes a list that the GPU has counted, and the other way round. */
-static void the_cpu_and_the_gpu_take_turns(void **state) {
+static void the_cpu_and_the_gpu_alternate(void **state) {
     struct rig *rig = *state;
     const uint64_t limit = rig->residency.limit_bytes;
     static const enum sp_type types[] = { SP_UINT8, SP_FLOAT32, SP_INT32 };
@@ -455,7 +455,7 @@ int main(void) {
         ON(an_edit_by_value_uploads_a_few_bytes_a_brick),
         ON(values_of_any_size_are_distinguished),
         ON(the_cpu_classifies_when_gpu_memory_is_short),
-        ON(the_cpu_and_the_gpu_take_turns),
+        ON(the_cpu_and_the_gpu_alternate),
         ON(a_cancelled_pass_can_be_made_again),
         ON(mip_levels_equal_those_of_the_cpu),
     };

@@ -142,14 +142,14 @@ static void add_layers(const struct scene *scene, int i, struct sp_view *view) {
     view->layer_count = 5;
 }
 
-static struct sp_volume *find(void *user, const char *id) {
+static struct sp_volume *find_element(void *user, const char *id) {
     const struct scene *scene = user;
     return sp_volume_ref(scene->elements[id[0] - '0']);
 }
 
 /* Draws volume i; false with scene->err set. */
 static bool draw(struct scene *scene, int i, enum kind kind, unsigned char pixels[SIZE][SIZE][4]) {
-    const struct sp_render_options options = { .find = find, .user = scene };
+    const struct sp_render_options options = { .find = find_element, .user = scene };
     struct sp_view view;
     make_view(scene, i, &view);
     if (kind == WITH_LAYERS)

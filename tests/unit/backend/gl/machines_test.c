@@ -20,7 +20,7 @@
 #include "unit/backend/gl/fake_machine.h"
 
 /* Returns the index of the driver of a new context; −1 with *err set if there is none. */
-static int take(int gpu, bool software, struct gl_info *info, struct sp_error *err) {
+static int open_driver(int gpu, bool software, struct gl_info *info, struct sp_error *err) {
     const struct gl_options options = { .gpu = gpu, .software = software };
     struct gl_context *context = gl_context_create(&options, err);
     if (!context)
@@ -41,16 +41,16 @@ static void every_device_is_tried_in_turn(void **state) {
     drivers[0].broken = true;
     drivers[1].name = "llvmpipe (LLVM 15.0.6, 256 bits)";
     drivers[2].minor = 2;
-    assert_int_equal(take(-1, false, &info, &err), 3);
+    assert_int_equal(open_driver(-1, false, &info, &err), 3);
     assert_int_equal(info.gpu, 3);
     assert_int_equal(info.platform, GL_PLATFORM_DEVICE);
     assert_int_equal(machine.initialised, 0xf); /* no other platform is tried */
-    assert_int_equal(take(-1, true, &info, &err), 1);
+    assert_int_equal(open_driver(-1, true, &info, &err), 1);
     assert_true(info.software);
     drivers[3].error = EGL_BAD_ALLOC;
     drivers[3].broken = drivers[DEFAULT].broken = true;
     drivers[SURFACELESS].no_desktop = true;
-    assert_int_equal(take(-1, false, &info, &err), -1);
+    assert_int_equal(open_driver(-1, false, &info, &err), -1);
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_string_equal(
         err.text, "EGL device 0: eglInitialize failed: EGL_NOT_INITIALIZED; "
@@ -66,15 +66,15 @@ static void a_named_device_is_the_only_one_tried(void **state) {
     struct gl_info info;
     struct sp_error err;
     device_count = 3;
-    assert_int_equal(take(1, false, &info, &err), 1);
+    assert_int_equal(open_driver(1, false, &info, &err), 1);
     assert_int_equal(machine.initialised, 2);
     drivers[1].name = "softpipe";
-    assert_int_equal(take(1, false, &info, &err), -1);
+    assert_int_equal(open_driver(1, false, &info, &err), -1);
     assert_string_equal(err.text, "EGL device 1: softpipe is software GL");
-    assert_int_equal(take(1, true, &info, &err), 1);
-    assert_int_equal(take(2, true, &info, &err), -1);
+    assert_int_equal(open_driver(1, true, &info, &err), 1);
+    assert_int_equal(open_driver(2, true, &info, &err), -1);
     assert_string_equal(err.text, "EGL device 2: Real 100 is a GPU, not software GL");
-    assert_int_equal(take(3, false, &info, &err), -1);
+    assert_int_equal(open_driver(3, false, &info, &err), -1);
     assert_int_equal(err.code, SP_ERR_INVALID);
     assert_string_equal(err.text, "there is no GPU 3; EGL lists 3 devices, counted from 0");
 }
@@ -84,30 +84,30 @@ static void other_platforms_come_after_devices(void **state) {
     struct gl_info info;
     struct sp_error err;
     drivers[0].broken = true;
-    assert_int_equal(take(-1, false, &info, &err), SURFACELESS);
+    assert_int_equal(open_driver(-1, false, &info, &err), SURFACELESS);
     assert_int_equal(info.gpu, -1);
     assert_int_equal(info.platform, GL_PLATFORM_SURFACELESS);
     drivers[SURFACELESS].broken = true;
-    assert_int_equal(take(-1, false, &info, &err), DEFAULT);
+    assert_int_equal(open_driver(-1, false, &info, &err), DEFAULT);
     assert_int_equal(info.platform, GL_PLATFORM_DEFAULT);
     drivers[DEFAULT].broken = true;
     client_extensions = "EGL_EXT_platform_base EGL_EXT_device_query EGL_EXT_device_enumeration "
                         "EGL_EXT_platform_device2 EGL_MESA_platform_surfaceless";
-    assert_int_equal(take(-1, false, &info, &err), -1);
+    assert_int_equal(open_driver(-1, false, &info, &err), -1);
     assert_non_null(strstr(err.text, "device display: EGL does not have EGL_EXT_platform_device;"));
     drivers[0].broken = false; /* NVIDIA's list has one name for enumeration and query */
     client_extensions = "EGL_EXT_platform_base EGL_EXT_device_base EGL_EXT_platform_device";
-    assert_int_equal(take(-1, false, &info, &err), 0);
+    assert_int_equal(open_driver(-1, false, &info, &err), 0);
     drivers[0].broken = true;
     client_extensions = NULL; /* old EGL has only the default display */
     drivers[DEFAULT].broken = false;
     machine.initialised = 0;
-    assert_int_equal(take(-1, false, &info, &err), DEFAULT);
+    assert_int_equal(open_driver(-1, false, &info, &err), DEFAULT);
     assert_int_equal(machine.initialised, 1 << DEFAULT);
     client_extensions = all_extensions;
     device_count = 0;
     drivers[SURFACELESS].broken = drivers[DEFAULT].broken = true;
-    assert_int_equal(take(-1, false, &info, &err), -1);
+    assert_int_equal(open_driver(-1, false, &info, &err), -1);
     assert_non_null(strstr(err.text, "device display: EGL does not have any device;"));
 }
 
@@ -130,14 +130,14 @@ static void software_is_known_by_its_name(void **state) {
     struct sp_error err;
     for (size_t i = 0; i < sizeof soft / sizeof soft[0]; i++) {
         drivers[0].name = soft[i];
-        assert_int_equal(take(0, true, &info, &err), 0);
-        assert_int_equal(take(0, false, &info, &err), -1);
+        assert_int_equal(open_driver(0, true, &info, &err), 0);
+        assert_int_equal(open_driver(0, false, &info, &err), -1);
     }
     for (size_t i = 0; i < sizeof hard / sizeof hard[0]; i++) {
         drivers[0].name = hard[i];
-        assert_int_equal(take(0, false, &info, &err), 0);
+        assert_int_equal(open_driver(0, false, &info, &err), 0);
         assert_string_equal(info.renderer, hard[i]);
-        assert_int_equal(take(0, true, &info, &err), -1);
+        assert_int_equal(open_driver(0, true, &info, &err), -1);
     }
 }
 
@@ -148,41 +148,41 @@ static void a_device_for_software_is_not_opened_for_a_gpu(void **state) {
     device_count = 2;
     drivers[0].name = "llvmpipe";
     drivers[0].is_known_software = true;
-    assert_int_equal(take(-1, false, &info, &err), 1);
+    assert_int_equal(open_driver(-1, false, &info, &err), 1);
     assert_int_equal(machine.initialised, 2);
-    assert_int_equal(take(0, false, &info, &err), -1);
+    assert_int_equal(open_driver(0, false, &info, &err), -1);
     assert_string_equal(err.text, "EGL device 0: this device is software GL");
-    assert_int_equal(take(-1, true, &info, &err), 0);
+    assert_int_equal(open_driver(-1, true, &info, &err), 0);
     machine.initialised = 0; /* if all devices are software, no display is tried */
     device_count = 1;
-    assert_int_equal(take(-1, false, &info, &err), -1);
+    assert_int_equal(open_driver(-1, false, &info, &err), -1);
     assert_int_equal(machine.initialised, 0);
     assert_string_equal(err.text, "EGL device 0: this device is software GL; surfaceless display: "
                                   "no device but software GL; default display: no device but "
                                   "software GL");
     device_count = 0; /* without devices, displays are tried */
-    assert_int_equal(take(-1, false, &info, &err), SURFACELESS);
+    assert_int_equal(open_driver(-1, false, &info, &err), SURFACELESS);
 }
 
 static void the_newest_context_is_taken(void **state) {
     (void)state;
     struct gl_info info;
     struct sp_error err;
-    assert_int_equal(take(0, false, &info, &err), 0);
+    assert_int_equal(open_driver(0, false, &info, &err), 0);
     assert_int_equal(info.minor, 5);
     assert_true(info.tells_reset);
     drivers[0].no_resets = true; /* the version matters more */
-    assert_int_equal(take(0, false, &info, &err), 0);
+    assert_int_equal(open_driver(0, false, &info, &err), 0);
     assert_int_equal(info.minor, 5);
     assert_false(info.tells_reset);
     drivers[0].minor = 4;
-    assert_int_equal(take(0, false, &info, &err), 0);
+    assert_int_equal(open_driver(0, false, &info, &err), 0);
     assert_int_equal(info.minor, 3);
     drivers[0].no_resets = false;
-    assert_int_equal(take(0, false, &info, &err), 0);
+    assert_int_equal(open_driver(0, false, &info, &err), 0);
     assert_true(info.tells_reset);
     drivers[0].minor = -1; /* no core profile, but another one */
-    assert_int_equal(take(0, false, &info, &err), -1);
+    assert_int_equal(open_driver(0, false, &info, &err), -1);
     assert_string_equal(
         err.text, "EGL device 0: OpenGL 2.1 Fake of Real 100; a core profile of 4.3 is needed");
 }
@@ -192,7 +192,7 @@ static void limits_and_names_are_read(void **state) {
     struct gl_info info;
     struct sp_error err;
     drivers[0].video_mib = 143771;
-    assert_int_equal(take(0, false, &info, &err), 0);
+    assert_int_equal(open_driver(0, false, &info, &err), 0);
     assert_compare(info.limits.video_bytes, ==, UINT64_C(143771) << 20);
     assert_compare(info.limits.storage_block_bytes, ==, UINT64_C(1) << 31);
     assert_int_equal(info.limits.shared_bytes, 0); /* an impossible size counts as unknown */
@@ -208,7 +208,7 @@ static void limits_and_names_are_read(void **state) {
     assert_compare(gl_video_budget(&info, &options), ==, 5000);
     drivers[0].video_mib = 0;
     drivers[0].name = NULL;
-    assert_int_equal(take(0, false, &info, &err), 0);
+    assert_int_equal(open_driver(0, false, &info, &err), 0);
     assert_compare(info.limits.video_bytes, ==, 0);
     assert_compare(gl_video_budget(&info, &options), ==, 5000);
     options.video_bytes = 0;
@@ -225,7 +225,7 @@ static void a_surface_is_made_where_one_is_needed(void **state) {
     struct gl_info info;
     struct sp_error err;
     drivers[0].wants_surface = true;
-    assert_int_equal(take(0, false, &info, &err), 0);
+    assert_int_equal(open_driver(0, false, &info, &err), 0);
 }
 
 static void a_node_that_cannot_be_opened_is_named(void **state) {
@@ -233,13 +233,13 @@ static void a_node_that_cannot_be_opened_is_named(void **state) {
     struct gl_info info;
     struct sp_error err;
     drivers[0].file = "/dev/dri/card999";
-    assert_int_equal(take(0, false, &info, &err), 0); /* a working device needs no node */
+    assert_int_equal(open_driver(0, false, &info, &err), 0); /* a working device needs no node */
     drivers[0].name = "llvmpipe";
-    assert_int_equal(take(0, false, &info, &err), -1);
+    assert_int_equal(open_driver(0, false, &info, &err), -1);
     assert_string_equal(err.text, "EGL device 0 (/dev/dri/card999): llvmpipe is software GL; "
                                   "/dev/dri/card999 cannot be opened: No such file or directory");
     drivers[0].file = "/dev/null";
-    assert_int_equal(take(0, false, &info, &err), -1);
+    assert_int_equal(open_driver(0, false, &info, &err), -1);
     assert_string_equal(err.text, "EGL device 0 (/dev/null): llvmpipe is software GL");
 }
 

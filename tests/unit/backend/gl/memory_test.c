@@ -153,7 +153,7 @@ static void scratch_is_released_for_a_view(void **state) {
 }
 
 /* Makes this the volume of the rig. */
-static void take_volume(struct rig *rig, struct sp_volume *volume) {
+static void replace_volume(struct rig *rig, struct sp_volume *volume) {
     assert_non_null(volume);
     rig->backend->evict(rig->state, rig->volume);
     sp_volume_unref(&rig->volume);
@@ -180,7 +180,7 @@ static void unused_render_buffers_are_released(void **state) {
     (void)state;
     struct rig rig;
     must_open(&rig, 0);
-    take_volume(&rig, make_cube(2, 1)); /* hundreds of frames are drawn */
+    replace_volume(&rig, make_cube(2, 1)); /* hundreds of frames are drawn */
     must_draw(&rig, SMALL, NULL);
     uint64_t small = gl_draw_bytes(rig.state);
     must_draw(&rig, WIDE, NULL);
@@ -221,7 +221,7 @@ static void many_planes_fit_any_budget(void **state) {
     for (size_t i = 0; i < sizeof budgets / sizeof *budgets; i += TEST_SANITIZED ? 3 : 1) {
         struct rig rig;
         must_open(&rig, budgets[i]);
-        take_volume(&rig, sp_volume_load("demo:phantom?size=48", NULL, NULL));
+        replace_volume(&rig, sp_volume_load("demo:phantom?size=48", NULL, NULL));
         struct sp_view view;
         sp_view_init(&view, sp_volume_info(rig.volume), "v");
         view.size[0] = view.size[1] = 32;
@@ -256,7 +256,7 @@ static void pieces_fit_into_what_the_lists_leave(void **state) {
     (void)state;
     struct rig rig;
     must_open(&rig, 3 * MIB);
-    take_volume(&rig, make_cube(64, 1));
+    replace_volume(&rig, make_cube(64, 1));
     struct sp_volume *other = make_cube(64, 50);
     const struct sp_view view = view_of(rig.volume, 16);
     for (int i = 0; i < ROUNDS; i++) {
@@ -294,7 +294,7 @@ static void many_bricks_are_uploaded_in_turns(void **state) {
     struct rig large, tight;
     must_open(&large, 1 << 30);
     must_open(&tight, 2 * MIB);
-    take_volume(&tight, make_cube(64, 1));
+    replace_volume(&tight, make_cube(64, 1));
     const struct sp_view view = view_of(tight.volume, 16);
     struct test_image wanted = picture_of(&large, tight.volume, &view);
     uint64_t before = large.state->upload.bytes;
@@ -327,7 +327,7 @@ static void scratch_is_released_for_samples(void **state) {
     struct rig rig;
     must_open(&rig, 26 * MIB / 10);
     struct sp_volume *other = make_cube(16, 1);
-    take_volume(&rig, make_cube(128, 5000));
+    replace_volume(&rig, make_cube(128, 5000));
     struct sp_view large = view_of(other, 192);
     large.compositing.mode = SP_COMPOSITE_SLAB;
     const struct sp_view small = view_of(rig.volume, 32);
@@ -349,7 +349,7 @@ static void a_refused_volume_is_tried_again(void **state) {
         skip(); /* it draws the same frame many times */
     struct rig rig;
     must_open(&rig, 0);
-    take_volume(&rig, make_cube(128, 5000));
+    replace_volume(&rig, make_cube(128, 5000));
     const struct sp_view view = view_of(rig.volume, 16);
     uint64_t limit = rig.state->residency.limit_bytes;
     rig.state->residency.limit_bytes = 2 * MIB;

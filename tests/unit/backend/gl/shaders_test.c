@@ -43,8 +43,8 @@ static void shader_source(GLuint shader, GLsizei count, const GLchar *const *tex
     driver.real(shader, count + is_broken, given, NULL);
 }
 
-static void take_line(void *user, enum sp_log_level level, const char *kind,
-                      const struct sp_log_field *fields, const char *line) {
+static void check_line(void *user, enum sp_log_level level, const char *kind,
+                       const struct sp_log_field *fields, const char *line) {
     (void)kind;
     (void)fields;
     (void)user;
@@ -163,7 +163,7 @@ static bool open_rig(struct rig *rig, struct sp_error *err) {
 int main(void) {
     static struct rig rig;
     struct sp_error err;
-    sp_log_init(take_line, NULL, SP_LOG_ERROR);
+    sp_log_init(check_line, NULL, SP_LOG_ERROR);
     if (!open_rig(&rig, &err)) {
         printf("skipped: no software GL here: %s\n", err.text);
         return TEST_SKIPPED;

@@ -238,8 +238,8 @@ struct lines {
     bool has_line, has_name;
 };
 
-static void take_line(void *user, enum sp_log_level level, const char *kind,
-                      const struct sp_log_field *fields, const char *line) {
+static void check_line(void *user, enum sp_log_level level, const char *kind,
+                       const struct sp_log_field *fields, const char *line) {
     (void)kind;
     (void)fields;
     struct lines *lines = user;
@@ -262,7 +262,7 @@ static void a_broken_shader_is_an_error_with_its_log(void **state) {
                                             NULL };
     struct lines lines = { 0 };
     struct sp_error err = { 0 };
-    sp_log_init(take_line, &lines, SP_LOG_ERROR);
+    sp_log_init(check_line, &lines, SP_LOG_ERROR);
     assert_int_equal(gl_program_create("broken", "", broken, &err), 0);
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "broken"));

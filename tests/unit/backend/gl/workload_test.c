@@ -172,7 +172,7 @@ static void slow_pieces_are_no_reason_to_refuse(void **state) {
     assert_non_null(strstr(err.text, "cover 33554433 tiles"));
 }
 
-static void wide_splats_take_fewer_rows_then_layers(void **state) {
+static void wide_splats_use_fewer_rows_then_layers(void **state) {
     (void)state;
     struct gl_workload workload = make_workload();
     struct gl_pieces was = gl_workload_plan(&workload, &plain);
@@ -229,7 +229,7 @@ int main(void) {
         cmocka_unit_test(memory_loads_raise_the_cost_of_a_pair),
         cmocka_unit_test(as_many_records_as_fit_are_used),
         cmocka_unit_test(slow_pieces_are_no_reason_to_refuse),
-        cmocka_unit_test(wide_splats_take_fewer_rows_then_layers),
+        cmocka_unit_test(wide_splats_use_fewer_rows_then_layers),
         cmocka_unit_test(other_layers_have_their_own_passes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

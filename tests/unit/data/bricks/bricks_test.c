@@ -94,7 +94,7 @@ static int memory_file(const void *bytes, size_t size) {
 static int write_described(const struct sp_volume_info *info, int from) {
     struct sp_error err;
     const struct sp_bricks_write_job job = {
-        .info = info, .samples = from, .out = memory_file("", 0), .folder = "/tmp", .shown = "test"
+        .info = info, .samples = from, .out = memory_file("", 0), .folder = "/tmp", .title = "test"
     };
     if (!sp_bricks_write(&job, &err))
         fail_msg("%s", err.text);
@@ -572,7 +572,7 @@ static void writing_is_cancelled(void **state) {
                                              .samples = memory_file(samples, COUNT),
                                              .out = memory_file("", 0),
                                              .folder = "/tmp",
-                                             .shown = "test",
+                                             .title = "test",
                                              .progress = cancel,
                                              .user = &last };
     assert_false(sp_bricks_write(&job, &err));

@@ -32,7 +32,7 @@ static struct sp_brick_file *write_labels(const uint8_t *samples, enum sp_meanin
                                          .meaning = meaning };
     const int from = memory_file(samples, COUNT);
     const struct sp_bricks_write_job job = {
-        .info = &info, .samples = from, .out = memory_file("", 0), .folder = "/tmp", .shown = "test"
+        .info = &info, .samples = from, .out = memory_file("", 0), .folder = "/tmp", .title = "test"
     };
     struct sp_error err = { .text = "" };
     if (!sp_bricks_write(&job, &err))

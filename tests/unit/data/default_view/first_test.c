@@ -102,8 +102,8 @@ static double noise(double x, double y, double z, int range) {
 }
 
 /* The box of all voxels of at least this value in the image, as shares of its width and height. */
-static void find_image_box(const struct sp_view *view, const struct sp_volume *volume, double least,
-                           double low[2], double high[2]) {
+static void compute_image_box(const struct sp_view *view, const struct sp_volume *volume,
+                              double least, double low[2], double high[2]) {
     const uint32_t *dims = sp_volume_info(volume)->grid.dims;
     const uint8_t *voxels = sp_volume_voxels(volume);
     struct sp_camera_transform camera;
@@ -129,7 +129,7 @@ static void find_image_box(const struct sp_view *view, const struct sp_volume *v
 static void check_framing(const struct sp_view *view, const struct sp_volume *volume,
                           double least) {
     double low[2], high[2], fill = 0;
-    find_image_box(view, volume, least, low, high);
+    compute_image_box(view, volume, least, low, high);
     for (int a = 0; a < 2; a++) {
         fill = fmax(fill, high[a] - low[a]);
         assert_float_equal(0.5 * (low[a] + high[a]), 0.5, 0.05);

@@ -49,7 +49,7 @@ static void make_samples(const struct space *space, const unsigned order[3],
 }
 
 /* A place of the head in the image: x to the right and y down [px], then the distance. */
-static struct sp_vec3 find_in_image(const struct sp_view *view, const struct space *space, double l,
+static struct sp_vec3 project_point(const struct sp_view *view, const struct space *space, double l,
                                     double p, double s) {
     struct sp_camera_transform camera;
     sp_camera_transform_init(&camera, &view->camera, view->size);
@@ -66,12 +66,12 @@ static void check_head(const char *file, const struct space *space) {
         space = space->world;
     assert_string_equal(sp_volume_info(volume)->anatomy, space->name);
     sp_view_choose(&view, volume, "head");
-    struct sp_vec3 crown = find_in_image(&view, space, 0, 0, 16),
-                   neck = find_in_image(&view, space, 0, 0, -23),
-                   nose = find_in_image(&view, space, 0, -20, 0),
-                   nape = find_in_image(&view, space, 0, 16, 0),
-                   ear = find_in_image(&view, space, 19, 0, 0),
-                   right = find_in_image(&view, space, -16, 0, 0);
+    struct sp_vec3 crown = project_point(&view, space, 0, 0, 16),
+                   neck = project_point(&view, space, 0, 0, -23),
+                   nose = project_point(&view, space, 0, -20, 0),
+                   nape = project_point(&view, space, 0, 16, 0),
+                   ear = project_point(&view, space, 19, 0, 0),
+                   right = project_point(&view, space, -16, 0, 0);
     assert_compare(crown.v[1], <, neck.v[1] - 100);
     assert_compare(nose.v[2], <, nape.v[2] - 20);
     if (ear.v[0] <= right.v[0] + 100)

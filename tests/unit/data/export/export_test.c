@@ -85,7 +85,7 @@ static void write_nrrd(const char *path) {
     FILE *file = fopen(path, "w+");
     assert_non_null(file);
     const struct sp_export_job job = {
-        .info = &info, .samples = make_samples(), .out = fileno(file), .shown = path
+        .info = &info, .samples = make_samples(), .out = fileno(file), .title = path
     };
     if (!sp_export_nrrd(&job, &err))
         fail_msg("%s", err.text);
@@ -154,7 +154,7 @@ static void a_unit_that_nifti_lacks_is_refused(void **state) {
     struct sp_error err;
     struct sp_volume_info info = describe();
     const struct sp_export_job job = {
-        .info = &info, .samples = make_samples(), .out = memory_file("", 0), .shown = "a.nii"
+        .info = &info, .samples = make_samples(), .out = memory_file("", 0), .title = "a.nii"
     };
     strcpy(info.unit, "degrees");
     assert_false(sp_export_nifti(&job, &err));
@@ -174,7 +174,7 @@ static void names_cannot_break_the_header(void **state) {
     FILE *file = fopen(path, "w+");
     assert_non_null(file);
     const struct sp_export_job job = {
-        .info = &info, .samples = make_samples(), .out = fileno(file), .shown = "a.nrrd"
+        .info = &info, .samples = make_samples(), .out = fileno(file), .title = "a.nrrd"
     };
     if (!sp_export_nrrd(&job, &err))
         fail_msg("%s", err.text);
@@ -197,7 +197,7 @@ static void a_wide_volume_is_nifti_2(void **state) {
     const struct sp_export_job job = { .info = &info,
                                        .samples = memory_file(samples, sizeof samples),
                                        .out = memory_file("", 0),
-                                       .shown = "a.nii" };
+                                       .title = "a.nii" };
     int32_t size;
     struct stat st;
     for (uint32_t less = 0; less < 2; less++) {
@@ -261,7 +261,7 @@ static void turned_axes_are_refused(void **state) {
     struct sp_error err;
     struct sp_volume_info info = describe();
     const struct sp_export_job job = {
-        .info = &info, .samples = make_samples(), .out = -1, .folder = *state, .shown = "a.zarr"
+        .info = &info, .samples = make_samples(), .out = -1, .folder = *state, .title = "a.zarr"
     };
     info.grid.direction[0][0] = info.grid.direction[1][1] = 0.8;
     info.grid.direction[0][1] = -0.6;

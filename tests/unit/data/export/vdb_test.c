@@ -93,7 +93,7 @@ static void openvdb_comes_back(void **state) {
                                                                          cases[i].is_empty),
                                            .out = fileno(file),
                                            .folder = *state,
-                                           .shown = path };
+                                           .title = path };
         if (!sp_export_vdb(&job, &err))
             fail_msg("%s: %s", err.place, err.text);
         close(job.samples);

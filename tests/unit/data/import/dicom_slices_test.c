@@ -10,7 +10,7 @@
 #include "unit/data/import/support.h"
 
 static struct import_warnings warnings;
-static struct import_file file = { .shown = "scan", .warnings = &warnings };
+static struct import_file file = { .title = "scan", .warnings = &warnings };
 
 /* Adds an axial slice of the series. */
 static void add(struct dicom_slices *slices, const char *name, long instance, double z,

@@ -298,7 +298,7 @@ static void a_file_that_is_cut_meanwhile_is_an_error(void **state) {
     uint8_t samples[COUNT], out[COUNT] = { 0 };
     struct import_file file = { .fd = memfd_create("samples", MFD_CLOEXEC),
                                 .size = COUNT,
-                                .shown = "cut" };
+                                .title = "cut" };
     const struct import_samples all = {
         .file = &file, .number = { IMPORT_UNSIGNED, 1 }, .bytes = COUNT, .field = "dims"
     };

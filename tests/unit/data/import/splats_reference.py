@@ -85,20 +85,20 @@ def read_spz(path):
     _, version, n, degree, fraction, _, _ = struct.unpack_from('<3I4B', data)
     rest, at = (degree + 1) ** 2 - 1, 16
 
-    def take(size):
+    def read(size):
         nonlocal at
         at += n * size
         return [data[at + (i - n) * size:at + (i - n + 1) * size] for i in range(n)]
 
     if version == 1:
-        positions = [list(struct.unpack('<3e', p)) for p in take(6)]
+        positions = [list(struct.unpack('<3e', p)) for p in read(6)]
     else:
-        positions = [[int.from_bytes(p[k:k + 3], 'little', signed=True) / 2 ** fraction for k in (0, 3, 6)] for p in take(9)]
-    opacities = [o[0] / 255 for o in take(1)]
-    colors = [[(c / 255 - 0.5) / 0.15 for c in rgb] for rgb in take(3)]
-    scales = [[math.exp(s / 16 - 10) for s in three] for three in take(3)]
+        positions = [[int.from_bytes(p[k:k + 3], 'little', signed=True) / 2 ** fraction for k in (0, 3, 6)] for p in read(9)]
+    opacities = [o[0] / 255 for o in read(1)]
+    colors = [[(c / 255 - 0.5) / 0.15 for c in rgb] for rgb in read(3)]
+    scales = [[math.exp(s / 16 - 10) for s in three] for three in read(3)]
     rotations = []
-    for packed in take(3 if version < 3 else 4):
+    for packed in read(3 if version < 3 else 4):
         if version < 3:
             xyz = [q / 127.5 - 1 for q in packed]
             rotation = xyz + [math.sqrt(max(0, 1 - sum(q * q for q in xyz)))]
@@ -112,7 +112,7 @@ def read_spz(path):
             rotation.insert(value >> 30, math.sqrt(max(0, 1 - sum(q * q for q in small))))
         rotations.append(rotation[3:] + rotation[:3])
     harmonics = [[rgb] + [[(sh[3 * k + c] - 128) / 128 for c in range(3)] for k in range(rest)]
-                 for rgb, sh in zip(colors, take(3 * rest))]
+                 for rgb, sh in zip(colors, read(3 * rest))]
     assert at == len(data)
     return list(zip(positions, scales, rotations, opacities, harmonics))
 

@@ -138,7 +138,7 @@ static void chunks_can_be_read_alone(void **state) {
     write_image("cached.zarr");
     snprintf(path, sizeof path, "%s", in_folder("cached.zarr"));
     const struct import_file file = {
-        .fd = -1, .shown = "cached.zarr/.zattrs", .root = path, .folder = path, .field = ""
+        .fd = -1, .title = "cached.zarr/.zattrs", .root = path, .folder = path, .field = ""
     };
     struct zarr_store *store = zarr_folder_open(&file);
     struct zarr_node node;

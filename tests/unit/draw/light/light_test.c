@@ -22,7 +22,7 @@
 
 static const double fading_share = 0.1, light_radius = 0.07; /* as in light.c */
 
-static const struct sp_light_kernels kernels = { sp_light_find_cells, sp_light_pass,
+static const struct sp_light_kernels kernels = { sp_light_compute_cells, sp_light_pass,
                                                  sp_light_turn_in, sp_light_turn_out };
 
 struct rig {
@@ -154,7 +154,7 @@ static double march(const struct rig *rig, const double from[3], const double to
 }
 
 /* E of light.h: 2·mean of A at a distance of two samples from a plane. */
-static double find_plane(const struct rig *rig) {
+static double compute_plane(const struct rig *rig) {
     enum { COUNT = 150 };
     const struct sp_grid *grid = &rig->scene.info.grid;
     double plane = 0, diagonal = 0;
@@ -166,7 +166,7 @@ static double find_plane(const struct rig *rig) {
     return plane;
 }
 
-static double find_open(const struct rig *rig, const double from[3]) {
+static double compute_open(const struct rig *rig, const double from[3]) {
     enum { COUNT = 150 };
     const struct sp_grid *grid = &rig->scene.info.grid;
     double sum = 0, diagonal = 0;
@@ -177,10 +177,10 @@ static double find_open(const struct rig *rig, const double from[3]) {
         sum += march(rig, from, (const double[]){ r * cos(turn), r * sin(turn), z },
                      fading_share * sqrt(diagonal));
     }
-    return fmin(fmax(find_plane(rig) - 1 + 2 * sum / COUNT, 0), 1);
+    return fmin(fmax(compute_plane(rig) - 1 + 2 * sum / COUNT, 0), 1);
 }
 
-static double find_lit(const struct rig *rig, const double from[3]) {
+static double compute_lit(const struct rig *rig, const double from[3]) {
     enum { COUNT = 24 };
     const double d[3] = { (double)rig->direction[0], (double)rig->direction[1],
                           (double)rig->direction[2] };
@@ -217,8 +217,8 @@ static struct errors compare(const struct rig *rig, const struct sp_light_field 
         double from[3], clear = (field->cells[i] >> 16) / 255.0;
         for (int a = 0; a < 3; a++)
             from[a] = ((double)cell[a] - (double)field->first) / (double)field->per_sample;
-        const double truth[2] = { find_open(rig, from), find_lit(rig, from) };
-        double share[2], closed = 1 - find_plane(rig);
+        const double truth[2] = { compute_open(rig, from), compute_lit(rig, from) };
+        double share[2], closed = 1 - compute_plane(rig);
         for (int c = 0; c < 2; c++)
             share[c] = (field->cells[i] >> 8 * c & 255) / 255.0;
         double raised = fmin(share[0] + closed, 1) - fmin(truth[0] + closed, 1);

@@ -13,7 +13,7 @@
 
 #include "draw/resample/axes.h"
 
-static void find(double azimuth, double elevation, double share[3], int *best) {
+static void choose_axis(double azimuth, double elevation, double share[3], int *best) {
     double a = azimuth * M_PI / 180, e = elevation * M_PI / 180;
     const double along[3] = { fabs(sin(a) * cos(e)), fabs(cos(a) * cos(e)), fabs(sin(e)) };
     *best = sp_axes_choose(along, share);
@@ -23,10 +23,10 @@ static void one_axis_draws_most_views(void **state) {
     double share[3];
     int best;
     (void)state;
-    find(20, 10, share, &best);
+    choose_axis(20, 10, share, &best);
     assert_int_equal(best, 1);
     assert_float_equal(share[1], 1, 0);
-    find(89, 50, share, &best);
+    choose_axis(89, 50, share, &best);
     assert_int_equal(best, 2);
     assert_float_equal(share[2], 1, 0);
 }
@@ -35,13 +35,13 @@ static void two_axes_share_the_switch(void **state) {
     double share[3];
     int best;
     (void)state;
-    find(45, 0, share, &best);
+    choose_axis(45, 0, share, &best);
     assert_float_equal(share[0], 0.5, 1e-9);
     assert_float_equal(share[1], 0.5, 1e-9);
-    find(44, 0, share, &best); /* half of the band */
+    choose_axis(44, 0, share, &best); /* half of the band */
     assert_int_equal(best, 1);
     assert_float_equal(share[0], 1.0 / 3, 1e-9);
-    find(42.9, 0, share, &best);
+    choose_axis(42.9, 0, share, &best);
     assert_float_equal(share[0], 0, 0);
 }
 
@@ -52,10 +52,10 @@ static void shares_are_continuous(void **state) {
     for (double e = diagonal - 3; e < diagonal + 3; e += 0.3) {
         double last[3], share[3];
         int best;
-        find(40, e, last, &best);
+        choose_axis(40, e, last, &best);
         for (double a = 40 + step; a < 50; a += step) {
             double sum = 0;
-            find(a, e, share, &best);
+            choose_axis(a, e, share, &best);
             for (int k = 0; k < 3; k++) {
                 sum += share[k];
                 assert_true(fabs(share[k] - last[k]) < 0.01);

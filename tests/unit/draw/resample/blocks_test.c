@@ -83,8 +83,8 @@ static void lines_are_those_of_the_array(void **state) {
     }
 }
 
-static void find(const struct both *b, bool has_blocks, unsigned axis, float (*range)[2],
-                 uint8_t *visible) {
+static void compute_visible(const struct both *b, bool has_blocks, unsigned axis, float (*range)[2],
+                            uint8_t *visible) {
     struct sp_samples s = { .voxels = has_blocks ? NULL : b->array,
                             .blocks = has_blocks ? &b->blocks : NULL,
                             .type = b->type,
@@ -100,8 +100,8 @@ static void find(const struct both *b, bool has_blocks, unsigned axis, float (*r
     struct sp_interrupt interrupt = { 0 };
     struct sp_pool *pool = sp_pool_create(1, NULL);
     assert_non_null(pool);
-    sp_ranges_find(&s, pool, &interrupt);
-    assert_true(sp_visible_find(&s, &class, pool, &interrupt));
+    sp_ranges_compute(&s, pool, &interrupt);
+    assert_true(sp_samples_mark_visible(&s, &class, pool, &interrupt));
     sp_pool_destroy(&pool);
 }
 
@@ -114,8 +114,8 @@ static void ranges_and_intervals_are_those_of_the_array(void **state) {
         struct both b;
         fill(&b, types[t]);
         for (unsigned axis = 0; axis < 3; axis++) {
-            find(&b, false, axis, want, shown);
-            find(&b, true, axis, got, seen);
+            compute_visible(&b, false, axis, want, shown);
+            compute_visible(&b, true, axis, got, seen);
             assert_memory_equal(want, got, sizeof want);
             assert_memory_equal(shown, seen, sizeof shown);
         }

@@ -68,7 +68,7 @@ static void check(enum sp_type type, uint32_t x, uint32_t y, uint32_t z) {
     assert_non_null(s.range);
     struct sp_pool *pool = sp_pool_create(1, NULL);
     assert_non_null(pool);
-    sp_ranges_find(&s, pool, &(struct sp_interrupt){ 0 });
+    sp_ranges_compute(&s, pool, &(struct sp_interrupt){ 0 });
     for (uint32_t i = 0; i < regions; i++) {
         const uint32_t region[3] = { i % s.regions[0], i / s.regions[0] % s.regions[1],
                                      i / s.regions[0] / s.regions[1] };

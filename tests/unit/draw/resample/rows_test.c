@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Levels that are read from rows, against the formula of each sample.
+ * Codes that are read from rows, against the formula of each sample.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -17,11 +17,11 @@
 
 enum { LENGTH = 400 };
 
-static double expect_level(const struct sp_curve *curve, double x) {
-    double level = CURVE_LEVEL_MIN + (x - curve->base) * curve->levels_per_unit;
+static double expect_code(const struct sp_curve *curve, double x) {
+    double code = CURVE_CODE_MIN + (x - curve->base) * curve->codes_per_unit;
     if (!isfinite(x))
-        return CURVE_LEVEL_NONE;
-    return fmin(fmax(level, CURVE_LEVEL_MIN), CURVE_LEVEL_MAX);
+        return CURVE_CODE_NONE;
+    return fmin(fmax(code, CURVE_CODE_MIN), CURVE_CODE_MAX);
 }
 
 /* Fills a row with random values; floats lie around 7 and are sometimes not finite. */
@@ -55,14 +55,14 @@ static void check(const struct sp_curve *curve, enum sp_type type, int count, in
         for (int i = 0; i < length; i++) {
             int at = first + i < 0 ? 0 : first + i < count ? first + i : count - 1;
             double value = sp_sample(voxels, type, (uint64_t)(3 + at * stride));
-            double level = (double)memory[ROWS_MARGIN + i] - ROWS_RAISED;
+            double code = (double)memory[ROWS_MARGIN + i] - ROWS_RAISED;
             /* Narrow integers are scaled by factors of 16 bits. */
-            assert_true(fabs(level - expect_level(curve, value)) <= 1.5);
+            assert_true(fabs(code - expect_code(curve, value)) <= 1.5);
         }
     }
 }
 
-static void levels_are_those_of_the_samples(void **state) {
+static void codes_are_those_of_the_samples(void **state) {
     static const struct {
         enum sp_type type;
         double low, high;
@@ -75,8 +75,8 @@ static void levels_are_those_of_the_samples(void **state) {
         const double low = rows[i].low, high = rows[i].high;
         struct sp_curve curve = { .base = low,
                                   .data = { -INFINITY, INFINITY },
-                                  .levels_per_unit =
-                                      (CURVE_LEVEL_MAX - CURVE_LEVEL_MIN) / (high - low) };
+                                  .codes_per_unit =
+                                      (CURVE_CODE_MAX - CURVE_CODE_MIN) / (high - low) };
         static const int counts[] = { 1, 2, 7, 8, 16, 31, 32, 33, 64, 100, 350 };
         for (size_t k = 0; k < sizeof counts / sizeof counts[0]; k++)
             check(&curve, rows[i].type, counts[k], 1);
@@ -86,6 +86,6 @@ static void levels_are_those_of_the_samples(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(levels_are_those_of_the_samples) };
+    const struct CMUnitTest tests[] = { cmocka_unit_test(codes_are_those_of_the_samples) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -16,8 +16,8 @@
 
 enum { VOXELS = 31 * 14 * 18, REGIONS = 8 * 4 * 5 };
 
-static void find(enum sp_type type, const void *voxels, unsigned axis, double value,
-                 uint8_t *visible) {
+static void compute_visible(enum sp_type type, const void *voxels, unsigned axis, double value,
+                            uint8_t *visible) {
     static float range[REGIONS][2];
     struct sp_samples s = { .voxels = voxels,
                             .type = type,
@@ -33,8 +33,8 @@ static void find(enum sp_type type, const void *voxels, unsigned axis, double va
     struct sp_interrupt interrupt = { 0 };
     struct sp_pool *pool = sp_pool_create(1, NULL);
     assert_non_null(pool);
-    sp_ranges_find(&s, pool, &interrupt);
-    assert_true(sp_visible_find(&s, &class, pool, &interrupt));
+    sp_ranges_compute(&s, pool, &interrupt);
+    assert_true(sp_samples_mark_visible(&s, &class, pool, &interrupt));
     sp_pool_destroy(&pool);
 }
 
@@ -56,11 +56,11 @@ static void bytes_are_like_16_bits(void **state) {
     for (unsigned axis = 0; axis < 3; axis++)
         for (int value = 0; value < 220; value += 7) {
             uint8_t of_bytes[REGIONS], of_wide[REGIONS];
-            find(SP_UINT8, unsigned_bytes, axis, value, of_bytes);
-            find(SP_UINT16, unsigned_wide, axis, value, of_wide);
+            compute_visible(SP_UINT8, unsigned_bytes, axis, value, of_bytes);
+            compute_visible(SP_UINT16, unsigned_wide, axis, value, of_wide);
             assert_memory_equal(of_bytes, of_wide, sizeof of_wide);
-            find(SP_INT8, bytes, axis, value - 128, of_bytes);
-            find(SP_INT16, wide, axis, value - 128, of_wide);
+            compute_visible(SP_INT8, bytes, axis, value - 128, of_bytes);
+            compute_visible(SP_INT16, wide, axis, value - 128, of_wide);
             assert_memory_equal(of_bytes, of_wide, sizeof of_wide);
             for (int i = 0; i < REGIONS; i++)
                 parts += of_wide[i] > 0 && of_wide[i] < 15;

@@ -48,7 +48,7 @@ void balls_make(struct rig *rig, enum sp_type type) {
     rig->file = memfd_create("bricks", MFD_CLOEXEC);
     assert_int_equal(write(from, rig->samples, SAMPLES * size), SAMPLES * size);
     const struct sp_bricks_write_job job = {
-        .info = &rig->info, .samples = from, .out = rig->file, .folder = "/tmp", .shown = "test"
+        .info = &rig->info, .samples = from, .out = rig->file, .folder = "/tmp", .title = "test"
     };
     if (!sp_bricks_write(&job, &err))
         fail_msg("%s", err.text);

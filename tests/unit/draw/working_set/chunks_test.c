@@ -281,7 +281,7 @@ static void a_chunk_that_failed_is_read_again(void **state) {
     struct sp_volume *volume = open_with(rig, 4 << 20);
     struct sp_frame *truth = render(rig, rig->whole, &view), *frame = render(rig, volume, &view);
     assert_true(frame->stats.bricks.is_incomplete);
-    assert_true(sp_bricks_find_damage(volume, &damage));
+    assert_true(sp_bricks_get_damage(volume, &damage));
     sp_frame_unref(&frame);
     rig->bad_chunk = -1;
     frame = render(rig, volume, &view); /* it is not yet time */
@@ -291,7 +291,7 @@ static void a_chunk_that_failed_is_read_again(void **state) {
     frame = render(rig, volume, &view);
     assert_true(sp_frame_bricks_is_complete(&frame->stats.bricks));
     assert_compare(compare(truth, frame), <, 1e-4);
-    assert_false(sp_bricks_find_damage(volume, &damage));
+    assert_false(sp_bricks_get_damage(volume, &damage));
     sp_frame_unref(&truth);
     sp_frame_unref(&frame);
     sp_volume_unref(&volume);

@@ -374,7 +374,7 @@ static struct sp_volume *open_damaged(const struct rig *rig, unsigned l, uint64_
 
 static uint64_t count_damage(const struct sp_volume *volume) {
     struct sp_bricks_damage damage;
-    return sp_bricks_find_damage(volume, &damage) ? damage.count : 0;
+    return sp_bricks_get_damage(volume, &damage) ? damage.count : 0;
 }
 
 /* Windows that share bricks, with vectors and without. */

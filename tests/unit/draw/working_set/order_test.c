@@ -32,15 +32,15 @@ static struct sp_view make_view(const struct rig *rig) {
     return view;
 }
 
-static void find_need(const struct sp_brick_file *file, const struct sp_view *view, bool is_whole,
-                      struct sp_brick_need *need) {
+static void compute_need(const struct sp_brick_file *file, const struct sp_view *view,
+                         bool is_whole, struct sp_brick_need *need) {
     assert_true(sp_working_set_need(file, view, 0, is_whole, need));
     assert_compare(sp_brick_need_wanted(need), >, 8);
     assert_compare(sp_brick_need_count(need), <=, BRICKS_MAX);
 }
 
-static void find_centre(const struct sp_brick_file *file, const struct sp_brick_need *need,
-                        uint64_t i, double centre[3]) {
+static void compute_centre(const struct sp_brick_file *file, const struct sp_brick_need *need,
+                           uint64_t i, double centre[3]) {
     const struct sp_brick_header *header = sp_brick_file_header(file);
     const struct sp_brick_level *level = &header->level[need->level];
     const struct sp_grid *grid = &header->info.grid;
@@ -50,7 +50,7 @@ static void find_centre(const struct sp_brick_file *file, const struct sp_brick_
         centre[a] = grid->origin[a] + grid->spacing[a] * (first[a] + 0.5 * size[a] - 0.5);
 }
 
-static double find_distance(const struct sp_view *view, const double point[3]) {
+static double compute_distance(const struct sp_view *view, const double point[3]) {
     double sum = 0;
     for (int a = 0; a < 3; a++)
         sum += pow(point[a] - view->camera.position[a], 2);
@@ -66,7 +66,7 @@ struct reader {
 };
 
 /* Marks the wanted bricks that were read; returns how many. */
-static unsigned find_read(const struct reader *r, bool is_read[BRICKS_MAX]) {
+static unsigned mark_read(const struct reader *r, bool is_read[BRICKS_MAX]) {
     const struct sp_brick_level *level = &sp_brick_file_header(r->file)->level[0];
     unsigned count = 0;
     for (uint64_t i = 0; i < sp_brick_need_count(r->need); i++) {
@@ -83,7 +83,7 @@ static unsigned find_read(const struct reader *r, bool is_read[BRICKS_MAX]) {
 static bool is_over(void *user) {
     const struct reader *r = user;
     bool is_read[BRICKS_MAX];
-    return find_read(r, is_read) >= r->limit;
+    return mark_read(r, is_read) >= r->limit;
 }
 
 /* Reads `limit` bricks of a need, then stops. Marks those that it read. */
@@ -105,14 +105,14 @@ static void read_some(const struct sp_brick_file *file, const struct sp_brick_ne
                                            .lost = lost };
     const bool ok = sp_brick_fill(&job, &why, &err);
     assert_true(ok || err.code == SP_ERR_CANCELLED);
-    assert_int_equal(find_read(&reader, is_read), limit);
+    assert_int_equal(mark_read(&reader, is_read), limit);
     sp_pool_destroy(&pool);
     free(reader.samples);
 }
 
 /* The wanted bricks in the order in which they are read. */
-static unsigned find_order(const struct sp_brick_file *file, const struct sp_brick_need *need,
-                           uint64_t order[BRICKS_MAX]) {
+static unsigned compute_order(const struct sp_brick_file *file, const struct sp_brick_need *need,
+                              uint64_t order[BRICKS_MAX]) {
     const unsigned count = (unsigned)sp_brick_need_wanted(need);
     bool before[BRICKS_MAX] = { false };
     for (unsigned n = 0; n < count; n++) {
@@ -142,8 +142,8 @@ static void the_nearest_of_equal_bricks_is_read_first(void **state) {
         uint64_t order[BRICKS_MAX];
         view.camera.projection = is_flat ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
         view.camera.height = 400;
-        find_need(file, &view, false, &need);
-        const unsigned count = find_order(file, &need, order);
+        compute_need(file, &view, false, &need);
+        const unsigned count = compute_order(file, &need, order);
         double last = 0;
         /* Bricks at the far ends are smaller: those of equal size are compared. */
         const struct sp_brick_level *level = &sp_brick_file_header(file)->level[0];
@@ -154,15 +154,15 @@ static void the_nearest_of_equal_bricks_is_read_first(void **state) {
             sp_brick_box(level, sp_brick_need_at(&need, level, order[n]), first, size);
             if (size[0] * size[1] * size[2] < BRICK_SIDE * BRICK_SIDE * BRICK_SIDE)
                 continue;
-            find_centre(file, &need, order[n], centre);
+            compute_centre(file, &need, order[n], centre);
             if (is_flat) {
-                double way[3], length = find_distance(&view, view.camera.target);
+                double way[3], length = compute_distance(&view, view.camera.target);
                 for (int a = 0; a < 3; a++) {
                     way[a] = (view.camera.target[a] - view.camera.position[a]) / length;
                     distance += way[a] * (centre[a] - view.camera.position[a]);
                 }
             } else {
-                distance = find_distance(&view, centre);
+                distance = compute_distance(&view, centre);
             }
             assert_compare(distance, >=, last * 0.999); /* importance has steps of 0.07 % */
             last = distance;
@@ -188,8 +188,8 @@ static void opaque_bricks_are_read_before_faint_ones(void **state) {
     view.transfer_function.points[0] = (struct sp_tf_point){ .value = 0, .opacity = 0.001f };
     view.transfer_function.points[1] = (struct sp_tf_point){ .value = 60, .opacity = 0.001f };
     view.transfer_function.points[2] = (struct sp_tf_point){ .value = 200, .opacity = 1 };
-    find_need(file, &view, false, &need);
-    const unsigned count = find_order(file, &need, order);
+    compute_need(file, &view, false, &need);
+    const unsigned count = compute_order(file, &need, order);
     unsigned balls = 0, faint = 0;
     for (unsigned n = 0; n < count; n++) {
         const uint64_t number =
@@ -214,9 +214,9 @@ static void bricks_beside_the_image_are_read_last(void **state) {
     uint64_t order[BRICKS_MAX];
     rig_zoom(&view, 2.5);
     view.camera.fov_y = 10;
-    find_need(file, &view, false, &seen);
-    find_need(file, &view, true, &whole);
-    const unsigned count = find_order(file, &whole, order);
+    compute_need(file, &view, false, &seen);
+    compute_need(file, &view, true, &whole);
+    const unsigned count = compute_order(file, &whole, order);
     const unsigned seen_count = (unsigned)sp_brick_need_wanted(&seen);
     assert_compare(count, >, seen_count);
     for (unsigned n = 0; n < count; n++) {
@@ -285,7 +285,7 @@ static void chunks_of_the_nearest_bricks_are_read_first(void **state) {
     const struct sp_view view = make_view(rig);
     struct sp_brick_need need;
     struct sp_brick_window window;
-    find_need(sp_brick_store_file(store), &view, false, &need);
+    compute_need(sp_brick_store_file(store), &view, false, &need);
     recorder.count = 0;
     assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err));
     assert_true(window.is_wanted);

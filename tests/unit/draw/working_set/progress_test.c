@@ -105,7 +105,7 @@ static struct sp_volume *open_source(struct source *s) {
     if (!volume)
         fail_msg("%s", err.text);
     assert_int_equal(sp_bricks_base(volume), 1);
-    sp_brick_store_of(volume)->part_ms = 0; /* every part is shown at once */
+    sp_brick_store_of(volume)->publish_ms = 0; /* every part is shown at once */
     return volume;
 }
 
@@ -154,7 +154,7 @@ static void what_is_read_is_shown_meanwhile(void **state) {
     assert_true(bricks->is_being_read);
     assert_int_equal(bricks->asked, 0);
     assert_int_equal(bricks->level, 1); /* of what is missing */
-    assert_int_equal(bricks->resident, GATE / BRICK_PART * BRICK_PART);
+    assert_int_equal(bricks->resident, GATE / BRICK_BATCH * BRICK_BATCH);
     assert_int_equal(bricks->wanted, sp_brick_need_wanted(&need));
     assert_true(sp_brick_store_get(store, &need, 0, false, NULL, NULL, &window, &err));
     assert_false(window.is_wanted);
@@ -203,7 +203,7 @@ static void without_memory_for_all_the_most_important_are_fine(void **state) {
     const uint64_t budget = 4864 << 10;
     struct rig *rig = *state;
     struct sp_error err;
-    struct sp_window window;
+    struct sp_working_set window;
     struct sp_brick_window place;
     struct sp_brick_need need;
     balls_make(rig, SP_UINT8);
@@ -215,7 +215,7 @@ static void without_memory_for_all_the_most_important_are_fine(void **state) {
     };
     assert_int_equal(sp_bricks_base(volume), 1);
     assert_true(sp_working_set_need(sp_brick_store_file(store), &view, 0, false, &need));
-    if (!sp_working_set_find(&job, &window, &place, &err))
+    if (!sp_working_set_choose(&job, &window, &place, &err))
         fail_msg("%s", err.text);
     const unsigned dropped = expect_most_important(&need, sp_volume_blocks(window.volume));
     assert_compare(dropped, >, 0);

@@ -103,7 +103,7 @@ static int set_up(void **state, bool is_rectilinear, bool has_vectors) {
     const int from = write_samples(&rig);
     rig.file = memfd_create("bricks", MFD_CLOEXEC);
     const struct sp_bricks_write_job job = {
-        .info = &rig.info, .samples = from, .out = rig.file, .folder = "/tmp", .shown = "test"
+        .info = &rig.info, .samples = from, .out = rig.file, .folder = "/tmp", .title = "test"
     };
     if (!sp_bricks_write(&job, &err))
         fail_msg("%s", err.text);

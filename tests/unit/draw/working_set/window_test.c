@@ -202,8 +202,8 @@ static void a_damaged_brick_is_shown_coarsely_and_reported(void **state) {
     static const uint32_t first[2][3] = { { 0, 0, 0 }, { 128, 128, 128 } };
     assert_memory_equal(frame->stats.bricks.lost_box, first, sizeof first);
     struct sp_bricks_damage damage;
-    assert_false(sp_bricks_find_damage(sound, &damage));
-    assert_true(sp_bricks_find_damage(volume, &damage));
+    assert_false(sp_bricks_get_damage(sound, &damage));
+    assert_true(sp_bricks_get_damage(volume, &damage));
     assert_int_equal(damage.count, 4);
     assert_int_equal(damage.level, 1);
     assert_memory_equal(damage.box, first, sizeof first);

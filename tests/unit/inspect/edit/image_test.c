@@ -101,7 +101,8 @@ static void set_kind(struct sp_view *view, enum kind kind) {
 
 /* The largest of the four channels in columns [begin, end) of an image, without its border, and the
  * mean opacity. */
-static double find_in(const struct test_image *image, unsigned begin, unsigned end, double *mean) {
+static double measure_columns(const struct test_image *image, unsigned begin, unsigned end,
+                              double *mean) {
     double largest = 0, sum = 0;
     for (unsigned y = 8; y < image->height - 8; y++)
         for (unsigned x = begin; x < end; x++) {
@@ -145,9 +146,9 @@ static void check_kind(const struct test_renderer *renderer, const struct test_t
         fail_msg("%s, %s: %s", target->backend, names[kind], err.text);
     const double rounding = 1e-5;
     double shown, rest;
-    find_in(&image, 8, image.width / 2 - 8, &shown);
+    measure_columns(&image, 8, image.width / 2 - 8, &shown);
     unsigned reach = kind == VECTORS || kind == ALL_LAYERS ? 20 : 12; /* of kernels, px */
-    double left = find_in(&image, image.width / 2 + reach, image.width, &rest);
+    double left = measure_columns(&image, image.width / 2 + reach, image.width, &rest);
     if (left > rounding || shown < 0.1)
         fail_msg("%s %s, %s: %g where all is removed, opacity %g elsewhere", target->backend,
                  target->isa, names[kind], left, shown);

@@ -19,18 +19,18 @@
 enum { MOST = 1000 };
 
 /* Each of n owners takes as much as it can, in turn. Returns what the first one has. */
-static uint64_t take_all(unsigned owners, uint64_t *free) {
+static uint64_t acquire_all(unsigned owners, uint64_t *free) {
     uint64_t own[64] = { 0 };
     struct srv_pool pool = { .most = MOST };
-    for (bool is_taken = true; is_taken;) {
-        is_taken = false;
+    for (bool is_acquired = true; is_acquired;) {
+        is_acquired = false;
         for (unsigned i = 0; i < owners; i++) {
             pool.own = own[i];
             if (srv_fair_left(&pool, true) == 0)
                 continue;
             own[i]++;
             pool.used++;
-            is_taken = true;
+            is_acquired = true;
         }
     }
     *free = MOST - pool.used;
@@ -41,7 +41,7 @@ static void owners_leave_a_part_free(void **state) {
     (void)state;
     for (unsigned n = 1; n <= 64; n *= 2) {
         uint64_t free;
-        const uint64_t own = take_all(n, &free);
+        const uint64_t own = acquire_all(n, &free);
         assert_in_range(own, 3 * MOST / (3 * n + 1) - 1, 3 * MOST / (3 * n + 1) + 1);
         assert_compare(free, >=, MOST / (3 * n + 1));
     }

@@ -37,9 +37,9 @@ static double least(void) {
     return at;
 }
 
-static void take(double now) {
+static void pop_timer(double now) {
     double at = least();
-    struct srv_timer *timer = srv_timer_take(&heap, now);
+    struct srv_timer *timer = srv_timer_pop(&heap, now);
     if (at > now) {
         assert_null(timer);
         return;
@@ -72,7 +72,7 @@ static void timers_expire_in_order(void **state) {
             srv_timer_clear(&heap, &nodes[i]);
             model[i] = INFINITY;
         } else {
-            take(at / 4);
+            pop_timer(at / 4);
         }
         unsigned set = 0;
         for (int k = 0; k < COUNT; k++) {
@@ -84,8 +84,8 @@ static void timers_expire_in_order(void **state) {
     }
     assert_compare(most, >, COUNT / 2);
     while (least() < INFINITY)
-        take(TIMES);
-    assert_null(srv_timer_take(&heap, INFINITY));
+        pop_timer(TIMES);
+    assert_null(srv_timer_pop(&heap, INFINITY));
 }
 
 static void a_timer_at_infinity_is_not_set(void **state) {
@@ -98,7 +98,7 @@ static void a_timer_at_infinity_is_not_set(void **state) {
     assert_compare(srv_timer_next(&heap), ==, 5);
     srv_timer_set(&heap, &timer, INFINITY);
     assert_false(timer.is_set);
-    assert_null(srv_timer_take(&heap, INFINITY));
+    assert_null(srv_timer_pop(&heap, INFINITY));
 }
 
 int main(void) {

@@ -250,9 +250,9 @@ static void a_token_is_found_on_any_line(void **state) {
                   { NULL, 0 },
                   { A A, 0 } };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        srv_tokens_find(tokens, cases[i].given, &grant);
+        srv_tokens_acquire(tokens, cases[i].given, &grant);
         assert_int_equal(grant.rights, cases[i].rights);
-        srv_tokens_give_back(tokens, &grant);
+        srv_tokens_release(tokens, &grant);
     }
     srv_tokens_destroy(&tokens);
 }
@@ -272,7 +272,7 @@ static void cancelled_snapshots_do_not_count(void **state) {
     struct srv_tokens *tokens = srv_tokens_create(&err);
     struct srv_grant grant;
     set(tokens, A " name=ann snapshots=1 fps=2\n");
-    srv_tokens_find(tokens, A, &grant);
+    srv_tokens_acquire(tokens, A, &grant);
     for (int i = 0; i < 5; i++) {
         assert_true(begin(tokens, &grant, 5000));
         assert_false(begin(tokens, &grant, 5000));
@@ -283,7 +283,7 @@ static void cancelled_snapshots_do_not_count(void **state) {
         srv_tokens_end_snapshot(tokens, &grant);
     }
     assert_false(begin(tokens, &grant, 5000));
-    srv_tokens_give_back(tokens, &grant);
+    srv_tokens_release(tokens, &grant);
     srv_tokens_destroy(&tokens);
 }
 
@@ -293,13 +293,13 @@ static void quotas_outlive_a_reload(void **state) {
     struct srv_tokens *tokens = srv_tokens_create(&err);
     struct srv_grant old, fresh, gone;
     set(tokens, A " name=ann snapshots=2\n" B " name=bob fps=4\n");
-    srv_tokens_find(tokens, A, &old);
-    srv_tokens_find(tokens, B, &gone);
+    srv_tokens_acquire(tokens, A, &old);
+    srv_tokens_acquire(tokens, B, &gone);
     assert_true(begin(tokens, &old, 0));
     assert_true(begin(tokens, &old, 0));
     assert_false(begin(tokens, &old, 0));
     set(tokens, B " name=ann snapshots=2\n"); /* ann has a new token; bob's is removed */
-    srv_tokens_find(tokens, B, &fresh);
+    srv_tokens_acquire(tokens, B, &fresh);
     assert_false(begin(tokens, &fresh, 0));
     srv_tokens_end_snapshot(tokens, &old);
     assert_true(begin(tokens, &fresh, 0));
@@ -308,11 +308,11 @@ static void quotas_outlive_a_reload(void **state) {
     /* A grant of the removed token still works. */
     assert_true(begin(tokens, &gone, 1e6));
     srv_tokens_end_snapshot(tokens, &gone);
-    srv_tokens_give_back(tokens, &old);
-    srv_tokens_find(tokens, A, &old);
+    srv_tokens_release(tokens, &old);
+    srv_tokens_acquire(tokens, A, &old);
     assert_int_equal(old.rights, 0);
-    srv_tokens_give_back(tokens, &gone);
-    srv_tokens_give_back(tokens, &fresh);
+    srv_tokens_release(tokens, &gone);
+    srv_tokens_release(tokens, &fresh);
     srv_tokens_destroy(&tokens);
 }
 
@@ -345,7 +345,7 @@ static void fps_limits_snapshots_per_second(void **state) {
     struct srv_grant grant;
     unsigned drawn = 0;
     set(tokens, A " fps=5\n");
-    srv_tokens_find(tokens, A, &grant);
+    srv_tokens_acquire(tokens, A, &grant);
     for (double now_ms = 1e6; now_ms < 1e6 + 10000; now_ms += 20)
         if (begin(tokens, &grant, now_ms)) {
             srv_tokens_end_snapshot(tokens, &grant);
@@ -353,7 +353,7 @@ static void fps_limits_snapshots_per_second(void **state) {
         }
     assert_in_range(drawn, 53,
                     55); /* one unused second at the start, then 5 in each of 10 seconds */
-    srv_tokens_give_back(tokens, &grant);
+    srv_tokens_release(tokens, &grant);
     srv_tokens_destroy(&tokens);
 }
 

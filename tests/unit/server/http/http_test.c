@@ -90,15 +90,15 @@ static void routing(void **state) {
     assert_string_equal(text, "GET, HEAD, DELETE");
 }
 
-static void routes_take_their_query_parameters_and_the_token(void **state) {
+static void routes_accept_their_query_parameters_and_the_token(void **state) {
     (void)state;
-    assert_true(srv_route_takes(&routes[0], "after"));
-    assert_true(srv_route_takes(&routes[0], "limit"));
-    assert_true(srv_route_takes(&routes[0], "token"));
-    assert_false(srv_route_takes(&routes[0], "Limit"));
-    assert_false(srv_route_takes(&routes[0], ""));
-    assert_true(srv_route_takes(&routes[1], "token"));
-    assert_false(srv_route_takes(&routes[1], "limit"));
+    assert_true(srv_route_accepts(&routes[0], "after"));
+    assert_true(srv_route_accepts(&routes[0], "limit"));
+    assert_true(srv_route_accepts(&routes[0], "token"));
+    assert_false(srv_route_accepts(&routes[0], "Limit"));
+    assert_false(srv_route_accepts(&routes[0], ""));
+    assert_true(srv_route_accepts(&routes[1], "token"));
+    assert_false(srv_route_accepts(&routes[1], "limit"));
 }
 
 static void origins(void **state) {
@@ -311,7 +311,7 @@ static unsigned taken(struct srv_host_rate *rate, const char *host, unsigned tri
     unsigned count = 0;
     assert_true(srv_address_parse(host, &address, NULL));
     for (unsigned i = 0; i < tries; i++)
-        count += srv_host_rate_take(rate, &address.storage, now_ms);
+        count += srv_host_rate_spend(rate, &address.storage, now_ms);
     return count;
 }
 
@@ -374,13 +374,13 @@ static void ranges(void **state) {
         uint64_t from, count;
     } cases_of_ten_bytes[] = {
         { NULL, SRV_RANGE_WHOLE, 0, 10 },
-        { "bytes=0-0", SRV_RANGE_PART, 0, 1 },
-        { "bytes=3-", SRV_RANGE_PART, 3, 7 },
-        { "bytes=3-99", SRV_RANGE_PART, 3, 7 },
-        { "bytes=9-18446744073709551616", SRV_RANGE_PART, 9, 1 },
-        { "bytes=-3", SRV_RANGE_PART, 7, 3 },
-        { "bytes=-11", SRV_RANGE_PART, 0, 10 },
-        { "bytes=-18446744073709551616", SRV_RANGE_PART, 0, 10 },
+        { "bytes=0-0", SRV_RANGE_PARTIAL, 0, 1 },
+        { "bytes=3-", SRV_RANGE_PARTIAL, 3, 7 },
+        { "bytes=3-99", SRV_RANGE_PARTIAL, 3, 7 },
+        { "bytes=9-18446744073709551616", SRV_RANGE_PARTIAL, 9, 1 },
+        { "bytes=-3", SRV_RANGE_PARTIAL, 7, 3 },
+        { "bytes=-11", SRV_RANGE_PARTIAL, 0, 10 },
+        { "bytes=-18446744073709551616", SRV_RANGE_PARTIAL, 0, 10 },
         { "bytes=10-", SRV_RANGE_NONE, 0, 10 },
         { "bytes=18446744073709551616-", SRV_RANGE_NONE, 0, 10 },
         { "bytes=-0", SRV_RANGE_NONE, 0, 10 },
@@ -401,7 +401,7 @@ static void ranges(void **state) {
         assert_int_equal(count, cases_of_ten_bytes[i].count);
     }
     assert_int_equal(srv_header_range("bytes=1-2", "\"e\"", "\"e\"", 10, &from, &count),
-                     SRV_RANGE_PART);
+                     SRV_RANGE_PARTIAL);
     assert_int_equal(srv_header_range("bytes=1-2", "\"f\"", "\"e\"", 10, &from, &count),
                      SRV_RANGE_WHOLE);
     assert_int_equal(srv_header_range("bytes=0-", NULL, "\"e\"", 0, &from, &count), SRV_RANGE_NONE);
@@ -572,7 +572,7 @@ static void gaps_between_headers(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(routing),
-        cmocka_unit_test(routes_take_their_query_parameters_and_the_token),
+        cmocka_unit_test(routes_accept_their_query_parameters_and_the_token),
         cmocka_unit_test(origins),
         cmocka_unit_test(allowed_origins),
         cmocka_unit_test(compression),

@@ -18,7 +18,7 @@ enum { HALF = SRV_INGRESS_TICK_BYTES / 2, MESSAGE = 4 * SRV_INGRESS_STREAM_BYTES
 static size_t drain(struct srv_ingress_stream *stream) {
     size_t all = 0;
     for (; srv_ingress_has(stream, SRV_INGRESS_READ); all += PIECE)
-        srv_ingress_take(stream, SRV_INGRESS_READ, PIECE);
+        srv_ingress_charge(stream, SRV_INGRESS_READ, PIECE);
     return all;
 }
 
@@ -41,8 +41,8 @@ static void a_stream_has_a_limit_of_its_own(void **state) {
         srv_ingress_tick(ingress);
     assert_int_equal(drain(&stream), MESSAGE);
     srv_ingress_tick(ingress);
-    srv_ingress_take(&stream, SRV_INGRESS_READ,
-                     2 * SRV_INGRESS_STREAM_BYTES); /* the excess is deducted from later ticks */
+    srv_ingress_charge(&stream, SRV_INGRESS_READ,
+                       2 * SRV_INGRESS_STREAM_BYTES); /* the excess is deducted from later ticks */
     assert_false(srv_ingress_has(&stream, SRV_INGRESS_READ));
     srv_ingress_tick(ingress);
     assert_false(srv_ingress_has(&stream, SRV_INGRESS_READ));
@@ -142,7 +142,7 @@ static void notifications_have_a_quota_of_their_own(void **state) {
     struct srv_ingress_stream stream;
     assert_true(srv_ingress_open(ingress, "ann", "s", &stream));
     for (int i = 0; i < 3; i++) {
-        srv_ingress_take(&stream, SRV_INGRESS_NOTIFY, 2 * SRV_INGRESS_TICK_BYTES);
+        srv_ingress_charge(&stream, SRV_INGRESS_NOTIFY, 2 * SRV_INGRESS_TICK_BYTES);
         assert_false(srv_ingress_has(&stream, SRV_INGRESS_NOTIFY));
         assert_int_equal(drain(&stream), i == 0 ? MESSAGE : SRV_INGRESS_STREAM_BYTES);
         srv_ingress_tick(ingress);

@@ -71,7 +71,7 @@ static void send_pong(struct wire *wire, uint8_t payload) {
 }
 
 /* Returns the newest ping among the sent frames: its payload, 0 = there was none. */
-static uint8_t find_ping(const struct wire *wire) {
+static uint8_t read_ping(const struct wire *wire) {
     struct sent sent;
     uint8_t payload = 0;
     for (size_t at = 0; next_sent(wire, &at, &sent);)
@@ -82,13 +82,14 @@ static uint8_t find_ping(const struct wire *wire) {
 
 static double round_trip(const struct stream *s) {
     struct fixture *f = s->fixture;
-    return srv_window_rtt_ms(&srv_hub_find_active(f->hub, f->id)->participants->delivery.window);
+    return srv_congestion_rtt_ms(
+        &srv_hub_find_active(f->hub, f->id)->participants->delivery.congestion_window);
 }
 
 static void a_round_trip_ends_when_its_bytes_were_read(void **state) {
     struct stream *s = *state;
     stream_run(s, 10);
-    send_pong(&s->wire, find_ping(&s->wire)); /* of time 0 */
+    send_pong(&s->wire, read_ping(&s->wire)); /* of time 0 */
     s->wire.clock_ms = 25;
     stream_run(s, 20); /* the time of the loop is older than the bytes */
     assert_compare(round_trip(s), ==, 25);
@@ -97,7 +98,7 @@ static void a_round_trip_ends_when_its_bytes_were_read(void **state) {
 static void the_round_trip_is_measured_while_no_image_is_on_its_way(void **state) {
     struct stream *s = *state;
     stream_run(s, 10);
-    const uint8_t first = find_ping(&s->wire); /* of time 0, when it joined */
+    const uint8_t first = read_ping(&s->wire); /* of time 0, when it joined */
     assert_int_equal(first, 1);
     send_pong(&s->wire, 77); /* no ping has this payload */
     stream_run(s, 20);
@@ -113,14 +114,14 @@ static void the_round_trip_is_measured_while_no_image_is_on_its_way(void **state
     s->wire.out_size = 0;
     stream_tick(s, 300); /* the image is not acknowledged */
     stream_run(s, 300);
-    assert_int_equal(find_ping(&s->wire), 0);
+    assert_int_equal(read_ping(&s->wire), 0);
     static const char ack[] =
         "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":1}}";
     send_text(&s->wire, ack, sizeof ack - 1);
     stream_run(s, 400);
     stream_tick(s, 500);
     stream_run(s, 500);
-    assert_int_equal(find_ping(&s->wire), 2);
+    assert_int_equal(read_ping(&s->wire), 2);
     send_pong(&s->wire, 2);
     stream_run(s, 512);
     assert_compare(round_trip(s), ==, 12);
@@ -158,7 +159,7 @@ static void an_image_without_acknowledgement_has_a_deadline(void **state) {
     srv_blob_unref(&blob);
 }
 
-static void bytes_that_the_socket_does_not_take_have_a_deadline(void **state) {
+static void bytes_that_the_socket_refuses_have_a_deadline(void **state) {
     struct stream *s = *state;
     stream_run(s, 1);
     s->wire.is_full = true;
@@ -191,7 +192,7 @@ int main(void) {
         WITH_STREAM(the_round_trip_is_measured_while_no_image_is_on_its_way),
         WITH_STREAM(messages_delay_the_ping_and_a_flood_is_due_at_once),
         WITH_STREAM(an_image_without_acknowledgement_has_a_deadline),
-        WITH_STREAM(bytes_that_the_socket_does_not_take_have_a_deadline),
+        WITH_STREAM(bytes_that_the_socket_refuses_have_a_deadline),
         WITH_STREAM(a_close_that_is_not_taken_has_a_deadline),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -223,7 +223,7 @@ static void lines_that_cannot_be_written_count_as_lost(void **state) {
     srv_log_ring_put(&ring, "seven\n", 6, 7);
     assert_true(srv_log_ring_end(&ring, 60000));
     close(fd);
-    assert_int_equal(srv_log_ring_take_lost(&ring), 8);
+    assert_int_equal(srv_log_ring_consume_lost(&ring), 8);
 }
 
 int main(void) {

@@ -226,7 +226,7 @@ static void a_failed_write_leaves_no_file(void **state) {
     assert_compare(failures, >=, 10);
 }
 
-static void srv_folder_take_publishes_a_complete_file(void **state) {
+static void srv_folder_publish_leaves_a_complete_file(void **state) {
     const struct srv_folder *folder = *state;
     char part[SRV_FILE_BYTES];
     srv_folder_path(folder, ID, "movie.part", part);
@@ -241,7 +241,7 @@ static void srv_folder_take_publishes_a_complete_file(void **state) {
         disk.failed = NULL;
         disk.is_renamed = disk.is_known = false;
         disk.is_watching = true;
-        bool ok = srv_folder_take(folder, ID, "movie.part", name, NULL);
+        bool ok = srv_folder_publish(folder, ID, "movie.part", name, NULL);
         disk.is_watching = false;
         assert_int_equal(count_files(disk.job), ok ? 1 : 0);
         assert_true(!ok || is_whole(disk.final));
@@ -313,7 +313,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_name_stands_for_a_complete_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_failed_write_leaves_no_file, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(srv_folder_take_publishes_a_complete_file, set_up,
+        cmocka_unit_test_setup_teardown(srv_folder_publish_leaves_a_complete_file, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(a_file_that_was_cut_off_is_not_opened, set_up, tear_down),
     };

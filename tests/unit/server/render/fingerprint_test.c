@@ -14,7 +14,7 @@
 #include "render/fingerprint.h"
 
 static struct srv_fingerprint of_texts(const char *a, const char *b) {
-    struct srv_part parts[] = { { a, a ? strlen(a) : 0 }, { b, b ? strlen(b) : 0 } };
+    struct srv_piece parts[] = { { a, a ? strlen(a) : 0 }, { b, b ? strlen(b) : 0 } };
     return srv_fingerprint_of(parts, 2);
 }
 
@@ -31,7 +31,7 @@ static void the_boundaries_of_parts_count(void **state) {
         struct srv_fingerprint again = of_texts(texts[i][0], texts[i][1]);
         assert_true(srv_fingerprint_equal(&prints[i], &again));
     }
-    struct srv_part one = { "abc", 3 };
+    struct srv_piece one = { "abc", 3 };
     struct srv_fingerprint alone = srv_fingerprint_of(&one, 1);
     assert_false(srv_fingerprint_equal(&alone, &prints[2]));
 }

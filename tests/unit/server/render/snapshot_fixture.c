@@ -190,7 +190,7 @@ struct proto_frame_header snap_next_frame(struct snap_fixture *f,
                                           struct srv_participant *participant) {
     struct srv_message message = { .text = NULL };
     char params[40];
-    while (srv_hub_next_message(f->render.hub, participant, SRV_TAKE_ALL, srv_clock_ms(),
+    while (srv_hub_next_message(f->render.hub, participant, SRV_NEXT_ALL, srv_clock_ms(),
                                 &message) != SRV_MESSAGE_FRAME) {
         free(message.text);
         sched_yield();

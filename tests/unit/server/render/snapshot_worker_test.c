@@ -123,7 +123,7 @@ static void stopping_answers_all_and_counts_none_as_left(void **state) {
 
 /* However many snapshots of one owner wait, another owner's comes next, and finds space in the
  * queue. */
-static void owners_take_turns(void **state) {
+static void owners_alternate(void **state) {
     struct snap_fixture *f = *state;
     struct snap_client ann[SNAP_QUEUE + 1], bob = { .owner = "bob" }, late = { .owner = "bob" };
     for (unsigned i = 0; i <= SNAP_QUEUE; i++)
@@ -316,7 +316,7 @@ int main(void) {
         TEST(a_snapshot_is_rendered_while_a_client_waits_for_it),
         TEST(a_client_that_leaves_does_not_cancel_the_others),
         TEST(stopping_answers_all_and_counts_none_as_left),
-        TEST(owners_take_turns),
+        TEST(owners_alternate),
         TEST(owners_leave_a_place_in_the_queue),
         TEST(owners_are_charged_for_encoding),
         cmocka_unit_test(owners_are_charged_for_their_time),

@@ -142,9 +142,9 @@ static void check_frame(struct viewer *viewer, const struct srv_message *message
 }
 
 /* Takes the viewer's next message and checks it. False if there is none. */
-static bool take(struct world *w, struct viewer *viewer) {
+static bool receive_message(struct world *w, struct viewer *viewer) {
     struct srv_message message;
-    switch (srv_hub_next_message(w->f->hub, viewer->p, SRV_TAKE_ALL, w->now_ms, &message)) {
+    switch (srv_hub_next_message(w->f->hub, viewer->p, SRV_NEXT_ALL, w->now_ms, &message)) {
     case SRV_MESSAGE_NONE:
     case SRV_MESSAGE_CLOSE:
         return false;
@@ -247,7 +247,7 @@ static void come_to_rest(struct world *w) {
         while (w->job_count > 0)
             finish_job(w, 0);
         for (int i = 0; i < VIEWERS; i++)
-            while (take(w, &w->viewers[i]))
+            while (receive_message(w, &w->viewers[i]))
                 ;
     }
 }
@@ -293,7 +293,7 @@ static void step(struct world *w) {
         break;
     default: /* the third viewer is slower than the others */
         if (viewer != &w->viewers[2] || random_below(w, 3) == 0)
-            take(w, viewer);
+            receive_message(w, viewer);
     }
 }
 
@@ -334,7 +334,7 @@ static void viewers_that_keep_up_share_delta_frames(void **state) {
             if (start_job(&w))
                 finish_job(&w, 0);
             for (int p = 0; p < VIEWERS; p++)
-                while (take(&w, &w.viewers[p]))
+                while (receive_message(&w, &w.viewers[p]))
                     ;
         }
         come_to_rest(&w);
@@ -368,7 +368,7 @@ static void a_frame_skipped_before_encoding_costs_no_key_frame(void **state) {
         while (w.job_count > 0)
             finish_job(&w, 0);
         for (int p = 0; p < VIEWERS; p++)
-            while (take(&w, &w.viewers[p]))
+            while (receive_message(&w, &w.viewers[p]))
                 ;
         if (i == 1)
             assert_int_equal(w.viewers[0].videos, videos + 1);
@@ -384,7 +384,7 @@ static void one_frame(struct world *w) {
     assert_true(start_job(w));
     finish_job(w, 0);
     for (int p = 0; p < VIEWERS; p++)
-        while (take(w, &w->viewers[p]))
+        while (receive_message(w, &w->viewers[p]))
             ;
 }
 
@@ -417,11 +417,11 @@ static void a_packet_that_does_not_fit_becomes_an_image(void **state) {
     one_frame(&w);
     const struct viewer before = w.viewers[0];
     const uint64_t others = BUDGET - sp_budget_total(w.budget);
-    assert_true(sp_budget_take(w.budget, SP_BUDGET_ARENAS, others));
+    assert_true(sp_budget_acquire(w.budget, SP_BUDGET_ARENAS, others));
     one_frame(&w);
     assert_int_equal(w.viewers[0].videos, before.videos);
     assert_int_equal(w.viewers[0].images, before.images + 1);
-    sp_budget_give(w.budget, SP_BUDGET_ARENAS, others);
+    sp_budget_release(w.budget, SP_BUDGET_ARENAS, others);
     one_frame(&w);
     assert_int_equal(w.viewers[0].videos, before.videos + 1);
     assert_int_equal(w.viewers[0].keys, before.keys + 1);
@@ -429,9 +429,9 @@ static void a_packet_that_does_not_fit_becomes_an_image(void **state) {
 }
 
 /* Takes the image that waits for the participant; returns its codec. */
-static int take_frame(const struct world *w, struct srv_participant *p) {
+static int receive_frame(const struct world *w, struct srv_participant *p) {
     struct srv_message message;
-    while (srv_hub_next_message(w->f->hub, p, SRV_TAKE_ALL, w->now_ms, &message) ==
+    while (srv_hub_next_message(w->f->hub, p, SRV_NEXT_ALL, w->now_ms, &message) ==
            SRV_MESSAGE_TEXT)
         free(message.text);
     srv_blob_unref(&message.blob);
@@ -466,11 +466,11 @@ static void a_delivery_checks_the_mark_again(void **state) {
     assert_int_equal(srv_hub_video_need(hub, &a, to, &second), SRV_VIDEO_NONE);
     a.order = b.order + 1;
     assert_int_equal(srv_hub_video_need(hub, &a, to, &second), SRV_VIDEO_WAITS);
-    assert_int_equal(take_frame(&w, p), PROTO_CODEC_JPEG);
+    assert_int_equal(receive_frame(&w, p), PROTO_CODEC_JPEG);
     assert_int_equal(srv_hub_video_need(hub, &a, to, &second), SRV_VIDEO_KEY);
     /* A delta frame after a missing one is not delivered. */
     srv_hub_deliver_video(hub, &a, to, &header, blob, &key);
-    assert_int_equal(take_frame(&w, p), PROTO_CODEC_VP8);
+    assert_int_equal(receive_frame(&w, p), PROTO_CODEC_VP8);
     b.order = a.order + 1;
     to = &w.jobs[1].job.targets[at[1]];
     srv_hub_deliver_video(hub, &b, to, &header, blob, &third);
@@ -495,7 +495,7 @@ static void requests_for_key_frames_are_limited(void **state) {
         if (start_job(&w))
             finish_job(&w, 0);
         for (int p = 0; p < VIEWERS; p++)
-            while (take(&w, &w.viewers[p]))
+            while (receive_message(&w, &w.viewers[p]))
                 ;
     }
     assert_compare(w.viewers[0].videos, >, 100);
@@ -523,7 +523,7 @@ static void a_slower_viewer_costs_few_key_frames(void **state) {
             finish_job(&w, 0);
         }
         for (int p = 0; p < VIEWERS; p++)
-            while (take(&w, &w.viewers[p]))
+            while (receive_message(&w, &w.viewers[p]))
                 ;
     }
     assert_int_equal(alone, 0);
@@ -542,7 +542,7 @@ static void drag(struct world *w, int frames) {
         while (w->job_count > 0)
             finish_job(w, 0);
         for (int p = 0; p < VIEWERS; p++)
-            while (take(w, &w->viewers[p]))
+            while (receive_message(w, &w->viewers[p]))
                 ;
     }
 }
@@ -574,7 +574,7 @@ static void frames_above_the_bound_are_images(void **state) {
     assert_true(start_job(&w));
     while (w.job_count > 0)
         finish_job(&w, 0);
-    while (take(&w, large))
+    while (receive_message(&w, large))
         ;
     assert_int_equal(large->videos, 1);
     assert_compare(large->policies, >, policies);

@@ -81,15 +81,16 @@ static void owners_have_equal_shares_however_many_sessions_they_have(void **stat
 static void use_is_forgotten_within_seconds(void **state) {
     (void)state;
     struct srv_fair_use use = { 0 };
-    assert_compare(srv_fair_used_part(&use, 1000), ==, 0);
+    assert_compare(srv_fair_used_portion(&use, 1000), ==, 0);
     for (int at_ms = 1000; at_ms < 6000; at_ms += 10)
         srv_fair_add_use(&use, 3, at_ms);
-    const double part = srv_fair_used_part(&use, 6000);
+    const double part = srv_fair_used_portion(&use, 6000);
     assert_float_equal(part, 0.3, 0.01);
-    assert_float_equal(srv_fair_used_part(&use, 6500), part / exp(1), 1e-9);
-    assert_compare(srv_fair_used_part(&use, 0), ==, srv_fair_used_part(&use, 5990)); /* no future */
+    assert_float_equal(srv_fair_used_portion(&use, 6500), part / exp(1), 1e-9);
+    assert_compare(srv_fair_used_portion(&use, 0), ==,
+                   srv_fair_used_portion(&use, 5990)); /* no future */
     srv_fair_add_use(&use, -1e6, 6500);
-    assert_compare(srv_fair_used_part(&use, 6500), ==, 0);
+    assert_compare(srv_fair_used_portion(&use, 6500), ==, 0);
 }
 
 /* A view that fills three quarters of the time alone gets smaller frames beside other owners, but

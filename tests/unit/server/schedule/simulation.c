@@ -66,9 +66,9 @@ void sim_ack(struct simulation *s, struct sim_client *c, uint32_t frame) {
     sim_send(s, c, "stream.ack", text);
 }
 
-void sim_take(struct simulation *s, struct sim_client *c, bool acks) {
+void sim_receive(struct simulation *s, struct sim_client *c, bool acks) {
     struct srv_message message;
-    while (srv_hub_next_message(s->f->hub, c->participant, SRV_TAKE_ALL, s->now_ms, &message) !=
+    while (srv_hub_next_message(s->f->hub, c->participant, SRV_NEXT_ALL, s->now_ms, &message) !=
            SRV_MESSAGE_NONE) {
         if (message.blob) {
             c->frames++;
@@ -133,7 +133,7 @@ void sim_deliver(struct simulation *s, struct srv_render_job *job, double render
     s->jobs++;
     for (int i = 0; i < SIM_CLIENTS; i++)
         if (s->clients[i].participant && !s->clients[i].is_stalled)
-            sim_take(s, &s->clients[i], true);
+            sim_receive(s, &s->clients[i], true);
 }
 
 static void finish(struct simulation *s) {
@@ -165,9 +165,10 @@ void sim_turn(struct simulation *s, struct sim_client *c) {
 }
 
 struct srv_running_job sim_running_job(const struct srv_render_job *job, double drawn_ms) {
-    return (struct srv_running_job){ job->session,       job->order,       job->start_ms,
-                                     job->part_start_ms, job->expected_ms, job->price,
-                                     drawn_ms,           job->is_first };
+    return (struct srv_running_job){ job->session,     job->order,
+                                     job->start_ms,    job->participant_start_ms,
+                                     job->expected_ms, job->price,
+                                     drawn_ms,         job->is_first };
 }
 
 /* Renders a short frame that preempts the running one, if there is one. */

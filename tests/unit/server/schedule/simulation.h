@@ -56,7 +56,7 @@ void sim_send(struct simulation *s, struct sim_client *c, const char *method, co
 /* The client changes its view; cancels the running job if the hub asks for that. */
 void sim_turn(struct simulation *s, struct sim_client *c);
 /* The client takes all its messages, and acknowledges the frames if `acks`. */
-void sim_take(struct simulation *s, struct sim_client *c, bool acks);
+void sim_receive(struct simulation *s, struct sim_client *c, bool acks);
 void sim_ack(struct simulation *s, struct sim_client *c, uint32_t frame);
 
 /* Runs worker and clients for so long. */

@@ -48,7 +48,7 @@ static void the_starvation_limit_does_not_count_while_the_window_is_closed(void 
     slow->is_stalled = true;
     sim_turn(s, slow);
     sim_run(s, 1000); /* the moving frame waits for the socket, the refinement for a free worker */
-    sim_take(s, slow, false);
+    sim_receive(s, slow, false);
     assert_int_not_equal(slow->unacked, 0);
     sim_reset(s);
     sim_run(s, 30000);

@@ -18,7 +18,7 @@
 
 enum {
     LIMIT = 64 << 10,
-    MOST = LIMIT / SRV_BLOB_PART,
+    MOST = LIMIT / SRV_BLOB_DIVISOR,
     SIZE = (1 << 10) - sizeof(struct srv_blob), /* each blob counts 1 KiB */
     COUNT = MOST >> 10                          /* blobs that fit */
 };
@@ -145,11 +145,11 @@ static void cached_bytes_make_way(void **state) {
 
 static void other_frames_may_leave_too_little(void **state) {
     struct fixture *f = *state;
-    assert_true(sp_budget_take(f->budget, SP_BUDGET_ARENAS, LIMIT - 1500));
+    assert_true(sp_budget_acquire(f->budget, SP_BUDGET_ARENAS, LIMIT - 1500));
     assert_true(make(f, &modest));
     assert_false(make(f, &modest));
     assert_non_null(strstr(f->err.text, "needs 1024 more bytes for its encoded image"));
-    sp_budget_give(f->budget, SP_BUDGET_ARENAS, LIMIT - 1500);
+    sp_budget_release(f->budget, SP_BUDGET_ARENAS, LIMIT - 1500);
     assert_true(make(f, &modest));
 }
 

@@ -12,8 +12,8 @@
 
 #include <cmocka.h>
 
+#include "session/congestion.h"
 #include "session/rate_control.h"
-#include "session/window.h"
 #include "support/compare.h"
 
 /* Bytes of a frame at full size: while the view moves in best quality, and when it rests. */
@@ -48,26 +48,27 @@ static size_t bytes_of(const struct srv_rate_control *control) {
 /* Sends frames of a view that moves for three seconds and rests for a moment, again and again: at
  * most 60 per second, each as soon as the window opens. */
 static struct seen simulate(const struct client *client, int seconds) {
-    struct srv_window window;
+    struct srv_congestion window;
     struct srv_rate_control control;
     struct seen seen = { 0 };
     double ack_ms = INFINITY, free_ms = 0, next_ms = 0, rest_ms = MOVES_MS;
     uint32_t frame = 0, seed = 1;
-    srv_window_init(&window);
+    srv_congestion_init(&window);
     srv_rate_control_init(&control);
-    srv_window_ponged(&window, client->rtt_ms, 1);
+    srv_congestion_ponged(&window, client->rtt_ms, 1);
     for (double now = 1; now < seconds * 1000.0; now += 0.25) {
-        const struct srv_window_demand demand = { .max_fps = 60, .bytes_max = 1u << 30 };
-        const struct srv_rate_demand rate = { .bytes_per_ms = srv_window_rate(&window),
+        const struct srv_congestion_demand demand = { .max_fps = 60, .bytes_max = 1u << 30 };
+        const struct srv_rate_demand rate = { .bytes_per_ms = srv_congestion_rate(&window),
                                               .interval_ms = 1000.0 / 60,
                                               .takes_video = client->takes_video,
                                               .quality = 90 };
         if (now >= ack_ms) {
-            assert_true(srv_window_acked(&window, frame, now));
+            assert_true(srv_congestion_acked(&window, frame, now));
             srv_rate_control_update(&control, &rate);
             ack_ms = INFINITY;
         }
-        if (now < next_ms || isfinite(ack_ms) || srv_window_opens_ms(&window, &demand, now) > now)
+        if (now < next_ms || isfinite(ack_ms) ||
+            srv_congestion_opens_ms(&window, &demand, now) > now)
             continue;
         const bool is_final = now >= rest_ms;
         rest_ms += is_final ? MOVES_MS : 0;
@@ -79,7 +80,7 @@ static struct seen simulate(const struct client *client, int seconds) {
         srv_rate_control_size(&control, full, drawn.size);
         if (!is_final)
             srv_rate_control_learn(&control, &drawn);
-        srv_window_sent(&window, ++frame, drawn.bytes, now);
+        srv_congestion_sent(&window, ++frame, drawn.bytes, now);
         const double send_ms = (double)drawn.bytes / client->bytes_per_ms;
         free_ms = fmax(now, free_ms) + send_ms;
         ack_ms = free_ms + client->rtt_ms + client->delay_ms +
@@ -93,7 +94,7 @@ static struct seen simulate(const struct client *client, int seconds) {
             seen.longest_ms = fmax(seen.longest_ms, send_ms);
         }
     }
-    seen.rate = srv_window_rate(&window);
+    seen.rate = srv_congestion_rate(&window);
     return seen;
 }
 

@@ -20,7 +20,7 @@
 /* Returns the answer that comes among the notifications. */
 static char *late_answer(struct fixture *f, struct srv_participant *p, double now_ms) {
     struct srv_message message;
-    while (srv_hub_next_message(f->hub, p, SRV_TAKE_ALL, now_ms, &message) == SRV_MESSAGE_TEXT) {
+    while (srv_hub_next_message(f->hub, p, SRV_NEXT_ALL, now_ms, &message) == SRV_MESSAGE_TEXT) {
         if (strstr(message.text, "\"id\":1,") || strstr(message.text, "\"id\":1}"))
             return message.text;
         free(message.text);
@@ -57,7 +57,7 @@ static bool is_notified(struct fixture *f, struct srv_participant *p, const char
                         double now_ms) {
     struct srv_message message;
     bool found = false;
-    while (srv_hub_next_message(f->hub, p, SRV_TAKE_ALL, now_ms, &message) == SRV_MESSAGE_TEXT) {
+    while (srv_hub_next_message(f->hub, p, SRV_NEXT_ALL, now_ms, &message) == SRV_MESSAGE_TEXT) {
         if (strstr(message.text, "session.control"))
             found = strstr(message.text, text) != NULL;
         free(message.text);

@@ -249,7 +249,7 @@ struct proto_frame_header hub_drain(struct fixture *f, struct srv_participant *p
     struct proto_frame_header last = { .frame = 0 };
     struct srv_message message;
     enum srv_message_kind kind;
-    while ((kind = srv_hub_next_message(f->hub, p, SRV_TAKE_ALL, now_ms, &message)) !=
+    while ((kind = srv_hub_next_message(f->hub, p, SRV_NEXT_ALL, now_ms, &message)) !=
            SRV_MESSAGE_NONE) {
         assert_int_not_equal(kind, SRV_MESSAGE_CLOSE);
         if (kind == SRV_MESSAGE_FRAME)

@@ -64,7 +64,7 @@ static void participants_with_equal_settings_share_a_frame(void **state) {
     assert_true(srv_hub_session_delete(f->hub, f->id, NULL));
     hub_finish(f, &job, 1);
     struct srv_message message;
-    assert_int_equal(srv_hub_next_message(f->hub, c, SRV_TAKE_ALL, 70, &message),
+    assert_int_equal(srv_hub_next_message(f->hub, c, SRV_NEXT_ALL, 70, &message),
                      SRV_MESSAGE_CLOSE);
     assert_int_equal(message.close_code, 1000);
     srv_hub_leave(f->hub, &c, 71);
@@ -80,7 +80,7 @@ static void a_failed_view_is_reported_and_not_tried_again(void **state) {
     assert_true(hub_next_job(f, 1, &job));
     sp_fail(&err, SP_ERR_MEMORY, "/size", "out of memory");
     srv_schedule_failed(f->schedule, &job, &err);
-    assert_int_equal(srv_hub_next_message(f->hub, p, SRV_TAKE_ALL, 2, &message), SRV_MESSAGE_TEXT);
+    assert_int_equal(srv_hub_next_message(f->hub, p, SRV_NEXT_ALL, 2, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "render.error"));
     assert_non_null(strstr(message.text, "\"pointer\":\"/size\""));
     free(message.text);
@@ -154,17 +154,17 @@ static void notifications_report_the_newest_state(void **state) {
         hub_update(f, a, seq, seq);
     for (int i = 0; i <= 100; i++)
         srv_hub_volume_progress(f->hub, "w", i < 100 ? "loading" : "ready", i / 100.0, "", 0);
-    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_TAKE_ALL, 20, &message), SRV_MESSAGE_TEXT);
+    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_NEXT_ALL, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "session.control")); /* the first update took control */
     free(message.text);
-    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_TAKE_ALL, 20, &message), SRV_MESSAGE_TEXT);
+    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_NEXT_ALL, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "view.changed"));
     assert_non_null(strstr(message.text, "\"background\":[0.9"));
     free(message.text);
-    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_TAKE_ALL, 20, &message), SRV_MESSAGE_TEXT);
+    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_NEXT_ALL, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"state\":\"ready\""));
     free(message.text);
-    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_TAKE_ALL, 20, &message), SRV_MESSAGE_NONE);
+    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_NEXT_ALL, 20, &message), SRV_MESSAGE_NONE);
     srv_hub_leave(f->hub, &a, 30);
     srv_hub_leave(f->hub, &b, 30);
 }
@@ -197,17 +197,17 @@ static void an_unloaded_volume_is_reported_once(void **state) {
     hub_drain(f, a, 0);
     srv_hub_volume_progress(f->hub, "w", "ready", 1, "", 0);
     srv_hub_volume_progress(f->hub, "w", "unloaded", 0, "", 0);
-    assert_int_equal(srv_hub_next_message(f->hub, a, SRV_TAKE_ALL, 20, &message), SRV_MESSAGE_TEXT);
+    assert_int_equal(srv_hub_next_message(f->hub, a, SRV_NEXT_ALL, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"state\":\"unloaded\""));
     free(message.text);
-    assert_int_equal(srv_hub_next_message(f->hub, a, SRV_TAKE_ALL, 20, &message), SRV_MESSAGE_NONE);
+    assert_int_equal(srv_hub_next_message(f->hub, a, SRV_NEXT_ALL, 20, &message), SRV_MESSAGE_NONE);
     struct srv_participant *b = hub_join(f, SRV_ROLE_CONTROL, 20);
-    while (srv_hub_next_message(f->hub, b, SRV_TAKE_ALL, 20, &message) == SRV_MESSAGE_TEXT) {
+    while (srv_hub_next_message(f->hub, b, SRV_NEXT_ALL, 20, &message) == SRV_MESSAGE_TEXT) {
         assert_null(strstr(message.text, "volume.progress"));
         free(message.text);
     }
     srv_hub_volume_progress(f->hub, "w", "loading", 0, "", 20);
-    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_TAKE_ALL, 20, &message), SRV_MESSAGE_TEXT);
+    assert_int_equal(srv_hub_next_message(f->hub, b, SRV_NEXT_ALL, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"state\":\"loading\""));
     free(message.text);
     srv_hub_leave(f->hub, &a, 30);

@@ -54,7 +54,7 @@ static void *edit(void *user) {
         /* A measurement that is removed may be gone already. */
         c->failures += !ok || (!removes && !strstr(answer, "\"result\""));
         free(answer);
-        while (srv_hub_next_message(c->f->hub, c->participant, SRV_TAKE_NOTIFICATIONS,
+        while (srv_hub_next_message(c->f->hub, c->participant, SRV_NEXT_NOTIFICATIONS,
                                     NOW_MS + i * 100.0, &message) == SRV_MESSAGE_TEXT)
             free(message.text);
     }
@@ -93,7 +93,7 @@ static void threads_share_the_list(void **state) {
 static char *told(struct fixture *f, struct srv_participant *p) {
     struct srv_message message;
     char *newest = NULL;
-    while (srv_hub_next_message(f->hub, p, SRV_TAKE_NOTIFICATIONS, 0, &message) ==
+    while (srv_hub_next_message(f->hub, p, SRV_NEXT_NOTIFICATIONS, 0, &message) ==
            SRV_MESSAGE_TEXT) {
         if (strstr(message.text, "session.measures")) {
             free(newest);
@@ -252,7 +252,7 @@ static void parts_are_answered_later(void **state) {
     srv_hub_leave(f->hub, &b, 0);
     srv_work_queue_stop(queue);
     struct srv_message message;
-    assert_int_equal(srv_hub_next_message(f->hub, a, SRV_TAKE_NOTIFICATIONS, 0, &message),
+    assert_int_equal(srv_hub_next_message(f->hub, a, SRV_NEXT_NOTIFICATIONS, 0, &message),
                      SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"result\""));
     assert_non_null(strstr(message.text, "\"value\":7"));

@@ -40,7 +40,7 @@ static bool is_notified(struct fixture *f, struct srv_participant *p, const char
                         double now_ms) {
     struct srv_message message;
     bool found = false;
-    while (srv_hub_next_message(f->hub, p, SRV_TAKE_NOTIFICATIONS, now_ms, &message) ==
+    while (srv_hub_next_message(f->hub, p, SRV_NEXT_NOTIFICATIONS, now_ms, &message) ==
            SRV_MESSAGE_TEXT) {
         found = found || strstr(message.text, text);
         free(message.text);

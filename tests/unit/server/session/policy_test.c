@@ -17,12 +17,12 @@
 #include "unit/server/session/hub_fixture.h"
 
 /* Takes all messages of a participant; policy = the last stream.policy among them, or "". */
-static void take_policy(struct fixture *f, struct srv_participant *p, double now_ms,
-                        char policy[512]) {
+static void receive_policy(struct fixture *f, struct srv_participant *p, double now_ms,
+                           char policy[512]) {
     struct srv_message message;
     enum srv_message_kind kind;
     policy[0] = 0;
-    while ((kind = srv_hub_next_message(f->hub, p, SRV_TAKE_ALL, now_ms, &message)) !=
+    while ((kind = srv_hub_next_message(f->hub, p, SRV_NEXT_ALL, now_ms, &message)) !=
            SRV_MESSAGE_NONE) {
         if (kind == SRV_MESSAGE_TEXT && strstr(message.text, "stream.policy"))
             snprintf(policy, 512, "%.*s", (int)message.size, message.text);
@@ -38,7 +38,7 @@ static void the_policy_is_reported_with_its_reasons(void **state) {
     struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
     struct srv_render_job job;
     char policy[512];
-    take_policy(f, p, 0, policy);
+    receive_policy(f, p, 0, policy);
     assert_non_null(strstr(policy, "\"why\":[\"quality\"]"));
     assert_non_null(strstr(policy, "\"moving\":{\"format\":\"jpeg\",\"quality\":60,"
                                    "\"subsampling\":\"4:2:0\"}"));
@@ -49,12 +49,12 @@ static void the_policy_is_reported_with_its_reasons(void **state) {
     assert_true(hub_next_job(f, 0, &job));
     assert_int_equal(job.step, SRV_STEP_MOVING);
     hub_finish(f, &job, 200);
-    take_policy(f, p, 10, policy);
+    receive_policy(f, p, 10, policy);
     assert_string_equal(policy, "");
     double now_ms = 200;
     while (hub_next_job(f, now_ms, &job))
         hub_finish(f, &job, 800);
-    take_policy(f, p, now_ms, policy);
+    receive_policy(f, p, now_ms, policy);
     assert_non_null(strstr(policy, "\"why\":[\"quality\",\"unknown_time\"]"));
     assert_non_null(strstr(policy, "\"size\":[256,256]"));
     /* A sharp frame takes 800 ms and the budget is 33.3 ms. The policy is sent at most twice per
@@ -66,7 +66,7 @@ static void the_policy_is_reported_with_its_reasons(void **state) {
         assert_true(hub_next_job(f, now_ms, &job));
         hub_finish(f, &job, 800.0 * job.view.size[0] / 512 / (1 << job.mip_level));
         char fresh[512];
-        take_policy(f, p, now_ms, fresh);
+        receive_policy(f, p, now_ms, fresh);
         reports += fresh[0] != 0;
         if (fresh[0])
             memcpy(policy, fresh, sizeof policy);
@@ -84,7 +84,7 @@ static void png_has_no_quality_to_reduce(void **state) {
     char policy[512];
     struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
     hub_send(f, p, "stream.configure", "{\"format\":\"png\"}", 0);
-    take_policy(f, p, 0, policy);
+    receive_policy(f, p, 0, policy);
     assert_non_null(strstr(policy, "\"moving\":{\"format\":\"png\"}"));
     assert_non_null(strstr(policy, "\"final\":{\"format\":\"png\",\"size\":[512,512],"));
     assert_non_null(strstr(policy, "\"why\":[]"));
@@ -105,7 +105,7 @@ static void a_slow_network_is_a_reason(void **state) {
     char policy[512];
     struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
     hub_send(f, p, "stream.configure", "{\"format\":[\"jpeg\",\"vp8\",\"vp9\"]}", 0);
-    take_policy(f, p, 0, policy);
+    receive_policy(f, p, 0, policy);
     assert_non_null(strstr(policy, "\"moving\":{\"format\":\"jpeg\",\"quality\":60"));
     p->delivery.rate_control.is_video = true;
     p->delivery.rate_control.step = 3;
@@ -121,7 +121,7 @@ static void a_slow_network_is_a_reason(void **state) {
     assert_non_null(strstr(text, "\"bandwidth\""));
     free(text);
     hub_finish(f, &job, 5);
-    take_policy(f, p, 5002, policy);
+    receive_policy(f, p, 5002, policy);
     /* Other formats: what was chosen for the last ones is void at once. */
     hub_send(f, p, "stream.configure", "{\"format\":[\"vp9\",\"jpeg\"]}", 5010);
     hub_update(f, p, 2, 5100);

@@ -25,7 +25,7 @@ static void create_owned(struct fixture *f, const struct srv_owner *owner) {
 static unsigned close_code(struct fixture *f, struct srv_participant *p) {
     struct srv_message message;
     enum srv_message_kind kind;
-    while ((kind = srv_hub_next_message(f->hub, p, SRV_TAKE_NOTIFICATIONS, 0, &message)) ==
+    while ((kind = srv_hub_next_message(f->hub, p, SRV_NEXT_NOTIFICATIONS, 0, &message)) ==
            SRV_MESSAGE_TEXT)
         free(message.text);
     return kind == SRV_MESSAGE_CLOSE ? message.close_code : 0;

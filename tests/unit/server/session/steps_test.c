@@ -52,7 +52,7 @@ static void load(struct fixture *f, unsigned step, double now_ms) {
 static bool is_told(struct fixture *f, struct srv_participant *p, const char *text, double now_ms) {
     struct srv_message message;
     bool found = false;
-    while (srv_hub_next_message(f->hub, p, SRV_TAKE_NOTIFICATIONS, now_ms, &message) ==
+    while (srv_hub_next_message(f->hub, p, SRV_NEXT_NOTIFICATIONS, now_ms, &message) ==
            SRV_MESSAGE_TEXT) {
         found = found || strstr(message.text, text);
         free(message.text);

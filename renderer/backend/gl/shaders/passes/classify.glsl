@@ -4,7 +4,7 @@
 // place; the number of voxels of each key; new classes of existing entries.
 
 layout(local_size_x = GROUP) in;
-// Smallest and largest ordinal by brick; order post: by cell, joined with its neighbourhood (find_cell_bounds.glsl).
+// Smallest and largest ordinal by brick; order post: by cell, joined with its neighbourhood (compute_cell_bounds.glsl).
 layout(std430, binding = 1) buffer Ranges { ivec2 ranges[]; };
 // By brick: the number of entries, or the index of the first one while they are written. By key: number of voxels.
 layout(std430, binding = 3) buffer Counts { uint counts[]; };
@@ -35,7 +35,7 @@ uvec2 key_range(uint brick) {
     return uvec2(ranges[brick] - type.z);
 }
 
-void find_range(uint brick) {
+void measure_range(uint brick) {
     uvec3 corner = corner_of(brick);
     ivec2 range = ivec2(NONE_LOW, NONE_HIGH);
     for (uint s = 0u; s < 16u; s++) {
@@ -186,7 +186,7 @@ void fill(uint brick, uvec3 corner) {
     uint thread = gl_LocalInvocationIndex, first = counts[brick];
     for (uint s = 0u; s < 16u; s++) {
         uint before;
-        if (find_mark(s << 8 | thread, before))
+        if (read_mark(s << 8 | thread, before))
             write_entry(first + before, s << 8 | thread, voxel_of(corner, s));
     }
 }
@@ -231,7 +231,7 @@ void main() {
     clear_marks();
     barrier();
     if (PASS == RANGES) {
-        find_range(brick);
+        measure_range(brick);
         return;
     }
     if (PASS == CLASSES) {

@@ -50,7 +50,7 @@ bool is_after(vec3 a, vec3 b) {
 }
 
 // The edge between two corners: both triangles there take them in the same order.
-vec3 find_edge(vec3 from, vec3 to, out bool turns) {
+vec3 compute_edge(vec3 from, vec3 to, out bool turns) {
     turns = is_after(from, to);
     vec3 a = turns ? to : from, b = turns ? from : to;
     precise vec3 e = vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
@@ -62,13 +62,13 @@ bool set_up(uint number, out Triangle t) {
     bvec3 turns;
     bool is_perspective = choice.x != 0u;
     for (uint k = 0u; k < 3u; k++) {
-        vec3 u = find_camera(corners[3u * number + k]);
+        vec3 u = compute_camera(corners[3u * number + k]);
         h[k] = project(u, corner);
         q[k] = is_perspective ? 1.0 : -u.z;
     }
     for (int k = 0; k < 3; k++) {
         bool is_turned;
-        e[k] = find_edge(h[(k + 1) % 3], h[(k + 2) % 3], is_turned);
+        e[k] = compute_edge(h[(k + 1) % 3], h[(k + 2) % 3], is_turned);
         turns[k] = is_turned;
     }
     float det = dot(e[0], h[0]);
@@ -131,15 +131,15 @@ void add_triangle(Triangle t) {
     cover_four(t, middle, depth, 3);
 }
 
-uint find_bits(uvec4 numbers, uint number) {
+uint match_bits(uvec4 numbers, uint number) {
     uvec4 bits = uvec4(equal(numbers, uvec4(number))) * uvec4(1, 2, 4, 8);
     return bits.x | bits.y | bits.z | bits.w;
 }
 
 // The samples in a triangle, as bits.
-uint find_samples(uint number) {
-    return find_bits(triangle[0], number) | find_bits(triangle[1], number) << 4 | find_bits(triangle[2], number) << 8 |
-           find_bits(triangle[3], number) << 12;
+uint match_samples(uint number) {
+    return match_bits(triangle[0], number) | match_bits(triangle[1], number) << 4 | match_bits(triangle[2], number) << 8 |
+           match_bits(triangle[3], number) << 12;
 }
 
 // The four that sample s belongs to.
@@ -187,7 +187,7 @@ void show_samples(uint number, uint samples) {
 }
 
 // The part whose depth is nearest, by sample; SHADED = none is near. `firsts`: the depths of the parts.
-uvec4 find_nearest(vec4 firsts, int q) {
+uvec4 choose_nearest(vec4 firsts, int q) {
     vec4 away = lengths.y * (choice.x != 0u ? inverse[q] : vec4(1));
     uvec4 nearest = uvec4(SHADED);
     for (uint k = 0u; k < SHADED; k++) {
@@ -201,28 +201,28 @@ uvec4 find_nearest(vec4 firsts, int q) {
 
 // Shows the sheet: its first triangles, with those samples of others that are near them, and the other ones.
 void show_sheet() {
-    uint samples[SHADED], numbers[SHADED], count = 0u, left = ((1u << SAMPLES) - 1u) & ~find_samples(NONE);
+    uint samples[SHADED], numbers[SHADED], count = 0u, left = ((1u << SAMPLES) - 1u) & ~match_samples(NONE);
     vec4 firsts;
     for (; left != 0u && count < SHADED; count++) {
         uint first = uint(findLSB(left));
         firsts[count] = inverse_of(first);
         numbers[count] = triangle_of(first);
-        samples[count] = find_samples(numbers[count]);
+        samples[count] = match_samples(numbers[count]);
         left &= ~samples[count];
     }
     if (left != 0u) {
-        uvec4 nearest[4] = uvec4[](find_nearest(firsts, 0), find_nearest(firsts, 1), find_nearest(firsts, 2), find_nearest(firsts, 3));
+        uvec4 nearest[4] = uvec4[](choose_nearest(firsts, 0), choose_nearest(firsts, 1), choose_nearest(firsts, 2), choose_nearest(firsts, 3));
         uint all = left;
         for (uint k = 0u; k < SHADED; k++) {
-            uint own = all & (find_bits(nearest[0], k) | find_bits(nearest[1], k) << 4 | find_bits(nearest[2], k) << 8 |
-                              find_bits(nearest[3], k) << 12);
+            uint own = all & (match_bits(nearest[0], k) | match_bits(nearest[1], k) << 4 | match_bits(nearest[2], k) << 8 |
+                              match_bits(nearest[3], k) << 12);
             samples[k] |= own;
             left &= ~own;
         }
     }
     for (uint k = 0u; k < count || left != 0u; k++) {
         uint number = k < count ? numbers[min(k, SHADED - 1u)] : triangle_of(uint(findLSB(left)));
-        uint own = k < count ? samples[min(k, SHADED - 1u)] : find_samples(number) & left;
+        uint own = k < count ? samples[min(k, SHADED - 1u)] : match_samples(number) & left;
         show_samples(number, own);
         left &= ~own;
     }

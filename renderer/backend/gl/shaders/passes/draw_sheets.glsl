@@ -29,14 +29,14 @@ const int RAW = 320, REFINED = 340;
 const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1, SLABS = INTERVALS / REGION + 2;
 const uint REGIONS_MOST = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
-const float NONE_BELOW = 512.0; // levels below it are those of samples that are not finite
+const float NONE_BELOW = 512.0; // codes below it are those of samples that are not finite
 const int COLORS = 1024;
 const float TAP0 = 150.0 / 256.0, TAP1 = -25.0 / 256.0, TAP2 = 3.0 / 256.0;
 
 shared vec4 rays[PIXELS];      // u, v, du, dv
 shared float raw[RAW];         // (width + 5) × (height + 5)
 shared float between_rows[RAW]; // (width + 5) × height
-shared uint refined[REFINED];   // width × 2·height: two 16-bit levels per word
+shared uint refined[REFINED];   // width × 2·height: two 16-bit codes per word
 shared uint seen[SLABS];       // by slab of regions: the intervals in which the block may see something
 shared uint intervals[ACTIVE];    // the same by interval between sheets, from the first one of the dispatch on
 shared int span[2];            // s between which some ray is inside, as integers that rise with it
@@ -95,7 +95,7 @@ void open_ray(Square square) {
 }
 
 // The share of the pixel that a pass with part.x sheets per slice has (draw/resample/rays.h).
-float find_share(int sheets) {
+float compute_share(int sheets) {
     float slant = ray_length / sqrt(turn(metric[0].xyz).z), speed = max(sqrt(1.0 + dot(ray.zw, ray.zw)), slant);
     float halves = clamp((speed - steep.x) / (steep.y - steep.x), 0.0, 1.0);
     if (sheets != 3)
@@ -104,7 +104,7 @@ float find_share(int sheets) {
 }
 
 // The coordinates on a sheet that a square of the block's pixels covers: [refined samples].
-void find_extent(uvec2 corner, uint side, float s, out vec2 low, out vec2 high) {
+void compute_extent(uvec2 corner, uint side, float s, out vec2 low, out vec2 high) {
     low = vec2(1e30);
     high = vec2(-1e30);
     for (uint i = 0u; i < 4u; i++) {
@@ -124,7 +124,7 @@ int interval_at(int n) {
 }
 
 // The intervals of a slab of regions in which the block may see something, as bits.
-uint find_seen(uint slab) {
+uint mark_seen(uint slab) {
     const uint ALL = (1u << REGION) - 1u;
     float near = slab == 0u ? -1.0 : float(slab * uint(REGION)), far = float((slab + 1u) * uint(REGION));
     if (slab + 1u == regions[slices])
@@ -134,8 +134,8 @@ uint find_seen(uint slab) {
     if (s.y <= own.x || s.x >= own.y)
         return 0u;
     vec2 low[2], high[2];
-    find_extent(uvec2(0), TILE, max(s.x, own.x), low[0], high[0]);
-    find_extent(uvec2(0), TILE, min(s.y, own.y), low[1], high[1]);
+    compute_extent(uvec2(0), TILE, max(s.x, own.x), low[0], high[0]);
+    compute_extent(uvec2(0), TILE, min(s.y, own.y), low[1], high[1]);
     uvec2 most = uvec2(regions[axis_of(0)], regions[axis_of(1)]) - 1u;
     uvec2 first = min(uvec2(min(low[0], low[1])) / uint(REGION), most);
     uvec2 end = min(uvec2(max(high[0], high[1])) / uint(REGION), most);
@@ -153,14 +153,14 @@ uint find_seen(uint slab) {
 }
 
 // Fills `intervals`. Every thread must call it.
-void find_active() {
+void mark_active() {
     int stop = min(range.y, (dims.z + 2) * per_slice), first = max(range.x, 1);
     int first_slab = min(interval_at(first), interval_at(stop - 1)) / REGION;
     int slabs = max(interval_at(first), interval_at(stop - 1)) / REGION - first_slab + 1;
     if (int(thread) < ACTIVE)
         intervals[thread] = 0u;
     for (int slab = int(thread); slab < slabs; slab += int(PIXELS))
-        seen[slab] = find_seen(uint(first_slab + slab));
+        seen[slab] = mark_seen(uint(first_slab + slab));
     barrier();
     for (int n = first + int(thread); n < stop; n += int(PIXELS)) {
         int i = interval_at(n), bit = n - range.x;
@@ -187,18 +187,18 @@ float between(float a, float b, float c, float d, float e, float f) {
     if (choices.z != 0 && min(min(min(a, b), min(c, d)), min(e, f)) < NONE_BELOW)
         return min(c, d) < NONE_BELOW ? 0.0 : 0.5 * (c + d);
     if (choices.z != 0)
-        return max((c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2, LEVEL_MIN);
+        return max((c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2, CODE_MIN);
 #endif
     return (c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2;
 }
 
-// The level of a slice at sample p.
+// The code of a slice at sample p.
 float read(ivec2 p, int z) {
     p = clamp(p, ivec2(0), last.xy);
-    return level_of(uint(p.x) * strides.x + uint(p.y) * strides.y + uint(clamp(z, 0, last.z)) * strides.z);
+    return code_of(uint(p.x) * strides.x + uint(p.y) * strides.y + uint(clamp(z, 0, last.z)) * strides.z);
 }
 
-// The level half way between slices z and z + 1.
+// The code half way between slices z and z + 1.
 float read_between(ivec2 p, int z) {
     float own[6];
     for (int k = 0; k < 6; k++)
@@ -207,8 +207,8 @@ float read_between(ivec2 p, int z) {
 }
 
 uint to_word(float even, float odd) {
-    vec2 level = min(max(vec2(even, odd), level_scale.w), LEVEL_MAX) + 0.5;
-    return uint(level.x) | uint(level.y) << 16;
+    vec2 code = min(max(vec2(even, odd), code_scale.w), CODE_MAX) + 0.5;
+    return uint(code.x) | uint(code.y) << 16;
 }
 
 // Refines the samples [first, first + count) of the slice of sheet n. Every thread must call it.
@@ -249,25 +249,25 @@ void refine(ivec2 first, ivec2 count, int n) {
     barrier();
 }
 
-float level_at(ivec2 p, int width) {
+float code_at(ivec2 p, int width) {
     uint word = refined[p.y * width + (p.x >> 1)];
     return float(word >> (16 * (p.x & 1)) & 0xffffu);
 }
 
 // The value on the sheet at refined sample p + part, and its differences along u and v over one sample.
 vec3 sample_at(ivec2 p, vec2 part, int width) {
-    float a = level_at(p, width), b = level_at(p + ivec2(1, 0), width);
-    float c = level_at(p + ivec2(0, 1), width), d = level_at(p + 1, width);
+    float a = code_at(p, width), b = code_at(p + ivec2(1, 0), width);
+    float c = code_at(p + ivec2(0, 1), width), d = code_at(p + 1, width);
     float value = mix(mix(a, b, part.x), mix(c, d, part.x), part.y);
 #if GRADIENT
-    float left = mix(mix(level_at(p + ivec2(-1, 0), width), a, part.x),
-                     mix(level_at(p + ivec2(-1, 1), width), c, part.x), part.y);
-    float right = mix(mix(b, level_at(p + ivec2(2, 0), width), part.x),
-                      mix(d, level_at(p + ivec2(2, 1), width), part.x), part.y);
-    float above = mix(mix(level_at(p + ivec2(0, -1), width), level_at(p + ivec2(1, -1), width), part.x),
+    float left = mix(mix(code_at(p + ivec2(-1, 0), width), a, part.x),
+                     mix(code_at(p + ivec2(-1, 1), width), c, part.x), part.y);
+    float right = mix(mix(b, code_at(p + ivec2(2, 0), width), part.x),
+                      mix(d, code_at(p + ivec2(2, 1), width), part.x), part.y);
+    float above = mix(mix(code_at(p + ivec2(0, -1), width), code_at(p + ivec2(1, -1), width), part.x),
                       mix(a, b, part.x), part.y);
     float below = mix(mix(c, d, part.x),
-                      mix(level_at(p + ivec2(0, 2), width), level_at(p + ivec2(1, 2), width), part.x), part.y);
+                      mix(code_at(p + ivec2(0, 2), width), code_at(p + ivec2(1, 2), width), part.x), part.y);
     return vec3(value, right - left, below - above);
 #else
 #if PROJECTION
@@ -296,7 +296,7 @@ void read_sheet(int n, inout vec3 value, inout uint refined_count) {
         for (side = TILE;; side /= 2u) {
             if ((p & (side * side - 1u)) != 0u)
                 continue;
-            find_extent(corner, side, s, low, high);
+            compute_extent(corner, side, s, low, high);
             first = (ivec2(2.0 * low) - margin) >> 1;
             count = ((ivec2(2.0 * high) + 1 + margin) >> 1) - first + 1;
             if (side == 1u || (count.x + 5) * (count.y + 5) <= RAW)
@@ -353,16 +353,16 @@ float scale_of(float magnitude) {
 }
 
 // The gradient in the middle of an interval, in world space.
-vec3 find_gradient(vec3 value[4], float width) {
+vec3 compute_gradient(vec3 value[4], float width) {
     vec2 slope = (9.0 / 16.0) * (value[1].yz + value[2].yz) - (1.0 / 16.0) * (value[0].yz + value[3].yz);
     float along = (value[2].x - value[1].x) / width, rest = along - dot(ray.zw, slope);
     vec3 own = turn_back(vec3(slope, is_backwards ? -rest : rest));
     return vec3(dot(to_world[0].xyz, own), dot(to_world[1].xyz, own), dot(to_world[2].xyz, own));
 }
 
-// The unit normal of an interval; zero if there is none. As find_normal() of draw/resample/integrate.c says, a surface's gradient
+// The unit normal of an interval; zero if there is none. As compute_normal() of draw/resample/integrate.c says, a surface's gradient
 // stays for a while behind it.
-vec3 find_normal(vec3 gradient, float width, float opacity) {
+vec3 compute_normal(vec3 gradient, float width, float opacity) {
     const float SHARE = 0.8, FAINT = 64.0;
     float rounding = metric[0].w;
     vec3 past = normal * exp2(-2.0 * width);
@@ -384,7 +384,7 @@ float next_s; // of the next fragment; FAR_AWAY = there is none
 const float FAR_AWAY = 1e38;
 
 // s of a fragment (draw/resample/insert.c). Depths count from one inside the volume, for the sake of rounding.
-float find_s(float depth) {
+float compute_s(float depth) {
     vec4 by_depth = depths[slices];
     float beyond = depth - metric[1].w, aside = dot(at - lens.yz, by_depth.zw);
     float s = by_depth.x + beyond * by_depth.y + (choice.x != 0u ? depth * aside : aside);
@@ -393,7 +393,7 @@ float find_s(float depth) {
 
 void set_next(uint i) {
     next_fragment = i;
-    next_s = i < fragment_count ? find_s(fragment_depth(i)) : FAR_AWAY;
+    next_s = i < fragment_count ? compute_s(fragment_depth(i)) : FAR_AWAY;
 }
 
 // Composites the next fragment.
@@ -440,7 +440,7 @@ void integrate(int n, vec3 value[4]) {
     insert_before(s);
 #endif
     float middle = (9.0 / 16.0) * (value[1].x + value[2].x) - (1.0 / 16.0) * (value[0].x + value[3].x);
-    vec3 x = vec3(value[1].x, max(middle, level_scale.w), value[2].x);
+    vec3 x = vec3(value[1].x, max(middle, code_scale.w), value[2].x);
     float low = min(min(x.x, x.y), x.z), high = max(max(x.x, x.y), x.z);
     if (!(bin_scale.z < high && low < bin_scale.w))
         return;
@@ -450,7 +450,7 @@ void integrate(int n, vec3 value[4]) {
         return;
     float depth = sum.w;
 #if GRADIENT
-    vec3 gradient = find_gradient(value, width);
+    vec3 gradient = compute_gradient(value, width);
     float magnitude = sqrt(dot(gradient, gradient));
     if (base.w > 0) {
         float opacity = scale_of(magnitude) * (1.0 - exp2(-LOG2E * depth));
@@ -462,7 +462,7 @@ void integrate(int n, vec3 value[4]) {
 #if GRADIENT
     if (choice.y != 0u && light < 1.0) {
         vec3 to_eye = -normalize(vec3(choice.x != 0u ? (at - lens.yz) / lens.x : vec2(0), 1.0));
-        color = shade_normal(color, find_normal(gradient, width, 1.0 - light), to_eye);
+        color = shade_normal(color, compute_normal(gradient, width, 1.0 - light), to_eye);
     }
 #endif
     composite(s, width, 1.0 - light, color);
@@ -475,7 +475,7 @@ void integrate(int n, vec3 value[4]) {
     bool is_known = choices.z == 0 || min(value[1].x, value[2].x) >= NONE_BELOW;
     if (choices.z != 0 && min(value[0].x, value[3].x) < NONE_BELOW)
         middle = 0.5 * (value[1].x + value[2].x);
-    vec3 x = vec3(value[1].x, clamp(middle, LEVEL_MIN, LEVEL_MAX), value[2].x);
+    vec3 x = vec3(value[1].x, clamp(middle, CODE_MIN, CODE_MAX), value[2].x);
     float share = cut(s, width, x), passed = ray_length * width * share;
     if (!(share > 0.0) || !is_known)
         return;
@@ -521,7 +521,7 @@ void add_counts(uint refined_count, uint sheets) {
 void draw() {
     vec3 value[4] = vec3[4](vec3(0), vec3(0), vec3(0), vec3(0)); // of sheets n − 3 to n
     uint refined_count = 0u, sheets = 0u;
-    find_active();
+    mark_active();
     is_live = true;
     for (int next = find_next(range.x), n = next - 1; next < range.y && is_live; n++) {
         value[0] = value[1];
@@ -556,7 +556,7 @@ void main() {
 #endif
     open_axis(square.kind.y, square.kind.z != 0, part.x);
     open_ray(square);
-    pass_share = find_share(square.kind.w);
+    pass_share = compute_share(square.kind.w);
 #if LAYERS
     open_fragments(0u, is_inside ? index : 0u, pixels);
     set_next(is_inside ? uint(kept.w) : fragment_count);

@@ -44,20 +44,20 @@ float bump(float x, float half_width) {
     return y * y;
 }
 
-float find_intensity(Splat s, vec2 place) {
+float compute_intensity(Splat s, vec2 place) {
     float across = place.y / ROW + s.wave.z, row = roundEven(across);
     float u = place.x * s.wave.x - fract(s.wave.w) + row * 0.61803399;
     return bump(u - roundEven(u), 0.5 * SHARE) * bump(across - row, 0.5 * WIDTH);
 }
 
 // What passes the splat at the pixel, 1 = it does not cover the pixel; and its colour there.
-float find_pass(Splat s, out vec3 color) {
+float compute_pass(Splat s, out vec3 color) {
     vec2 d = at - s.place.xy;
     float p = (s.place.z * d.x + s.place.w * d.y) * d.x + s.shape.x * d.y * d.y;
     color = s.color.rgb;
     if (!(p <= filter_of.z))
         return 1.0;
-    float weight = exp2(-p), intensity = find_intensity(s, vec2(dot(s.turn.xy, d), dot(s.turn.zw, d)));
+    float weight = exp2(-p), intensity = compute_intensity(s, vec2(dot(s.turn.xy, d), dot(s.turn.zw, d)));
     if (streaks.w != 0.0)
         color = mix(color, streak_color.rgb, sqrt(weight) * (MEAN + s.wave.y * (intensity - MEAN)));
     else
@@ -65,14 +65,14 @@ float find_pass(Splat s, out vec3 color) {
     return attenuate(s.shape.y * weight);
 }
 #elif TRAINED
-float find_pass(Splat s, out vec3 color) {
+float compute_pass(Splat s, out vec3 color) {
     vec2 d = at - s.place.xy;
     float p = (s.place.z * d.x + s.place.w * d.y) * d.x + s.shape.x * d.y * d.y, opacity = s.shape.y * exp2(-p);
     color = s.color.rgb;
     return opacity >= TRAINED_OPACITY_MIN ? 1.0 - min(opacity, TRAINED_OPACITY_MAX) : 1.0;
 }
 #else
-float find_pass(Splat s, out vec3 color) {
+float compute_pass(Splat s, out vec3 color) {
     float depth = s.shape.y;
     color = s.color.rgb;
     if (kind.x != 0u) {
@@ -90,7 +90,7 @@ float find_pass(Splat s, out vec3 color) {
 #if ALONE
 void add_splat(Splat s) {
     vec3 color;
-    float left = pixel.x * find_pass(s, color);
+    float left = pixel.x * compute_pass(s, color);
     pixel.yzw += (pixel.x - left) * color;
     pixel.x = left;
 }
@@ -103,7 +103,7 @@ void close_fragment() {
 }
 
 // Finds the fragment of another layer that divides splats from that of the open fragment.
-void find_wall() {
+void update_wall() {
     wall = 3.0e38;
     for (uint i = merged_count; i > 0u && merged[i - 1u].depth > open_one.depth; i--)
         if (merged[i - 1u].color.a >= WALL)
@@ -118,14 +118,14 @@ bool joins(float depth) {
 
 void add_splat(Splat s) {
     vec3 color;
-    float pass = find_pass(s, color), depth = s.color.w * cell.x;
+    float pass = compute_pass(s, color), depth = s.color.w * cell.x;
     if (!(pass < 1.0))
         return;
     if (open_one.color.a > 0.0 && !joins(depth))
         close_fragment();
     if (!(open_one.color.a > 0.0)) {
         open_one.depth = depth;
-        find_wall();
+        update_wall();
     }
     float share = (1.0 - open_one.color.a) * (1.0 - pass);
     open_one.color += share * vec4(color, 1.0);
@@ -163,7 +163,7 @@ void begin_pixel(uint i, uint pixels) {
     for (uint n = uint(rest.z); merged_count < n; merged_count++)
         merged[merged_count] = Fragment(image[(2u * merged_count + 3u) * pixels + i].x,
                                         image[(2u * merged_count + 2u) * pixels + i]);
-    find_wall();
+    update_wall();
 }
 
 void end_pixel(uint i, uint pixels) {

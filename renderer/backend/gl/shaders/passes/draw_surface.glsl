@@ -48,7 +48,7 @@ void add_footprint(Footprint f) {
 
 // Finds what opaque sheets hide: what is behind a complete one, or behind several that let all rays in or all rays out together.
 // Nothing will be added before `reached`.
-void find_hidden(float reached) {
+void compute_hidden(float reached) {
     bool is_clipped = plane_counts.x != 0u || kind.y != 0u;
     float crossed = 0.0, last = -FAR_AWAY;
     for (uint i = 0u; i < 2u * SHEETS; i++) {
@@ -82,7 +82,7 @@ void add_entry(uint slot, uint number) {
         barrier();
     }
     if (has_added && kind.x != 0u)
-        find_hidden(block.depth - sheet_of.w);
+        compute_hidden(block.depth - sheet_of.w);
 }
 
 void begin_entries() {

@@ -37,7 +37,7 @@ struct Sum {
     float area[6], sided;
 };
 
-void find_bounds(uvec3 coarse) {
+void compute_bounds(uvec3 coarse) {
     uint b = gl_LocalInvocationIndex / 17u, s = gl_LocalInvocationIndex % 17u;
     if (b >= 8u)
         return;
@@ -215,7 +215,7 @@ void fill(uvec3 corner, uint first) {
             continue;
         collect(s);
         uint before;
-        if (find_mark(s << 8 | thread, before))
+        if (read_mark(s << 8 | thread, before))
             write_cell(first + before, s << 8 | thread, corner + uvec3(thread & 15u, thread >> 4, s));
         barrier();
     }
@@ -226,7 +226,7 @@ void main() {
     uvec3 bricks = ((dims + 1u) / 2u + 15u) / 16u;
     uvec3 at = uvec3(brick % bricks.x, brick / bricks.x % bricks.y, brick / bricks.x / bricks.y);
     clear_marks();
-    find_bounds(at);
+    compute_bounds(at);
     barrier();
     uint all_entries = 0u;
     for (uint b = 0u; b < 8u; b++)

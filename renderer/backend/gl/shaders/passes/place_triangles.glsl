@@ -13,11 +13,11 @@ void add_place(vec3 h, inout vec2 low, inout vec2 high) {
 }
 
 // The tiles that a triangle's part beyond the near plane touches.
-uvec2 find_span(uint number) {
+uvec2 compute_span(uint number) {
     vec2 low = vec2(FAR_AWAY), high = -low, rows = vec2(tiles.yz), bounds;
     vec3 h[3];
     for (uint k = 0u; k < 3u; k++) {
-        h[k] = project(find_camera(corners[3u * number + k]), vec2(0));
+        h[k] = project(compute_camera(corners[3u * number + k]), vec2(0));
         if (!(dot(abs(h[k]), vec3(1)) < FAR_AWAY))
             return NOWHERE;
     }
@@ -35,7 +35,7 @@ uvec2 find_span(uint number) {
         count_splat(0u, low.y >= rows.x || tiles.y == 0u);
     low = max(low, vec2(0.0, rows.x));
     high = min(high, end - 1.0);
-    return find_tiles(ivec2(low), ivec2(high) + 1, uvec2(0));
+    return bound_tiles(ivec2(low), ivec2(high) + 1, uvec2(0));
 }
 
 void main() {
@@ -44,6 +44,6 @@ void main() {
     begin_counts();
     barrier();
     if (i < batch.y)
-        spans[i] = bits = bound(find_span(batch.x + i));
+        spans[i] = bits = bound(compute_span(batch.x + i));
     end_counts(bits);
 }

@@ -287,7 +287,7 @@ bool write_cuts(Place p, Extent extent, uint at) {
 
 // Finds the layers [first, last] of the kernel and writes what follows the record's head. False: none of them is in
 // this batch, or planes leave nothing of the kernel.
-bool find_layers(Place p, uint word, uint at, float value, out ivec2 range) {
+bool compute_layers(Place p, uint word, uint at, float value, out ivec2 range) {
     uint kind = compose.x, behind = at + 2u + (compose.z != 0u ? 2u : 0u);
     float distance = min(choice.x != 0u ? length(p.u) : p.u.z, FARTHEST);
     if (kind == COMPOSITE_SHEET)
@@ -316,7 +316,7 @@ uvec2 write_splat(uint at, Outline o, Amount a, uvec2 range) {
     uvec2 rest = uvec2(packHalf2x16(a.color.rg), packHalf2x16(vec2(a.color.b, 0.0)) | range.x << 16);
     records[at] = uvec4(floatBitsToUint(o.at), floatBitsToUint(o.conic.xy));
     records[at + 1u] = uvec4(floatBitsToUint(vec2(o.conic.z, a.depth)), rest);
-    return find_tiles(o.box.xy, o.box.zw, range);
+    return bound_tiles(o.box.xy, o.box.zw, range);
 }
 
 // Computes what an entry adds at the centre of its footprint; `gain` times the depth of its class. False: nothing.
@@ -346,7 +346,7 @@ uvec2 set_up(uint entry, uint at) {
     float volume = locate(word, p);
     if (!outline(p, o) ||
         !measure(entry, word, p.u, o.gain * parts[part].bounds.x * volume, a) ||
-        !find_layers(p, word, at, a.value, range))
+        !compute_layers(p, word, at, a.value, range))
         return NOWHERE;
     bool is_first = batch.y == 0u || range.x >= int(batch.y);
     range = ivec2(max(range.x - int(batch.y), 0), min(range.y - int(batch.y), int(tiles.w) - 1));

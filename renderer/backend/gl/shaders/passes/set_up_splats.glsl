@@ -7,12 +7,12 @@ layout(local_size_x = GROUP) in;
 layout(location = 1) uniform uvec4 batch; // first of the order, how many, per block; width of the image [px]
 
 // The tiles of a box of pixels, which are counted.
-uvec2 find_span(vec4 box, uint block) {
+uvec2 compute_span(vec4 box, uint block) {
     vec2 low = max(box.xy, vec2(0.0, float(tiles.y))), high = min(box.zw, vec2(float(batch.w), float(tiles.z)));
     if (!(low.x < high.x && low.y < high.y))
         return NOWHERE;
     count_splat(uint(min((high.x - low.x) * (high.y - low.y), area)), box.y >= float(tiles.y) || tiles.y == 0u);
-    return find_tiles(ivec2(low), ivec2(high), uvec2(block));
+    return bound_tiles(ivec2(low), ivec2(high), uvec2(block));
 }
 
 void main() {
@@ -25,7 +25,7 @@ void main() {
     barrier();
     if (i < batch.y) {
         if (set_up(batch.x + i, s, box))
-            bits = bound(find_span(box, i / batch.z));
+            bits = bound(compute_span(box, i / batch.z));
         if (bits != NOWHERE)
             write_splat(i, s);
         spans[i] = bits;

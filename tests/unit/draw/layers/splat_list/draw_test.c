@@ -489,7 +489,7 @@ static void test_closed_tiles(void **state) {
         bool closed[SIDE / SP_VOXEL_TILE * (SIDE / SP_VOXEL_TILE)];
         open_balls(&rig, (const double[3]){ 1, 1, 1 }, 2);
         rig.layer.detail = is_flat ? SP_SHELL_FAST : SP_SHELL_HIGH;
-        assert_true(sp_voxel_find(test_shell_start(&rig, NULL), &shell, NULL));
+        assert_true(sp_voxel_source_acquire(test_shell_start(&rig, NULL), &shell, NULL));
         uint32_t count = shell.source.order.count, kept = 0;
         struct sp_voxel_record *all = calloc(count, sizeof *all),
                                *some = calloc(count, sizeof *some);

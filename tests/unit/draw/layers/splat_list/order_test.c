@@ -68,8 +68,8 @@ static void sort(struct test_shell *rig, const struct sp_voxel_list *list, bool 
 }
 
 /* Ranks of the list's voxels in the order, from 1 on; 0 = left out. malloc'ed. */
-static uint32_t *find_ranks(struct test_shell *rig, const struct sp_voxel_list *list,
-                            bool keeps_hidden) {
+static uint32_t *compute_ranks(struct test_shell *rig, const struct sp_voxel_list *list,
+                               bool keeps_hidden) {
     struct sp_voxel_order order;
     sort(rig, list, keeps_hidden, false, &order);
     uint32_t *ranks = calloc(list->count + 1, sizeof *ranks);
@@ -95,8 +95,8 @@ static int compare_met(const void *a, const void *b) {
     return p->begin < q->begin ? -1 : p->begin > q->begin;
 }
 
-static uint32_t find_met(const struct test_shell *rig, const struct sp_voxel_list *list,
-                         const struct test_ray *ray, struct met *met) {
+static uint32_t collect_met(const struct test_shell *rig, const struct sp_voxel_list *list,
+                            const struct test_ray *ray, struct met *met) {
     uint32_t n = 0;
     double t[2];
     for (uint32_t v = 0; v < list->count; v++) {
@@ -145,13 +145,14 @@ static uint32_t check_view(struct test_shell *rig, bool starts_inside) {
     const struct sp_voxel_list *list = sp_shell_cache_get(&rig->cache, &job, NULL);
     assert_non_null(list);
     assert_in_range(list->count, 100, 2184);
-    uint32_t *all = find_ranks(rig, list, true), *seen = find_ranks(rig, list, false), hidden = 0;
+    uint32_t *all = compute_ranks(rig, list, true), *seen = compute_ranks(rig, list, false),
+             hidden = 0;
     struct met *met = malloc(list->count * sizeof *met);
     assert_non_null(met);
     for (int i = 0; i < RAYS; i++) {
         struct test_ray ray =
             test_shell_ray(rig, 64.0 * rand() / RAND_MAX, 64.0 * rand() / RAND_MAX);
-        uint32_t n = find_met(rig, list, &ray, met), last[2] = { 0, 0 };
+        uint32_t n = collect_met(rig, list, &ray, met), last[2] = { 0, 0 };
         bool is_hit = starts_inside; /* an opaque voxel is drawn nearer to the eye */
         for (uint32_t k = 0; k < n; k++) {
             uint32_t v = met[k].voxel;
@@ -238,7 +239,7 @@ static void test_near_plane(void **state) {
     const struct sp_voxel_list *list = sp_shell_cache_get(&rig.cache, &job, NULL);
     assert_non_null(list);
     camera->near = 100; /* through the middle: the eye is at z = -100 */
-    uint32_t *seen = find_ranks(&rig, list, false);
+    uint32_t *seen = compute_ranks(&rig, list, false);
     for (uint32_t v = 0; v < list->count; v++) {
         double z = (list->voxels[v].at[2] - 6.0) * 0.8;
         if (z > 0 && z < 3) /* beyond the plane, and not far */

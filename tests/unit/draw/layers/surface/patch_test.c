@@ -20,13 +20,13 @@ struct piece {
     float at[3], area[3];
 };
 
-static int find(const double f[8], struct piece out[SURFACE_PARTS_MAX]) {
+static int compute_patches(const double f[8], struct piece out[SURFACE_PARTS_MAX]) {
     struct sp_surface_patches patches = { 0 };
     struct sp_surface_parts parts;
     unsigned inside = 0;
     for (int c = 0; c < 8; c++)
         inside |= (unsigned)((float)f[c] >= 0) << c;
-    sp_surface_find_parts(inside, &parts);
+    sp_surface_parts_init(inside, &parts);
     patches.count = parts.count;
     for (int p = 0; p < parts.count; p++) {
         for (int c = 0; c < 8; c++)
@@ -34,7 +34,7 @@ static int find(const double f[8], struct piece out[SURFACE_PARTS_MAX]) {
         patches.corners[p] = parts.corners[p];
         patches.sign[p] = parts.are_outside ? -1 : 1;
     }
-    sp_surface_find_patches(&patches);
+    sp_surface_patches_compute(&patches);
     for (int p = 0; p < parts.count; p++)
         for (int a = 0; a < 3; a++) {
             out[p].at[a] = patches.at[a][p];
@@ -86,7 +86,7 @@ static void planes_are_exact(void **state) {
             }
         const double area = count / (STEPS * STEPS) / fabs(n[b]);
         struct piece patch[SURFACE_PARTS_MAX];
-        assert_int_equal(find(f, patch), 1);
+        assert_int_equal(compute_patches(f, patch), 1);
         for (int a = 0; a < 3; a++) {
             assert_compare(fabs(patch[0].area[a] + n[a] * area), <, 0.01);
             if (area > 0.05)
@@ -121,7 +121,7 @@ static void closed_surfaces_have_no_area(void **state) {
                 }
                 if (inside == 0 || inside == 255)
                     continue;
-                int count = find(f, patch);
+                int count = compute_patches(f, patch);
                 most = count > most ? count : most;
                 for (int p = 0; p < count; p++)
                     for (int a = 0; a < 3; a++) {
@@ -151,7 +151,7 @@ static void extreme_values_are_finite(void **state) {
         }
         if (inside == 0 || inside == 8)
             continue;
-        int count = find(f, patch);
+        int count = compute_patches(f, patch);
         for (int p = 0; p < count; p++)
             for (int a = 0; a < 3; a++) {
                 assert_compare(fabs(patch[p].area[a]), <=, 1.000001);

@@ -23,8 +23,8 @@
  * sent if that was longer, exact if the link was busy (Cardwell et al., BBR, 2016). The largest of
  * the last 8 to 16 frames counts, or of the last 1 to 2 seconds, whichever is shorter.
  */
-#ifndef SRV_SESSION_WINDOW_H
-#define SRV_SESSION_WINDOW_H
+#ifndef SRV_SESSION_CONGESTION_H
+#define SRV_SESSION_CONGESTION_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -32,9 +32,12 @@
 
 #include "session/ack_delay.h"
 
-enum { SRV_WINDOW_FIRST = 2, SRV_WINDOW_MAX = 64 }; /* frames before the first acknowledgement */
+enum {
+    SRV_CONGESTION_FIRST = 2,
+    SRV_CONGESTION_MAX = 64
+}; /* frames before the first acknowledgement */
 
-struct srv_window_frame {
+struct srv_congestion_frame {
     uint32_t frame;
     size_t bytes;
     double sent_ms;
@@ -46,10 +49,10 @@ struct srv_window_frame {
     double before_ms; /* when the frame of that acknowledgement was sent; sent_ms if alone */
 };
 
-struct srv_window {
-    struct srv_window_frame inflight[SRV_WINDOW_MAX]; /* ring of unacknowledged frames */
-    unsigned head, count;                             /* head: the oldest */
-    size_t bytes;                                     /* of the unacknowledged frames */
+struct srv_congestion {
+    struct srv_congestion_frame inflight[SRV_CONGESTION_MAX]; /* ring of unacknowledged frames */
+    unsigned head, count;                                     /* head: the oldest */
+    size_t bytes;                                             /* of the unacknowledged frames */
     double base_ms[2];    /* shortest in the current and the previous 10 s; 0 = none */
     double base_epoch_ms; /* start of the current 10 s */
     bool is_base_exact;   /* it is that of a pong */
@@ -66,38 +69,40 @@ struct srv_window {
     uint32_t last_frame;  /* newest sent; 0 = none */
 };
 
-void srv_window_init(struct srv_window *window);
+void srv_congestion_init(struct srv_congestion *window);
 
-/* A frame goes to the socket. Frame numbers rise. At most SRV_WINDOW_MAX may be unacknowledged. */
-void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, double now_ms);
+/* A frame goes to the socket. Frame numbers rise. At most SRV_CONGESTION_MAX may be unacknowledged.
+ */
+void srv_congestion_sent(struct srv_congestion *window, uint32_t frame, size_t bytes,
+                         double now_ms);
 
 /* The client has `frame` and all older ones. False if it was never sent; an old one again is
  * harmless. */
-bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms);
+bool srv_congestion_acked(struct srv_congestion *window, uint32_t frame, double now_ms);
 
 /* A ping was answered after rtt_ms. No frame was unacknowledged when it was sent. */
-void srv_window_ponged(struct srv_window *window, double rtt_ms, double now_ms);
+void srv_congestion_ponged(struct srv_congestion *window, double rtt_ms, double now_ms);
 
-struct srv_window_demand { /* for one more frame */
-    unsigned waiting;      /* frames that are being made or wait for the socket */
-    double lead_ms;        /* expected time to draw and encode it */
+struct srv_congestion_demand { /* for one more frame */
+    unsigned waiting;          /* frames that are being made or wait for the socket */
+    double lead_ms;            /* expected time to draw and encode it */
     int max_fps;
     size_t bytes_max; /* of unacknowledged frames */
 };
 /* Returns when the frame may begin: a time up to now_ms = now; INFINITY = after the next
  * acknowledgement. One frame is always allowed, however large. */
-double srv_window_opens_ms(const struct srv_window *window, const struct srv_window_demand *demand,
-                           double now_ms);
+double srv_congestion_opens_ms(const struct srv_congestion *window,
+                               const struct srv_congestion_demand *demand, double now_ms);
 
 /* Returns the measured round trip, ms; 0 = not known yet. */
-double srv_window_rtt_ms(const struct srv_window *window);
+double srv_congestion_rtt_ms(const struct srv_congestion *window);
 /* Returns what the link carries, bytes per ms; 0 = not known yet. */
-double srv_window_rate(const struct srv_window *window);
+double srv_congestion_rate(const struct srv_congestion *window);
 /* Returns how many frames of the present size are on the way at once while frames are sent as fast
- * as the link and the granted rate allow, [1, SRV_WINDOW_MAX]. */
-unsigned srv_window_frames(const struct srv_window *window, int max_fps);
+ * as the link and the granted rate allow, [1, SRV_CONGESTION_MAX]. */
+unsigned srv_congestion_frames(const struct srv_congestion *window, int max_fps);
 
 /* Returns when the oldest unacknowledged frame was sent, ms; 0 = there is none. */
-double srv_window_oldest_ms(const struct srv_window *window);
+double srv_congestion_oldest_ms(const struct srv_congestion *window);
 
 #endif

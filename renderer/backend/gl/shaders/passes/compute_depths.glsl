@@ -18,14 +18,14 @@ layout(location = 41) uniform float part_at[12]; // struct sp_cloud
 shared int group_nearest, group_farthest;
 
 // The deviation of a kernel's depth.
-float find_deviation(uint e) {
+float compute_deviation(uint e) {
     uint l = 3u * batch.y + 6u * e;
     vec3 first = vec3(elements[l], elements[l + 1u], elements[l + 3u]); // columns of the factor, from their diagonal on
     vec2 second = vec2(elements[l + 2u], elements[l + 4u]);
     return parts.y * length(vec3(dot(steps.xyz, first), dot(steps.yz, second), steps.z * elements[l + 5u]));
 }
 
-float find_depth(uint e, uint part) {
+float compute_depth(uint e, uint part) {
     vec3 p = vec3(elements[3u * e], elements[3u * e + 1u], elements[3u * e + 2u]);
     float depth = steps.w + dot(steps.xyz, p), value = elements[9u * batch.y + e];
     bool is_drawn = depth >= least.x && depth < 1e18 &&
@@ -33,7 +33,7 @@ float find_depth(uint e, uint part) {
     for (uint i = 0u; i < planes; i++)
         is_drawn = is_drawn && clip[i].w + dot(clip[i].xyz, p) >= 0.0;
     if (is_drawn && parts.x > 1.0)
-        depth += part_at[part] * find_deviation(e);
+        depth += part_at[part] * compute_deviation(e);
     return is_drawn ? depth : INFINITE;
 }
 
@@ -46,7 +46,7 @@ void main() {
     barrier();
     if (i < batch.x) {
         uint n = uint(parts.x), part = i % n, e = batch.z != 0u ? choice[i / n] : i / n;
-        float depth = find_depth(e, part);
+        float depth = compute_depth(e, part);
         items[i] = Item(depth, e * n + part);
         if (is_seen(depth)) {
             atomicMin(group_nearest, ordinal(depth));

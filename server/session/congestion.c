@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "session/window.h"
+#include "session/congestion.h"
 
 #include <assert.h>
 #include <math.h>
@@ -13,37 +13,38 @@ enum { RATE_EPOCH_ACKS = 8 };
 #define EARLY_MS 3.0 /* a frame may wait so long for the link: it must not idle by jitter */
 #define LATE_MS 10.0 /* an acknowledgement may be so late, and an interval between frames */
 
-void srv_window_init(struct srv_window *window) {
+void srv_congestion_init(struct srv_congestion *window) {
     memset(window, 0, sizeof *window);
 }
 
-static struct srv_window_frame *at(struct srv_window *window, unsigned i) {
-    return &window->inflight[(window->head + i) % SRV_WINDOW_MAX];
+static struct srv_congestion_frame *at(struct srv_congestion *window, unsigned i) {
+    return &window->inflight[(window->head + i) % SRV_CONGESTION_MAX];
 }
 
-static double send_ms(const struct srv_window *window, double bytes) {
-    double rate = srv_window_rate(window);
+static double send_ms(const struct srv_congestion *window, double bytes) {
+    double rate = srv_congestion_rate(window);
     return rate > 0 ? bytes / rate : 0;
 }
 
 /* Expects when the link has carried the frame. */
-static void expect(struct srv_window *window, struct srv_window_frame *f) {
+static void expect(struct srv_congestion *window, struct srv_congestion_frame *f) {
     window->free_ms = fmax(window->free_ms, f->sent_ms) + send_ms(window, (double)f->bytes);
-    f->due_ms = window->free_ms + srv_window_rtt_ms(window);
+    f->due_ms = window->free_ms + srv_congestion_rtt_ms(window);
 }
 
-void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, double now_ms) {
+void srv_congestion_sent(struct srv_congestion *window, uint32_t frame, size_t bytes,
+                         double now_ms) {
     bool alone = window->count == 0;
-    assert(window->count < SRV_WINDOW_MAX && frame > window->last_frame);
-    struct srv_window_frame *f = at(window, window->count++);
-    *f = (struct srv_window_frame){ .frame = frame,
-                                    .bytes = bytes,
-                                    .sent_ms = now_ms,
-                                    .alone = alone,
-                                    .is_first = alone || window->free_ms <= now_ms,
-                                    .acked = window->acked_bytes,
-                                    .acked_ms = alone ? now_ms : window->last_ack_ms,
-                                    .before_ms = alone ? now_ms : window->last_sent_ms };
+    assert(window->count < SRV_CONGESTION_MAX && frame > window->last_frame);
+    struct srv_congestion_frame *f = at(window, window->count++);
+    *f = (struct srv_congestion_frame){ .frame = frame,
+                                        .bytes = bytes,
+                                        .sent_ms = now_ms,
+                                        .alone = alone,
+                                        .is_first = alone || window->free_ms <= now_ms,
+                                        .acked = window->acked_bytes,
+                                        .acked_ms = alone ? now_ms : window->last_ack_ms,
+                                        .before_ms = alone ? now_ms : window->last_sent_ms };
     expect(window, f);
     window->bytes += bytes;
     window->last_frame = frame;
@@ -52,7 +53,8 @@ void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, do
 }
 
 /* `may_drop`: older measurements are dropped when their time is over. */
-static void measure_base(struct srv_window *window, double rtt_ms, bool may_drop, double now_ms) {
+static void measure_base(struct srv_congestion *window, double rtt_ms, bool may_drop,
+                         double now_ms) {
     double age_ms = now_ms - window->base_epoch_ms;
     if (may_drop && age_ms > BASE_EPOCH_MS) {
         window->base_ms[1] = age_ms > 2 * BASE_EPOCH_MS ? 0 : window->base_ms[0];
@@ -63,13 +65,13 @@ static void measure_base(struct srv_window *window, double rtt_ms, bool may_drop
         window->base_ms[0] = fmax(rtt_ms, 0.01);
 }
 
-static void measure_rate(struct srv_window *window, const struct srv_window_frame *f,
+static void measure_rate(struct srv_congestion *window, const struct srv_congestion_frame *f,
                          double now_ms) {
     double bytes = (double)(window->acked_bytes - f->acked);
     double took_ms = fmax(now_ms - f->acked_ms, f->sent_ms - f->before_ms);
     double rate = bytes / fmax(took_ms, TRIP_MIN_MS);
     if (window->is_base_exact) {
-        const double trip_ms = now_ms - f->sent_ms - srv_window_rtt_ms(window);
+        const double trip_ms = now_ms - f->sent_ms - srv_congestion_rtt_ms(window);
         srv_ack_delay_limit(&window->delay, trip_ms);
         if (f->is_first)
             rate = fmax(rate, srv_ack_delay_add(&window->delay, (double)f->bytes, trip_ms, now_ms));
@@ -86,20 +88,20 @@ static void measure_rate(struct srv_window *window, const struct srv_window_fram
 }
 
 /* The frames before the unacknowledged ones had passed the link by `passed_ms`. */
-static void predict_arrivals(struct srv_window *window, double passed_ms) {
+static void predict_arrivals(struct srv_congestion *window, double passed_ms) {
     window->free_ms = passed_ms;
     for (unsigned i = 0; i < window->count; i++)
         expect(window, at(window, i));
 }
 
-bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms) {
+bool srv_congestion_acked(struct srv_congestion *window, uint32_t frame, double now_ms) {
     if (frame == 0 || frame > window->last_frame)
         return false;
     bool is_new = false;
     while (window->count > 0 && at(window, 0)->frame <= frame) {
-        struct srv_window_frame *oldest = at(window, 0);
+        struct srv_congestion_frame *oldest = at(window, 0);
         double rtt_ms = now_ms - oldest->sent_ms;
-        bool has_pong = window->is_base_exact, is_shorter = rtt_ms < srv_window_rtt_ms(window);
+        bool has_pong = window->is_base_exact, is_shorter = rtt_ms < srv_congestion_rtt_ms(window);
         window->acked_bytes += oldest->bytes;
         window->bytes -= oldest->bytes;
         if (!has_pong || is_shorter) {
@@ -108,38 +110,38 @@ bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms) 
         }
         measure_rate(window, oldest, now_ms);
         window->last_sent_ms = oldest->sent_ms;
-        window->head = (window->head + 1) % SRV_WINDOW_MAX;
+        window->head = (window->head + 1) % SRV_CONGESTION_MAX;
         window->count--;
         is_new = true;
     }
     if (is_new) {
         window->last_ack_ms = now_ms;
-        predict_arrivals(window, now_ms - srv_window_rtt_ms(window));
+        predict_arrivals(window, now_ms - srv_congestion_rtt_ms(window));
     }
     return true;
 }
 
-void srv_window_ponged(struct srv_window *window, double rtt_ms, double now_ms) {
+void srv_congestion_ponged(struct srv_congestion *window, double rtt_ms, double now_ms) {
     if (!window->is_base_exact)
         window->base_ms[0] = window->base_ms[1] = 0;
     window->is_base_exact = true;
     measure_base(window, rtt_ms, true, now_ms);
 }
 
-static bool is_late(const struct srv_window *window, int max_fps, double now_ms) {
+static bool is_late(const struct srv_congestion *window, int max_fps, double now_ms) {
     return window->count > 0 &&
            now_ms > window->inflight[window->head].due_ms + LATE_MS + 1000.0 / max_fps;
 }
 
-double srv_window_opens_ms(const struct srv_window *window, const struct srv_window_demand *demand,
-                           double now_ms) {
+double srv_congestion_opens_ms(const struct srv_congestion *window,
+                               const struct srv_congestion_demand *demand, double now_ms) {
     unsigned all = window->count + demand->waiting;
     if (all == 0)
         return now_ms;
-    if (all >= SRV_WINDOW_MAX || window->bytes >= demand->bytes_max)
+    if (all >= SRV_CONGESTION_MAX || window->bytes >= demand->bytes_max)
         return INFINITY;
-    if (srv_window_rate(window) == 0)
-        return all < SRV_WINDOW_FIRST ? now_ms : INFINITY;
+    if (srv_congestion_rate(window) == 0)
+        return all < SRV_CONGESTION_FIRST ? now_ms : INFINITY;
     if (is_late(window, demand->max_fps, now_ms))
         return INFINITY;
     double free_ms =
@@ -147,22 +149,23 @@ double srv_window_opens_ms(const struct srv_window *window, const struct srv_win
     return free_ms - demand->lead_ms - EARLY_MS;
 }
 
-double srv_window_rtt_ms(const struct srv_window *window) {
+double srv_congestion_rtt_ms(const struct srv_congestion *window) {
     if (window->base_ms[1] == 0)
         return window->base_ms[0];
     return window->base_ms[0] == 0 ? window->base_ms[1]
                                    : fmin(window->base_ms[0], window->base_ms[1]);
 }
 
-double srv_window_rate(const struct srv_window *window) {
+double srv_congestion_rate(const struct srv_congestion *window) {
     return fmax(window->rate[0], window->rate[1]);
 }
 
-unsigned srv_window_frames(const struct srv_window *window, int max_fps) {
+unsigned srv_congestion_frames(const struct srv_congestion *window, int max_fps) {
     double interval_ms = fmax(1000.0 / max_fps, send_ms(window, window->frame_bytes));
-    return (unsigned)fmin(ceil(srv_window_rtt_ms(window) / interval_ms) + 1, SRV_WINDOW_MAX);
+    return (unsigned)fmin(ceil(srv_congestion_rtt_ms(window) / interval_ms) + 1,
+                          SRV_CONGESTION_MAX);
 }
 
-double srv_window_oldest_ms(const struct srv_window *window) {
+double srv_congestion_oldest_ms(const struct srv_congestion *window) {
     return window->count ? window->inflight[window->head].sent_ms : 0;
 }
