@@ -136,9 +136,9 @@ GLOSSARY = [
     (r'\b[c]ompany\b', r'clients/web/|tests/web/', 'participants'),
     (r'\b[o]verburdened\b|\b[s]tand-in\b', '', 'fallback reason, fallback backend'),
     (r'\b[p]ictures?\b', C_CODE, 'image or frame'),
-    (r'\b(\w+_)?[t]ake(_\w+)?\(', C_CODE, 'the verb for it: read, parse, set, acquire, pop, consume'),
+    (r'(\b|_)[t]ake(_\w+)?\(', C_CODE, 'the verb for it: read, parse, set, acquire, pop, consume'),
     (r'^(static |inline )*(void|float|double|struct \w+) (\w+_)?[f]ind(_\w+)?\(', C_CODE, 'compute, choose or fill: find searches and may fail'),
-    (r'\b[A-Z]\w*_[M]OST\b', C_CODE, '_MAX'),
+    (r'[A-Z0-9]_[M]OST\b', C_CODE, '_MAX'),
     (r'\b([n]obody|[s]omebody|[a]new)\b', '', 'name the thing'),
     (r'\b[f]or who\b|\b([l]et|[l]ets) go of\b|\b[s]o [m]any (a|an)\b', '', 'plain English'),
     (rf'\b({COUNTED}) [a]n? ({PER})\b', '', 'per'),
@@ -527,8 +527,8 @@ def clocks(o):
                 if re.search(r'\b(pthread_cond_timedwait|sem_timedwait|pthread_mutex_timedlock) *\((?!\))', line):
                     folder = os.path.dirname(os.path.join(o.source, path))
                     beside = [line for name in os.listdir(folder) if name.endswith('.c') for line in lines(folder, name)]
-                    if not any('pthread_condattr_setclock' in line for line in beside):
-                        yield f'{path}:{number}: waits for a time of day; set the clock of the condition with pthread_condattr_setclock()'
+                    if not any(re.search('pthread_condattr_setclock|srv_clock_cond_init', line) for line in beside):
+                        yield f'{path}:{number}: waits for a time of day; make the condition with srv_clock_cond_init()'
 
 
 def format_(o):
