@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a volume consists of if it has no grid: points, Gaussians or triangles, in no order.
+ * The elements of a volume without a grid: points, Gaussians or triangles, in no order.
  *
- *   points      a scalar each, and perhaps a vector; drawn like voxels, through the transfer
+ *   points      a scalar and optionally a vector per point; drawn like voxels, through the transfer
  *               function
- *   gaussians   a trained scene (Kerbl et al. 2023): opacity and colour each, by direction
+ *   gaussians   a trained scene (Kerbl et al. 2023): opacity and view-dependent colour per Gaussian
  *   mesh        triangles with colours and normals per vertex
  *
- * The grid of such a volume is the box around its elements: one sample, which is not finite.
+ * The grid of such a volume is the box around its elements. It has one sample, which is not finite.
  * Elements lie in the memory of the volume (sp_volume_elements()) and never change.
  */
 #ifndef SP_ELEMENTS_H
@@ -25,7 +25,7 @@ extern "C" {
 enum sp_kind { SP_KIND_GRID, SP_KIND_POINTS, SP_KIND_GAUSSIANS, SP_KIND_MESH, SP_KIND_COUNT };
 
 enum {
-    SP_ELEMENTS_MAX = 1 << 28, /* points, Gaussians, triangles, or vertices of a volume */
+    SP_ELEMENTS_MAX = 1 << 28, /* largest number of points, Gaussians, triangles or vertices */
     SP_HARMONICS_DEGREE_MAX = 3
 };
 
@@ -33,23 +33,24 @@ struct sp_elements_shape {
     enum sp_kind kind;
     uint32_t count;        /* points, Gaussians or triangles, [0, SP_ELEMENTS_MAX]; grid: 0 */
     uint32_t vertex_count; /* mesh: [0, SP_ELEMENTS_MAX] */
-    uint32_t degree;       /* gaussians: of the spherical harmonics, [0, SP_HARMONICS_DEGREE_MAX] */
-    bool has_vectors;      /* points: one each */
+    /* gaussians: degree of the spherical harmonics, [0, SP_HARMONICS_DEGREE_MAX] */
+    uint32_t degree;
+    bool has_vectors; /* points: each has a vector */
 };
 
-/* Arrays that the kind does not have are NULL. Numbers may be anything, unless a comment says
- * otherwise: an element that is not finite is not drawn. */
+/* An array that the kind does not have is NULL. Unless a comment says otherwise, numbers may have
+ * any value; an element with a NaN or infinite number is not drawn. */
 struct sp_elements {
     struct sp_elements_shape shape;
     float (*positions)[3]; /* [count]; mesh: [vertex_count]. World units */
     /* points, gaussians: L00, L10, L11, L20, L21, L22 of a triangular matrix L: L·Lᵀ is the
-     * variance [world unit²]. May be singular, or 0. */
+     * variance [world unit²]. L may be singular, or 0. */
     float (*factors)[6];
-    float *values;  /* points: scalars, data unit */
-    float *volumes; /* points: of the space around each, > 0 [world unit³] */
-    /* points with vectors: along the axes of the world of the data [data unit] */
+    float *values;  /* points: scalars [data unit] */
+    float *volumes; /* points: volume of the space around each point, > 0 [world unit³] */
+    /* points with vectors: components along the world axes of the data [data unit] */
     float (*vectors)[3];
-    float *opacities; /* gaussians: at the centre, [0, 1] */
+    float *opacities; /* gaussians: opacity at the centre, [0, 1] */
     /* gaussians: [count][(degree + 1)²][3] coefficients of red, green and blue. The colour is
      * 0.5 + Σ coefficient · harmonic(direction from the eye), at least 0. */
     float *harmonics;
@@ -58,11 +59,11 @@ struct sp_elements {
     uint32_t (*triangles)[3]; /* mesh: [count] vertices, < vertex_count */
 };
 
-/* Returns the name that the protocol uses: "grid", "points", "gaussians", "mesh". A constant
+/* Returns the name of the kind in the protocol: "grid", "points", "gaussians", "mesh". A constant
  * string. */
 SP_API const char *sp_kind_name(enum sp_kind kind);
 
-/* Coefficients of spherical harmonics per colour. */
+/* Returns the number of coefficients of spherical harmonics per colour. */
 static inline uint32_t sp_harmonics_count(uint32_t degree) {
     return (degree + 1) * (degree + 1);
 }

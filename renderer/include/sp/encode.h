@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Encodes a frame as an image file: JPEG with libjpeg-turbo, PNG with libpng, WebP with libwebp.
- * EXR uses OpenImageIO, which `splat-exr.so` brings; the module is loaded for the first EXR image.
+ * EXR uses OpenImageIO in the module `splat-exr.so`, which is loaded for the first EXR image.
  */
 #ifndef SP_ENCODE_H
 #define SP_ENCODE_H
@@ -40,8 +40,8 @@ SP_API const struct sp_image_format_info *sp_image_format_info(enum sp_image_for
  * SP_IMAGE_FORMAT_COUNT if none matches. Thread-safe. */
 SP_API enum sp_image_format sp_image_format_find(const char *text);
 
-/* Returns an upper bound of the memory that encoding an image takes beside its pixels, and a copy
- * of the file [bytes]. Thread-safe. */
+/* Returns an upper bound of the memory that encoding an image takes, in bytes: without its pixels,
+ * but with a copy of the encoded file. Thread-safe. */
 SP_API uint64_t sp_encode_bytes(enum sp_image_format format, const uint32_t size[2]);
 
 /* An encoder keeps the memory that it reuses from frame to frame. One thread at a time. */
@@ -50,7 +50,8 @@ struct sp_encoder;
 SP_API struct sp_encoder *sp_encoder_create(struct sp_error *err);
 /* Accepts a NULL encoder and nulls *encoder. */
 SP_API void sp_encoder_destroy(struct sp_encoder **encoder);
-/* Frees what the encoder keeps for large images; the bytes of the last image are no longer valid.
+/* Frees the memory that the encoder keeps for large images. The bytes of the last image become
+ * invalid.
  */
 SP_API void sp_encoder_trim(struct sp_encoder *encoder);
 
@@ -61,8 +62,8 @@ enum sp_chroma { SP_CHROMA_AUTO, SP_CHROMA_444, SP_CHROMA_422, SP_CHROMA_420, SP
 SP_API const char *sp_chroma_name(enum sp_chroma chroma);
 /* Returns SP_CHROMA_COUNT if the name is unknown. Thread-safe. */
 SP_API enum sp_chroma sp_chroma_find(const char *name);
-/* Resolves AUTO, which means 4:2:0 below quality 90 and 4:4:4 from 90 on; returns the others as
- * they are. Thread-safe. */
+/* Replaces AUTO by 4:2:0 below quality 90 and by 4:4:4 from 90 on; returns any other value
+ * unchanged. Thread-safe. */
 SP_API enum sp_chroma sp_chroma_at(enum sp_chroma chroma, int quality);
 /* Sets the subsampling of this encoder's next JPEG images; default SP_CHROMA_AUTO. */
 SP_API void sp_encoder_set_chroma(struct sp_encoder *encoder, enum sp_chroma chroma);
@@ -71,8 +72,8 @@ SP_API void sp_encoder_set_chroma(struct sp_encoder *encoder, enum sp_chroma chr
  *   share(user, own, count, stripe, of)
  * once per JPEG. The callback calls stripe(of, i, with) once for each i < count, on any threads,
  * and returns when all of these calls have returned. `with` is an encoder that no other call uses
- * meanwhile; `own` is the one that sp_encode() was called with. The bytes do not depend on which
- * thread encodes which stripe. */
+ * meanwhile; `own` is the encoder that sp_encode() was called with. The bytes do not depend on
+ * which thread encodes which stripe. */
 typedef void sp_stripe_fn(void *of, unsigned i, struct sp_encoder *with);
 typedef void sp_share_fn(void *user, struct sp_encoder *own, unsigned count, sp_stripe_fn *stripe,
                          void *of);
@@ -81,9 +82,9 @@ typedef void sp_share_fn(void *user, struct sp_encoder *own, unsigned count, sp_
 SP_API void sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *user);
 
 /* Encodes the frame. quality: [1, 100]; lossless formats ignore it. JPEG has no alpha: the image is
- * blended over black. On success *bytes and *size are the file; the encoder owns the bytes, and
- * they are valid until its next call. Errors: SP_ERR_MEMORY, SP_ERR_BACKEND (the library failed),
- * SP_ERR_IO (the EXR module cannot be loaded). */
+ * blended over black. On success *bytes and *size describe the encoded file. The encoder owns the
+ * bytes; they are valid until the next call of the encoder. Errors: SP_ERR_MEMORY, SP_ERR_BACKEND
+ * (the library failed), SP_ERR_IO (the EXR module cannot be loaded). */
 SP_API bool sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
                       enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
                       struct sp_error *err);

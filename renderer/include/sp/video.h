@@ -13,7 +13,7 @@
  * because libx264 is under the GPL.
  *
  * Images are converted to 4:2:0, BT.601, limited range, blended over black like a JPEG. H.264
- * images have even sides: the last column or row of an odd side is repeated.
+ * images have even sides: an odd side is extended by a copy of its last column or row.
  */
 #ifndef SP_VIDEO_H
 #define SP_VIDEO_H
@@ -39,29 +39,29 @@ SP_API enum sp_video_codec sp_video_codec_find(const char *name);
 /* True if this installation can encode the codec. Looks for the module's file. Thread-safe. */
 SP_API bool sp_video_is_available(enum sp_video_codec codec);
 
-/* Returns an upper bound of the memory of an encoder for frames of at most that size [bytes].
+/* Returns an upper bound of the memory of an encoder, in bytes, for frames of at most `size`.
  * Thread-safe. */
 SP_API uint64_t sp_video_bytes(enum sp_video_codec codec, const uint32_t size[2]);
 
 /* The encoder of one stream. One thread at a time. */
 struct sp_video;
 
-/* threads: the most that the encoder may start, [1, 8]. Returns NULL on failure: SP_ERR_MEMORY, or
- * SP_ERR_UNSUPPORTED if the codec is not available. */
+/* Creates an encoder. threads: the number of threads that the encoder may start, [1, 8]. Returns
+ * NULL on failure: SP_ERR_MEMORY, or SP_ERR_UNSUPPORTED if the codec is not available. */
 SP_API struct sp_video *sp_video_create(enum sp_video_codec codec, unsigned threads,
                                         struct sp_error *err);
 /* Accepts a NULL encoder and nulls *video. */
 SP_API void sp_video_destroy(struct sp_video **video);
 
 struct sp_video_packet {
-    const uint8_t *bytes; /* owned by the encoder; valid until its next call */
+    const uint8_t *bytes; /* owned by the encoder; valid until the next call of the encoder */
     size_t size;          /* bytes, > 0 */
     bool is_key;          /* a decoder can start here */
 };
 
-/* Encodes one frame. quality: [1, 100], about that of a JPEG of the same number. is_key: make a key
- * frame. The first frame, a frame of a new size, and the frame after a failure are key frames in
- * any case. Errors: SP_ERR_MEMORY, SP_ERR_BACKEND (the codec failed). */
+/* Encodes one frame. quality: [1, 100]; the image looks about like a JPEG of that quality. is_key:
+ * make a key frame. The first frame, a frame of a new size, and the frame after a failure are
+ * always key frames. Errors: SP_ERR_MEMORY, SP_ERR_BACKEND (the codec failed). */
 SP_API bool sp_video_encode(struct sp_video *video, const struct sp_frame *frame, int quality,
                             bool is_key, struct sp_video_packet *packet, struct sp_error *err);
 
