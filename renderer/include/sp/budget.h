@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A budget of the memory that frames take: what renderers draw in, pixels, what encoders need.
- * Callers acquire bytes before they allocate them, and release them when they free them. What is
- * cached of volumes has limits of its own (sp_renderer_options.memory_bytes). All functions are
+ * A budget for the memory of frames: the working memory of renderers, pixels, and encoders. Callers
+ * acquire bytes before they allocate them, and release the bytes when they free them. Cached data
+ * of volumes has limits of its own (sp_renderer_options.memory_bytes). All functions are
  * thread-safe and accept a NULL budget, which has no limit and counts nothing.
  */
 #ifndef SP_BUDGET_H
@@ -19,9 +19,9 @@ extern "C" {
 #endif
 
 enum sp_budget_kind {
-    SP_BUDGET_ARENAS,   /* what renderers draw in: records, tiles, fragments */
+    SP_BUDGET_ARENAS,   /* working memory of renderers: records, tiles, fragments */
     SP_BUDGET_IMAGES,   /* pixels of frames */
-    SP_BUDGET_ENCODERS, /* of images and of video */
+    SP_BUDGET_ENCODERS, /* encoders of images and of video */
     SP_BUDGET_ANSWERS,  /* encoded images that clients have not read yet, or that are cached */
     SP_BUDGET_KINDS
 };
@@ -33,20 +33,20 @@ SP_API struct sp_budget *sp_budget_create(uint64_t limit_bytes, struct sp_error 
 /* Accepts a NULL budget and nulls *budget. All bytes must have been released. */
 SP_API void sp_budget_destroy(struct sp_budget **budget);
 
-/* Counts the bytes; false, and counts nothing, if that would exceed the limit. */
+/* Counts the bytes. If they would exceed the limit, counts nothing and returns false. */
 SP_API bool sp_budget_acquire(struct sp_budget *budget, enum sp_budget_kind kind, uint64_t bytes);
-/* Counts bytes that are there already, even above the limit. */
+/* Counts bytes that are already allocated, even above the limit. */
 SP_API void sp_budget_add(struct sp_budget *budget, enum sp_budget_kind kind, uint64_t bytes);
 SP_API void sp_budget_release(struct sp_budget *budget, enum sp_budget_kind kind, uint64_t bytes);
 
-/* Returns the bytes that are acquired, of one kind or of all. */
+/* Return the bytes that are acquired now: of one kind, or of all kinds. */
 SP_API uint64_t sp_budget_used(const struct sp_budget *budget, enum sp_budget_kind kind);
 SP_API uint64_t sp_budget_total(const struct sp_budget *budget);
 /* UINT64_MAX without a budget. */
 SP_API uint64_t sp_budget_limit(const struct sp_budget *budget);
 
-/* Fails with SP_ERR_FRAME_BUDGET and both numbers; returns false. needed: the bytes that the caller
- * could not acquire; what: for the message. */
+/* Sets *err to SP_ERR_FRAME_BUDGET, with the needed bytes and the limit in the text; returns false.
+ * needed: the bytes that the caller could not acquire. what: names their purpose in the text. */
 SP_API bool sp_budget_fail(const struct sp_budget *budget, const char *what, uint64_t needed,
                            struct sp_error *err);
 

@@ -11,28 +11,27 @@
 extern "C" {
 #endif
 
-/* What the name of an output may end with, for messages. */
+/* The suffixes that the name of an output may have, for messages. */
 #define SP_CONVERT_SUFFIXES ".bricks, .nrrd, .nii, .nii.gz, .vdb, .zarr"
 
-/* Converts what sp_volume_load() reads from `source` to `out`, in the format that the end
- * of its name states: a file, or a folder for OME-Zarr. It is written completely or not at all, in
- * place of an older file, or of a folder that this function wrote; it replaces no other folder
- * (SP_ERR_INVALID). What is
- * kept of a volume (renderer/data/export/README.md): samples in their type, spacing, origin,
- * direction, units and names as far as the format has them; vectors and rectilinear axes in brick
- * files only. Other fields and other time steps than options->step are left out; a warning in the
- * log says so, as it does of vectors.
+/* Reads the volume `source` like sp_volume_load(), and writes it to `out`. The suffix of `out`
+ * chooses the format: a file, or a folder for OME-Zarr. The output is written completely or not at
+ * all. It replaces an older file, or a folder that this function wrote, but no other folder
+ * (SP_ERR_INVALID). The output keeps the samples in their type, and spacing, origin, direction,
+ * units and names as far as the format supports them; only brick files keep vectors and rectilinear
+ * axes (renderer/data/export/README.md). Other fields, and time steps other than options->step, are
+ * left out. A warning in the log lists what was left out, vectors included.
  *
- * The samples pass through a file without a name in the folder of `out`, so that memory does not
- * grow with the number of slices. Built-in volumes may have up to 4096 samples per axis here. Of
- * `options`, which may be NULL, reserve() is not called. Blocks until it is done. Thread-safe.
- * Errors are those of sp_volume_load(), and SP_ERR_UNSUPPORTED for other suffixes and for what the
- * format cannot say: volumes that are no grids; rectilinear axes but in brick files; a unit that is
- * none of length in NIfTI; turned axes in OME-Zarr. */
+ * The samples pass through an unnamed file in the folder of `out`, so that memory does not grow
+ * with the number of slices. Built-in volumes may have up to 4096 samples per axis here. `options`
+ * may be NULL; options->reserve() is not called. Blocks until the output is complete. Thread-safe.
+ * Errors are those of sp_volume_load(), and SP_ERR_UNSUPPORTED for an unknown suffix and for data
+ * that the format cannot store: volumes that are not grids; rectilinear axes, except in brick
+ * files; in NIfTI a unit that is not a length; in OME-Zarr turned axes. */
 SP_API bool sp_convert(const char *source, const char *out, const struct sp_load_options *options,
                        struct sp_error *err);
 
-/* Checks the end of a name alone: SP_ERR_UNSUPPORTED. */
+/* Checks only the suffix of a name: SP_ERR_UNSUPPORTED. */
 SP_API bool sp_convert_check(const char *out, struct sp_error *err);
 
 #ifdef __cplusplus

@@ -32,18 +32,20 @@ struct sp_stage_time {
     double ms;        /* wall-clock time of the stage, >= 0 */
 };
 
-/* What a frame shows of a volume that is larger than memory (sp/bricks.h); 0 for other volumes. */
+/* How completely a frame shows a volume that is larger than memory (sp/bricks.h). For other volumes
+ * all fields are 0. */
 struct sp_frame_bricks {
     bool is_incomplete; /* finer samples are being read, or some bricks are damaged */
     bool is_being_read; /* a later frame of the same view shows more of them */
-    uint32_t level;     /* of the samples, or of the colours of streaks if they are coarser: 0 = all
-                           voxels; of brick files 2^n × 2^n × 2^n in one */
+    /* level of the samples, or of the colours of streaks if those are coarser: 0 = all voxels; in
+     * brick files, a sample of level n stands for 2^n × 2^n × 2^n voxels */
+    uint32_t level;
     uint32_t asked; /* the level that the pixels ask for; `level` is coarser if the memory does not
                        suffice */
-    uint64_t wanted, resident; /* bricks that the frame needs, and those that it shows */
-    uint64_t lost; /* wanted bricks that cannot be read; coarser samples are in their place */
-    uint32_t lost_box[2][3]; /* of one of them, voxels: the first one, and the one past the last */
-    uint64_t memory_bytes;   /* of the volume's samples that are in memory, for all frames */
+    uint64_t wanted, resident; /* bricks that the frame needs, and how many of them it shows */
+    uint64_t lost;             /* wanted bricks that cannot be read; coarser samples replace them */
+    uint32_t lost_box[2][3]; /* voxels of one lost brick: the first voxel, and one past the last */
+    uint64_t memory_bytes;   /* bytes of the volume's samples in memory, for all frames together */
 };
 
 /* True if the frame shows all that its pixels ask for. */
@@ -60,8 +62,9 @@ struct sp_frame_stats {
     uint32_t mip_level; /* [0, SP_MIP_LEVEL_MAX]; n = 2^n × 2^n × 2^n voxels averaged into one;
                            0 = full detail */
     struct sp_frame_bricks bricks;
-    uint64_t visible_voxels; /* visible after classification; of a surface: its points */
-    uint64_t splats;         /* footprints that were drawn, without culled ones */
+    uint64_t visible_voxels; /* voxels that are visible after classification; for a surface, its
+                                points */
+    uint64_t splats;         /* footprints that were drawn, not counting culled footprints */
     uint64_t fragments;      /* area of these footprints inside the image [px], before early
                                 termination */
     double render_ms;        /* wall-clock time of the renderer's calls for this frame */
@@ -73,9 +76,9 @@ struct sp_frame_stats {
 struct sp_frame {
     uint32_t width, height; /* px, [1, SP_SIZE_MAX] */
     enum sp_pixel_format format;
-    size_t stride_bytes; /* from row to row; a multiple of 64 */
+    size_t stride_bytes; /* bytes from row to row; a multiple of 64 */
     void *pixels;        /* height · stride_bytes bytes, 64-byte aligned; owned by the frame */
-    bool is_opaque;      /* every alpha is 1, to 8 bits; false = not known */
+    bool is_opaque;      /* true = every alpha is 1, to 8 bits; false = not known */
     struct sp_frame_stats stats;
 };
 
@@ -89,8 +92,9 @@ SP_API struct sp_frame_pool *sp_frame_pool_create(size_t cap_bytes, struct sp_er
  * freed with their last reference. */
 SP_API void sp_frame_pool_destroy(struct sp_frame_pool **pool);
 
-/* Has the pool take the memory of its frames, idle ones included, from the budget (sp/budget.h,
- * SP_BUDGET_IMAGES), which must outlive the pool and its frames. Call it before the first frame. */
+/* Makes the pool acquire the memory of its frames from the budget (sp/budget.h, SP_BUDGET_IMAGES).
+ * Idle frames count as well. The budget must outlive the pool and its frames. Call it before the
+ * first frame. */
 SP_API void sp_frame_pool_set_budget(struct sp_frame_pool *pool, struct sp_budget *budget);
 /* Frees the memory of idle frames. Thread-safe. */
 SP_API void sp_frame_pool_trim(struct sp_frame_pool *pool);

@@ -2,7 +2,7 @@
  *
  * The log. A level is defined by its consequence:
  *   ERROR  a request was not carried out; an operator must act
- *   WARN   it was carried out, but not as requested or only just; an operator should look
+ *   WARN   a request was carried out, but not as asked or only just; an operator should look
  *   INFO   a state change that an operator wants to see once (started, loaded, stopped)
  *   DEBUG  one line per request or frame; off in operation
  * A line names the peer or volume, the limit and the value. The sink is the only global state of
@@ -30,8 +30,8 @@ struct sp_log_field {
 };
 
 /* Receives one complete line without a newline. Any thread may call it; it must not block for long.
- * `kind` is the constant format string of the line. `fields` is never NULL. The line repeats what
- * the fields say. All pointers are valid during the call only. */
+ * `kind` is the constant format string of the line. `fields` is never NULL. The line also contains
+ * the values of the fields. All pointers are valid during the call only. */
 typedef void sp_log_sink(void *user, enum sp_log_level level, const char *kind,
                          const struct sp_log_field *fields, const char *line);
 

@@ -2,11 +2,11 @@
  *
  * Measurements in a volume: lengths, angles, values along a line, statistics of a region of a
  * plane, sizes of connected parts (sp/part.h) and paths on their surface. All points are world
- * positions, so that a grid may be anisotropic, rotated or sheared.
+ * positions, so the grid may be anisotropic, rotated or sheared.
  *
  * Value at a point: trilinear interpolation between the eight samples around it. The volume reaches
- * half a gap beyond its first and last sample of each axis; there the value is that of the nearest
- * place between samples. Outside of that a point has no value. If a sample that takes part with a
+ * half a gap beyond its first and last sample of each axis. In these margins a point has the value
+ * of the nearest point between samples. Farther outside, a point has no value. If a sample with a
  * weight above 0 is NaN or infinite, the value is not finite.
  *
  *   distance    a ─── b              rectangle  c────┐        ellipse     ╭──c──╮
@@ -15,17 +15,18 @@
  *   path        a ╌╌╌╌╌ b
  *
  * Samples of a region:
- *   - If two axes of the grid lie in its plane, they are the samples of the grid whose centres are
- *     inside, with the value between the two slices of samples beside the plane. A centre on the
- *     border is inside. On a rectilinear grid each sample has the area of its cell as its weight.
- *   - If the plane is oblique, they are the centres of nearly square cells, which divide both sides
- *     evenly (for an ellipse: the sides of the rectangle around it). The size of a cell is close to
- *     the smallest spacing of the grid.
- * Samples outside of the volume are not counted. Samples that are not finite are counted on their
- * own and ignored otherwise.
+ *   - If two axes of the grid lie in the plane of the region: one sample per grid sample whose
+ *     centre is inside the region. Its value is interpolated between the two grid slices beside the
+ *     plane. A centre on the border is inside. On a rectilinear grid, the weight of a sample is the
+ *     area of its cell.
+ *   - If the plane is oblique: the centres of nearly square cells, which divide both sides evenly
+ *     (for an ellipse: the sides of the rectangle around it). The size of a cell is close to the
+ *     smallest spacing of the grid.
+ * Samples outside of the volume are not counted. NaN and infinite samples are counted separately
+ * and otherwise ignored.
  *
- * A part and a path need all samples of the volume. There is no value if no sample near the point
- * is in the range, or if the ends of a path are not on one part.
+ * A part and a path need all samples of the volume. A part has no value if no sample near its point
+ * is in the range. A path has no value if its ends do not lie on the same part.
  */
 #ifndef SP_MEASURE_H
 #define SP_MEASURE_H
@@ -45,7 +46,7 @@ enum sp_measure_kind {
     SP_MEASURE_DISTANCE,  /* from a to b */
     SP_MEASURE_ANGLE,     /* at b, between the directions to a and c */
     SP_MEASURE_PROFILE,   /* the values from a to b */
-    SP_MEASURE_RECTANGLE, /* a corner a and the two corners beside it, b and c */
+    SP_MEASURE_RECTANGLE, /* corner a and the two corners next to it, b and c */
     SP_MEASURE_ELLIPSE,   /* the centre a and the ends of the two semi-axes, b and c */
     SP_MEASURE_MARKER,    /* the value at a */
     SP_MEASURE_PART,      /* the connected part at a */
@@ -54,17 +55,16 @@ enum sp_measure_kind {
 };
 
 enum {
-    SP_MEASURE_POINTS = 3,        /* points of a measurement at most */
-    SP_MEASURE_SAMPLES = 1 << 22, /* samples of a region at most */
-    SP_MEASURE_PART_SAMPLES =
-        1 << 28,                      /* samples of a volume in which parts are measured, at most */
-    SP_MEASURE_BINS = 32,             /* of the histogram of a region */
-    SP_MEASURE_PROFILE_SAMPLES = 4096 /* samples of a profile at most */
+    SP_MEASURE_POINTS = 3,             /* most points of a measurement */
+    SP_MEASURE_SAMPLES = 1 << 22,      /* most samples of a region */
+    SP_MEASURE_PART_SAMPLES = 1 << 28, /* most samples of a volume in which parts are measured */
+    SP_MEASURE_BINS = 32,              /* bins of the histogram of a region */
+    SP_MEASURE_PROFILE_SAMPLES = 4096  /* most samples of a profile */
 };
 
 struct sp_measure {
     enum sp_measure_kind kind;
-    double points[SP_MEASURE_POINTS][3]; /* world; sp_measure_point_count() of them count */
+    double points[SP_MEASURE_POINTS][3]; /* world; the first sp_measure_point_count() are used */
     double range[2]; /* of a part or a path: lowest and highest value, data unit; else unused */
 };
 
@@ -88,14 +88,15 @@ struct sp_statistics {
 };
 
 struct sp_measure_result {
-    /* False: a marker outside of the volume, or where the value is not finite; no part, no path. */
+    /* False: a marker lies outside of the volume or on a value that is not finite; or there is no
+     * part, or no path. */
     bool has_value;
     /* Length, angle in [0, 180], length of a profile or a path, area, value at a marker, volume. */
     double value;
     enum sp_measure_unit unit;
-    /* Share that lies outside of the volume, [0, 1]: of the line, of both arms, of the area; 0 or 1
-     * of a marker. Of an ellipse within 0.0002. 0 for a part or a path, which are inside, and
-     * in a volume of elements. */
+    /* Fraction of the line, of both arms or of the area that lies outside of the volume, [0, 1].
+     * Marker: 0 or 1. Ellipse: exact to 0.0002. Part and path: 0, because they lie inside. Volume
+     * of elements: 0. */
     double outside;
     bool has_statistics; /* profile, rectangle, ellipse */
     struct sp_statistics statistics;
@@ -103,10 +104,10 @@ struct sp_measure_result {
     /* Finite samples by value: bins of equal width from min to max; the last one includes max. If
      * all values are equal, the first bin has all samples. */
     uint64_t histogram[SP_MEASURE_BINS];
-    double area;      /* of a part's surface; world unit² */
-    bool is_open;     /* a part that reaches the border of the volume, where no area is counted */
-    uint64_t samples; /* of a part */
-    double straight;  /* of a path: the distance of its ends, world units */
+    double area;      /* part: area of its surface, world unit² */
+    bool is_open;     /* part: reaches the border of the volume, where no area is counted */
+    uint64_t samples; /* part: samples in it */
+    double straight;  /* path: straight distance between its ends, world units */
 };
 
 /* Returns "distance", "angle", "profile", "rectangle", "ellipse", "marker", "part" or "path". A
@@ -114,7 +115,7 @@ struct sp_measure_result {
 SP_API const char *sp_measure_kind_name(enum sp_measure_kind kind);
 /* Returns how many points a measurement of the kind has, [1, SP_MEASURE_POINTS]. */
 SP_API unsigned sp_measure_point_count(enum sp_measure_kind kind);
-/* Returns the unit that the result of a kind has. */
+/* Returns the unit of the result of a kind. */
 SP_API enum sp_measure_unit sp_measure_unit_of(enum sp_measure_kind kind);
 /* True if a measurement of the kind has a range. */
 SP_API bool sp_measure_has_range(enum sp_measure_kind kind);
@@ -126,21 +127,21 @@ SP_API bool sp_measure_has_range(enum sp_measure_kind kind);
  * "/range": an end is not finite, or the lowest value is above the highest. Thread-safe. */
 SP_API bool sp_measure_check(const struct sp_measure *measure, struct sp_error *err);
 
-/* Returns an upper bound of the samples that sp_measure_compute() reads, for accounts of time; the
- * measurement must pass sp_measure_check(). Thread-safe. */
+/* Returns an upper bound of the number of samples that sp_measure_compute() reads, for accounting
+ * of time. The measurement must pass sp_measure_check(). Thread-safe. */
 SP_API double sp_measure_cost(const struct sp_volume *volume, const struct sp_measure *measure);
 
 /* Computes a measurement. Takes up to 50 ns per sample: 0.2 s at most for a region, and for a part
- * or a path up to 10 s. SP_ERR_INVALID: as sp_measure_check(), at "/kind" a kind that needs a grid
- * of samples for a volume without one, a region of more than SP_MEASURE_SAMPLES samples at
- * "/points", and a part or a path in a volume of more than
- * SP_MEASURE_PART_SAMPLES samples at "/kind", and a part whose surface needs more than
- * SP_PART_AREA_BYTES at "/range". SP_ERR_MEMORY. Thread-safe. */
+ * or a path up to 10 s. SP_ERR_INVALID: as sp_measure_check(); at "/kind", the kind needs a grid of
+ * samples and the volume has none, or a part or a path is in a volume of more than
+ * SP_MEASURE_PART_SAMPLES samples; at "/points", a region has more than SP_MEASURE_SAMPLES samples;
+ * at "/range", the surface of a part needs more than SP_PART_AREA_BYTES. SP_ERR_MEMORY.
+ * Thread-safe. */
 SP_API bool sp_measure_compute(const struct sp_volume *volume, const struct sp_measure *measure,
                                struct sp_measure_result *result, struct sp_error *err);
 
-/* Computes a path and also gets its points: path->is_found if the result has a value. Errors as
- * sp_measure_compute(). Thread-safe. */
+/* Like sp_measure_compute() for a path, and also writes the points of the path. path->is_found is
+ * true if the result has a value. Errors as sp_measure_compute(). Thread-safe. */
 SP_API bool sp_measure_path(const struct sp_volume *volume, const struct sp_measure *measure,
                             struct sp_measure_result *result, struct sp_part_path *path,
                             struct sp_error *err);
@@ -149,13 +150,14 @@ SP_API bool sp_measure_path(const struct sp_volume *volume, const struct sp_meas
  * [2, 1024]. Thread-safe. */
 SP_API uint32_t sp_measure_profile_count(const struct sp_volume *volume,
                                          const struct sp_measure *profile);
-/* Gets `count` values at equal steps from a to b, both included: value i belongs to
- * a + (b − a)·i/(count − 1). 2 <= count. NaN where there is no finite value. Thread-safe. */
+/* Computes `count` values at equal steps from a to b, both included: value i belongs to the point a
+ * + (b − a)·i/(count − 1). count: at least 2. A value is NaN where the volume has no finite value.
+ * Thread-safe. */
 SP_API void sp_measure_profile(const struct sp_volume *volume, const struct sp_measure *profile,
                                uint32_t count, double *values);
 
-/* Gets the value at a world position. False: the position is outside of the volume, and *value is
- * unchanged. Thread-safe. */
+/* Computes the value at a world position. False: the position is outside of the volume, and *value
+ * is unchanged. Thread-safe. */
 SP_API bool sp_measure_value(const struct sp_volume *volume, const double position[3],
                              double *value);
 

@@ -1,19 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Picking: what the ray through a point of the image hits. It is computed on the CPU from the
- * samples, for the layers that are visible.
+ * Picking: finds what the ray through a point of the image hits. The CPU computes it from the
+ * samples of the visible layers.
  *
  * Every sample fills its cell, which reaches from the middle of one gap to the middle of the next.
- * The volume fills it with the extinction of the transfer function at the sample's value (and its
- * gradient magnitude, if that counts). A shell does the same in the cells of its voxels; where the
- * opacity reaches `high`, it is opaque. A surface adds its opacity wherever the ray crosses it: the
- * trilinear interpolation of the samples has its value there, to rounding. The optical depth of the
- * ray is the exact sum over what it crosses:
+ * The volume layer fills a cell with the extinction of the transfer function at the sample's value,
+ * and at its gradient magnitude if the view uses it. A shell does the same in the cells of its
+ * voxels; where the opacity reaches `high`, the shell is opaque. A surface adds its opacity
+ * wherever the ray crosses it, that is, where the trilinear interpolation of the samples equals the
+ * iso-value. The optical depth of the ray is the exact sum over the cells and surfaces that it
+ * crosses:
  *
  *   τ(t) = Σ extinction(cell) · length of the ray in the cell − Σ ln(1 − opacity(surface))
  *   opacity(t) = 1 − e^−τ(t)
  *
- * Kernel, filter and compositing of the volume have no influence; the near plane and the clip do.
+ * Kernel, filter and compositing of the volume have no influence. The near plane and the clip do.
  *
  * A point or a Gaussian adds the opacity that it has in the pixel, at the depth of its centre; a
  * triangle adds its opacity where the ray meets it. All elements of a layer are tested.
@@ -35,11 +36,11 @@ extern "C" {
 struct sp_pick_input {
     const struct sp_volume *volume;
     const struct sp_view *view; /* valid (sp_view_validate()) */
-    uint32_t size[2];           /* of the image [px] */
-    /* A point of the image: px from the upper left corner, x to the right, y down, finite; (0.5,
-     * 0.5) is the centre of the first pixel. */
+    uint32_t size[2];           /* size of the image [px] */
+    /* A point of the image [px], finite: x to the right and y down from the upper left corner.
+     * (0.5, 0.5) is the centre of the first pixel. */
     double at[2];
-    /* As in sp_render_options; layers whose volume is not found are left out. */
+    /* As in sp_render_options. A layer whose volume is not found is left out. */
     struct sp_volume *(*find)(void *user, const char *id);
     void *user;
 };
@@ -48,9 +49,9 @@ struct sp_pick {
     double opacity;     /* of the whole ray, [0, 1] */
     bool is_hit;        /* the opacity reaches 0.5; the fields below are set only then */
     double position[3]; /* world position where the opacity reaches 0.5 */
-    double value;       /* of the surface or the point that is hit, else of the sample whose cell
-                           contains that position [data unit]; NaN = of a Gaussian or a triangle */
-    uint64_t elements;  /* number of elements that were tested; set always */
+    double value; /* value of the surface or the point that is hit, or else of the sample whose cell
+                     contains `position` [data unit]; NaN = a Gaussian or a triangle is hit */
+    uint64_t elements; /* number of elements that were tested; always set */
 };
 
 /* Follows the ray through a point of the image. Takes at most dims[0] + dims[1] + dims[2] steps,
