@@ -37,7 +37,7 @@ enum sp_code {
     SP_ERR_NOT_READY,      /* is still being loaded or computed; try again later */
     SP_ERR_VOLUME_UNKNOWN, /* a view names a volume that does not exist */
     SP_ERR_VOLUME_FAILED,  /* a view names a volume that could not be loaded */
-    SP_ERR_TOO_LARGE       /* larger than a limit that does not depend on others: never accepted */
+    SP_ERR_TOO_LARGE       /* larger than a fixed limit; never accepted, whatever others use */
 };
 
 enum { SP_ERROR_PLACE = 256, SP_ERROR_TEXT = 384 }; /* bytes, with the final 0 */

@@ -13,8 +13,8 @@
 extern "C" {
 #endif
 
-/* Returns the bytes of the character at `text`, 1 to 4; 0 if it is invalid or cut off. `text` ends
- * with 0, of which the result is 1. Thread-safe. */
+/* Returns the number of bytes of the character at `text`, [1, 4]; 0 if the character is invalid or
+ * cut off. `text` is NUL-terminated; the result for the NUL is 1. Thread-safe. */
 SP_API size_t sp_utf8_length(const char *text);
 /* Replaces each byte that belongs to no character by '?', in place. Thread-safe. */
 SP_API void sp_utf8_mend(char *text);

@@ -21,9 +21,10 @@ extern "C" {
 #define SP_VERSION_NUMBER(major, minor, patch) ((major)*10000 + (minor)*100 + (patch))
 #define SP_VERSION SP_VERSION_NUMBER(SP_VERSION_MAJOR, SP_VERSION_MINOR, SP_VERSION_PATCH)
 
-/* SP_VERSION of the library that is linked, which may differ from the headers'. Thread-safe. */
+/* Returns SP_VERSION of the linked library, which may differ from the version of the headers.
+ * Thread-safe. */
 SP_API int sp_version(void);
-/* The same as text, "0.1.0": a constant string. Thread-safe. */
+/* Returns the version as text, "0.1.0": a constant string. Thread-safe. */
 SP_API const char *sp_version_string(void);
 
 #ifdef __cplusplus

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The view: everything that a frame depends on, as plain data. `protocol/` produces it from JSON, a
- * session holds it, and the renderer copies it when a frame begins, so that an edit never tears a
- * frame. The JSON pointer of each struct or field stands in quotes; sp_view_validate() reports it
- * as the place of an error.
+ * session holds it, and the renderer copies it when a frame begins. So a change of the view never
+ * mixes two states in one frame. The JSON pointer of each struct or field is given in quotes;
+ * sp_view_validate() reports it as the place of an error.
  *
- * Numbers are finite unless a comment says otherwise. A default in brackets is what sp_view_init()
- * sets. "world unit" is the unit of the volume's grid (sp_volume_info.unit). Terms and formulas:
- * renderer/README.md.
+ * Numbers are finite unless a comment says otherwise. A default in brackets is the value that
+ * sp_view_init() sets. "world unit" is the unit of the volume's grid (sp_volume_info.unit). Terms
+ * and formulas: renderer/README.md.
  */
 #ifndef SP_VIEW_H
 #define SP_VIEW_H
@@ -50,19 +50,19 @@ enum sp_compositing {
     /* Slabs of equal distance from the eye (Mueller and Crawfis 1998). With order post and the
      * default filter: interpolated sheets half a slice apart. */
     SP_COMPOSITE_SLAB,
-    /* Projections: one number per pixel, of the interpolated values along its ray inside the volume
-     * and the clip. Samples that are not finite are left out. */
+    /* Projections: one number per pixel, computed from the interpolated values along its ray inside
+     * the volume and the clip. NaN and infinite samples are left out. */
     SP_COMPOSITE_MAXIMUM,
     SP_COMPOSITE_MINIMUM,
     SP_COMPOSITE_MEAN,
-    SP_COMPOSITE_SUM /* the integral of max(value − zero, 0), data unit · world unit; or the share
-                        of X-rays that is absorbed */
+    SP_COMPOSITE_SUM /* the integral of max(value − zero, 0) [data unit · world unit], or the
+                        absorbed fraction of X-rays */
 };
-/* How the number of a projection becomes a colour. */
+/* How a projection turns its number into a colour. */
 enum sp_projection_colors {
     SP_COLORS_GREY,             /* the window: from black to white */
-    SP_COLORS_TRANSFER_FUNCTION /* colour and opacity of the transfer function: what one reference
-                                   length of the value looks like */
+    SP_COLORS_TRANSFER_FUNCTION /* colour and opacity of the transfer function at this value, over
+                                   one reference length */
 };
 /* Opacity of optical depth T: 1 − e^−T, or min(T, 1). */
 enum sp_attenuation { SP_ATTENUATION_EXPONENTIAL, SP_ATTENUATION_LINEAR };
@@ -70,8 +70,8 @@ enum sp_tf_order {
     SP_TF_PRE,  /* classify voxels */
     SP_TF_POST, /* classify pixels */
     SP_TF_AUTO  /* post for sheets and slabs with the default filter, if voxels are at least 0.35 px
-                   wide, and the backend interpolates sheets and has the memory for it; else, and
-                   for mip levels, pre */
+                   wide and the backend interpolates sheets and has the memory for that; otherwise,
+                   and for mip levels, pre */
 };
 enum sp_shading_mode { SP_SHADING_NONE, SP_SHADING_PHONG };
 enum sp_light_space { SP_LIGHT_CAMERA, SP_LIGHT_WORLD };
@@ -113,26 +113,28 @@ struct sp_transfer_function {                    /* "/transfer_function" */
 struct sp_filter {            /* "/filter" */
     enum sp_filter_mode mode; /* [adaptive] */
     enum sp_kernel kernel;    /* [gaussian] */
-    double sigma;             /* standard deviation, voxels, [0.3, 2]; gaussian only [0.7] */
+    double sigma;   /* standard deviation of the kernel, voxels, [0.3, 2]; gaussian only [0.7] */
     double cutoff;  /* Mahalanobis radius where footprints end, [1, 6]; gaussian only [3] */
     double lowpass; /* standard deviation of the low-pass filter, px, [0, 8]; 0 = none [1] */
-    double c_min; /* adaptive threshold (Chen et al. 2004, eq. 7), no unit, > 0, <= c_max [0.07] */
-    double c_max; /* the same, > 0; NaN (JSON null) = 2.5·(1 + 2·tan²(fov_y / 2)) [NaN] */
+    double c_min;   /* lower adaptive threshold (Chen et al. 2004, eq. 7), no unit, > 0, <= c_max
+                       [0.07] */
+    double c_max; /* upper adaptive threshold, no unit, > 0; NaN (JSON null) = 2.5·(1 + 2·tan²(fov_y
+                     / 2)) [NaN] */
 };
 
 struct sp_compositing_options {      /* "/compositing" */
     enum sp_compositing mode;        /* [sheet] */
     enum sp_attenuation attenuation; /* [exponential] */
-    double slab; /* thickness in smallest (mean) spacings, of points in their size, [0.05, 64]; slab
-                    mode only, and not where slabs are interpolated [1] */
-    /* Of projections: */
+    double slab; /* slab thickness, [0.05, 64], in units of the smallest mean spacing; for points in
+                    units of their size; mode slab only, unless slabs are interpolated [1] */
+    /* Fields of projections: */
     enum sp_projection_colors colors; /* "transfer_function" is not for sums [grey] */
-    /* "window", in the unit of the number: centre, and width > 0 from black to white. NaN (JSON
-     * null) = chosen for the volume and the mode, sp_projection_window() [NaN] */
+    /* "window", in the unit of the projected number: centre, and width > 0 from black to white. NaN
+     * (JSON null) = sp_projection_window() chooses for the volume and the mode [NaN] */
     double center, width;
-    double zero; /* sum: lower values count as this one; NaN = the volume's smallest value [NaN] */
-    /* sum: X-rays. Attenuation per data unit above `zero`, 1 / world unit, > 0: the pixel shows the
-     * absorbed share 1 − e^−∫attenuation, [0, 1]. NaN = the integral itself [NaN] */
+    double zero; /* sum: lower values count as `zero`; NaN = the volume's smallest value [NaN] */
+    /* sum as X-rays: attenuation per data unit above `zero` [1 / world unit], > 0. The pixel shows
+     * the absorbed fraction 1 − e^−∫attenuation, [0, 1]. NaN = the integral itself [NaN] */
     double absorption;
 };
 
@@ -175,8 +177,8 @@ enum sp_layer_type {
     SP_LAYER_GAUSSIANS, /* a trained scene (Kerbl et al. 2023) */
     SP_LAYER_GEOMETRY,  /* triangles */
     /* Another volume on the grid of the view's volume, such as another field of its file, with a
-     * transfer function of its own. Both fill the same space: their extinctions add up, and their
-     * colours add up as light does, with the mean brightness; in a projection, colours add up.
+     * transfer function of its own. Both volumes fill the same space: their extinctions add up, and
+     * their colours mix like light, with the mean brightness. In a projection, colours add up.
      * Needs compositing.mode sheet or slab with order post, or a projection; occlusion and shadow
      * have no effect, and edits of type part are refused. */
     SP_LAYER_CHANNEL
@@ -185,7 +187,7 @@ enum { SP_LAYER_TYPES = SP_LAYER_CHANNEL + 1 };
 /* How the low-pass filter of 0.3 px² changes a Gaussian. */
 enum sp_convention {
     SP_CONVENTION_INRIA,     /* wider, opacity as it is (Kerbl et al. 2023) */
-    SP_CONVENTION_NORMALISED /* wider and as much more transparent (Yu et al. 2024) */
+    SP_CONVENTION_NORMALISED /* wider, and more transparent by the same factor (Yu et al. 2024) */
 };
 #define SP_COLOR_BY_LENGTH "magnitude" /* struct sp_layer: color_by */
 enum sp_layer_colors { SP_COLORS_OWN, SP_COLORS_OF_LAYER };
@@ -194,57 +196,61 @@ enum sp_shell_detail {
     SP_SHELL_FAST  /* a flat square of 1.6 voxels per voxel */
 };
 enum sp_vectors_style {
-    SP_VECTORS_MODULATE, /* streaks are denser than what is between them */
+    SP_VECTORS_MODULATE, /* streaks are denser than the space between them */
     SP_VECTORS_BLEND     /* streaks of one colour over the splats of the samples */
 };
-/* One of several things that are drawn into one image, each in front of what is farther from the
- * eye. Clipping applies to all of them. Fields of other types are ignored. */
+/* One layer of an image. All layers are drawn into the same image, sorted by depth, and clipping
+ * applies to all of them. Fields that belong to other types are ignored. */
 struct sp_layer { /* "/layers/0" */
     enum sp_layer_type type;
     bool visible; /* false = as if the layer did not exist [true] */
-    double value; /* surface: iso-value, data unit; outside of the range nothing is drawn */
-    /* surface, geometry, the streaks of style blend, and a channel without points: sRGB display
-     * values, [0, 1] [0.9, 0.85, 0.75] */
+    /* surface: iso-value, data unit; outside of the volume's range nothing is drawn */
+    double value;
+    /* surface, geometry, streaks of style blend, channel without points: sRGB display values, [0,
+     * 1] [0.9, 0.85, 0.75] */
     float color[3];
-    /* surface; gaussians, geometry: factor on their own. [0, 1]; 0 = invisible [1] */
+    /* surface: opacity; gaussians, geometry: factor on their own opacity. [0, 1]; 0 = invisible
+     * [1] */
     float opacity;
-    /* surface: kernels are this many times flatter along the gradient, [1, infinity]; 1 = the
-     * volume's kernels, infinity (JSON "inf") = discs [infinity] */
+    /* surface: factor by which kernels are flattened along the gradient, [1, infinity]; 1 = the
+     * kernels of the volume, infinity (JSON "inf") = discs [infinity] */
     double flatness;
     /* shell: thresholds of a voxel's opacity over the reference length, [0, 1], low <= high. A
      * voxel is in the shell if its opacity is at least `low`, and that of one of its six neighbours
      * is below `high`. [0.05, 0.95] */
     double low, high;
     enum sp_shell_detail detail; /* shell [high] */
-    /* vectors: samples, or points, are coloured by the transfer function, and streaks lie along
-     * their vectors. Samples whose vector is 0 or not finite have no streaks. */
+    /* vectors: the transfer function colours samples or points, and streaks lie along their
+     * vectors. A sample whose vector is 0 or not finite has no streak. */
     enum sp_vectors_style style; /* [modulate] */
-    double phase;   /* vectors: how far streaks have moved, in streaks, [-1e6, 1e6]; 1 is like 0
-                       [0] */
-    double stretch; /* vectors: kernels are this many times longer along the vector, [1, 8] [4] */
-    double density; /* vectors: share of the samples that are drawn, [0, 1]; the same ones at each
-                       time [0.2] */
-    /* vectors, points: what gives the colours in place of the values, one number per sample or
-     * point: "magnitude" = the length of its vector; else the id of a volume with as many samples,
-     * such as another field of the same file, resolved by sp_render_options.find(); "" = the values
-     * [""]. Opacities stay those of the values. */
+    double phase; /* vectors: how far streaks have moved, in periods, [-1e6, 1e6]; 1 looks like 0
+                     [0] */
+    /* vectors: factor by which kernels are stretched along the vector, [1, 8] [4] */
+    double stretch;
+    double density; /* vectors: fraction of the samples that are drawn, [0, 1]; the same samples in
+                       every frame [0.2] */
+    /* vectors, points: the numbers that give the colours instead of the values, one per sample or
+     * point. "" = the values; "magnitude" = the length of the vector; otherwise the id of a volume
+     * with as many samples, such as another field of the same file, resolved by
+     * sp_render_options.find() [""]. Opacities still come from the values. */
     char color_by[SP_NAME_BYTES];
-    /* color_by: numbers that have the colours of the first and of the last point of the transfer
+    /* color_by: the numbers that get the colours of the first and the last point of the transfer
      * function, low < high. NaN (JSON null) = the smallest and the largest number; for "magnitude",
-     * 0 and the largest length. [NaN] */
+     * 0 and the largest length [NaN] */
     double color_low, color_high;
-    /* points, gaussians, geometry: the volume that has them; "" = the frame's volume. channel: the
-     * volume that it shows, not "", another one for each channel. Resolved by
-     * sp_render_options.find() [""] */
+    /* points, gaussians, geometry: id of the volume that has the elements; "" = the frame's volume.
+     * channel: id of the volume that the channel shows, not "", different for each channel.
+     * Resolved by sp_render_options.find() [""] */
     char id[SP_NAME_BYTES];
-    /* points, gaussians, geometry: from the world of the data to that of the view, row by row;
-     * affine (the last row is 0 0 0 1), not singular [identity] */
+    /* points, gaussians, geometry: matrix from the world of the data to the world of the view, row
+     * by row; affine (the last row is 0 0 0 1), not singular [identity] */
     double transform[16];
     double size;                   /* points: factor on the size of their kernels, [0.1, 10] [1] */
     enum sp_convention convention; /* gaussians [inria] */
-    enum sp_layer_colors colors;   /* geometry: of the vertices, or `color` [own] */
-    /* channel: the transfer function, like that of the view, whose reference_length holds here,
-     * too. point_count, [0, SP_CHANNEL_POINTS_MAX]: 0 = the function of sp_channel_function() [0]
+    enum sp_layer_colors colors;   /* geometry: colours of the vertices, or `color` [own] */
+    /* channel: the transfer function, as in struct sp_transfer_function, with the reference_length
+     * of the view. point_count: [0, SP_CHANNEL_POINTS_MAX]; 0 = the function of
+     * sp_channel_function() [0]
      */
     uint32_t point_count;
     struct sp_tf_point points[SP_CHANNEL_POINTS_MAX];
@@ -257,8 +263,9 @@ enum sp_edit_type {
     SP_EDIT_PART /* the samples in a range of values that are connected with a point */
 };
 enum sp_edit_keep { SP_KEEP_OUTSIDE, SP_KEEP_INSIDE };
-/* Removes samples from what all layers show. The volume is never changed. Fields of other types are
- * ignored. renderer/inspect/edit/README.md says what takes the place of removed samples. */
+/* An edit removes samples from all layers. The volume itself never changes. Fields that belong to
+ * other types are ignored. renderer/inspect/edit/README.md describes the values that replace
+ * removed samples. */
 struct sp_edit { /* "/edits/0" */
     enum sp_edit_type type;
     enum sp_edit_keep keep; /* box, sphere, part: what stays [outside] */
@@ -287,25 +294,25 @@ enum sp_slice_colors {
     SP_SLICE_TURBO,
     SP_SLICE_BLUE_RED
 };
-/* Slices of the volume (sp/slice.h) that clients show beside the image, and in it. A slice in the
- * image is opaque, reaches to the borders of the volume whatever the clip is, and hides what is
- * behind it; the volume in front of it is drawn as always. Pixels on a border are covered in part.
- * Values that are not finite leave a hole, and so do the view's edits. */
+/* Slices of the volume (sp/slice.h) that clients show beside the image, or that are drawn in the
+ * image. A slice in the image is opaque and hides everything behind it; the volume in front of it
+ * is drawn as usual. The clip does not cut the slice: it reaches the borders of the volume. Pixels
+ * on a border are covered partially. NaN, infinite values and the view's edits leave holes. */
 struct sp_slices {           /* "/slices" */
     enum sp_slice_mode mode; /* [none] */
-    bool in_3d;              /* draw them in the image [false]; oblique: needs one of the clip
-                                planes, so that the view has at most SP_CLIP_PLANES_MAX - 1 */
-    bool planes[3];          /* orthogonal: draw the slice across this axis of the grid [true] */
-    double position[3];      /* world [the volume's centre] */
-    double normal[3];        /* of the oblique slice, world, any length but 0 [z] */
-    double center, width;    /* "window": values from black to white, or from the first to the last
-                                colour of the map; width > 0 [sp_slice_default_window()] */
+    bool in_3d; /* draw the slices in the image [false]; an oblique slice uses up one clip plane, so
+                   the view may have at most SP_CLIP_PLANES_MAX - 1 */
+    bool planes[3];       /* orthogonal: draw the slice across this axis of the grid [true] */
+    double position[3];   /* world [the volume's centre] */
+    double normal[3];     /* of the oblique slice, world, any length but 0 [z] */
+    double center, width; /* "window": values from black to white, or from the first to the last
+                             colour of the map; width > 0 [sp_slice_default_window()] */
     enum sp_slice_colors colors; /* [grey] */
 };
 
 struct sp_time {   /* "/time" */
-    uint32_t step; /* of the volume's time series, below sp_steps.count; the caller resolves it, the
-                      renderer ignores it [the step that was loaded] */
+    uint32_t step; /* step of the volume's time series, below sp_steps.count; the caller resolves
+                      it, and the renderer ignores it [the loaded step] */
 };
 
 struct sp_view {
@@ -329,24 +336,27 @@ struct sp_view {
     struct sp_slices slices;
 };
 
-/* Fills *view with the defaults that the description of a volume gives: the camera frames the grid,
- * and the transfer function comes from the histogram. `id` is copied to view->volume. Thread-safe;
- * never fails. */
+/* Fills *view with defaults from the description of a volume: the camera frames the grid, and the
+ * transfer function comes from the histogram. `id` is copied to view->volume. Thread-safe; never
+ * fails. */
 SP_API void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id);
 
-/* The same, with the camera and the transfer function from the samples: the first view that a
- * person sees of a volume. The surroundings are transparent, what is visible fills the image, and
- * up is up as far as the file or the shape tells; renderer/data/default_view/README.md. Reads at
- * most 2 million samples, on this thread. The result depends on the volume alone. Where nothing can
- * be found (a single value, no memory), it equals sp_view_init(). Thread-safe; never fails. */
+/* Like sp_view_init(), but computes the camera and the transfer function from the samples: the
+ * first view that a user sees of a volume. The surroundings are transparent, the visible part fills
+ * the image, and "up" follows the file or the shape of the data
+ * (renderer/data/default_view/README.md). Reads at most 2 million samples, on this thread. The
+ * result depends on the volume alone. If the samples give no result (all samples are equal, or
+ * memory runs out), the view equals that of sp_view_init(). Thread-safe; never fails. */
 SP_API void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const char *id);
 
-/* The defaults of a layer of that type; a surface has no value yet (NaN). Thread-safe. */
+/* Returns a layer of this type with default values; the value of a surface is NaN, not set yet.
+ * Thread-safe. */
 SP_API struct sp_layer sp_layer_default(enum sp_layer_type type);
 
-/* Writes the transfer function of a channel of the view. Without points of its own it rises from
- * transparent to `color` and opacity 0.5 within sp_slice_default_window() of `info`, the volume
- * that the channel shows; if its samples are all equal, all is transparent. Thread-safe. */
+/* Writes the transfer function of a channel of the view. `info` describes the volume that the
+ * channel shows. If the channel has no points, the function rises from transparent to `color` and
+ * opacity 0.5 within sp_slice_default_window() of `info`; if all samples are equal, everything is
+ * transparent. Thread-safe. */
 SP_API void sp_channel_function(const struct sp_view *view, const struct sp_layer *channel,
                                 const struct sp_volume_info *info,
                                 struct sp_transfer_function *function);
@@ -359,8 +369,8 @@ static inline bool sp_compositing_is_projection(enum sp_compositing mode) {
     return mode >= SP_COMPOSITE_MAXIMUM;
 }
 
-/* Writes centre and width of the window of the view's projection: what `compositing` gives, and
- * where it is NaN what suits the volume:
+/* Computes centre and width of the window of the view's projection. A number that is set in
+ * `compositing` is used as it is. A number that is NaN is chosen for the volume:
  *
  *   maximum, mean   the numbers of nearly all rays through the volume (sp_projected)
  *   sum             from 0 to the upper end of those numbers; times the root mean square of
@@ -372,15 +382,15 @@ static inline bool sp_compositing_is_projection(enum sp_compositing mode) {
 SP_API void sp_projection_window(const struct sp_view *view, const struct sp_volume_info *info,
                                  double window[2]);
 
-/* True if slices are drawn in the image: not in a projection. Thread-safe. */
+/* True if the view draws slices in the image; always false for a projection. Thread-safe. */
 SP_API bool sp_view_draws_slices(const struct sp_view *view);
 
-/* True if all fields have the same values. Lists are compared up to their counts, names up to their
- * ends, and the fields of a layer or an edit whatever its type is. NaN equals NaN; 0 and -0 differ.
- * Do not compare views by their bytes: padding and unused entries have any value. Counts must be
- * within their limits. Thread-safe. */
+/* True if all fields have equal values. Lists are compared up to their counts, and names up to
+ * their ends. All fields of a layer or an edit are compared, whatever its type is. NaN equals NaN;
+ * 0 and -0 differ. Do not compare views by their bytes: padding and unused entries have any value.
+ * Counts must be within their limits. Thread-safe. */
 SP_API bool sp_view_equal(const struct sp_view *a, const struct sp_view *b);
-/* The same for one part of a view. */
+/* Like sp_view_equal(), for two transfer functions. Thread-safe. */
 SP_API bool sp_transfer_function_equal(const struct sp_transfer_function *a,
                                        const struct sp_transfer_function *b);
 
@@ -388,20 +398,20 @@ SP_API bool sp_transfer_function_equal(const struct sp_transfer_function *a,
  * drawn in it. Thread-safe. */
 SP_API bool sp_view_is_same_image(const struct sp_view *a, const struct sp_view *b);
 
-/* True if all of view->filter is as sp_view_init() sets it. Thread-safe. */
+/* True if view->filter has only the values that sp_view_init() sets. Thread-safe. */
 SP_API bool sp_view_has_default_filter(const struct sp_view *view);
 
-/* Checks every range above and the camera. On failure the code is SP_ERR_INVALID and err->place the
- * JSON pointer of the field. What a backend supports is checked by the renderer
+/* Checks every range above, and the camera. On failure the code is SP_ERR_INVALID, and err->place
+ * is the JSON pointer of the field. The renderer checks what its backend supports
  * (sp_renderer_supports()). Thread-safe. */
 SP_API bool sp_view_validate(const struct sp_view *view, struct sp_error *err);
 
-/* True if the volume has what the view's visible layers without an id show, and a grid of samples
- * if the view has edits or slices in the image. SP_ERR_INVALID; err->place is the JSON pointer. The
- * view must be valid. Thread-safe. */
+/* True if the volume has the data that the view's visible layers without an id show, and a grid of
+ * samples if the view has edits or draws slices in the image. SP_ERR_INVALID; err->place is the
+ * JSON pointer. The view must be valid. Thread-safe. */
 SP_API bool sp_view_fits(const struct sp_view *view, const struct sp_volume_info *info,
                          struct sp_error *err);
-/* The same for one layer and the volume that it shows. */
+/* Like sp_view_fits(), for one layer and the volume that the layer shows. Thread-safe. */
 SP_API bool sp_view_layer_fits(const struct sp_view *view, uint32_t layer,
                                const struct sp_volume_info *info, struct sp_error *err);
 
