@@ -160,8 +160,8 @@ SP_API bool sp_renderer_supports(const struct sp_renderer *renderer, const struc
  * nothing is cached. In-flight frames may cache the volume again: finish them first. */
 SP_API void sp_renderer_evict(struct sp_renderer *renderer, const struct sp_volume *volume);
 
-/* Frees the working memory that the renderer keeps from frame to frame. No frame may be in flight.
- * Call it on the renderer's thread. */
+/* Frees the working memory that the renderer keeps from frame to frame. There must be no in-flight
+ * frame. Call it on the renderer's thread. */
 SP_API void sp_renderer_trim(struct sp_renderer *renderer);
 
 /* Returns the bytes that are cached for the volume; NULL = for all volumes, plus the frame buffers

@@ -43,8 +43,7 @@ enum sp_type {
 enum sp_meaning {
     SP_MEANING_UNKNOWN,   /* plain quantities, as in most files */
     SP_MEANING_LABELS,    /* numbers of categories, such as tissues; 0 = no category */
-    SP_MEANING_STATISTIC, /* results of a statistical test: 0 = no effect; both signs matter equally
-                           */
+    SP_MEANING_STATISTIC, /* results of a statistical test: 0 = no effect, both signs matter */
     SP_MEANING_DISTANCE,  /* signed distances from a surface at 0: a level set */
     SP_MEANING_COUNT
 };
@@ -71,7 +70,7 @@ enum {
 struct sp_grid {
     uint32_t dims[3];       /* [1, SP_DIM_MAX] voxels; product at most SP_VOXELS_MAX */
     double spacing[3];      /* world units between neighbouring samples of an axis, > 0. Rectilinear
-                               axis: the mean of the gaps. Level of a brick file, or part of a level:
+                               axis: the mean of the gaps. Level of a brick file, or a part of it:
                                2^level times the mean of the finest level */
     double origin[3];       /* world position of sample (0, 0, 0) */
     double direction[3][3]; /* direction[row][axis]: column `axis` is the unit vector along that
@@ -96,8 +95,7 @@ struct sp_steps {
     uint32_t index;           /* step of this volume, from 0 */
     char unit[SP_UNIT_BYTES]; /* unit of the times, "s", …; "" = unknown */
     /* `count` finite numbers [unit]; NULL = unknown. Owned by the volume; valid as long as the
-     * volume.
-     */
+     * volume. */
     const double *times;
 };
 
@@ -118,8 +116,7 @@ struct sp_whole_part {
 };
 
 /* A volume that is larger than memory (sp/bricks.h). struct sp_volume holds only a coarse level of
- * it.
- */
+ * it. */
 struct sp_whole {
     uint32_t dims[3];  /* size of the finest level, samples; 0 = struct sp_volume has all samples */
     double spacing[3]; /* of the finest level [world unit] */
