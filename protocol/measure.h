@@ -2,10 +2,13 @@
  *
  * Measurements in JSON: what a client asks for, what the daemon answers, and the list of a session.
  *
- *   {"kind", "points", "range"} ─► struct sp_measure ─► sp_measure_compute() ─► {"value", "unit",
- * …}
- *   {"id", "kind", "points", "range", "text", "color", "hidden"} ─► struct proto_measure ─► list,
- * CSV, store
+ *   {"kind", "points", "range"}                 {"id", "kind", "points", "range", "text", "color",
+ *        │                                       "hidden"}
+ *        ▼                                            │
+ *   struct sp_measure                                 ▼
+ *        │ sp_measure_compute()                  struct proto_measure ─► list, CSV, store
+ *        ▼
+ *   {"value", "unit", …}
  */
 #ifndef PROTO_MEASURE_H
 #define PROTO_MEASURE_H

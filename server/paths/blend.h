@@ -21,8 +21,8 @@
  *   time step          linear, rounded to the nearest step
  *   edits              a until u = 1: each step would change the volume
  *   layers             a until u = 1 if their number or their types differ; an infinite flatness is
- *                      a until u = 1; transforms move as blend_transform.h says; points of a
- * channel are a until u = 1 if their number differs
+ *                      a until u = 1; transforms move as blend_transform.h says; the points of a
+ *                      channel are a until u = 1 if their number differs
  */
 #ifndef SRV_PATHS_BLEND_H
 #define SRV_PATHS_BLEND_H

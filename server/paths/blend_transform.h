@@ -1,18 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The way of a layer of elements from the transform a (u = 0) to b (u = 1).
+ * Interpolates the transform of a layer of elements from a (u = 0) to b (u = 1).
  *
- * If both turn and scale evenly, so does what leads from a to b: p ↦ s·R·p + t, with R a turn by θ
- * about the unit vector n. At u it is the screw p ↦ s^u·R^u·p + t(u) whose speed is constant:
+ * If both transforms turn and scale evenly, so does the transform from a to b: p ↦ s·R·p + t, where
+ * R is a rotation by θ about the unit vector n. At u it is the screw p ↦ s^u·R^u·p + t(u) of
+ * constant speed:
  *
- *   t(u) = f(ln s)·t∥ + Re f(ln s + iθ)·t⊥ + Im f(ln s + iθ)·(n × t⊥),   f(z) = (e^{uz} − 1)/(e^z −
- * 1)
+ *   t(u) = f(ln s)·t∥ + Re f(ln s + iθ)·t⊥ + Im f(ln s + iθ)·(n × t⊥)
+ *   f(z) = (e^{uz} − 1) / (e^z − 1),   f(0) = u
  *
- * with t∥ along n, and f(0) = u. What the turn keeps, such as the middle of a layer that turns
- * about it, stays where it is; a move alone is straight. A turn goes the shorter way.
+ * t∥ is the part of t along n, t⊥ the rest. A fixed point of the rotation, such as the centre of a
+ * layer that turns about its centre, stays in place; a translation alone is straight. A rotation
+ * takes the shorter way.
  *
- * Else numbers are linear; where that would pass through a singular matrix, because one of both
- * mirrors, the transform is a until u = 1.
+ * Otherwise the numbers are interpolated linearly. If that passes through a singular matrix, because
+ * one of both transforms mirrors, the transform is a until u = 1.
  */
 #ifndef SRV_PATHS_BLEND_TRANSFORM_H
 #define SRV_PATHS_BLEND_TRANSFORM_H

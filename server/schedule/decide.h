@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The decision what is drawn next. Pure functions of explicit candidates and a clock: no session,
+ * Decides which frame is drawn next. Pure functions of explicit candidates and a clock: no session,
  * no lock, no thread, so that tests run them in virtual time. candidates.c collects the input from
  * the sessions, and jobs.c carries the decision out.
  *

@@ -13,10 +13,10 @@
 
 /* Detail is not reduced to be faster than 30 frames per second. */
 #define SRV_QUALITY_BUDGET_MS (1000.0 / 30)
-/* While several views move, they get fewer frames than that rather than frames of less than five
- * eighths of the side, until one frame of each takes longer than this. */
+/* While several views move, their frame rate falls before the side of a frame falls below five
+ * eighths, until one frame of each view together takes longer than this. */
 #define SRV_QUALITY_ROUND_MS (1000.0 / 15)
-/* A sharp frame that takes longer has an intermediate one before it. */
+/* An intermediate frame precedes a sharp frame that takes longer than this. */
 #define SRV_QUALITY_INTERMEDIATE_MS 250.0
 
 struct srv_detail { /* of a frame */
@@ -45,9 +45,9 @@ struct srv_quality_fit {         /* of one mip level */
  *   (0, 8/8) (0, 7/8) … (0, 2/8)  (1, 8/8) … (1, 2/8)  (2, 8/8) … (2, 2/8)   (mip level, side)
  *                                             and then (2, 3/16) (2, 9/64) … down to 64 x 64 px
  *
- * The last ones are for views so heavy that they would get less than ten frames per second: no
- * view may take that rate from the others. The first frame, whose time is not known, has half the
- * side, or less if that is more than a quarter of a megapixel.
+ * The last steps are for views so heavy that they would get less than ten frames per second: no
+ * view may take that rate from other views. The time of the first frame is not known, so it has
+ * half the side, or less if half the side gives more than a quarter of a megapixel.
  *
  * Detail is reduced when a frame is expected to exceed the budget. It comes back when the finer
  * frame is expected within three quarters of the budget, so that it does not flicker.
@@ -111,8 +111,8 @@ void srv_quality_done(struct srv_quality *quality, const struct srv_detail *draw
 /* A frame was cancelled after `ms`. */
 void srv_quality_cancelled(struct srv_quality *quality, const struct srv_detail *drawn, double ms);
 
-/* The view rests: drops what is known of high mip levels that seem too slow, so that the next
- * motion tries them again. */
+/* Call it when the view rests. Drops the measured times of high mip levels that seem too slow, so
+ * that the next motion tries these levels again. */
 void srv_quality_rest(struct srv_quality *quality, const uint32_t full[2]);
 
 #endif

@@ -30,8 +30,8 @@ enum srv_interrupt {
 struct srv_schedule_options {
     void *user;
     void (*wake)(void *user); /* there may be something to render */
-    /* Jobs in progress may no longer be wanted. `of` is a session, or the participant of
-     * SRV_INTERRUPT_NEWER_REQUEST, or 0. */
+    /* Jobs in progress may no longer be wanted. `of` is the number of a session; for
+     * SRV_INTERRUPT_NEWER_REQUEST it is a participant; 0 = none. */
     void (*interrupt)(void *user, uint64_t of, enum srv_interrupt why);
 };
 
@@ -69,8 +69,9 @@ struct srv_render_job {
                                    INFINITY = never */
     double budget_ms;           /* time for which its detail was chosen */
     double expected_ms;         /* INFINITY = not known, or it begins with classification */
-    /* Virtual times at which its session's and its first participant's accounts start, and what was
-     * charged until its true time is known; the session pays `price` times that. */
+    /* Virtual times at which the accounts of its session and of its first participant start.
+     * charged_ms is charged until the true time of the job is known; the session pays `price` times
+     * that time. */
     double start_ms, participant_start_ms, charged_ms, price;
     unsigned mip_level;          /* as in sp/renderer.h; 0 if final */
     uint32_t full[2];            /* size at rest, px */
@@ -83,7 +84,7 @@ struct srv_render_job {
     struct srv_frame_target targets[SRV_PARTICIPANTS_MAX];
 };
 
-/* What the delivery of the job's frame depends on. */
+/* Returns the properties of the job's frame that its delivery needs. */
 static inline struct srv_drawn_frame srv_render_job_frame(const struct srv_render_job *job) {
     struct srv_drawn_frame frame = { .session = job->session,
                                      .order = job->order,
@@ -99,7 +100,7 @@ struct srv_render_result {
     double once_ms; /* part of render_ms that the next frame of this volume does not need */
     uint64_t splats, visible_voxels;
     struct sp_frame_bricks bricks;
-    bool again; /* not rendered: the frame of an earlier job was encoded again */
+    bool again; /* the job was not rendered: the frame of an earlier job was encoded again */
 };
 
 /* Gets the next job. False: there is none; *wait_ms = when to ask again at the latest. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the scheduler remembers, and what its files share. The hub's mutex guards everything.
+ * The state of the scheduler, and functions that its files share. The hub's mutex guards
+ * everything.
  */
 #ifndef SRV_SCHEDULE_STATE_H
 #define SRV_SCHEDULE_STATE_H

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Encoded frames of sessions. Clients that see the same image share its bytes, and so does the
- * frame cache. A client that does not read keeps two of them: one waits in its outbox, one at its
- * socket. Therefore a pool bounds the bytes of all frames: the pool is a part of the memory
- * of frames, each owner has a share of the pool (common/fair_share.h), and the guests of its
+ * frame cache. A client that does not read keeps two frames in memory: one in its outbox, one at
+ * its socket. Therefore a pool bounds the bytes of all frames. The pool is a part of the memory of
+ * frames. Each owner has a share of the pool (common/fair_share.h), and the guests of the owner's
  * sessions have a share of the owner's share.
  *
  *   create ──► takes the bytes ──► outboxes, sockets, frame cache ──► last unref gives them back
@@ -26,8 +26,8 @@ struct srv_blob_pool; /* opaque */
 enum { SRV_BLOB_DIVISOR = 4 }; /* the pool has 1 / SRV_BLOB_DIVISOR of the budget's limit */
 
 struct srv_blob_pool_options {
-    struct sp_budget *budget; /* bytes are SP_BUDGET_ANSWERS of it; NULL = no limit. Outlives the
-                                 pool */
+    /* budget for the bytes, as SP_BUDGET_ANSWERS; NULL = no limit. Outlives the pool */
+    struct sp_budget *budget;
     /* Releases blobs that no client waits for. Called once when a blob does not fit, on the thread
      * and with the locks of srv_blob_create()'s caller. NULL = there are none. */
     void (*reclaim)(void *user);
@@ -42,15 +42,15 @@ void srv_blob_pool_destroy(struct srv_blob_pool **pool);
 
 struct srv_blob_owner {              /* the owner of the session that a frame is encoded for */
     char name[SRV_TOKEN_NAME_BYTES]; /* "" = no owner */
-    bool is_limited;                 /* has a share; false = it may take all */
-    bool is_guests; /* only guests get it: they have a share of the owner's share */
+    bool is_limited; /* true = the owner has a share; false = it may take the whole pool */
+    bool is_guests;  /* only guests receive the frame: they have a share of the owner's share */
 };
 
 struct srv_blob { /* reference-counted bytes, immutable once shared */
     atomic_uint references;
     struct srv_blob_pool *pool;       /* NULL = not counted */
     struct srv_blob_account *account; /* of the owner; NULL = not counted */
-    bool is_guests;                   /* of the owner's guests */
+    bool is_guests;                   /* counts for the owner's guests */
     size_t size;
     uint8_t bytes[];
 };

@@ -8,20 +8,22 @@
  *           drawn,           on the slowest link      the way there
  *           encoded                                   and back
  *
- * The next frame begins when it would find the link free: `lead` before the frames on the way have
- * passed it. Each acknowledgement corrects the time at which they are expected to have passed. A
- * client whose acknowledgements are late gets no frame until the next one arrives.
+ * The next frame begins so that it finds the link free: `lead` ms before all frames on the way have
+ * passed the link. Each acknowledgement corrects this expected time. A client whose
+ * acknowledgements are late gets no frame until the next acknowledgement arrives.
  *
  *   base  The round trip of a message without bytes: the shortest pong of the last 10 to 20 seconds
  *         before the newest one. An acknowledgement that takes less time shows that the pong was
  *         late; it replaces the pong until the next one.
  *   delay The wait of a busy client before it acknowledges (ack_delay.h).
- *   rate  What the link carries. Two measurements estimate it; neither exceeds it while base and
- *         delay are right, apart from jitter. The first is a frame's bytes over its round trip
- *         beyond base and delay, exact if no other frame was before it. The second is the bytes
- * acknowledged while the frame was on its way over that time, or over the time in which they were
- * sent if that was longer, exact if the link was busy (Cardwell et al., BBR, 2016). The largest of
- * the last 8 to 16 frames counts, or of the last 1 to 2 seconds, whichever is shorter.
+ *   rate  The rate of the link. Two measurements estimate it; neither exceeds the true rate while
+ *         base and delay are right, apart from jitter. The largest of the last 8 to 16 frames
+ *         counts, or of the last 1 to 2 seconds, whichever is shorter.
+ *           1. The bytes of a frame over its round trip beyond base and delay. Exact if no other
+ *              frame was on the way before it.
+ *           2. The bytes that were acknowledged while the frame was on its way, over that time, or
+ *              over the time in which they were sent if that was longer. Exact if the link was busy
+ *              (Cardwell et al., BBR, 2016).
  */
 #ifndef SRV_SESSION_CONGESTION_H
 #define SRV_SESSION_CONGESTION_H
@@ -55,11 +57,11 @@ struct srv_congestion {
     size_t bytes;                                             /* of the unacknowledged frames */
     double base_ms[2];    /* shortest in the current and the previous 10 s; 0 = none */
     double base_epoch_ms; /* start of the current 10 s */
-    bool is_base_exact;   /* it is that of a pong */
+    bool is_base_exact;   /* the base was measured by a pong */
     struct srv_ack_delay delay;
     double rate[2]; /* bytes per ms, largest of the current and the previous 8 frames or second; 0 =
                        none */
-    unsigned rate_acks;   /* frames of the current 8 */
+    unsigned rate_acks;   /* acknowledged frames among the current 8 */
     double rate_epoch_ms; /* start of the current second */
     double free_ms;       /* when the frames on the way have passed the link */
     double frame_bytes;   /* mean of the last frames; 0 = none */
@@ -71,16 +73,17 @@ struct srv_congestion {
 
 void srv_congestion_init(struct srv_congestion *window);
 
-/* A frame goes to the socket. Frame numbers rise. At most SRV_CONGESTION_MAX may be unacknowledged.
- */
+/* Call it when a frame goes to the socket. Frame numbers rise. At most SRV_CONGESTION_MAX frames
+ * may be unacknowledged. */
 void srv_congestion_sent(struct srv_congestion *window, uint32_t frame, size_t bytes,
                          double now_ms);
 
-/* The client has `frame` and all older ones. False if it was never sent; an old one again is
- * harmless. */
+/* Call it when the client acknowledges `frame`, and so all older frames. False if the frame was
+ * never sent. A repeated acknowledgement is harmless. */
 bool srv_congestion_acked(struct srv_congestion *window, uint32_t frame, double now_ms);
 
-/* A ping was answered after rtt_ms. No frame was unacknowledged when it was sent. */
+/* Call it when a ping was answered after rtt_ms. There was no unacknowledged frame when the ping
+ * was sent. */
 void srv_congestion_ponged(struct srv_congestion *window, double rtt_ms, double now_ms);
 
 struct srv_congestion_demand { /* for one more frame */
@@ -89,14 +92,14 @@ struct srv_congestion_demand { /* for one more frame */
     int max_fps;
     size_t bytes_max; /* of unacknowledged frames */
 };
-/* Returns when the frame may begin: a time up to now_ms = now; INFINITY = after the next
- * acknowledgement. One frame is always allowed, however large. */
+/* Returns the time at which the frame may begin, ms; a time up to now_ms means now; INFINITY =
+ * after the next acknowledgement. One frame is always allowed, however large. */
 double srv_congestion_opens_ms(const struct srv_congestion *window,
                                const struct srv_congestion_demand *demand, double now_ms);
 
 /* Returns the measured round trip, ms; 0 = not known yet. */
 double srv_congestion_rtt_ms(const struct srv_congestion *window);
-/* Returns what the link carries, bytes per ms; 0 = not known yet. */
+/* Returns the rate of the link, bytes per ms; 0 = not known yet. */
 double srv_congestion_rate(const struct srv_congestion *window);
 /* Returns how many frames of the present size are on the way at once while frames are sent as fast
  * as the link and the granted rate allow, [1, SRV_CONGESTION_MAX]. */

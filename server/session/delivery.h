@@ -25,8 +25,8 @@ struct srv_drawn_frame {
 
 struct srv_frame_target { /* one participant that gets the frame */
     uint64_t participant;
-    uint32_t seq;      /* of its newest view.update */
-    double updated_ms; /* when that arrived */
+    uint32_t seq;      /* seq of its newest view.update */
+    double updated_ms; /* when that update arrived */
     enum sp_image_format format;
     enum sp_video_codec video; /* SP_VIDEO_CODEC_COUNT = an image */
     int quality;
@@ -44,8 +44,8 @@ void srv_hub_deliver(struct srv_hub *hub, const struct srv_drawn_frame *frame,
 /* Video; render/video.h explains the rules. */
 
 enum srv_video_need {
-    SRV_VIDEO_NONE,  /* takes no frame of this order: it left, or has a newer frame */
-    SRV_VIDEO_WAITS, /* its last frame still waits for the socket: it skips this one */
+    SRV_VIDEO_NONE,  /* takes no frame of this order: the participant left, or has a newer frame */
+    SRV_VIDEO_WAITS, /* skips this frame, because its last frame still waits for the socket */
     SRV_VIDEO_DELTA, /* has all frames before `next` */
     SRV_VIDEO_KEY    /* needs a key frame */
 };
@@ -56,8 +56,8 @@ enum srv_video_need srv_hub_video_need(struct srv_hub *hub, const struct srv_dra
 bool srv_hub_has_video(struct srv_hub *hub, const struct srv_drawn_frame *frame,
                        const struct srv_frame_target *targets, uint32_t count,
                        const struct srv_video_mark *next);
-/* No encoder is free for the targets of the set, one bit each: they get images, and stream.policy
- * says so, until an encoder is free. */
+/* Call it when no encoder is free for the targets in `set` (one bit per target). They get images,
+ * and stream.policy reports that, until an encoder is free. */
 void srv_hub_refuse_video(struct srv_hub *hub, const struct srv_drawn_frame *frame,
                           const struct srv_frame_target *targets, uint32_t count, uint64_t set);
 /* As srv_hub_deliver(), for the video frame `mark`; number 0 is a key frame. Does nothing for a

@@ -30,7 +30,7 @@
 
 struct srv_hub;
 struct srv_page;
-struct srv_volume; /* render/catalog.h; this folder and schedule/ only hold its uses */
+struct srv_volume; /* render/catalog.h; this folder and schedule/ only hold uses of it */
 
 enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17 };
 
@@ -43,15 +43,15 @@ struct srv_volume_source {
     struct srv_volume *(*acquire)(void *user, const char *id, struct sp_error *err);
     struct srv_volume *(*ref)(void *user, struct srv_volume *volume);
     void (*release)(void *user, struct srv_volume *volume);
-    /* The time steps of a volume (render/catalog.h explains them). A use of a step that is ready
-     * takes the place of one of the volume in the functions below. step() returns NULL when out of
-     * memory. NULL = volumes have one step. */
+    /* The time steps of a volume (render/catalog.h explains them). The functions below accept a use
+     * of a ready step in place of a use of the volume. step() returns NULL when out of memory. NULL
+     * = volumes have one step. */
     uint32_t (*steps)(void *user, struct srv_volume *volume);
     struct srv_volume *(*step)(void *user, struct srv_volume *volume, uint32_t step);
     bool (*step_is_ready)(void *user, struct srv_volume *step, struct sp_error *err);
     struct srv_volume *(*nearest_step)(void *user, struct srv_volume *volume, uint32_t step);
-    /* Puts uses of the time steps that the view shows of other volumes into steps[]. False when out
-     * of memory: *count steps were taken before. NULL = it shows none. */
+    /* Writes uses of the time steps of other volumes that the view shows to steps[]. False when out
+     * of memory; *count uses were taken before the failure. NULL = views show no other volumes. */
     bool (*other_steps)(void *user, struct srv_volume *volume, const struct sp_view *view,
                         struct srv_volume *steps[2 * SP_LAYERS_MAX], unsigned *count);
     void (*default_view)(void *user, struct srv_volume *volume, struct sp_view *view);
@@ -59,13 +59,13 @@ struct srv_volume_source {
     bool (*pick)(void *user, struct srv_volume *volume, const struct sp_view *view,
                  const uint32_t size[2], const double at[2], struct sp_pick *pick,
                  struct sp_error *err);
-    /* As sp_measure_compute(), for at most `samples` samples of a region; parts and paths are those
-     * of the volume with the view's edits. Runs without the hub's mutex, too. NULL = a test never
-     * measures. */
+    /* As sp_measure_compute(), for at most `samples` samples of a region. Parts and paths are
+     * measured in the volume with the view's edits. Also runs without the hub's mutex. NULL = a
+     * test never measures. */
     bool (*measure)(void *user, struct srv_volume *volume, const struct sp_view *view,
                     const struct sp_measure *measure, double samples,
                     struct proto_measure_value *value, struct sp_error *err);
-    /* As sp_view_fits(); NULL = every view does. */
+    /* As sp_view_fits(); NULL = every view fits. */
     bool (*fits)(void *user, struct srv_volume *volume, const struct sp_view *view,
                  struct sp_error *err);
 };
@@ -74,36 +74,39 @@ struct srv_hub_options {
     struct srv_volume_source volumes;
     unsigned sessions_max;     /* active sessions, at least 1 */
     unsigned participants_max; /* per session, [1, SRV_PARTICIPANTS_MAX] */
-    unsigned hibernated_max;   /* hibernated sessions, at least 1; one more, and another one ends */
-    double session_idle_ms;    /* an active session hibernates, or ends, this long after its last
-                                  use */
-    double hibernation_ms;     /* a hibernated session ends this long after its last use */
-    double past_run_ms;  /* added to now_ms: run time of earlier daemons with the same state */
-    double control_ms;   /* an unanswered request for control is granted after this */
+    unsigned hibernated_max; /* hibernated sessions, at least 1; if one more hibernates, another one
+                                ends */
+    double session_idle_ms;  /* an active session hibernates, or ends, this long after its last
+                                use */
+    double hibernation_ms;   /* a hibernated session ends this long after its last use */
+    double past_run_ms;  /* added to now_ms: run time of earlier daemons with the same state, ms */
+    double control_ms;   /* an unanswered request for control is granted after this time */
     double rest_ms;      /* a view that did not change for this long is at rest */
     size_t stream_bytes; /* limit of unacknowledged frame bytes per client */
     uint64_t frame_px;   /* largest frame; 0 = the limit of sp/view.h */
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     void *user;
     void (*ready)(void *user); /* a participant has something to send */
-    /* A session has something to save; a session ended. NULL = nothing is persisted. */
+    /* changed(): a session has something to save. ended(): a session ended. NULL = nothing is
+     * persisted. */
     void (*changed)(void *user);
     void (*ended)(void *user, const char *id);
-    /* Returns what was saved last of a session: malloc'ed, with a NUL behind it. NULL = nothing is
+    /* Returns the last saved text of a session: malloc'ed, NUL-terminated. NULL = nothing is
      * persisted, and idle sessions end instead of hibernating. */
     char *(*recall)(void *user, const char *id, size_t *size, struct sp_error *err);
     /* Gets the current rights (enum srv_right) and quota of the token with this name. False: the
      * token is gone, and its last known quota stays valid. NULL = rights and quotas never change.
      */
     bool (*token)(void *user, const char *name, unsigned *rights, struct srv_quota *quota);
-    /* Measures parts and paths of streams, which are answered later; the caller's. It is stopped
-     * before the hub is destroyed. NULL = they are measured at once. */
+    /* The queue that measures parts and paths for streams; the answers come later. Owned by the
+     * caller, who stops it before the hub is destroyed. NULL = they are measured at once. */
     struct srv_work_queue *measuring;
-    /* The same for measurements that read samples: regions, profiles, markers. */
+    /* The same for measurements that read samples: regions, profiles and markers. */
     struct srv_work_queue *sampling;
-    /* Answers picks of streams; the same. Without it there are no picks. */
+    /* The queue that answers picks of streams; owned like `measuring`. NULL = streams cannot
+     * pick. */
     struct srv_work_queue *picking;
-    /* Can the renderer draw this view? NULL = it can draw all. */
+    /* True if the renderer can draw this view. NULL = it can draw every view. */
     bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
 };
 
@@ -113,17 +116,17 @@ void srv_hub_destroy(struct srv_hub **hub);
 
 /* Sessions. The caller owns returned JSON; NULL with *err set. */
 
-/* Applies `base` and then `patch` to the default view of the volume that `base`, or else `patch`,
- * names. NULL or an empty object changes nothing; without a name it is the first volume. The caller
- * releases *volume. For views that come by HTTP. */
+/* Applies `base` and then `patch` to the default view of a volume: the volume that `base` names, or
+ * else `patch`, or else the first volume. NULL or an empty object changes nothing. The caller
+ * releases *volume. For views that come over HTTP. */
 bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const proto_json *patch,
                           struct sp_view *view, struct srv_volume **volume, struct sp_error *err);
 
-/* Returns {"id", "tokens": {"control", "view"}, "view"}. If too many sessions are active, the one
- * without participants that was used longest ago hibernates first, provided that it is saved. Else
- * SP_ERR_BUDGET. SP_ERR_QUOTA over the owner's limit, which counts hibernated sessions too.
- * A guest holds only a join token: its session counts for the owner, whose guests have a part of
- * the owner's share only; it makes no other session hibernate, and gets SP_ERR_DENIED once the
+/* Returns {"id", "tokens": {"control", "view"}, "view"}. If too many sessions are active, the least
+ * recently used session without participants hibernates first, provided that it is saved; otherwise
+ * SP_ERR_BUDGET. SP_ERR_QUOTA over the owner's limit, which also counts hibernated sessions. A
+ * guest holds only a join token. Its session counts for the owner, whose guests may use only a part
+ * of the owner's share. It makes no other session hibernate, and gets SP_ERR_DENIED once the
  * owner's token is gone. */
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
                                    const struct srv_owner *owner, bool is_guest, double now_ms,
@@ -131,7 +134,8 @@ proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
 /* Applies changed tokens to active sessions. Streams are closed with 1008 if their token is gone,
  * if it gives a lower role than they have, or if the token that created the session is gone. */
 void srv_hub_renew_tokens(struct srv_hub *hub);
-/* Gets the owner of an active or hibernated session; an empty name if there is none. */
+/* Gets the owner of an active or hibernated session; the name is empty if there is no such session
+ * or no owner. */
 void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner);
 /* Returns {"id", "view", "participants"}; `with_tokens` adds "tokens". This and all other functions
  * with an id, except delete, authorize and list, make a hibernated session active. SP_ERR_NOT_READY
@@ -141,9 +145,9 @@ proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_t
 /* Merges a patch; returns the new view. */
 proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const proto_json *patch,
                                   double now_ms, struct sp_error *err);
-/* True if measurements that take time must not begin: the daemon stops. */
+/* True if the daemon stops: measurements that take time must not begin. */
 bool srv_hub_is_draining(struct srv_hub *hub);
-/* Copies the measurements; the caller finishes them. */
+/* Copies the measurements of a session; the caller finishes the copy. */
 bool srv_hub_measures(struct srv_hub *hub, const char *id, double now_ms,
                       struct srv_measures *measures, struct sp_error *err);
 struct srv_measure_request {
@@ -157,21 +161,20 @@ struct srv_measure_answer {
     bool is_new; /* it was added */
     size_t size; /* of the text */
 };
-/* Adds or changes a measurement. Returns it as JSON text, malloc'ed; it was made before the change,
- * so that without memory nothing changes. SP_ERR_NOT_FOUND, SP_ERR_QUOTA, SP_ERR_MEMORY, and what
- * the stream refuses. */
+/* Adds or changes a measurement. Returns it as JSON text, malloc'ed. The text is made before the
+ * change, so that nothing changes when memory runs out. SP_ERR_NOT_FOUND, SP_ERR_QUOTA,
+ * SP_ERR_MEMORY, and the errors of measure.put. */
 char *srv_hub_measure_put(struct srv_hub *hub, const char *session,
                           const struct srv_measure_request *request, double now_ms,
                           struct srv_measure_answer *answer, struct sp_error *err);
 bool srv_hub_measure_remove(struct srv_hub *hub, const char *session, const char *id, double now_ms,
                             struct sp_error *err);
-/* Gives a new session the measurements of another one. `from` may also be the id of something that
- * has none. SP_ERR_MEMORY. */
+/* Copies the measurements of the session `from` to the new session `to`. If `from` is not the id of
+ * a session, nothing is copied. SP_ERR_MEMORY. */
 bool srv_hub_measures_fork(struct srv_hub *hub, const char *from, const char *to, double now_ms,
                            struct sp_error *err);
-/* True if a guest forked this session, and it has not hibernated since: its control token may end
- * it.
- */
+/* True if a guest forked this session and it has not hibernated since. Then its control token may
+ * end it. */
 bool srv_hub_session_is_guests(struct srv_hub *hub, const char *id);
 /* Ends the session and closes its streams. */
 bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err);
@@ -192,7 +195,7 @@ struct srv_session_info {
     unsigned participants;
     double idle_ms; /* since its last use; 0 with participants */
 };
-/* Puts all active and hibernated sessions of an owner (NULL = of all) on a page of struct
+/* Adds all active and hibernated sessions of an owner (NULL = of all owners) to a page of struct
  * srv_session_info. */
 void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct srv_page *page);
 
@@ -205,17 +208,18 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms);
  * frames. */
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
                              double progress, const char *reason, double now_ms);
-/* A time step of the volume was loaded, or not: sessions that wait for it show it. */
+/* Call it when loading a time step of the volume ended, with or without success. Sessions that wait
+ * for the step show it. */
 void srv_hub_step_loaded(struct srv_hub *hub, const char *id, double now_ms);
-/* A volume was removed: its active sessions change to the default view of the first volume that is
- * ready, or end if there is none. Call it after the source no longer finds the volume. Hibernated
- * sessions keep its name. */
+/* Call it when a volume was removed. Active sessions that show it change to the default view of the
+ * first ready volume, or end if there is none. Call it after the source no longer finds the volume.
+ * Hibernated sessions keep its name. */
 void srv_hub_close_volume(struct srv_hub *hub, const char *id, double now_ms);
 /* Returns how many sessions with participants show the volume. */
 unsigned srv_hub_volume_sessions(struct srv_hub *hub, const char *id);
-/* Sets what stream.stats names as the renderer, and sends it to all participants. */
+/* Sets the backend and the device that stream.stats reports, and notifies all participants. */
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device);
-/* The daemon is shutting down: tells all participants and creates no more sessions. */
+/* Call it when the daemon shuts down. Notifies all participants; no more sessions are created. */
 void srv_hub_drain(struct srv_hub *hub);
 
 struct srv_hub_numbers {
@@ -226,8 +230,8 @@ void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers);
 
 /* Persistence. */
 
-/* Calls save() for each session whose view, or time of use, changed since it was saved last; save()
- * must not call the hub. False: save() failed, or memory was short; call again later. */
+/* Calls save() for each session whose view or time of use changed since its last save. save() must
+ * not call the hub. False: save() failed, or memory ran out; call again later. */
 bool srv_hub_save(struct srv_hub *hub, double now_ms,
                   bool (*save)(void *user, const char *id, const char *text, size_t size),
                   void *user);

@@ -13,7 +13,7 @@ struct srv_measure_edit {
     struct srv_hub *hub;
     struct srv_session *session;
     enum srv_measure_change change;
-    uint64_t by;        /* participant, whose quota counts and which is not notified; 0 = HTTP */
+    uint64_t by;        /* participant whose quota is charged and that is not notified; 0 = HTTP */
     const char *author; /* of a new measurement, and its colour */
     const char *color;  /* "#rrggbb" */
     double now_ms;
@@ -22,7 +22,7 @@ struct srv_measure_edit {
     bool is_new;               /* it was added */
 };
 
-/* What the change with these members takes. */
+/* Returns how much work the change with the members of `body` takes. */
 enum srv_measure_effort srv_measure_edit_effort(const struct srv_session *session, const char *id,
                                                 const proto_json *body);
 /* Computes the measurement `id` from the members of `body`; `id` NULL: a new one, whose id is made

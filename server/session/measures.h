@@ -7,7 +7,7 @@
  *                                                                       └────► store
  *
  * The clock of the list rises with each change, and each item has the clock of its last change. So
- * one number per participant says which items it has not been told about.
+ * one number per participant tells which items it has not been notified of.
  */
 #ifndef SRV_SESSION_MEASURES_H
 #define SRV_SESSION_MEASURES_H
@@ -25,20 +25,20 @@ enum {
     SRV_SAMPLING_MAX = 64          /* measurements that read samples and wait */
 };
 
-/* What a measurement takes, and who computes it. */
+/* How much work a measurement takes, and which thread computes it. */
 enum srv_measure_effort {
-    SRV_MEASURE_AT_ONCE, /* microseconds: the thread that asks */
-    SRV_MEASURE_SOON,    /* up to a tenth of a second, or reads of a file: the sampling thread */
-    SRV_MEASURE_LONG     /* up to seconds: the measuring thread */
+    SRV_MEASURE_AT_ONCE, /* microseconds: the calling thread */
+    SRV_MEASURE_SOON, /* up to a tenth of a second, or reading from a file: the sampling thread */
+    SRV_MEASURE_LONG  /* up to seconds: the measuring thread */
 };
 
 enum srv_measure_effort srv_measure_effort_of(enum sp_measure_kind kind);
 
 /* How a measurement comes into the list. */
 enum srv_measure_change {
-    SRV_MEASURE_MERGE,   /* adds it, or changes the members that are given */
-    SRV_MEASURE_REPLACE, /* adds it, or replaces all members but id and author */
-    SRV_MEASURE_CHANGE   /* changes the members that are given of one that exists */
+    SRV_MEASURE_MERGE,   /* adds the measurement, or changes only the given members */
+    SRV_MEASURE_REPLACE, /* adds the measurement, or replaces all members but id and author */
+    SRV_MEASURE_CHANGE   /* changes the given members of an existing measurement */
 };
 
 struct srv_measure_item {

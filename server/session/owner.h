@@ -21,14 +21,14 @@ struct srv_owner {
 enum srv_role { SRV_ROLE_VIEW, SRV_ROLE_CONTROL };
 
 /* Gets the role of a token of the daemon in the owner's session: control for its creator and for
- * admins, view for others. `rights` is of enum srv_right. False: it has no access. */
+ * admins, view for other tokens. `rights` is of enum srv_right. False: the token has no access. */
 bool srv_owner_role(const struct srv_owner *owner, const char *name, unsigned rights,
                     enum srv_role *role);
 
-/* SP_ERR_INVALID at "/size" if the size is over the owner's limit. */
+/* True if the size is within the owner's limit. Otherwise SP_ERR_INVALID at "/size". */
 bool srv_owner_allows_size(const struct srv_owner *owner, const uint32_t size[2],
                            struct sp_error *err);
-/* Reduces the size to that many pixels and keeps the aspect ratio; 0 = no limit. */
+/* Reduces the size to at most most_px pixels and keeps the aspect ratio; most_px 0 = no limit. */
 void srv_fit_size(uint64_t most_px, uint32_t size[2]);
 /* Returns the granted frames per second of a participant that asks for `wanted`. */
 int srv_owner_fps(const struct srv_owner *owner, int wanted);

@@ -29,13 +29,13 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
                                      struct sp_error *err);
 void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, double now_ms);
 
-/* Handles one text message. *answer is malloc'ed, NULL = no answer. False: memory was short; close
+/* Handles one text message. *answer is malloc'ed, NULL = no answer. False: memory ran out; close
  * the stream. */
 bool srv_hub_message(struct srv_hub *hub, struct srv_participant *participant, const char *text,
                      size_t size, double now_ms, char **answer, size_t *answer_size);
 
-/* Returns the user pointer of a participant that has something to send; NULL = none. Each is
- * returned once, until something new comes up for it. */
+/* Returns the user pointer of a participant that has something to send; NULL = none. A participant
+ * is returned once, and again only after something new has to be sent to it. */
 void *srv_hub_pop_ready(struct srv_hub *hub);
 
 enum srv_message_kind { SRV_MESSAGE_NONE, SRV_MESSAGE_TEXT, SRV_MESSAGE_FRAME, SRV_MESSAGE_CLOSE };
@@ -47,8 +47,9 @@ struct srv_message {
     uint16_t close_code;
     const char *reason; /* a constant */
 };
-/* What srv_hub_next_message() may take besides answers, the notification of the shutdown, and the
- * end of the stream. Notifications can wait, because a later one reports a newer state. */
+/* The messages that srv_hub_next_message() may return, in addition to answers, the notification of
+ * the shutdown, and the end of the stream. Notifications can wait, because a later notification
+ * reports a newer state. */
 enum srv_next { SRV_NEXT_NOTIFICATIONS, SRV_NEXT_ALL, SRV_NEXT_FRAMES };
 enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_participant *participant,
                                            enum srv_next allowed, double now_ms,

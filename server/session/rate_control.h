@@ -3,8 +3,8 @@
  * Rate control: how small the moving frames of one client must be for its network. Pure: no clock,
  * no lock.
  *
- * A frame of full quality is wanted as long as the link carries 30 of them per second, or as many
- * as the client asked for if that is less. Otherwise:
+ * Frames have full quality as long as the link carries 30 of them per second, or the rate that the
+ * client asked for if that is lower. Otherwise:
  *
  *   1. video, if the client takes it: about a tenth of the bytes of images. It already replaces
  *      images that take more than 20 ms to send: encoding and decoding video takes longer, too.
@@ -27,15 +27,15 @@
 enum { SRV_RATE_SIDES = 8, SRV_RATE_QUALITY_MAX = 60 };
 
 struct srv_rate_step {
-    unsigned side; /* of the frame, in eighths of the full one, [2, 8] */
-    int quality;   /* at most, [1, SRV_RATE_QUALITY_MAX] */
+    unsigned side; /* side of the frame, in eighths of the full side, [2, 8] */
+    int quality;   /* highest quality, [1, SRV_RATE_QUALITY_MAX] */
 };
 
 struct srv_rate_control {
     unsigned step;
     bool is_video;    /* video replaces images */
-    bool is_lossless; /* the images are: only their size counts */
-    int quality;      /* the best of a moving frame, [1, SRV_RATE_QUALITY_MAX] */
+    bool is_lossless; /* the images are lossless: only their size can be reduced */
+    int quality;      /* best quality of a moving frame, [1, SRV_RATE_QUALITY_MAX] */
     double bytes[2];  /* expected of a frame of full size at the best quality: image, video; 0 = not
                          known */
 };
@@ -56,8 +56,8 @@ struct srv_rate_frame { /* a moving frame that was encoded */
 };
 void srv_rate_control_learn(struct srv_rate_control *control, const struct srv_rate_frame *frame);
 
-/* The client asked for other frames: drops what is known of their bytes, and keeps the step. Images
- * come first again. */
+/* Call it when the client asked for other frames. Drops the expected bytes of frames and keeps the
+ * step. Images come before video again. */
 void srv_rate_control_forget(struct srv_rate_control *control);
 
 struct srv_rate_demand {

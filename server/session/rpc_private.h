@@ -8,9 +8,9 @@
 #include "common/work_queue.h"
 #include "session/session.h"
 
-/* A call that takes time: a queue computes its answer, and the stream gets it among its
- * notifications. The participant may leave and the session may end meanwhile, so the work knows
- * them by their ids. (late.c) */
+/* A call that takes time. A queue computes the answer, and the stream sends it among its
+ * notifications. The participant may leave and the session may end meanwhile, so the work stores
+ * their ids. (late.c) */
 struct srv_late_call {
     struct srv_work work; /* first: the queue's */
     struct srv_work_queue *queue;
@@ -26,7 +26,7 @@ struct srv_late_call {
 
 struct srv_call {
     struct srv_hub *hub;
-    struct srv_participant *participant; /* its session exists */
+    struct srv_participant *participant; /* the caller; its session exists */
     const proto_json *params;
     double now_ms;
     proto_json *result; /* NULL after success = out of memory */
@@ -46,7 +46,8 @@ bool srv_call_refuse(struct srv_call *call, enum proto_rpc_code code, const char
 /* Refuses members of the params that are not `known`, which ends with NULL. */
 bool srv_call_knows(struct srv_call *call, const char *const *known);
 
-/* Takes control for a method that changes the view. False with code and error: it may not. */
+/* Takes control for a method that changes the view. False with code and error: the participant may
+ * not take control. */
 bool srv_call_acquire_control(struct srv_call *call);
 
 srv_method_fn srv_call_time_play, srv_call_time_stop; /* play.c */

@@ -4,8 +4,8 @@
 
 #include "protocol/view.h"
 
-/* Applies a patch to the default view of a cube. So a patch that belongs to no volume is checked,
- * and a view with all its fields is read without its volume. Errors as proto_view_apply(). */
+/* Applies a patch to the default view of a cube. This checks a patch that belongs to no volume, and
+ * reads a complete view without its volume. Errors as proto_view_apply(). */
 bool srv_view_check(const proto_json *patch, struct sp_view *view, struct sp_error *err);
 
 #endif

@@ -2,8 +2,8 @@
  *
  * The header and the index of a brick file (README.md). Numbers are little-endian.
  *
- *   header      BRICK_HEADER_BYTES: grid, type, statistics; where the other parts lie, and
- * checksums bricks      packed by zstd, each with its own checksum; constant ones have no bytes
+ *   header      BRICK_HEADER_BYTES: grid, type, statistics; offsets and checksums of other parts
+ *   bricks      packed by zstd, each with its own checksum; constant bricks have no bytes
  *   vectors     the same: three float32 per sample; bricks of zeros have no bytes; may be missing
  *   axes        a float64 per sample of each rectilinear axis: its distance from sample 0
  *   notes       names of other fields and vectors, time steps, warnings; may be missing

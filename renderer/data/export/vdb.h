@@ -2,8 +2,8 @@
  *
  * The two parts of the OpenVDB writer.
  *
- *   samples ─► vdb_blocks.c: cubes of 128³, in the order of the file ─► vdb.c: topology, then
- * values
+ *   samples ─► vdb_blocks.c: cubes of 128³, in the order of the file
+ *           ─► vdb.c: topology, then values
  */
 #ifndef SP_EXPORT_VDB_H
 #define SP_EXPORT_VDB_H

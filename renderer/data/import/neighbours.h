@@ -20,11 +20,12 @@
 
 /* Finds factors and volumes; changes the order of the points. Needs three bytes per point, and up
  * to 16 more where many share their place. Defined for all input:
- *   - fewer than 19 points: of those that there are; fewer than 7: spheres of their mean width;
+ *   - fewer than 19 points: the neighbours are all other points; fewer than 7: each point is a
+ *     sphere of the mean width;
  *   - points on a plane or line: the thickness of a kernel is at least a tenth of its mean width;
  *   - all points at one place: the spacing is 1; otherwise it is at least a millionth of the
- * diagonal of all points;
- *   - points that are not finite: the same, and no point's neighbours.
+ *     diagonal of all points;
+ *   - points that are not finite: they get the same size and are no point's neighbours.
  * Volumes are in the range of normal floats. SP_ERR_MEMORY. */
 bool import_neighbours_finish(const struct sp_elements *points,
                               const struct import_progress *progress, struct sp_error *err);

@@ -157,7 +157,8 @@ SP_API bool sp_renderer_supports(const struct sp_renderer *renderer, const struc
                                  struct sp_error *err);
 
 /* Drops everything that is cached for the volume, and the reference to the volume. Harmless if
- * nothing is cached. In-flight frames may cache the volume again: finish them first. */
+ * nothing is cached. Frames that are in flight may cache the volume again: finish
+ * them first. */
 SP_API void sp_renderer_evict(struct sp_renderer *renderer, const struct sp_volume *volume);
 
 /* Frees the working memory that the renderer keeps from frame to frame. There must be no in-flight
