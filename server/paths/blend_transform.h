@@ -13,8 +13,8 @@
  * layer that turns about its centre, stays in place; a translation alone is straight. A rotation
  * takes the shorter way.
  *
- * Otherwise the numbers are interpolated linearly. If that passes through a singular matrix, because
- * one of both transforms mirrors, the transform is a until u = 1.
+ * Otherwise the numbers are interpolated linearly. If that passes through a singular matrix,
+ * because one of the transforms mirrors, the transform is a until u = 1.
  */
 #ifndef SRV_PATHS_BLEND_TRANSFORM_H
 #define SRV_PATHS_BLEND_TRANSFORM_H

@@ -16,7 +16,7 @@
 struct srv_brick_cache;
 
 struct srv_brick_cache_stats {
-    uint64_t files, bytes, bytes_max; /* of the folder when it was looked at last */
+    uint64_t files, bytes, bytes_max; /* of the folder, when it was last read */
     uint64_t conversions, removals;   /* since the start */
 };
 
@@ -27,8 +27,9 @@ struct srv_brick_cache *srv_brick_cache_create(const char *folder, uint64_t byte
 /* Accepts NULL; nulls *cache. The files stay. */
 void srv_brick_cache_destroy(struct srv_brick_cache **cache);
 
-/* Loads a source as a brick file. Converts it first if the folder has none: the first nine tenths
- * of the progress. The place of errors is the source. Thread-safe. */
+/* Loads a source as a brick file. If the folder has no brick file for it, the source is converted
+ * first, which is the first nine tenths of the progress. The place of errors is the source.
+ * Thread-safe. */
 struct sp_volume *srv_brick_cache_load(struct srv_brick_cache *cache, const char *source,
                                        const struct sp_load_options *options, struct sp_error *err);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The volumes of the daemon. Each source is loaded once, by a load thread, and shared. Of a time
- * series it is a step, and the others are loaded when views ask for them.
+ * series, one step is loaded; other steps are loaded when views ask for them.
  *
  *   add ─► loading ─► ready ─► remove
  *             └─────► failed ─► remove, or add again: the load is retried
@@ -29,7 +29,9 @@ struct srv_brick_cache;
 struct srv_catalog;
 struct srv_volume;
 
-enum { SRV_RENDERERS = 3 }; /* that cache data of a volume: one per worker (render/worker.h) */
+enum {
+    SRV_RENDERERS = 3
+}; /* renderers that cache data of a volume: one per worker (render/worker.h) */
 
 enum srv_volume_state {
     SRV_VOLUME_LOADING,
@@ -47,8 +49,8 @@ struct srv_volume_request {
     const char *owner;     /* the token that opens it; NULL = the operator */
     bool is_limited;       /* the limits of one token hold (SP_ERR_QUOTA below) */
     unsigned volumes_max;  /* of the owner; 0 = no quota */
-    bool is_restored; /* from an earlier run: an unknown path makes a failed entry, no error, and
-                         any number may be loading */
+    bool is_restored; /* restored from an earlier run: a missing path makes a failed entry instead
+                         of an error, and the number of loads is not limited */
 };
 
 struct srv_catalog_options {
@@ -63,22 +65,24 @@ struct srv_catalog_options {
      * SRV_VOLUME_UNLOADED; must not call the catalog. */
     void (*progress)(void *user, const char *id, enum srv_volume_state state, double progress,
                      const char *reason);
-    /* Called when an entry was added (request: its resolved source) or removed (NULL). False if it
-     * cannot be persisted; the next srv_catalog_add() of it tries again. Called with a lock held:
-     * must not call the catalog. NULL = volumes are not persisted. */
+    /* Called when an entry was added (request has its resolved source) or removed (request is
+     * NULL). Returns false if the change cannot be persisted; the next srv_catalog_add() of the
+     * source tries again. Called with a lock held: must not call the catalog. NULL = volumes are
+     * not persisted. */
     bool (*persist)(void *user, const char *id, const struct srv_volume_request *request);
-    /* Finds a complete upload: writes the path of its file and the name that its client gave, and
-     * keeps the file until upload_close() tells what became of it: SRV_VOLUME_READY, _FAILED,
-     * _UNLOADED (removed), or _LOADING (never mind: it was not loaded). Called without a lock. NULL
-     * = there are no uploads. */
+    /* Opens a complete upload: writes the path of its file and the name that its client gave, and
+     * keeps the file until upload_close(). upload_close() gets the final state of the volume:
+     * SRV_VOLUME_READY, _FAILED, _UNLOADED (removed), or _LOADING (it was not loaded after all).
+     * Called without a lock. NULL = there are no uploads. */
     bool (*upload_open)(void *user, const char *id, char path[PATH_MAX], char name[NAME_MAX + 1],
                         struct sp_error *err);
     void (*upload_close)(void *user, const char *id, enum srv_volume_state state);
-    /* A time step of this volume was loaded, or not (srv_catalog_step_is_ready()). Called from a
-     * load thread, or by srv_catalog_remove(); may call the catalog. NULL = none is told. */
+    /* Called when loading a time step of this volume ended, with or without success
+     * (srv_catalog_step_is_ready()). Called from a load thread, or by srv_catalog_remove(); may
+     * call the catalog. NULL = not called. */
     void (*step)(void *user, const char *id);
-    /* The entry was removed, or one of its time steps evicted: its cached data must be evicted.
-     * Passes a reference to the callee. */
+    /* Called when an entry was removed or one of its time steps was evicted: the callee evicts the
+     * cached data of the volume, and takes over one reference. */
     void (*unloaded)(void *user, struct sp_volume *volume);
 };
 
@@ -91,18 +95,18 @@ void srv_catalog_stop(struct srv_catalog *catalog);
 /* After all uses were released. Stops first; accepts NULL. */
 void srv_catalog_destroy(struct srv_catalog **catalog);
 
-/* Queues a load. *id_out is the entry's id; *existed is true if the source was added before and has
- * not failed; one that has failed is loaded again and belongs to the owner who asks. Errors:
- * SP_ERR_DENIED, SP_ERR_NOT_FOUND (path), SP_ERR_INVALID (the place is a JSON pointer; *conflict:
- * the id belongs to another source), SP_ERR_BUDGET (too many entries), SP_ERR_QUOTA (the owner has
- * volumes_max volumes, or, if the request is limited, too many loads that wait), SP_ERR_MEMORY.
- * Volumes that one owner opened by limited requests take at most three quarters of the memory
- * budget; a load that needs more fails. */
+/* Queues a load. *id_out is the entry's id. *existed is true if the source was added before and has
+ * not failed. A failed source is loaded again and then belongs to the owner of the new request.
+ * Errors: SP_ERR_DENIED, SP_ERR_NOT_FOUND (path), SP_ERR_INVALID (the place is a JSON pointer;
+ * *conflict: the id belongs to another source), SP_ERR_BUDGET (too many entries), SP_ERR_QUOTA (the
+ * owner has volumes_max volumes, or, if the request is limited, too many loads that wait),
+ * SP_ERR_MEMORY. Volumes that one owner opened by limited requests take at most three quarters of
+ * the memory budget; a load that needs more fails. */
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
                      char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
                      struct sp_error *err);
-/* Finds the source of other fields of the file that an entry was loaded from, which has the others
- * of this entry where `field` or `vectors` is NULL: fills request->confined, and *source,
+/* Builds the source for other fields of the file of an entry. Where `field` or `vectors` is NULL,
+ * it keeps the field or the vectors of the entry. Fills request->confined, and sets *source,
  * malloc'ed, for request->source. SP_ERR_NOT_FOUND and SP_ERR_INVALID (a built-in volume) at
  * "/volume", SP_ERR_MEMORY. */
 bool srv_catalog_field(struct srv_catalog *catalog, const char *id, const char *field,
@@ -121,9 +125,9 @@ struct srv_volume_status {
     double progress;          /* [0, 1] */
     struct sp_error error;    /* of a failed load */
     struct sp_volume *volume; /* a reference of the caller's if ready, else NULL */
-    uint64_t voxel_bytes;     /* reserved for it, and for its other time steps */
-    uint64_t step_bytes;      /* of those: of the other time steps */
-    uint64_t cached_bytes;    /* by all renderers together */
+    uint64_t voxel_bytes;     /* bytes reserved for the volume and for its other time steps */
+    uint64_t step_bytes;      /* part of voxel_bytes that belongs to the other time steps */
+    uint64_t cached_bytes;    /* bytes cached by all renderers together */
     uint64_t cached_per_renderer[SRV_RENDERERS];
     unsigned uses;
 };
@@ -136,7 +140,8 @@ bool srv_catalog_find(struct srv_catalog *catalog, const char *id,
 const char *srv_catalog_data(const struct srv_catalog *catalog);
 /* True if remote volumes of some hosts may be loaded. Constant. */
 bool srv_catalog_allows_hosts(const struct srv_catalog *catalog);
-/* Bytes of the memory budget: in use without windows, the limit, and windows of brick files. */
+/* Gets the bytes of the memory budget: used (without windows of brick files), the limit, and the
+ * bytes of these windows. */
 void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget,
                         uint64_t *brick_bytes);
 
@@ -145,19 +150,18 @@ struct srv_volume *srv_catalog_acquire(void *catalog, const char *id, struct sp_
 struct srv_volume *srv_catalog_ref(void *catalog, struct srv_volume *volume);
 void srv_catalog_release(void *catalog, struct srv_volume *volume);
 void srv_catalog_default_view(void *catalog, struct srv_volume *volume, struct sp_view *view);
-/* Returns a use of a time step, below the number of steps, of the volume, which is loaded if it is
- * not there yet. NULL = out of memory. All functions below take it in place of the volume once it
- * is ready. */
+/* Returns a use of a time step of the volume, and starts to load the step if necessary. `step` is
+ * below the number of steps. NULL = out of memory. Once the step is ready, all functions below
+ * accept it in place of the volume. */
 struct srv_volume *srv_catalog_step(void *catalog, struct srv_volume *volume, uint32_t step);
-/* True if the step is loaded. Else *err is set: SP_ERR_NOT_READY while it loads, or why that
- * failed.
- */
+/* True if the step is loaded. Otherwise *err is set: SP_ERR_NOT_READY while it loads, or the reason
+ * why loading failed. */
 bool srv_catalog_step_is_ready(void *catalog, struct srv_volume *step, struct sp_error *err);
 /* Returns a use of the loaded step that is nearest to `step`. */
 struct srv_volume *srv_catalog_nearest_step(void *catalog, struct srv_volume *volume,
                                             uint32_t step);
-/* Exchanges a use of a volume for one of a time step that is loaded. NULL with *err set:
- * SP_ERR_NOT_READY (it is loaded now: ask again), SP_ERR_MEMORY, or why it cannot be loaded. */
+/* Exchanges a use of a volume for a use of a loaded time step. NULL with *err set: SP_ERR_NOT_READY
+ * (the step is being loaded: ask again), SP_ERR_MEMORY, or the reason why it cannot be loaded. */
 struct srv_volume *srv_catalog_ready_step(struct srv_catalog *catalog, struct srv_volume *volume,
                                           uint32_t step, struct sp_error *err);
 /* Returns the number of time steps, at least 1. */
@@ -171,34 +175,36 @@ bool srv_catalog_measure(void *catalog, struct srv_volume *volume, const struct 
                          const struct sp_measure *measure, double samples,
                          struct proto_measure_value *value, struct sp_error *err);
 
-/* The samples that a measurement needs, and their level: of a volume that is larger than memory
- * those around its points, unless it is a part, a path, a distance or an angle; else the volume
- * itself. One reference; NULL with *err set, as in sp_bricks_around(). Reads bricks for up to 10 s:
- * call it with no lock held. */
+/* Returns a volume with the samples that a measurement needs, and sets *level. For a volume that is
+ * larger than memory, these are the samples around the points, unless the measurement is a part, a
+ * path, a distance or an angle. Otherwise it is the volume itself. One reference; NULL with *err
+ * set, as in sp_bricks_around(). Reads bricks for up to 10 s: call it with no lock held. */
 struct sp_volume *srv_measured_samples(struct sp_volume *volume, const struct sp_measure *measure,
                                        unsigned *level, struct sp_error *err);
 
-/* The voxels and the fingerprint of a used volume; valid as long as the use. */
+/* Return the voxels and the fingerprint of a used volume; valid as long as the use. */
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
 const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume);
 
 /* Other volumes: those that layers of a view name. Each shows the time step of the view, or its
  * last one if it has fewer; beside a volume with one step, the step that it was opened with. */
 
-/* Puts uses of time steps of the other volumes into steps[], which the caller releases; volumes
- * with one step have none. False when out of memory: *count steps were taken before. */
+/* Writes uses of the time steps of other volumes to steps[]; the caller releases them. A volume
+ * with one step adds none. False when out of memory; *count uses were taken before the failure. */
 bool srv_catalog_other_steps(void *catalog, struct srv_volume *volume, const struct sp_view *view,
                              struct srv_volume *steps[2 * SP_LAYERS_MAX], unsigned *count);
 struct srv_shown { /* what a frame shows */
     struct srv_catalog *catalog;
     const struct srv_volume *volume; /* the caller has a use of it */
     uint32_t step;                   /* of the view */
-    bool is_other; /* find_shown() returned another step: its own is not loaded (any more) */
+    bool is_other; /* srv_catalog_find_shown() returned another step, because the step of the view
+                      is not loaded */
 };
 /* sp_render_options.find(), with `user` a struct srv_shown: returns a reference to the loaded step
- * that is nearest to the one above; NULL = the volume is not ready. */
+ * that is nearest to srv_shown.step; NULL = the volume is not ready. */
 struct sp_volume *srv_catalog_find_shown(void *user, const char *id);
-/* Hashes all that decides the pixels of a view: the used volume, and those that layers name. */
+/* Hashes all volumes that decide the pixels of a view: the used volume, and the volumes that its
+ * layers name. */
 struct srv_fingerprint srv_catalog_fingerprint(struct srv_catalog *catalog,
                                                const struct srv_volume *volume,
                                                const struct sp_view *view);

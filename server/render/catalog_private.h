@@ -16,15 +16,15 @@
 /* An entry, or a time step of an entry. A use of a step is also a use of its entry. */
 struct srv_volume {
     struct srv_volume *next;
-    struct srv_volume *parent; /* the entry that this is a step of; NULL = it is an entry */
-    struct srv_volume *steps; /* of an entry: those that are wanted or loaded, apart from its own */
-    uint32_t step;            /* of the time series */
-    uint64_t wanted_at;       /* of a step: catalog->requests when it was asked for last */
-    uint32_t last_step;       /* of an entry: the step that was asked for last */
-    bool is_ahead;            /* of a step: it is to be loaded before someone asks for it */
-    bool is_left;             /* of such a step: someone has asked, and will ask again */
-    bool is_loading;          /* by a load thread now */
-    bool is_short;            /* of a step: it waits until another load gives memory back */
+    struct srv_volume *parent; /* the entry to which this step belongs; NULL = this is an entry */
+    struct srv_volume *steps;  /* entry: other steps that are wanted or loaded */
+    uint32_t step;             /* of the time series */
+    uint64_t wanted_at;        /* step: catalog->requests at the last request for it */
+    uint32_t last_step;        /* entry: the step that was requested last */
+    bool is_ahead;             /* step: is loaded ahead, before anyone asks for it */
+    bool is_left;    /* step that is loaded ahead: someone has asked for it, and will ask again */
+    bool is_loading; /* a load thread loads it now */
+    bool is_short;   /* step: waits until another load releases memory */
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
     char owner[SRV_TOKEN_NAME_BYTES]; /* "" = the operator */
     char *source;      /* resolved (render/source.h): the key; "upload:ID" for an uploaded file */
@@ -42,7 +42,8 @@ struct srv_volume {
     struct sp_joint_histogram
         *joint; /* guarded by joint_mutex until it is set; NULL = not counted */
     unsigned uses;
-    /* No longer an entry. While it loads, the load thread frees it, or else its last user. */
+    /* No longer in the list of entries. The load thread frees it if it is loading; otherwise its
+     * last user does. */
     bool is_removed;
 };
 
@@ -52,7 +53,8 @@ enum { SRV_LOADERS = 4 };
 struct srv_loader { /* a load thread */
     struct srv_catalog *catalog;
     pthread_t thread;
-    bool prefers_steps; /* to volumes that wait, so that neither waits for all of the others */
+    bool prefers_steps; /* loads waiting steps before waiting volumes, so that neither kind waits
+                           for all of the other kind */
 };
 
 struct srv_catalog {
@@ -83,10 +85,11 @@ static inline const struct srv_volume *srv_catalog_entry_of(const struct srv_vol
 /* Finds an entry. With the mutex held. */
 struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id);
 
-/* Bytes that loads may take. An eighth of the budget is kept for windows of brick files if one is
- * open; a load takes what they have beyond that. With the mutex held. */
+/* Returns the bytes that loads may take. If a brick file is open, an eighth of the budget is
+ * reserved for windows of brick files; a load takes the rest from the windows. With the mutex
+ * held. */
 uint64_t srv_catalog_free_bytes(struct srv_catalog *catalog);
-/* Takes bytes of the budget for an entry or a step, or gives all of its bytes back. With the mutex
+/* Acquires bytes of the budget for an entry or a step, or releases all its bytes. With the mutex
  * held. */
 void srv_catalog_acquire_bytes(struct srv_catalog *catalog, struct srv_volume *volume,
                                uint64_t bytes);
@@ -98,11 +101,11 @@ void srv_catalog_free_removed(struct srv_catalog *catalog, struct srv_volume *vo
 
 void srv_catalog_entry_free(struct srv_volume *volume); /* with its steps */
 
-/* Clients see the error: they must not learn where the folders are. */
+/* Removes the names of folders from an error, because clients see it. */
 void srv_catalog_redact(const struct srv_catalog *catalog, const struct srv_volume *volume,
                         struct sp_error *err);
 
-/* Tells the owner of an uploaded file what became of it. With no lock held. */
+/* Tells the uploads the final state of an uploaded file. With no lock held. */
 void srv_catalog_close_upload(struct srv_catalog *catalog, const char *source,
                               enum srv_volume_state state);
 /* Returns the source of an entry for srv_catalog_close_upload(), malloc'ed; NULL = there is nothing
@@ -118,37 +121,37 @@ bool srv_catalog_may_load(const struct srv_catalog *catalog, const struct srv_vo
 /* Starts the load threads. After a failure the caller stops the catalog. */
 bool srv_catalog_start_loaders(struct srv_catalog *catalog, struct sp_error *err);
 
-/* Time steps (catalog_steps.c). These with the mutex held: */
+/* Time steps (catalog_steps.c). The next functions are called with the mutex held: */
 
-/* The step to load next: of those that someone waits for, the one that was asked for last; NULL =
- * there is none. */
+/* Returns the step to load next: the most recently requested one among the steps that someone waits
+ * for; NULL = none. */
 struct srv_volume *srv_catalog_wanted_step(const struct srv_catalog *catalog);
-/* The same of those that are loaded ahead. */
+/* Returns the same among the steps that are loaded ahead. */
 struct srv_volume *srv_catalog_ahead_step(const struct srv_catalog *catalog);
-/* True if a step is being loaded that no longer has users, while users wait for others. */
+/* True if the step, which is being loaded, no longer has users while users wait for other steps. */
 bool srv_catalog_is_step_unwanted(const struct srv_catalog *catalog, const struct srv_volume *step);
-/* A load has ended: steps that wait for memory are tried again. */
+/* Call it when a load has ended. Steps that wait for memory are tried again. */
 void srv_catalog_retry_steps(struct srv_catalog *catalog);
-/* The memory of volumes, and what of it the owner of an entry has. */
+/* Returns the memory of volumes as a pool, with the part that the owner of an entry has. */
 struct srv_pool srv_catalog_pool(struct srv_catalog *catalog, const struct srv_volume *entry);
-/* Takes steps without users out of the catalog, those first that were asked for longest ago,
- * until `bytes` are free for `loading`. Returns them, for srv_catalog_free_steps(). */
+/* Removes steps without users from the catalog, the least recently requested first, until `bytes`
+ * are free for `loading`. Returns the steps, for srv_catalog_free_steps(). */
 struct srv_volume *srv_catalog_evict_steps(struct srv_catalog *catalog,
                                            const struct srv_volume *loading, uint64_t bytes);
-/* The entry was removed: steps that wait are loaded no more. True if there was one; the caller
- * calls options.step() then, without the mutex. */
+/* Call it when an entry was removed. Its waiting steps are no longer loaded. True if there was a
+ * waiting step; then the caller calls options.step(), without the mutex. */
 bool srv_catalog_fail_steps(struct srv_volume *entry);
-/* A use of a step has ended. Returns it if it is to be freed; else NULL. */
+/* Ends a use of a step. Returns the step if it must be freed, otherwise NULL. */
 struct srv_volume *srv_catalog_drop_step(struct srv_volume *step);
-/* Gives a use back. *dropped is for srv_catalog_free_steps(). True: the entry is free, for
- * srv_catalog_free_removed(). */
+/* Ends a use of an entry or a step. *dropped is for srv_catalog_free_steps(). True: the entry must
+ * be freed by srv_catalog_free_removed(). */
 bool srv_catalog_let_go(struct srv_volume *volume, struct srv_volume **dropped);
 
-/* These without: */
+/* The next functions are called without the mutex: */
 
-/* Frees the list and evicts what renderers cache of it. */
+/* Frees the list of steps and evicts their data from the caches of renderers. */
 void srv_catalog_free_steps(struct srv_catalog *catalog, struct srv_volume *steps);
-/* A step was loaded, or not. Takes over the volume. */
+/* Call it when loading a step ended, with or without success. Takes over the volume. */
 void srv_catalog_end_step(struct srv_catalog *catalog, struct srv_volume *step,
                           struct sp_volume *volume, const struct sp_error *err);
 

@@ -31,7 +31,7 @@ struct srv_encode_task {
     struct sp_frame *frame;     /* a reference */
     struct srv_render_job *job; /* owned; NULL = for a snapshot */
     struct srv_snapshot_entry *snapshot;
-    enum srv_worker_kind worker; /* that submitted it */
+    enum srv_worker_kind worker; /* the worker that submitted the task */
     bool is_cached;              /* the frame was not rendered for this task */
 };
 
@@ -41,11 +41,11 @@ struct srv_encode_pool_options {
     /* Encodes and delivers; takes over job and snapshot. The pool releases the frame. Called on an
      * encode thread, without a lock. */
     void (*run)(void *user, struct sp_encoder *encoder, const struct srv_encode_task *task);
-    /* A task of this worker has left the queue. Called with the pool's lock held: it must not call
-     * the pool. */
+    /* Called when a task of this worker has left the queue. Called with the pool's lock held: it
+     * must not call the pool. */
     void (*on_dequeued)(void *user, enum srv_worker_kind worker);
-    /* Housekeeping that srv_encode_pool_request_maintenance() asked for. Called on an encode thread
-     * that has nothing else to do, without a lock. */
+    /* Does the housekeeping that srv_encode_pool_request_maintenance() requests. Called on an idle
+     * encode thread, without a lock. */
     void (*maintain)(void *user);
 };
 
@@ -57,10 +57,10 @@ bool srv_encode_pool_start(struct srv_encode_pool *pool, struct sp_error *err);
 void srv_encode_pool_stop(struct srv_encode_pool *pool);
 void srv_encode_pool_destroy(struct srv_encode_pool **pool); /* stopped; accepts NULL */
 
-/* Takes over the task. Only while srv_encode_pool_has_capacity(). */
+/* Takes over the task. Call it only while srv_encode_pool_has_capacity() is true. */
 void srv_encode_pool_submit(struct srv_encode_pool *pool, const struct srv_encode_task *task);
-/* False while so many frames of this worker wait that it must not begin another one. Session frames
- * that are slow to encode do not count: SRV_SLOW_ENCODE_JOBS bounds them. */
+/* False while so many frames of this worker wait that it must not begin another frame. Session
+ * frames that are slow to encode do not count, because SRV_SLOW_ENCODE_JOBS limits them. */
 bool srv_encode_pool_has_capacity(struct srv_encode_pool *pool, enum srv_worker_kind worker);
 unsigned srv_encode_pool_background_threads(const struct srv_encode_pool *pool);
 void srv_encode_pool_request_maintenance(struct srv_encode_pool *pool);

@@ -31,7 +31,7 @@ struct srv_frame_cache {
     unsigned next; /* the encoding to replace next, modulo their number */
 };
 
-/* Frame and encodings count for the pools that they come from. */
+/* The memory of the frame and the encodings counts for the pools that they come from. */
 void srv_frame_cache_init(struct srv_frame_cache *cache);
 void srv_frame_cache_finish(struct srv_frame_cache *cache);
 

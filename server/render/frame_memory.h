@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The memory of frames (--render-bytes): what renderers draw in, pixels, encoders, cached images,
- * and encoded frames and answers that clients have not read yet. Sessions and movies' encoders have
- * one half, snapshots and frames of camera paths the other, so that neither can take all. Bytes are
- * taken before they are allocated (sp/budget.h). Encoded frames of sessions have at most a quarter
- * of the sessions' half, and each owner its share of that (session/blob.h).
+ * The memory of frames (--render-bytes): working memory of renderers, pixels, encoders, cached
+ * images, and encoded frames and answers that clients have not read yet. Sessions and the encoders
+ * of movies have one half; snapshots and frames of camera paths have the other half. So neither can
+ * take all the memory. Bytes are acquired before they are allocated (sp/budget.h). Encoded frames
+ * of sessions have at most a quarter of the sessions' half, and each owner its share of that
+ * (session/blob.h).
  *
  *   what does not fit     then
  *   -------------------   ------------------------------------------------------------------------
@@ -29,7 +30,7 @@ struct srv_frame_memory {
     struct sp_budget *sessions, *snapshots; /* NULL = no limit */
 };
 
-/* bytes: of both together; 0 = a quarter of the machine's memory, at least 2 GiB. */
+/* bytes: both halves together; 0 = a quarter of the machine's memory, at least 2 GiB. */
 bool srv_frame_memory_init(struct srv_frame_memory *memory, uint64_t bytes, struct sp_error *err);
 /* All bytes must have been given back. */
 void srv_frame_memory_finish(struct srv_frame_memory *memory);

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The frames that a worker has begun and not finished, oldest first, and which of them may be
- * cancelled. A GPU renders several at a time; then the next frame is prepared while the GPU renders
- * the one before.
+ * The in-flight frames of a worker, oldest first, and the rules by which they are cancelled. A GPU
+ * renders several at a time; then the next frame is prepared while the GPU renders the one before.
  *
  *   begin ──► behind others ──► the oldest ──► pop
  *
@@ -11,8 +10,8 @@
  * waits and its time is used up. That time starts when the frame becomes the oldest, so that it
  * does not pay for the frames before it.
  *
- * Of two consecutive moving frames of a session one is always finished: when one is cancelled,
- * those behind it are not.
+ * Of two consecutive moving frames of a session, one is always finished: when a frame is cancelled,
+ * the next frames are not.
  *
  * A frame can be paused while a shorter one is rendered (preemption_worker.c). A paused frame does
  * not age. Between the request to pause and the moment when its threads stop, both frames share the
@@ -59,20 +58,21 @@ void srv_frame_queue_pop(struct srv_frame_queue *queue, double now_ms);
 /* Removes the newest frame, because the renderer refused it. */
 void srv_frame_queue_undo(struct srv_frame_queue *queue);
 
-/* How long the frame has been rendered, without pauses. */
+/* Returns how long the frame has been rendered, ms, without pauses. */
 double srv_inflight_age_ms(const struct srv_inflight *frame, double now_ms);
 /* Pauses or resumes the oldest frame if it is the job of this order. */
 void srv_frame_queue_pause(struct srv_frame_queue *queue, uint64_t order, double now_ms);
 void srv_frame_queue_resume(struct srv_frame_queue *queue, uint64_t order, double now_ms);
-/* A thread of a frame that was asked to pause has stopped; the last one counts. Returns what the
- * shorter frame is not charged for: half of the time since the request, ms. */
+/* Call it when a thread of a frame that was asked to pause has stopped; the last call counts.
+ * Returns the time that the shorter frame is not charged for: half of the time since the request,
+ * ms. */
 double srv_inflight_paused(struct srv_inflight *frame, double now_ms);
 
-/* Handles an interrupt of the scheduler (struct srv_schedule_options): cancels those of the frames
+/* Handles an interrupt of the scheduler (struct srv_schedule_options): cancels the affected frames
  * that may be cancelled now. */
 void srv_frame_queue_interrupt(struct srv_frame_queue *queue, uint64_t of, enum srv_interrupt why,
                                double now_ms);
-/* Cancels those that may be cancelled by now. */
+/* Cancels the frames that may be cancelled by now. */
 void srv_frame_queue_tick(struct srv_frame_queue *queue, double now_ms);
 void srv_frame_queue_cancel(struct srv_frame_queue *queue); /* all of them */
 

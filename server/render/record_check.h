@@ -7,8 +7,8 @@
 
 #include <stddef.h>
 
-/* Checks the text of a record of a saved view or a preset, which are read when a request needs
- * them. The records of other kinds are checked by those that restore them. SP_ERR_FORMAT,
+/* Checks the text of a record of a saved view or a preset, because these are read only when a
+ * request needs them. Records of other kinds are checked when they are restored. SP_ERR_FORMAT,
  * SP_ERR_INVALID (with a JSON pointer), SP_ERR_MEMORY. */
 bool srv_record_check(enum srv_kind kind, const char *text, size_t size, struct sp_error *err);
 

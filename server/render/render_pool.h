@@ -36,10 +36,11 @@ struct srv_render_pool_options {
     unsigned queue_max;      /* waiting snapshots, per class; in the foreground an owner may have
                                 three quarters of them */
     unsigned encode_threads; /* [1, SRV_ENCODE_THREADS_MAX]; background threads come on top */
-    uint64_t video_px;       /* bound on all video encoders together, px; 0 = no video */
+    /* limit of the frame sizes of all video encoders together, px; 0 = no video */
+    uint64_t video_px;
     struct srv_frame_memory frame_memory; /* lives as long as the pool and its frames */
-    /* Of the snapshot worker's renderer, but for frame_budget. The preemption worker's has half of
-     * its memory. Strings live as long as the pool. */
+    /* Options of the snapshot worker's renderer, without frame_budget. The renderer of the
+     * preemption worker gets half of this memory. Strings live as long as the pool. */
     struct sp_renderer_options renderer;
 };
 
@@ -53,13 +54,13 @@ bool srv_render_pool_start(struct srv_render_pool *pool, struct srv_schedule *sc
 void srv_render_pool_stop(struct srv_render_pool *pool);
 void srv_render_pool_destroy(struct srv_render_pool **pool); /* stops first; accepts NULL */
 
-/* Where snapshots are submitted. Any thread. */
+/* Returns the queue to which snapshots are submitted. Any thread. */
 struct srv_snapshot_queue *srv_render_pool_snapshots(struct srv_render_pool *pool);
 /* Call it about ten times per second. Drops snapshots whose clients have left, and cancels moving
  * frames that are over their budget while a newer view waits. */
 void srv_render_pool_tick(struct srv_render_pool *pool);
-/* The renderers, by enum srv_worker_kind. backend NULL = not created yet: those of the snapshot and
- * preemption workers are created for their first frame. Any thread. */
+/* Describes the renderers, by enum srv_worker_kind. backend NULL = not created yet: the renderers
+ * of the snapshot and preemption workers are created for their first frame. Any thread. */
 void srv_render_pool_info(struct srv_render_pool *pool,
                           struct sp_renderer_info info[SRV_RENDERERS]);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the workers and the encode threads share.
+ * State that the workers and the encode threads share.
  *
  * Locks: the hub's is taken before any lock of the pool; `mutex` and the locks of the parts
  * (workers, snapshots, cache, encoders) are never held together, except that the snapshot queue and
@@ -30,14 +30,16 @@ struct srv_render_pool {
     struct srv_video_encoders *videos;
     struct sp_frame_pool *frames, *snapshot_frames; /* of sessions; of the snapshot worker */
     struct srv_blob_pool *blobs;                    /* encoded frames of sessions */
-    _Atomic double frame_ms; /* when a frame was last drawn or encoded; for the rest */
-    atomic_bool is_at_rest;  /* and the memory of frames is given back since then */
+    _Atomic double frame_ms; /* when a frame was last drawn or encoded; SRV_REST_MS later the pool
+                                is at rest */
+    atomic_bool is_at_rest;  /* the memory of frames was released since the last frame */
     pthread_mutex_t mutex;   /* guards what follows */
     pthread_cond_t resume;   /* a paused frame may resume, or is cancelled */
     struct srv_frame_queue
         in_flight[SRV_WORKERS]; /* session frames; the snapshot worker has none */
     bool stop;
-    bool has_no_preemption; /* its renderer fails: long frames are no longer paused */
+    bool has_no_preemption; /* the preemption worker's renderer failed: long frames are no longer
+                               paused */
     uint64_t not_preempted; /* order of a long frame that leaves other frames too little memory */
 };
 
@@ -46,18 +48,19 @@ void *srv_interactive_worker_main(void *user);
 void *srv_preemption_worker_main(void *user);
 void *srv_snapshot_worker_main(void *user);
 
-/* The cached frame of this view; NULL = another one is cached. Unref it. */
+/* Returns the cached frame of this view: a reference that the caller owns. NULL = the cache has no
+ * frame of this view. */
 struct sp_frame *srv_render_pool_find(struct srv_render_pool *pool, const struct srv_volume *volume,
                                       const struct sp_view *view);
 
-/* The worker's renderer has rendered a frame of the volume, or failed to: updates the catalog and
- * the hub. The worker's thread. */
+/* Call it when the worker's renderer has rendered a frame of the volume, or failed. Updates the
+ * catalog and the hub. On the worker's thread. */
 void srv_render_pool_note_frame(struct srv_render_pool *pool, enum srv_worker_kind kind,
                                 struct srv_volume *volume);
 
 /* Memory (render_pool.c). */
 
-/* A frame is being drawn or encoded. Any thread. */
+/* Call it while a frame is drawn or encoded. Any thread. */
 void srv_render_pool_note_work(struct srv_render_pool *pool);
 /* Frees the memory of the worker's renderer if the worker has been idle for SRV_REST_MS. No frame
  * is begun. The worker's thread. */
@@ -65,10 +68,10 @@ void srv_render_pool_rest(struct srv_render_pool *pool, enum srv_worker_kind kin
 
 /* Session frames (session_frame.c); the worker's thread. */
 
-/* Takes the memory of the encoders of a job's images; SP_ERR_FRAME_BUDGET. */
+/* Acquires the memory of the encoders for the images of a job; SP_ERR_FRAME_BUDGET. */
 bool srv_session_frame_reserve(struct srv_render_pool *pool, struct srv_render_job *job,
                                struct sp_error *err);
-/* Gives it back and frees the job. Any thread. */
+/* Releases this memory and frees the job. Any thread. */
 void srv_session_frame_free(struct srv_render_pool *pool, struct srv_render_job *job);
 
 /* Begins to render the job, or tells the hub that it failed. Takes it over. */

@@ -7,18 +7,19 @@
  *               ▲            │
  *               └────────────┘ a background snapshot was cancelled by more urgent work
  *
- * - The next snapshot is that of the owner that has received the least time for rendering and
- *   encoding (common/fair_owners.h); of that owner, the oldest one.
- * - Equal snapshots are one entry, rendered and encoded once. Each request is a waiter of the
- * entry; the owner of the first request is charged.
+ * - The next snapshot belongs to the owner that has received the least time for rendering and
+ *   encoding (common/fair_owners.h); it is the oldest snapshot of that owner.
+ * - Equal snapshots share one entry, which is rendered and encoded once. Each request is a waiter
+ *   of the entry; the owner of the first request is charged.
  * - Background snapshots come last. They begin when no other snapshot waits and no session frame
- * was rendered for 100 ms, and they yield to both: they are cancelled and rendered again later.
- * After waiting for twenty times their own time they no longer yield (common/fair_queue.h).
+ *   was rendered for 100 ms. They yield to both kinds of work: they are cancelled and rendered
+ *   again later. After waiting for twenty times their own time they no longer yield
+ *   (common/fair_queue.h).
  * - An entry begins when the time step of its view is loaded, which submit asks for.
  * - An entry without waiters (their clients have left) is dropped, also while it is rendered.
  *
- * All functions are thread-safe. Callbacks of snapshots are called without the lock, but for
- * is_gone().
+ * All functions are thread-safe. Callbacks of snapshots, except is_gone(), are called without the
+ * lock.
  */
 #ifndef SRV_RENDER_SNAPSHOT_QUEUE_H
 #define SRV_RENDER_SNAPSHOT_QUEUE_H
@@ -39,7 +40,7 @@ struct srv_snapshot_result {
     struct sp_error err;    /* if not ok */
     const uint8_t *bytes;   /* valid during the call */
     size_t size;            /* of bytes */
-    struct sp_frame *frame; /* instead of bytes if wants_frame; valid during the call */
+    struct sp_frame *frame; /* set instead of `bytes` if wants_frame; valid during the call */
     double drawn_ms;        /* time spent to render that frame; 0 = it was cached */
     struct sp_frame_stats stats;
     double encode_ms;
@@ -48,7 +49,7 @@ struct srv_snapshot_result {
 struct srv_snapshot { /* a request for one image */
     struct sp_view view;
     struct srv_volume *volume;        /* a use, taken over by submit */
-    char owner[SRV_FAIR_OWNER_BYTES]; /* whose account is charged */
+    char owner[SRV_FAIR_OWNER_BYTES]; /* owner whose account is charged */
     bool is_limited;                  /* the owner has a share of the queue */
     enum sp_image_format format;
     int quality;
@@ -73,27 +74,28 @@ struct srv_snapshot_entry { /* in the list until it is answered or dropped */
     struct srv_volume *others[2 * SP_LAYERS_MAX]; /* uses of the time steps of other volumes */
     unsigned other_count;
     struct srv_snapshot_waiter *waiters;
-    bool is_background;     /* all its requests are */
+    bool is_background;     /* all its requests are background requests */
     bool is_waiting;        /* false: it is being rendered or encoded */
     atomic_bool cancel;     /* of its rendering */
     double queued_ms;       /* when it was submitted */
     double yields_since_ms; /* when it had to yield first; 0 = never */
     double spent_ms;        /* the longest time spent on a rendering that was cancelled */
     /* Memory of frames (frame_memory.h). */
-    uint64_t encoder_bytes;  /* taken for its encoder from when it is taken until it is encoded */
-    bool needs_all;          /* it did not fit beside others: nothing else may be taken */
-    bool is_refused;         /* others left too little for too long: it is not rendered */
-    double waits_for_memory; /* since when [ms]; 0 = it does not */
+    uint64_t encoder_bytes; /* taken for its encoder from when it is taken until it is encoded */
+    bool needs_all;         /* it did not fit beside other work: it must be rendered alone */
+    bool is_refused; /* other work left too little memory for too long: the entry is not rendered */
+    double waits_for_memory; /* waits for memory since this time, ms; 0 = it does not wait */
 };
 
 struct srv_snapshot_queue_options {
     struct srv_catalog *catalog;
     struct srv_metrics *metrics; /* NULL = none */
-    struct srv_worker *worker;   /* woken when there may be a snapshot to render */
+    struct srv_worker *worker;   /* is woken when there may be a snapshot to render */
     struct sp_budget *budget;    /* of the memory of snapshots; NULL = no limit */
-    unsigned waiting_max;        /* per class; in the foreground an owner has its share */
-    unsigned
-        unencoded_max; /* of one owner, rendered and not answered; over it, others come first */
+    unsigned waiting_max;   /* most waiting snapshots per class; in the foreground an owner may use
+                               only its share */
+    unsigned unencoded_max; /* rendered and unanswered snapshots of one owner; above this number,
+                               other owners come first */
 };
 
 struct srv_snapshot_queue {
@@ -127,7 +129,8 @@ void srv_snapshot_queue_stop(struct srv_snapshot_queue *queue);
 /* Answers all that wait with SP_ERR_CANCELLED. After the snapshot worker has ended. */
 void srv_snapshot_queue_drop_waiting(struct srv_snapshot_queue *queue);
 
-/* A worker begins or has ended a frame of a session: background snapshots yield. */
+/* Call them when a worker begins, and when it has ended, a frame of a session. Background snapshots
+ * yield meanwhile. */
 void srv_snapshot_queue_begin_session_frame(struct srv_snapshot_queue *queue);
 void srv_snapshot_queue_end_session_frame(struct srv_snapshot_queue *queue, double now_ms);
 
@@ -137,17 +140,18 @@ void srv_snapshot_queue_end_session_frame(struct srv_snapshot_queue *queue, doub
  * srv_catalog_step_is_ready(). */
 bool srv_snapshot_has_steps(struct srv_catalog *catalog, const struct srv_snapshot_entry *entry,
                             struct sp_error *err);
-/* Takes the entry to render next, and the memory of its encoder. NULL if there is none; then asks
- * again after *wait_ms at the latest, which stays as it is if only an event can change that.
- * *needs_memory: the next one waits until others give memory back; the worker, too. An entry that
- * has waited for SRV_MEMORY_WAIT_MS is returned with is_refused. */
+/* Takes the entry to render next, and acquires the memory of its encoder. NULL if there is none:
+ * the caller asks again after *wait_ms at the latest; *wait_ms is unchanged if only an event can
+ * bring a snapshot. *needs_memory = true: the next entry waits until other work releases memory,
+ * and the worker should release its own. An entry that has waited for SRV_MEMORY_WAIT_MS is
+ * returned with is_refused. */
 struct srv_snapshot_entry *srv_snapshot_queue_pop(struct srv_snapshot_queue *queue, double *wait_ms,
                                                   bool *needs_memory);
-/* Gives back what was taken for the entry's encoder. */
+/* Releases the memory that was acquired for the entry's encoder. */
 void srv_snapshot_queue_release(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry);
-/* The rendering has ended and took so long: charges the owner. is_cancelled: it is to be rendered
- * again, because it yielded or because of memory. Returns true if the entry waits for that. Else
- * the caller answers it, now or after encoding. */
+/* Call it when the rendering of an entry ended after render_ms. Charges the owner. is_cancelled:
+ * the rendering yielded or lacked memory, and the entry is to be rendered again. Returns true if
+ * the entry waits for that. Otherwise the caller answers the entry, now or after encoding. */
 bool srv_snapshot_queue_end_rendering(struct srv_snapshot_queue *queue,
                                       struct srv_snapshot_entry *entry, bool is_cancelled,
                                       double render_ms);
@@ -156,7 +160,7 @@ bool srv_snapshot_queue_end_rendering(struct srv_snapshot_queue *queue,
 
 void srv_snapshot_queue_charge(struct srv_snapshot_queue *queue,
                                const struct srv_snapshot_entry *entry, double ms);
-/* Both answer every waiter and free the entry. */
+/* Both functions answer every waiter and free the entry. */
 void srv_snapshot_queue_answer(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry,
                                const struct srv_snapshot_result *result);
 void srv_snapshot_queue_fail(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry,

@@ -45,9 +45,9 @@
 
 struct srv_video_encoders;
 
-/* px: bound on the frame sizes of all encoders together, by their size at rest; each encoder counts
- * for at least SRV_VIDEO_PX_MIN. budget: their memory is taken from it. blobs: of their frames.
- * metrics: may be NULL. NULL with *err set: SP_ERR_MEMORY. */
+/* px: limit of the frame sizes of all encoders together, at rest; each encoder counts for at least
+ * SRV_VIDEO_PX_MIN. budget: the memory of the encoders is acquired from it. blobs: the pool of
+ * their encoded frames. metrics: may be NULL. NULL with *err set: SP_ERR_MEMORY. */
 enum { SRV_VIDEO_PX_MIN = 256 * 1024 };
 struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct sp_budget *budget,
                                                      struct srv_blob_pool *blobs,
@@ -66,7 +66,7 @@ uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders,
 
 /* True if some encoder was not used for a while. Any thread; returns quickly. */
 bool srv_video_encoders_are_idle(struct srv_video_encoders *encoders, double now_ms);
-/* Destroys those encoders, which takes a while: their threads end. Encode threads. */
+/* Destroys the idle encoders. Waits until their threads end. Call it on encode threads. */
 void srv_video_encoders_tick(struct srv_video_encoders *encoders, double now_ms);
 
 #endif

@@ -7,7 +7,8 @@
  *   preemption   renders short frames of sessions while the interactive worker's frame is paused
  *   snapshot     renders single images, in the background (at a low thread priority)
  *
- * A worker sleeps while it has nothing to do. Whatever it may wait for raises its generation:
+ * A worker sleeps while it has nothing to do. Every event that it may wait for raises its
+ * generation:
  *
  *   for (;;) {
  *       round = srv_worker_begin_round(worker);   reads the generation, evicts unloaded volumes
@@ -62,8 +63,8 @@ void srv_worker_join(struct srv_worker *worker); /* does nothing if it was not s
 
 /* Any thread. */
 void srv_worker_wake(struct srv_worker *worker);
-/* Has the worker's renderer drop what it caches of the volume. Takes a reference of its own. When
- * memory is out, logs it; the data stays cached until the daemon ends. */
+/* Makes the worker's renderer drop its cached data of the volume. Takes a reference of its own. If
+ * memory runs out, the function logs that, and the data stays cached until the daemon ends. */
 void srv_worker_evict(struct srv_worker *worker, struct sp_volume *volume);
 void srv_worker_info(struct srv_worker *worker, struct sp_renderer_info *info);
 
