@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A volume whose levels come in chunks from elsewhere, such as those of OME-Zarr. It becomes a
- * brick file without a file (file.h): bricks are cut from chunks when a frame needs them, and the
- * range of a brick is known once it and its neighbours were read (learned.h).
+ * A volume whose levels come in chunks from another source, such as OME-Zarr. It is used like a
+ * brick file (file.h): bricks are cut from chunks when a frame needs them. The range of a brick is
+ * known once the brick and its neighbours have been read (learned.h).
  */
 #ifndef SP_BRICKS_CHUNKS_H
 #define SP_BRICKS_CHUNKS_H
@@ -32,11 +32,11 @@ struct sp_chunk_source {
     void (*close)(void *user);
 };
 
-/* The first sample and the size of a chunk. */
+/* Computes the first sample and the size of a chunk. */
 void sp_chunk_box(const struct sp_chunk_level *level, const uint32_t place[3], uint32_t first[3],
                   uint32_t size[3]);
 
-/* Bytes of the largest chunk. */
+/* Returns the bytes of the largest chunk. */
 uint64_t sp_chunk_bytes_max(const struct sp_chunk_source *source);
 
 #endif

@@ -25,10 +25,10 @@ struct sp_brick_need {
     /* The frame can be drawn from blocks (data/volume/blocks.h), so that only wanted bricks take
      * memory. It can be drawn from an array, too. */
     bool is_sparse;
-    bool has_vectors; /* it needs the vectors, too; the file must have some. Not with blocks. */
+    bool has_vectors; /* the frame also needs vectors; the file must have them. Not with blocks. */
 };
 
-/* The arrays of a need: bits. What is lost is a set of them for each brick. */
+/* The arrays of a need, as bits. Lost data is described by a set of these bits per brick. */
 enum { BRICK_SAMPLES = 1, BRICK_VECTORS = 2 };
 
 static inline unsigned sp_brick_need_arrays(const struct sp_brick_need *need) {
@@ -39,21 +39,21 @@ static inline uint64_t sp_brick_need_count(const struct sp_brick_need *need) {
     return (uint64_t)need->count[0] * need->count[1] * need->count[2];
 }
 
-/* Number, in its level, of brick i of the box. */
+/* Returns the number, in its level, of brick i of the box. */
 uint64_t sp_brick_need_at(const struct sp_brick_need *need, const struct sp_brick_level *level,
                           uint64_t i);
 
-/* The samples of the box: the first one, and how many. */
+/* Computes the first sample of the box and the size of the box in samples. */
 void sp_brick_need_box(const struct sp_brick_need *need, const struct sp_brick_level *level,
                        uint32_t first[3], uint32_t size[3]);
 
-/* Samples of the box. */
+/* Returns the number of samples of the box. */
 uint64_t sp_brick_need_samples(const struct sp_brick_file *file, const struct sp_brick_need *need);
 
-/* Bytes of all samples of the box, with the vectors if it needs them. */
+/* Returns the bytes of all samples of the box, with the vectors if the need has them. */
 uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need);
 
-/* Where the vectors begin in this memory. */
+/* Returns the offset of the vectors in the memory of sp_brick_need_bytes(). */
 uint64_t sp_brick_need_vectors_at(const struct sp_brick_file *file,
                                   const struct sp_brick_need *need);
 
@@ -69,14 +69,14 @@ bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick
 /* Allocates `wanted` for the box; every brick has that number. False if memory ran out. */
 bool sp_brick_need_allocate(struct sp_brick_need *need, uint16_t number);
 
-/* The number of wanted bricks. */
+/* Returns the number of wanted bricks. */
 uint64_t sp_brick_need_wanted(const struct sp_brick_need *need);
 
-/* The number of bricks that a coarser level shows. */
+/* Returns the number of bricks that a coarser level shows. */
 uint64_t sp_brick_need_coarse(const struct sp_brick_need *need);
 
-/* Returns the places of the numbers from BRICK_WANTED on in an array, malloc'ed: those of the
- * largest numbers first, and equal ones in their order. Sets *count. NULL if memory ran out. */
+/* Returns the indices of the numbers that are at least BRICK_WANTED, malloc'ed: the largest number
+ * first, equal numbers in their order. Sets *count. NULL if memory ran out. */
 uint32_t *sp_brick_order(const uint16_t *numbers, uint64_t length, size_t *count);
 
 /* True if `have` shows all of `need` at its level or coarsely. */
@@ -85,7 +85,7 @@ bool sp_brick_need_is_covered(const struct sp_brick_need *need, const struct sp_
 /* Copies a need and its `wanted`. False if memory ran out. */
 bool sp_brick_need_copy(const struct sp_brick_need *need, struct sp_brick_need *copy);
 
-/* A value of the brick's range, which fills the place of a brick that is not wanted. */
+/* Returns a value of the brick's range, which fills a brick that is not wanted. */
 double sp_brick_value(const struct sp_brick_entry *entry, enum sp_type type);
 
 #endif

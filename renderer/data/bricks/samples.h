@@ -27,17 +27,17 @@ struct sp_brick_range sp_brick_measure_range(const struct sp_brick_view *view);
 /* Copies the samples of a box, one after the other. */
 void sp_brick_copy(const struct sp_brick_view *view, void *out);
 
-/* Writes the means of 2 × 2 × 2 samples of the box, whose first sample has even coordinates: those
- * of finite samples, NaN without any; at an odd end of fewer samples. Of labels it writes the most
- * frequent sample. The output has (size + 1)/2 samples per axis. Integers are rounded as in
- * draw/resample/levels.c. */
+/* Writes the means of 2 × 2 × 2 samples of the box, whose first sample has even coordinates. Only
+ * finite samples count; the mean is NaN if there are none. At an odd end, a mean has fewer samples.
+ * Of labels it writes the most frequent sample. The output has (size + 1)/2 samples per axis.
+ * Integers are rounded as in draw/resample/levels.c. */
 void sp_brick_average(const struct sp_brick_view *view, void *out);
 
-/* The same for vectors, of which the view has the components: means of vectors that are finite, NaN
- * without any. */
+/* Like sp_brick_average(), for vectors, whose components are the samples of the view. Only finite
+ * vectors count; the mean is NaN if there are none. */
 void sp_brick_average_vectors(const struct sp_brick_view *view, float (*out)[3]);
 
-/* The length of the longest finite vector; 0 = there is none. */
+/* Returns the length of the longest finite vector; 0 = there is none. */
 double sp_brick_longest(const float (*vectors)[3], size_t count);
 
 /* Adds the finite samples to a histogram of the range. */

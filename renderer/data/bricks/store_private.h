@@ -14,24 +14,24 @@
 
 enum {
     BRICK_WINDOWS_MAX = 8,
-    BRICK_QUEUE_MAX = 4 /* needs that wait; the one that was asked for longest ago is dropped */
+    BRICK_QUEUE_MAX = 4 /* waiting needs; the least recently requested one is dropped */
 };
 
 struct sp_brick_store_window {
     struct sp_brick_need need; /* owned */
     struct sp_volume *volume;  /* a reference; NULL = the slot is empty */
-    uint8_t *lost;             /* owned: by brick of the need, the arrays that could not be read */
+    uint8_t *lost;             /* owned; per brick of the need, the arrays that could not be read */
     uint64_t lost_count, used, bytes;
     double read_ms;    /* when it was read (base/clock.h) */
     unsigned coarsest; /* the coarsest level that it shows */
     bool is_partial;   /* other bricks of the need are still being read: BRICK_COARSE until then */
 };
 
-/* A need that waits for the thread, or that it reads. */
+/* A need that waits for the thread, or that the thread reads. */
 struct sp_brick_request {
     struct sp_brick_need need; /* owned; wanted NULL = the slot is empty */
     uint64_t asked;
-    bool has_failed; /* for `why`: until it is asked for again */
+    bool has_failed; /* reading failed because of `why`; reset by the next request */
     struct sp_error why;
 };
 
@@ -39,14 +39,14 @@ struct sp_brick_store {
     struct sp_brick_file *file;
     struct sp_volume *base; /* owns the store, which has no reference to it */
     unsigned base_level;
-    struct sp_brick_need base_need; /* all of its level */
-    uint8_t *base_lost;             /* the same of it */
+    struct sp_brick_need base_need; /* all bricks of base_level */
+    uint8_t *base_lost;             /* the lost arrays per brick of base_need */
     uint64_t budget; /* memory for windows when it was opened: the base takes a quarter at most */
     double retry_ms; /* chunks that could not be read are read again after this time */
     double
-        publish_ms; /* what was read is shown first after this time, then after twice of it ... */
+        publish_ms; /* interval until a partial window is first published; it doubles each time */
     struct sp_brick_memory *memory; /* a reference */
-    struct sp_brick_store *next;    /* of the memory */
+    struct sp_brick_store *next;    /* in the list of the memory */
     struct sp_pool *pool;
     pthread_t thread;
     atomic_bool stop;
@@ -55,20 +55,22 @@ struct sp_brick_store {
     struct sp_brick_store_window windows[BRICK_WINDOWS_MAX];
     struct sp_brick_request queue[BRICK_QUEUE_MAX];
     uint64_t published; /* windows so far */
-    uint64_t cost;      /* of the window that a frame asked for last; 0 = none has */
-    double asked_ms;    /* when that was (base/clock.h) */
-    uint8_t *damaged; /* by brick of all levels, the finest first: arrays that could not be read */
+    uint64_t cost;      /* bytes of the window that a frame requested last; 0 = no request yet */
+    double asked_ms;    /* time of this request (base/clock.h) */
+    uint8_t *damaged;   /* per brick of all levels, the finest level first: arrays that could not be
+                           read */
     struct sp_bricks_damage damage;
 };
 
-/* Notes the bricks of a need that could not be read, `lost` by brick of its box, a set of arrays;
- * `why` is the error of one of them. With the mutex held. (damage.c) */
+/* Records the bricks of a need that could not be read. `lost` has a set of arrays per brick of the
+ * box; `why` is the error of one brick. With the mutex held. (damage.c) */
 void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_need *need,
                          const uint8_t *lost, const struct sp_error *why);
-/* Forgets those that were read now. The same. */
+/* Removes the record of bricks that were read successfully. With the mutex held. (damage.c) */
 void sp_brick_store_heal(struct sp_brick_store *store, const struct sp_brick_need *need,
                          const uint8_t *lost);
-/* Voxels of the whole volume that a brick covers: the first one, and the one past the last. */
+/* Computes the voxels of the whole volume that a brick covers: the first voxel, and one past the
+ * last. */
 void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint64_t number,
                         uint32_t box[2][3]);
 
@@ -96,7 +98,7 @@ void sp_brick_memory_remove(struct sp_brick_memory *memory, struct sp_brick_stor
 void sp_brick_memory_make_space(struct sp_brick_memory *memory, struct sp_brick_store *store,
                                 uint64_t bytes);
 
-/* Most bytes that one window of the store may cost now. */
+/* Returns the most bytes that one window of the store may cost now. */
 uint64_t sp_brick_memory_window_max(struct sp_brick_memory *memory,
                                     const struct sp_brick_store *store);
 
@@ -106,28 +108,28 @@ bool sp_brick_memory_is_alone(struct sp_brick_memory *memory, const struct sp_br
 void sp_brick_window_clear(struct sp_brick_store_window *window);
 void sp_brick_request_clear(struct sp_brick_request *request);
 
-/* The grid of the samples of a need. *numbers: malloc'ed, the coordinates of rectilinear axes.
- * False without memory. */
+/* Computes the grid of the samples of a need. *numbers: malloc'ed, the coordinates of rectilinear
+ * axes. False if memory ran out. */
 bool sp_brick_store_grid(const struct sp_brick_store *store, const struct sp_brick_need *need,
                          struct sp_grid *grid, double **numbers);
-/* Where they lie in their level. */
+/* Returns the part of the level that the samples of a need cover. */
 struct sp_whole_part sp_brick_store_part(const struct sp_brick_store *store,
                                          const struct sp_brick_need *need);
-/* The vectors in the memory of a need; NULL = it has none. */
+/* Returns the vectors in the memory of a need; NULL = the need has none. */
 const float (*sp_brick_store_vectors(const struct sp_brick_store *store,
                                      const struct sp_brick_need *need, const void *samples))[3];
 
-/* With the mutex held: puts a window into a slot, in place of those of which it has all. */
+/* Puts a window into a slot. Replaces the windows whose bricks it has. With the mutex held. */
 void sp_brick_store_publish(struct sp_brick_store *store, struct sp_brick_store_window *window);
 
-/* Reads the bricks of a need, which it takes over, into a window. Publishes parts of it meanwhile,
- * if it is sparse; `coarser` shows the rest of them. What failed is cleared by the caller. Without
- * the mutex. (reading.c) */
+/* Reads the bricks of a need into a window. Takes over the need. If the need is sparse, publishes
+ * partial windows meanwhile, in which `coarser` shows the missing bricks. After a failure the
+ * caller clears the window. Without the mutex. (reading.c) */
 bool sp_brick_store_fill(struct sp_brick_store *store, struct sp_brick_need *need,
                          const struct sp_brick_window *coarser,
                          struct sp_brick_store_window *window, struct sp_error *err);
 
-/* The thread that reads what is asked for, until `stop`. */
+/* The main function of the thread, which reads requested needs until `stop`. */
 void *sp_brick_store_read(void *store);
 
 #endif

@@ -25,7 +25,7 @@
  *   - points on a plane or line: the thickness of a kernel is at least a tenth of its mean width;
  *   - all points at one place: the spacing is 1; otherwise it is at least a millionth of the
  *     diagonal of all points;
- *   - points that are not finite: they get the same size and are no point's neighbours.
+ *   - points that are not finite: they get this smallest spacing, and are no point's neighbours.
  * Volumes are in the range of normal floats. SP_ERR_MEMORY. */
 bool import_neighbours_finish(const struct sp_elements *points,
                               const struct import_progress *progress, struct sp_error *err);

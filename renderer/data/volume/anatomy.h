@@ -15,10 +15,11 @@
 bool sp_anatomy_is_valid(const char letters[4]);
 
 /* Writes the world vector that points to a direction, such as 'S'. False if the letters do not
- * state it. */
+ * state this direction. */
 bool sp_anatomy_find(const char letters[4], char direction, double vector[3]);
 
-/* True if axes with these letters show the patient as in a mirror: as "LAS", not "LPS" or "RAS". */
+/* True if axes with these letters are left-handed, and so show the patient as in a mirror: "LAS" is
+ * left-handed, "LPS" and "RAS" are not. */
 bool sp_anatomy_is_left_handed(const char letters[4]);
 
 /* True if the file states nothing about the place of its grid: a stack of images without an

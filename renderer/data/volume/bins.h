@@ -21,9 +21,9 @@ static inline struct sp_bins sp_bins_between(double low, double high, unsigned c
     return (struct sp_bins){ factor, low * factor, span > 0 ? span : INFINITY, count };
 }
 
-/* Returns the bin of a value, [0, count): the last one for `high`. Values outside, infinities and
- * NaN have the bin of an end, so the caller leaves out those that do not count. Where denormals are
- * flushed to zero (base/parallel_for.h), they have the bin of zero. */
+/* Returns the bin of a value, [0, count): the last one for `high`. Values outside of the range,
+ * infinities and NaN get the first or the last bin, so the caller must leave out values that do not
+ * count. Where denormals are flushed to zero (base/parallel_for.h), they get the bin of zero. */
 static inline unsigned sp_bin_of(const struct sp_bins *bins, double value) {
     const double bin = (value * bins->factor - bins->low) / bins->span * bins->count;
     return bin > 0 ? (unsigned)fmin(bin, bins->count - 1) : 0;

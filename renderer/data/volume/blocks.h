@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The samples of a grid in blocks of 64³, so that memory holds only those that are needed: a window
- * of a volume that is larger than memory (data/bricks/README.md).
+ * The samples of a grid in blocks of 64³, so that memory holds only the needed blocks: a window of
+ * a volume that is larger than memory (data/bricks/README.md).
  *
  *   ┌────┬────┬────┐   a block has samples of its own: A, B,
  *   │ A  │ 0  │ B  │   or one value, which all of its samples have: 0, 9,
@@ -21,14 +21,14 @@
 enum { SP_BLOCK_BITS = 6, SP_BLOCK_SIDE = 1 << SP_BLOCK_BITS };
 
 struct sp_block {
-    const void *samples; /* 64³, the first axis fastest; those beyond the grid are not set. NULL =
-                            those of the coarser grid */
-    bool is_constant;    /* there is only one, which stands for all */
+    const void *samples; /* 64³, the first axis fastest; samples beyond the grid are not set. NULL =
+                            the samples come from the coarser grid */
+    bool is_constant;    /* `samples` has one sample, which stands for all */
 };
 
 /* A coarser grid of the same type: sample i of the blocks lies at first + step·i of it. */
 struct sp_blocks_coarse {
-    const void *samples;            /* an array; NULL = they lie in blocks, too */
+    const void *samples;            /* an array; NULL = the samples lie in `blocks` */
     const struct sp_blocks *blocks; /* or NULL */
     uint32_t dims[3];
     double first[3], step[3]; /* 0 < step <= 1 */
@@ -42,7 +42,8 @@ struct sp_blocks {
     struct sp_blocks_coarse coarse;
 };
 
-/* Copies `n` samples from `at` on along an axis, all of which lie in the grid, to `out`. */
+/* Copies `n` samples along an axis, from sample `at` on, to `out`. All of them must lie in the
+ * grid. */
 void sp_blocks_read(const struct sp_blocks *blocks, unsigned axis, const uint32_t at[3], size_t n,
                     void *out);
 

@@ -14,14 +14,16 @@
 #include "base/vec.h"
 #include "sp/volume.h"
 
-/* The directions of the axes as columns; distances along the axes → offsets in the world. */
+/* Returns the matrix that converts distances along the axes to world offsets: its columns are the
+ * directions of the axes. */
 static inline struct sp_mat3 sp_grid_directions(const struct sp_grid *grid) {
     struct sp_mat3 m;
     memcpy(m.m, grid->direction, sizeof m.m);
     return m;
 }
 
-/* The same times the mean spacings and `scale`: indices → offsets in the world. */
+/* Returns the matrix that converts indices to world offsets, times `scale`: the columns are the
+ * directions times the mean spacings. */
 static inline struct sp_mat3 sp_grid_steps(const struct sp_grid *grid, double scale) {
     struct sp_mat3 m;
     for (int r = 0; r < 3; r++)
@@ -30,14 +32,14 @@ static inline struct sp_mat3 sp_grid_steps(const struct sp_grid *grid, double sc
     return m;
 }
 
-/* Distance of sample i from sample 0 along an axis, world units. i < dims[axis]. */
+/* Returns the distance of sample i from sample 0 along an axis, world units. i < dims[axis]. */
 static inline double sp_grid_distance(const struct sp_grid *grid, unsigned axis, uint32_t i) {
     const double *c = grid->coordinates[axis];
     return c ? c[i] : grid->spacing[axis] * i;
 }
 
-/* The local spacing: the mean of the two gaps next to sample i; at a border, the only gap; for a
- * single sample, the spacing of the axis. World units. */
+/* Returns the local spacing, world units: the mean of the two gaps next to sample i; at a border,
+ * the only gap; for a single sample, the spacing of the axis. */
 static inline double sp_grid_local_spacing(const struct sp_grid *grid, unsigned axis, uint32_t i) {
     const double *c = grid->coordinates[axis];
     uint32_t n = grid->dims[axis];
@@ -47,8 +49,8 @@ static inline double sp_grid_local_spacing(const struct sp_grid *grid, unsigned 
     return (c[high] - c[low]) / (high - low);
 }
 
-/* The ends of the volume along an axis: half a gap before the first sample and after the last one.
- * Distances from sample 0, world units. */
+/* Computes the ends of the volume along an axis: half a gap before the first sample and after the
+ * last sample. Distances from sample 0, world units. */
 static inline void sp_grid_extent(const struct sp_grid *grid, unsigned axis, double extent[2]) {
     uint32_t last = grid->dims[axis] - 1;
     extent[0] = -0.5 * sp_grid_local_spacing(grid, axis, 0);
@@ -59,21 +61,21 @@ static inline bool sp_grid_is_rectilinear(const struct sp_grid *grid) {
     return grid->coordinates[0] || grid->coordinates[1] || grid->coordinates[2];
 }
 
-/* Numbers that suffice for the coordinates of three rectilinear axes. */
+/* Returns how many numbers suffice for the coordinates of three rectilinear axes. */
 static inline size_t sp_grid_axes_max(const struct sp_grid *grid) {
     return (size_t)grid->dims[0] + grid->dims[1] + grid->dims[2];
 }
 
-/* Copies the coordinates, axis by axis, to `numbers`, to which the grid then points. */
+/* Copies the coordinates, axis by axis, to `numbers`, and lets the grid point to the copy. */
 void sp_grid_copy_axes(struct sp_grid *grid, double *numbers);
 
-/* For outputs that keep no rectilinear axes. SP_ERR_UNSUPPORTED if there are such, with `place` as
- * err->place. */
+/* For outputs that cannot store rectilinear axes: fails with SP_ERR_UNSUPPORTED at `place` if
+ * is_rectilinear. */
 bool sp_grid_require_even(bool is_rectilinear, const char *place, struct sp_error *err);
 
-/* The places of the samples of a coarser level, each of which is the mean of two along the axis,
- * and the last one perhaps a single one: (count + 1)/2 of them, perhaps in place. Then means of a
- * linear field lie on it. */
+/* Computes the (count + 1)/2 places of the samples of a coarser level along an axis: each is the
+ * mean of two finer places; for an odd count, the last one is the last finer place. So the means of
+ * a linear field lie on the field. `coarse` may be `places`. */
 void sp_grid_coarsen(const double *places, uint32_t count, double *coarse);
 
 /* Checks a grid from an untrusted header: dims and their product; spacing in [1e-12, 1e12];
@@ -85,7 +87,7 @@ void sp_grid_coarsen(const double *places, uint32_t count, double *coarse);
 bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *place,
                    uint64_t *bytes, struct sp_error *err);
 
-/* The part of a grid that sp_grid_check() refuses, for readers whose places name fields. */
+/* The field of a grid that sp_grid_check() refuses, for readers whose error places name fields. */
 enum sp_grid_field {
     SP_GRID_GOOD,
     SP_GRID_DIMS,

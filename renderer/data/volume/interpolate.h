@@ -23,29 +23,31 @@ struct sp_interpolator {
     const struct sp_grid *grid;
     const void *voxels;
     enum sp_type type;
-    double inverse[3][3]; /* of the direction */
+    double inverse[3][3]; /* inverse of the direction matrix */
     double extent[3][2];  /* the ends of the volume along each axis, world units from sample 0 */
 };
 
 void sp_interpolator_init(struct sp_interpolator *self, const struct sp_volume *volume);
-/* For distances alone: has no samples. */
+/* Initialises an interpolator for distances and cells only: it has no samples. */
 void sp_interpolator_init_grid(struct sp_interpolator *self, const struct sp_grid *grid);
-/* Gets the distances of a world position from sample 0 along the axes, world units. */
+/* Computes the distances of a world position from sample 0 along the axes, world units. */
 void sp_interpolator_distances(const struct sp_interpolator *self, const double position[3],
                                double distances[3]);
 /* Finds the cell at a distance along an axis. False: the distance is outside of the volume. */
 bool sp_interpolator_cell(const struct sp_interpolator *self, unsigned axis, double distance,
                           struct sp_cell *cell);
-/* Returns the value between eight samples; not finite if one that counts is not. */
+/* Returns the value between eight samples; not finite if a sample with a weight above 0 is not
+ * finite. */
 double sp_interpolator_value(const struct sp_interpolator *self, const struct sp_cell cells[3]);
-/* Both in one step. False: the position is outside of the volume. */
+/* Computes the value at a world position in one step. False: the position is outside of the
+ * volume. */
 bool sp_interpolator_at(const struct sp_interpolator *self, const double position[3],
                         double *value);
 /* Returns the number of the last coordinate at or before the distance, below `last`, which is at
  * least 1. Coordinates rise. */
 uint32_t sp_interpolate_low(const double *coordinates, uint32_t last, double distance);
 /* Writes the values at n ≤ SP_INTERPOLATE_RUN points, given by their distances along the axes: NaN
- * outside of the volume and where one of the samples that count is not finite. Faster than the
+ * outside of the volume, and where a sample with a weight above 0 is not finite. Faster than the
  * functions above, because it branches on the type once. */
 void sp_interpolate_run(const struct sp_interpolator *self, size_t n, const double (*distances)[3],
                         double *values);

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The sample that stands for several in a coarser level of labels. Means of labels are labels of
- * something else.
+ * The sample that stands for several samples in a coarser level of labels. A mean of labels would
+ * be the label of something else.
  */
 #ifndef SP_VOLUME_MAJORITY_H
 #define SP_VOLUME_MAJORITY_H
 
-/* The most frequent of `count` > 0 finite values; of equally frequent ones the first. */
+/* Returns the most frequent of `count` > 0 finite values; of equally frequent values, the first. */
 static inline double sp_majority(const double *values, int count) {
     double found = values[0];
     int most = 0;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Values that stand for missing data: −9999, −32768, 1e20, the padding of a scanner. They are
- * samples like all others, but a window or a histogram that reaches to them would show nothing
- * else.
+ * ordinary samples, but they lie so far from the data that a window or a histogram that includes
+ * them would show nothing else.
  */
 #ifndef SP_VOLUME_MISSING_H
 #define SP_VOLUME_MISSING_H
@@ -19,17 +19,18 @@ struct sp_extreme {
     uint64_t count;     /* samples of this value */
 };
 
-/* True if the bins beside the first one (side 0) or the last one (side 1) are empty, as they are
- * where its value is far from all others. */
+/* True if the bins next to the first bin (side 0) or the last bin (side 1) are empty: the extreme
+ * value is far from all other values. */
 bool sp_missing_is_likely(const uint64_t histogram[SP_HISTOGRAM_BINS], int side);
 
-/* True if the extreme value stands for missing data: it occurs often, and lies far from all others:
- * below zero and farther than they spread, or above them and out of all proportion; or less far, if
- * it is one that programs use for that. */
+/* True if the extreme value stands for missing data: it occurs often and lies far from all other
+ * values. Far means: below zero, at a distance larger than the spread of the others; or above them,
+ * at a disproportionate distance. For values that programs commonly use for missing data, a shorter
+ * distance suffices. */
 bool sp_missing_is(const struct sp_extreme *extreme);
 
-/* The range of the data; that of all samples if it was not measured for values that stand for
- * missing data. */
+/* Returns the range of the data, without values that stand for missing data; the range of all
+ * samples if such values were not searched for. */
 static inline const double *sp_missing_data(const struct sp_volume_info *info) {
     return info->data[1] > info->data[0] ? info->data : info->range;
 }
@@ -40,15 +41,15 @@ static inline bool sp_missing_are_there(const struct sp_volume_info *info) {
     return data[0] > info->range[0] || data[1] < info->range[1];
 }
 
-/* True if samples are left out: those that are not finite, and of real numbers those that stand for
- * missing data. */
+/* True if samples are left out: NaN and infinite samples, and in volumes of float or double also
+ * values that stand for missing data. */
 static inline bool sp_missing_are_holes(const struct sp_volume_info *info) {
     const bool is_real = info->type == SP_FLOAT32 || info->type == SP_FLOAT64;
     return info->nonfinite > 0 || (is_real && sp_missing_are_there(info));
 }
 
-/* The limits of the volume (volume.h), but values that stand for missing data count as the limit
- * that is next to them, a little outside of the data. */
+/* Computes the limits of the volume (volume.h) without values that stand for missing data. Such
+ * values count as the nearest limit, which lies slightly outside of the data. */
 void sp_missing_limits(const struct sp_volume_info *info, double limits[2]);
 
 /* Adds a note about a value to info->warnings. */

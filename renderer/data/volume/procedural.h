@@ -29,12 +29,12 @@ bool sp_demo_stream(const char *source, const struct sp_load_options *options, i
                     bool keeps_axes, struct sp_volume_info *info, double **numbers,
                     struct sp_error *err);
 
-/* Slices [begin, end) of the volume into `voxels`, the start of the whole array. `prepared` is what
- * the demo's prepare returned. */
+/* Writes slices [begin, end) of the volume. `voxels` is the start of the whole array. `prepared` is
+ * the result of the demo's prepare(). */
 typedef void sp_demo_fill(const void *prepared, const uint32_t dims[3], size_t begin, size_t end,
                           void *voxels);
 
-/* The vectors of slices [begin, end), into `vectors`, the start of the whole array. */
+/* Writes the vectors of slices [begin, end). `vectors` is the start of the whole array. */
 typedef void sp_demo_flow(const uint32_t dims[3], size_t begin, size_t end, float (*vectors)[3]);
 
 struct sp_demo_maker {
@@ -65,9 +65,9 @@ extern const struct sp_demo_maker sp_demo_tornado, sp_demo_jet;
 /* procedural_elements.c */
 extern const struct sp_demo_maker sp_demo_polar, sp_demo_points, sp_demo_gaussians, sp_demo_torus;
 
-/* Share of the inside at a sample that lies `distance` voxels outside a surface (negative =
- * inside): a smooth step over two voxels, as a scanner blurs it, so that gradients are smooth as
- * well. */
+/* Returns the fraction of a sample's cell that is inside, for a sample that lies `distance` voxels
+ * outside a surface (negative = inside): a smooth step over two voxels, as a scanner blurs it, so
+ * that gradients are smooth as well. */
 static inline float sp_demo_coverage(float distance) {
     float t = 0.5f - 0.5f * distance;
     t = t < 0 ? 0 : t > 1 ? 1 : t;

@@ -12,8 +12,8 @@
         run(T);                                                                                    \
         break;
 
-/* The cases of a switch over enum sp_type, which run `run(T)` with the C type of the samples: those
- * of the types of at most 16 bits, and all. */
+/* The cases of a switch over enum sp_type, which run `run(T)` with the C type T of the samples:
+ * SP_SHORT_CASES for types of at most 16 bits, SP_TYPE_CASES for all types. */
 #define SP_SHORT_CASES(run)                                                                        \
     SP_TYPE_CASE(SP_UINT8, uint8_t, run)                                                           \
     SP_TYPE_CASE(SP_INT8, int8_t, run)                                                             \

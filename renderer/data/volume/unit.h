@@ -6,15 +6,15 @@
 #define SP_VOLUME_UNIT_H
 
 struct sp_unit {
-    const char *name, *symbol; /* in files; as volumes name it */
+    const char *name, *symbol; /* name in files; symbol in volumes */
     double meters;
 };
 
-/* A unit of length by its symbol, or by its name: of any case, also in the plural, and "metre" as
- * well as "meter". NULL = none of these. */
+/* Finds a unit of length by its symbol, or by its name: in any case, also in the plural, "metre" as
+ * well as "meter". NULL = unknown. */
 const struct sp_unit *sp_unit_find(const char *name);
 
-/* Its name in English, as OME-Zarr has it: "millimeter". */
+/* Returns the English name of the unit, as in OME-Zarr: "millimeter". */
 const char *sp_unit_full_name(const struct sp_unit *unit);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Volumes in memory, private to the renderer: how one is created. This folder holds the grid, the
- * samples, their statistics and the built-in volumes; files are the business of import/.
+ * Creation of volumes in memory; private to the renderer. This folder holds the grid, the samples,
+ * their statistics and the built-in volumes. import/ reads files.
  *
  *   procedural.c ─► samples ─┐
  *   import/      ─► mapping ─┴► sp_volume_adopt() ─► range, histogram ─► struct sp_volume
@@ -15,8 +15,8 @@
 /* Releases the samples when the last reference is gone. Called once, from any thread. */
 typedef void sp_voxel_source_release(void *voxels, size_t bytes);
 
-/* Where the vectors lie in the memory of samples: after them, 64-byte aligned. Returns the size of
- * the memory, a multiple of 64, with vectors or without. */
+/* Computes the layout of the memory of samples: the vectors follow the samples, 64-byte aligned.
+ * Returns the size of the memory, a multiple of 64, with or without vectors. */
 uint64_t sp_volume_layout(uint64_t voxel_bytes, uint64_t voxels, bool has_vectors,
                           uint64_t *vectors_at);
 
@@ -29,40 +29,40 @@ struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxel
                                   const float (*vectors)[3], size_t bytes,
                                   sp_voxel_source_release *release, struct sp_error *err);
 
-/* The same for elements in memory of sp_elements_bytes(): `info` gives their shape, unit, names and
- * source; the grid, and of points range and histogram, are filled in. SP_ERR_FORMAT if a triangle
- * names a vertex that does not exist. */
+/* Like sp_volume_adopt(), for elements in memory of sp_elements_bytes() bytes. `info` gives their
+ * shape, unit, names and source. The grid is filled in, and for points also range and histogram.
+ * SP_ERR_FORMAT if a triangle names a vertex that does not exist. */
 struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, void *memory,
                                            size_t bytes, sp_voxel_source_release *release,
                                            struct sp_error *err);
 
-/* Creates a volume with other samples on the grid of `original`, for the same readers: of its
- * description only the type, the size and the number of samples that are not finite differ, and the
- * vectors are the original's. Samples as above. */
+/* Creates a volume with other samples on the grid of `original`. Only the type, the size and the
+ * number of non-finite samples of its description differ; the vectors are the original's. Samples
+ * as in sp_volume_adopt(). */
 struct sp_volume *sp_volume_derive(const struct sp_volume *original, enum sp_type type,
                                    uint64_t nonfinite, void *voxels, size_t bytes,
                                    sp_voxel_source_release *release, struct sp_error *err);
 
-/* The same on another grid, which shows a part of the original at another resolution: `part` says
- * where. The range, the histogram, the longest vector and what projections show are those of the
- * original. `vectors` lies in the same memory; NULL = none. */
+/* Like sp_volume_derive(), on another grid that shows a part of the original at another resolution.
+ * `part` gives its position. The range, the histogram, the longest vector and the projected ranges
+ * are the original's. `vectors` lies in the memory of the samples; NULL = none. */
 struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
                                         const struct sp_grid *grid,
                                         const struct sp_whole_part *part, void *voxels,
                                         const float (*vectors)[3], size_t bytes,
                                         sp_voxel_source_release *release, struct sp_error *err);
 
-/* The same without vectors, and with blocks, which lie at the beginning of their memory. `bytes`
- * counts that memory and the samples that its pointers name. `coarser` has the coarser grid, whose
- * memory stays as long as the blocks; NULL = no block needs it. Such a volume has no array of
- * samples: sp_volume_voxels() must not be called. */
+/* Like sp_volume_derive_part(), without vectors and with blocks, which lie at the beginning of
+ * their memory. `bytes` counts this memory and the samples to which its pointers point. `coarser`
+ * has the coarser grid; its memory lives as long as the blocks; NULL = no block needs it. Such a
+ * volume has no array of samples: sp_volume_voxels() must not be called. */
 struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
                                           const struct sp_grid *grid,
                                           const struct sp_whole_part *part,
                                           struct sp_blocks *blocks, const struct sp_volume *coarser,
                                           size_t bytes, sp_voxel_source_release *release,
                                           struct sp_error *err);
-/* NULL = the samples are an array. */
+/* Returns the blocks of a volume; NULL = the samples are an array. */
 const struct sp_blocks *sp_volume_blocks(const struct sp_volume *volume);
 
 /* The source of a volume that holds a coarse level only: `source` is destroyed with the volume. Set
@@ -70,8 +70,8 @@ const struct sp_blocks *sp_volume_blocks(const struct sp_volume *volume);
 void sp_volume_set_source(struct sp_volume *volume, void *source, void (*destroy)(void *source));
 void *sp_volume_source(const struct sp_volume *volume);
 
-/* Creates a volume whose range, histogram and so on *info gives, all of it. Samples and vectors as
- * above. */
+/* Creates a volume from a complete description: range, histogram and all other fields of *info are
+ * set. Samples and vectors as in sp_volume_adopt(). */
 struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, void *voxels,
                                            const float (*vectors)[3], size_t bytes,
                                            sp_voxel_source_release *release, struct sp_error *err);
@@ -80,40 +80,42 @@ struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, vo
  * Caches evict by this rule. */
 bool sp_volume_is_of(const struct sp_volume *volume, const struct sp_volume *original);
 
-/* The volume that this one was derived from, or itself. Only for comparisons: it may be gone. */
+/* Returns the volume from which this one was derived, or the volume itself. Only for comparisons:
+ * the original may have been freed. */
 const struct sp_volume *sp_volume_original(const struct sp_volume *volume);
 
-/* A volume remembers the last one that was derived from it, under a key of any bytes. get() returns
- * a reference and copies the key to `key`, of which *key_bytes says the capacity and then the size;
- * NULL = there is none, or its key is larger. set() adds a reference; NULL = forget it. Both are
- * thread-safe. set() fails silently without memory for the key. */
+/* A volume remembers the last one that was derived from it, under a key of any bytes.
+ * sp_volume_derived() returns a reference and copies the key to `key`. *key_bytes is the capacity
+ * before the call and the size of the key after it. NULL = there is no derived volume, or its key
+ * is larger. sp_volume_set_derived() adds a reference; derived NULL = drop the last one. It fails
+ * silently if memory runs out. Both functions are thread-safe. */
 struct sp_volume *sp_volume_derived(struct sp_volume *volume, void *key, size_t *key_bytes);
 void sp_volume_set_derived(struct sp_volume *volume, struct sp_volume *derived, const void *key,
                            size_t key_bytes);
 
-/* Length of the longest finite one of `count` vectors; 0 = there is none. */
+/* Computes the length of the longest finite vector of `count` vectors; 0 = there is none. */
 bool sp_volume_measure_vectors(const float (*vectors)[3], uint64_t count, double *longest,
                                struct sp_error *err);
 
-/* The lengths of `count` vectors: samples that are called "magnitude". */
+/* Computes the lengths of `count` vectors, the samples with the name "magnitude". */
 void sp_volume_lengths(const float (*vectors)[3], uint64_t count, float *lengths);
 
-/* Between which all finite samples of the volume and of windows of it lie. */
+/* Returns the range that contains all finite samples of the volume and of its windows. */
 static inline const double *sp_volume_limits(const struct sp_volume_info *info) {
     return info->whole.dims[0] ? info->whole.limits : info->range;
 }
 
-/* Range, histogram and count of non-finite samples of `count` samples, into *info (whose type is
- * set). Subnormal numbers count as zero. The result does not depend on the number of threads. False
- * with *err set when threads cannot be started. */
+/* Computes range, histogram and number of non-finite samples of `count` samples. Writes them to
+ * *info, whose type is set. Subnormal numbers count as zero. The result does not depend on the
+ * number of threads. False with *err set when threads cannot be started. */
 bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t count,
                        struct sp_error *err);
 
 /* Fills info->projected from some samples of a grid, whose range is set. SP_ERR_MEMORY. */
 bool sp_volume_project(struct sp_volume_info *info, const void *voxels, struct sp_error *err);
 
-/* The number of threads for work on a whole volume: one per core that this process may use, at most
- * 16. */
+/* Returns the number of threads for work on a whole volume: one per core that this process may use,
+ * at most 16. */
 unsigned sp_volume_threads(void);
 
 #endif
