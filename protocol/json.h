@@ -63,9 +63,9 @@ bool proto_json_number(const proto_json *json, double *out);
 bool proto_json_integer(const proto_json *json, int64_t *out);
 bool proto_json_bool(const proto_json *json, bool *out);
 
-/* Build a document. NULL means out of memory. What adds to a document then frees it and sets it to
- * NULL, as it does if `value` is NULL, and frees a value that it should own. NULL stays NULL, so a
- * builder checks the document once, at its end. */
+/* Build a document. NULL means out of memory. If memory runs out or `value` is NULL, a function
+ * that adds to a document frees the document, sets it to NULL, and frees a value that it should
+ * own. NULL stays NULL, so a builder checks the document only once, at the end. */
 proto_json *proto_json_object(void);
 proto_json *proto_json_array(void);
 proto_json *proto_json_new_string(const char *text); /* replaces invalid UTF-8 by '?' */
@@ -90,8 +90,8 @@ proto_json *proto_json_integers(const uint32_t *values, size_t count);
 
 /* Return the text without spaces, NUL-terminated, to be freed by the caller; *size (may be NULL)
  * excludes the NUL. Numbers have the shortest form that reads back as the same double. NULL if
- * `json` is NULL or memory runs out. The canonical text sorts the keys by bytes, so equal values
- * give equal bytes (for ETags). */
+ * `json` is NULL or memory runs out. In the canonical text, keys are sorted by bytes, so equal
+ * values give equal bytes (for ETags). */
 char *proto_json_to_text(const proto_json *json, size_t *size);
 char *proto_json_to_canonical(const proto_json *json, size_t *size);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Why a text is not JSON, in this program's words. The library behind json.c gives a code and an
- * offset; its own texts name its flags and tokens. Private to protocol/.
+ * Explains why a text is not JSON, in this program's words. The library behind json.c gives a code
+ * and an offset; its own texts name its flags and tokens. Private to protocol/.
  */
 #ifndef PROTO_JSON_REASON_H
 #define PROTO_JSON_REASON_H

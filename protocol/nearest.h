@@ -4,8 +4,8 @@
 
 #include "protocol/view_fields.h"
 
-/* Returns the name of the group's field that a misspelt name probably means: at most a third of its
- * letters are inserted, deleted or replaced (Levenshtein distance, case ignored). NULL if no field
+/* Returns the field name of the group that is closest to a misspelt name: at most a third of its
+ * letters are inserted, deleted or replaced (Levenshtein distance, ignoring case). NULL if no field
  * is that close. Borrowed from the table of fields. Thread-safe. */
 const char *proto_nearest_name(const char *misspelt, const struct proto_group *group);
 

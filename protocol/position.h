@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Where a JSON parser is in its text. The parser's library limits the depth only at compile time
- * and reports errors as byte offsets, so json.c follows the bytes that the library reads: one walk
- * gives the depth before the library recurses and the JSON pointer of an error. Private to
+ * The position of a JSON parser in its text. The parser's library limits the depth only at compile
+ * time and reports errors as byte offsets, so json.c follows the bytes that the library reads: one
+ * walk gives the depth before the library recurses and the JSON pointer of an error. Private to
  * protocol/.
  */
 #ifndef PROTO_POSITION_H
@@ -32,15 +32,15 @@ struct proto_position {
     bool in_string, is_key, is_escaped, is_too_deep;
 };
 
-/* Walks on to `bytes[end]`, exclusive; does nothing if it is there already. The text need not be
- * valid JSON: brackets that do not match are ignored. False if nesting exceeds PROTO_DEPTH_MAX:
- * the walk stops before that bracket, for good. */
+/* Walks on to `bytes[end]`, exclusive; does nothing if the position is already there. The text need
+ * not be valid JSON: brackets that do not match are ignored. False if nesting exceeds
+ * PROTO_DEPTH_MAX: the walk stops before that bracket, for good. */
 bool proto_position_advance(struct proto_position *position, size_t end);
 
-/* The JSON pointer (RFC 6901) of the value or key that holds the position. */
+/* Writes the JSON pointer (RFC 6901) of the value or key that contains the position. */
 void proto_position_pointer(const struct proto_position *position, struct proto_pointer *pointer);
 
-/* The position's line and column, both from 1; columns count characters. */
+/* Computes the line and column of the position, both from 1; columns count characters. */
 void proto_position_line(const struct proto_position *position, unsigned *line, unsigned *column);
 
 #endif

@@ -45,9 +45,9 @@ bool proto_rpc_decode(const char *bytes, size_t size, struct proto_rpc_message *
 void proto_rpc_finish(struct proto_rpc_message *message);
 
 /* Return a text to send, NUL-terminated, to be freed by the caller; *size (may be NULL) excludes
- * the NUL. NULL when out of memory. The functions take ownership of `result` and `params`; these
- * may be NULL because building them failed, and the result is then NULL. `id` is borrowed; NULL
- * writes null. */
+ * the NUL. NULL when out of memory. The functions take ownership of `result` and `params`; either
+ * may be NULL because building it failed, and then the function returns NULL. `id` is borrowed;
+ * NULL writes null. */
 char *proto_rpc_result(proto_json *id, proto_json *result, size_t *size);
 char *proto_rpc_notification(const char *method, proto_json *params, size_t *size);
 /* err->text becomes the message, err->place data.pointer. */

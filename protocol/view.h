@@ -29,8 +29,8 @@
 bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
                       struct sp_error *err);
 
-/* The same without sp_view_validate(): the caller applies another patch, or validates the view. On
- * failure *view is undefined. */
+/* Like proto_view_apply(), without sp_view_validate(): the caller merges another patch, or
+ * validates the view. On failure *view is undefined. */
 bool proto_view_merge(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
                       struct sp_error *err);
 

@@ -26,14 +26,14 @@ struct http *connect_to_daemon(const struct options *options, struct sp_error *e
 double now_s(void);
 /* Returns the text of a member; "" if it has none. */
 const char *text_of(const proto_json *object, const char *key);
-/* Ends a command that opened a volume or saved a view: prints its id and warnings, or what the
- * daemon answered with --json. Takes ownership of both; `made` NULL = it failed. Returns the exit
- * status. */
+/* Ends a command that opened a volume or saved a view: prints its id and warnings, or with --json
+ * the answer of the daemon. Takes ownership of `http` and `made`; made NULL = the request failed.
+ * Returns the exit status. */
 int print_id(const struct options *options, struct http *http, proto_json *made,
              struct sp_error *err);
 /* Prints a JSON document: on one line for programs with --json, else indented. */
 bool print_json(const struct options *options, const proto_json *json, struct sp_error *err);
-/* Prints a JSON document on one line. NULL = memory ran out, which is an error, too. */
+/* Prints a JSON document on one line. json NULL = memory ran out, which is also an error. */
 bool print_line(const proto_json *json, struct sp_error *err);
 /* Returns "/COLLECTION/NAME", allocated; NULL with *err set on failure. */
 char *collection_path(struct http *http, const char *collection, const char *name,
@@ -42,7 +42,8 @@ char *collection_path(struct http *http, const char *collection, const char *nam
  */
 bool layers_apply(const struct options *options, struct http *http, proto_json **view,
                   struct sp_error *err);
-/* Reads a finite number, RRGGBB or #RRGGBB, or a comma; *text then points behind it (layers.c). */
+/* Parse a finite number, a colour (RRGGBB or #RRGGBB), or a comma, and move *text behind it
+ * (layers.c). */
 bool parse_finite(const char **text, double *out);
 bool parse_color(const char **text, double color[3]);
 bool parse_comma(const char **text);
@@ -50,24 +51,25 @@ bool parse_comma(const char **text);
  * if necessary (channels.c). False with *err set on failure. */
 bool channels_append(const struct options *options, struct http *http, proto_json **view,
                      proto_json **list, struct sp_error *err);
-/* Sets a member of the object `name` of the view, which replaces what is no object (patch.c). */
+/* Sets a member of the object `name` of the view. Replaces `name` if it is not an object
+ * (patch.c). */
 void set_member(proto_json **view, const char *name, const char *member, proto_json *value);
 /* Returns the view of the options: --preset, --view over it, then --size and the options of the
  * camera, the projection and the layers (patch.c). `http` is used for --preset alone. NULL with
  * *err set on failure. */
 proto_json *read_view(const struct options *options, struct http *http, struct sp_error *err);
 
-/* An image to write, and the figures of its rendering. */
+/* An image to write, and the statistics of its rendering. */
 struct image {
     const void *bytes;
     size_t size;
     char backend[64], render_time[32], splats[32];
-    bool is_incomplete; /* it shows coarser samples of the volume than its pixels ask for */
-    /* Of a volume that is larger than memory: the level of its samples, the one that pixels ask
-     * for, and bricks that cannot be read; NULL level = another volume. */
+    bool is_incomplete; /* the image shows coarser samples of the volume than its pixels need */
+    /* For a volume that is larger than memory: the level of the samples, the level that the pixels
+     * need, and the number of bricks that cannot be read. level NULL = any other volume. */
     const char *level, *asked, *lost;
 };
-/* Writes the image to options->out. With --json, prints its figures. */
+/* Writes the image to options->out. With --json, prints its statistics. */
 bool write_image(const struct options *options, const struct image *image, const char *format,
                  struct sp_error *err);
 
@@ -77,8 +79,8 @@ bool write_image(const struct options *options, const struct image *image, const
 char *resolve_volume(struct http *http, const struct options *options, const char *source,
                      bool must_load, bool wait, struct sp_error *err);
 
-/* Waits until a volume, as the daemon described it, is ready. Takes ownership and returns the last
- * description; NULL with *err set on failure. */
+/* Waits until a volume is ready. `volume` is its description by the daemon. Takes ownership, and
+ * returns the last description; NULL with *err set on failure. */
 proto_json *await_volume(struct http *http, const struct options *options, proto_json *volume,
                          struct sp_error *err);
 

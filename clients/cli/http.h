@@ -20,7 +20,7 @@ struct http;
 struct http *http_create(const char *url, const char *token, unsigned timeout_s,
                          struct sp_error *err);
 void http_destroy(struct http **http);
-/* Makes requests end with SP_ERR_CANCELLED soon after stop(user) returns true. */
+/* Sets a callback: requests end with SP_ERR_CANCELLED soon after stop(user) returns true. */
 void http_set_stop(struct http *http, bool (*stop)(void *user), void *user);
 /* Returns the daemon's address without token and trailing slash; valid as long as `http`. */
 const char *http_base(const struct http *http);
@@ -36,7 +36,7 @@ struct http_response {
     char retry_after[8];               /* Retry-After, in seconds; "" = not sent */
     char backend[64], render_time[32]; /* X-Backend, X-Render-Time; "" = not sent */
     char splats[32];
-    char pointer[SP_ERROR_PLACE]; /* of the problem document; "" = none */
+    char pointer[SP_ERROR_PLACE]; /* JSON pointer of the problem document; "" = none */
 };
 
 /* Sends one request below /api/v1. `path` begins with "/"; `body` is JSON or NULL. True for a
@@ -53,8 +53,8 @@ bool http_fetch(struct http *http, const char *path, const char *accept,
                 bool (*add)(void *user, const void *bytes, size_t size), void *user,
                 struct http_response *response, struct sp_error *err);
 
-/* Sends `size` bytes with PATCH as those of an upload (tus) from `offset` on. read() fills a buffer
- * and returns how many bytes it wrote; 0 ends the request with SP_ERR_INVALID. */
+/* Sends `size` bytes of an upload (tus), from `offset` on, with PATCH. read() fills a buffer and
+ * returns how many bytes it wrote; 0 ends the request with SP_ERR_INVALID. */
 bool http_send(struct http *http, const char *path, int64_t offset, int64_t size,
                size_t (*read)(void *user, void *bytes, size_t size), void *user,
                struct http_response *response, struct sp_error *err);
@@ -63,9 +63,9 @@ bool http_send(struct http *http, const char *path, int64_t offset, int64_t size
 proto_json *http_json(struct http *http, const char *method, const char *path, const char *body,
                       struct sp_error *err);
 
-/* Posts a document, which it frees; NULL = memory ran out. An error about the member at the JSON
- * pointer `member` has the place `name`, by which the user knows it; NULL = none is renamed.
- * Returns the answer; NULL with *err set on failure. */
+/* Posts a document and frees it; body NULL = memory ran out. In an error about the member at the
+ * JSON pointer `member`, the place becomes `name`, the word that the user knows. member NULL = no
+ * place is renamed. Returns the answer; NULL with *err set on failure. */
 proto_json *http_post(struct http *http, const char *path, proto_json *body, const char *member,
                       const char *name, struct sp_error *err);
 

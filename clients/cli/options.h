@@ -22,7 +22,7 @@ enum camera_option {
     CAMERA_OPTIONS
 };
 
-/* Of the command slice, as the daemon reads them; NULL = not given. */
+/* Options of the command slice, passed to the daemon unchanged; NULL = not given. */
 struct slice_options {
     const char *axis, *index, *origin, *normal, *up, *spacing, *window;
 };
@@ -39,14 +39,14 @@ struct surface_option {
 struct channel_option {
     const char *source; /* an id or a source, not terminated */
     size_t source_bytes;
-    double color[3];  /* [0, 1]; NAN = the next one of a list */
-    double low, high; /* of the ramp of opacity; NAN = the default */
+    double color[3];  /* [0, 1]; NAN = the next colour of a list */
+    double low, high; /* ends of the opacity ramp, data unit; NAN = the default */
     double opacity;   /* [0, 1), at `high` */
 };
 
 enum { CHANNELS_MAX = LAYERS_MAX - 1 }; /* beside the volume */
 
-/* Layers that are added to those of the view. */
+/* Layers that are added to the layers of the view. */
 struct layer_options {
     struct surface_option surfaces[LAYERS_MAX];
     int surface_count;

@@ -23,11 +23,12 @@ struct output {
 bool output_open(struct output *output, const char *path, struct sp_error *err);
 bool output_add(struct output *output, const void *bytes, size_t size, struct sp_error *err);
 bool output_close(struct output *output, struct sp_error *err);
-/* Before the end: removes the added bytes. False if that is impossible, as for a pipe. */
+/* Removes the added bytes; call it before output_close(). False if that is impossible, as for a
+ * pipe. */
 bool output_restart(struct output *output);
 /* Removes the file. Accepts an output that is not open. */
 void output_drop(struct output *output);
-/* All steps in one call. */
+/* Opens, writes and closes a file in one call. */
 bool output_write(const char *path, const void *bytes, size_t size, struct sp_error *err);
 
 /* Creates a folder in an existing one. Succeeds if it exists; *is_new tells whether it was created.

@@ -12,7 +12,8 @@
  * on that line, so that points and vectors read as one item. */
 bool print_indented(const proto_json *json, struct sp_error *err);
 
-/* Says on standard error what of a volume differs from its file. Control characters become "?". */
+/* Prints a warning about a volume to standard error, such as a difference from its file. Control
+ * characters become "?". */
 void print_warning(const char *volume, const char *text);
 
 enum { TABLE_COLUMNS_MAX = 12 };

@@ -32,7 +32,7 @@ void srv_fair_charge(struct srv_fair_account *account, double clock_ms, double m
 /* Adds the difference once the true time is known; negative if the work took less. */
 void srv_fair_correct(struct srv_fair_account *account, double more_ms);
 
-/* Time that was used lately. What is half a second old counts a third. */
+/* Time that was used recently. Time that was used half a second ago counts one third. */
 struct srv_fair_use { /* zeroed: none */
     double ms;        /* used time, as of at_ms */
     double at_ms;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Folders of objects, ROOT/ID/NAME, where ID has 32 hexadecimal digits; and private roots in
- * $TMPDIR, which the daemon removes when it ends. The process that holds the lock of a private root
- * is alive, or is removing the root: what a killed process left is removed by the next one.
+ * $TMPDIR, which the daemon removes when it ends. A process holds the lock of its private root
+ * until it has removed the root. The next process removes the roots of killed processes.
  */
 #ifndef SRV_COMMON_PRIVATE_FOLDER_H
 #define SRV_COMMON_PRIVATE_FOLDER_H

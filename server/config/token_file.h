@@ -27,7 +27,7 @@ enum srv_right {
     SRV_RIGHT_RENDER = 4,  /* request snapshots, save views, create camera paths */
     SRV_RIGHT_CONTROL = 8, /* create, change and delete sessions; change presets; upload
                               files, open volumes and close those that it opened */
-    SRV_RIGHT_ADMIN = 16,  /* what belongs to other tokens or to the operator */
+    SRV_RIGHT_ADMIN = 16,  /* access objects of other tokens and of the operator */
     /* No token has these: they mark routes where a session's own tokens also count, to watch it or
      * to change it (routes_sessions.c). */
     SRV_RIGHT_SESSION = 32,
@@ -49,8 +49,9 @@ struct srv_quota {
     uint64_t path_bytes;   /* total size of the files of its camera paths, bytes */
     uint64_t upload_bytes; /* total declared size of its uploads, bytes */
     uint64_t frame_px;     /* largest image, pixels; also in its sessions */
-    /* Its shares of the pools are limited (common/fair_share.h). Not in the file: srv_tokens_set()
-     * sets it for tokens that are no admin's, if others use the daemon, too. */
+    /* The token has a limited share of each pool (common/fair_share.h). Not in the file:
+     * srv_tokens_set() sets it for tokens that are not admins, if other tokens also use the
+     * daemon. */
     bool is_limited;
 };
 

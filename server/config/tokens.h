@@ -10,7 +10,7 @@
 struct srv_tokens;
 struct srv_token_use; /* counters of one token; they live until the last grant is given back */
 
-/* What a token may do: a copy from the time of the lookup. */
+/* The rights and quotas of a token: a copy from the time of the lookup. */
 struct srv_grant {
     unsigned rights; /* 0 = no such token */
     char name[SRV_TOKEN_NAME_BYTES];

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Images and slices that are answers over HTTP, until their clients have read them. Their bytes are
- * memory of frames (render/frame_memory.h), of the half of snapshots. A client that does not read
- * holds them until its deadline. Therefore all such answers together may take a part of that half,
- * and each owner its share of the part (common/fair_share.h). All functions are thread-safe.
+ * The memory of images and slices that are sent as HTTP answers, until the clients have read them.
+ * It belongs to the memory of frames (render/frame_memory.h), in the half of snapshots. A client
+ * that does not read holds the memory until its deadline. Therefore all such answers together may
+ * take only a part of this half, and each owner has a share of the part (common/fair_share.h). All
+ * functions are thread-safe.
  */
 #ifndef SRV_HTTP_ANSWERS_H
 #define SRV_HTTP_ANSWERS_H
@@ -21,7 +22,7 @@ struct srv_answer_account;
 
 struct srv_answer_owner {            /* the token that asks */
     char name[SRV_TOKEN_NAME_BYTES]; /* "" = no token, or one without a name */
-    bool is_limited;                 /* has a share; false = it may take all that is free */
+    bool is_limited; /* true = the owner has a share; false = it may take everything that is free */
 };
 
 struct srv_answer { /* zero-initialised = nothing is taken */
@@ -34,14 +35,14 @@ struct srv_answers *srv_answers_create(struct sp_budget *budget, struct sp_error
 /* All answers must have been given back. Accepts NULL and nulls *answers. */
 void srv_answers_destroy(struct srv_answers **answers);
 
-/* Takes the bytes of an answer before it is made; of one that `is_made`, even above the limit of
- * the budget. An owner without other answers gets one of any size that fits the budget. False with
- * both numbers in the text: SP_ERR_QUOTA (over the owner's share), SP_ERR_FRAME_BUDGET;
- * SP_ERR_MEMORY. */
+/* Acquires the bytes of an answer before the answer is made. If `is_made`, the bytes may exceed the
+ * limit of the budget. An owner without other answers may have one answer of any size that fits the
+ * budget. False with both numbers in the text: SP_ERR_QUOTA (over the owner's share),
+ * SP_ERR_FRAME_BUDGET; SP_ERR_MEMORY. */
 bool srv_answers_acquire(struct srv_answers *answers, const struct srv_answer_owner *owner,
                          uint64_t bytes, bool is_made, struct srv_answer *answer,
                          struct sp_error *err);
-/* Gives back what exceeds so many bytes; 0 = all. */
+/* Releases the bytes of the answer above `bytes`; 0 = releases all. */
 void srv_answers_shrink(struct srv_answers *answers, struct srv_answer *answer, uint64_t bytes);
 
 #endif

@@ -44,8 +44,9 @@ void srv_deadlines_count(struct srv_deadlines *deadlines, const struct sockaddr 
 
 size_t srv_deadlines_connections(struct srv_deadlines *deadlines);
 
-/* Makes `owner` the owner of a connection: who sent its newest request. False if the owner is
- * limited and has its share of `most` connections (common/fair_share.h); *own is what it has. */
+/* Makes `owner`, the sender of the newest request, the owner of the connection. False if the owner
+ * is limited and already has its share of `most` connections (common/fair_share.h). *own is the
+ * number of its connections. */
 bool srv_deadlines_own(struct srv_deadlines *deadlines, struct srv_connection *connection,
                        const char *owner, bool is_limited, size_t most, size_t *own);
 

@@ -13,8 +13,8 @@
 
 #include "http/request.h"
 
-/* From the request line until the daemon gets the request, or the connection ends. The second
- * function may be called more than once. */
+/* srv_head_begin() is called at the request line; srv_head_end() when the daemon gets the request,
+ * or when the connection ends. srv_head_end() may be called more than once. */
 void srv_head_begin(struct srv_request *request);
 void srv_head_end(struct srv_request *request);
 

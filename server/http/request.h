@@ -72,8 +72,8 @@ const char *srv_request_token(const struct srv_request *request);
 /* Writes the name and the quota of the token; without a token the name is empty. */
 void srv_request_owner(const struct srv_request *request, struct srv_owner *owner);
 
-/* The name of the token whose objects the request may change; NULL = those of all tokens, because
- * it is an admin's. */
+/* Returns the name of the token whose objects the request may change; NULL = objects of all tokens,
+ * because the request is from an admin. */
 const char *srv_request_scope(const struct srv_request *request);
 
 /* Parses the body, which must be a JSON object; an empty body is {}. NULL: the reply is a problem
@@ -91,29 +91,31 @@ bool srv_request_queue(struct srv_request *request, struct srv_work_queue *queue
                        struct srv_work *work, unsigned most, const char *what);
 /* Fills the reply, or suspends the request. */
 typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
-/* Has `handle` fill the reply on the thread of a queue, as above. */
+/* Lets `handle` fill the reply on the thread of a queue. Otherwise as srv_request_queue(). */
 void srv_request_handle_later(struct srv_request *request, struct srv_work_queue *queue,
                               unsigned most, const char *what, srv_handler *handle);
 
-/* Replaces both, or complete if the request is suspended, as the last call of whoever has filled
- * the reply: sends the answer once the changes of the store and of sessions are on disk. The header
- * X-Durable is "no" if they are only in memory (no --state, or a full disk). */
+/* Call it last, after the reply is filled, instead of srv_request_suspend() and
+ * srv_request_complete(); if the request is suspended, instead of srv_request_complete(). Sends the
+ * answer once the changes of the store and of sessions are on disk. The header X-Durable is "no" if
+ * they are only in memory (no --state, or a full disk). */
 void srv_request_reply_when_durable(struct srv_request *request);
-/* Does so for a change without a body in the answer: 204 once it is on disk, or the error if it is
- * not `ok`. */
+/* Like srv_request_reply_when_durable(), for a change whose answer has no body: replies 204 once
+ * the change is on disk, or with the error if `ok` is false. */
 void srv_request_reply_changed(struct srv_request *request, bool ok, const struct sp_error *err);
 /* Takes the quota (tokens.h) of a snapshot, until srv_request_end_snapshot() or the end of the
  * request. False: *err names the quota that is exceeded. */
 bool srv_request_begin_snapshot(struct srv_request *request, struct sp_error *err);
 void srv_request_end_snapshot(struct srv_request *request);
-/* Takes the memory of an answer (answers.h) that is made next, until the end of the request.
- * `bytes`: while it is made. Errors: those of srv_answers_acquire(). */
+/* Acquires the memory (answers.h) of an answer that is made next, until the end of the request.
+ * bytes: the memory while the answer is made. Errors: those of srv_answers_acquire(). */
 bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err);
-/* The same for an answer that is there already. SP_ERR_QUOTA, SP_ERR_MEMORY. */
+/* Acquires the memory of an answer that already exists. SP_ERR_QUOTA, SP_ERR_MEMORY. */
 bool srv_request_count_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err);
-/* Gives back what the answer does not need now that it is made. */
+/* Reduces the memory of an answer to `bytes`, once it is made. */
 void srv_request_shrink_answer(struct srv_request *request, uint64_t bytes);
-/* Returns both for a snapshot that was refused, which does not count towards the fps quota. */
+/* Returns the quota and the memory of a snapshot that was refused. The snapshot does not count
+ * towards the fps quota. */
 void srv_request_cancel_snapshot(struct srv_request *request);
 /* Call after an upgrade: the connection is a stream from now on, and no longer a request. */
 void srv_request_upgraded(struct srv_request *request);

@@ -27,9 +27,10 @@ void srv_reply_default_view(struct srv_request *request, const char *id, struct 
 /* Adds the ids of the volumes to an error about an unknown volume, as many as fit, if the token may
  * list them. */
 void srv_name_volumes(const struct srv_request *request, struct sp_error *err);
-/* The same for a time step of the volume: that of the session's view, or ?step=, by default the one
- * that the volume was opened with. If it is not loaded, the reply says so, and it will be. `view`:
- * as below. */
+/* Returns a time step of a volume, which the caller unrefs: the step of the session's view, or
+ * ?step=, by default the step with which the volume was opened. If the step is not loaded, the
+ * function starts loading it, and the reply says so; NULL. `view`: the view of the session, NULL =
+ * none. */
 struct srv_volume *srv_acquire_step(struct srv_request *request, const char *id,
                                     const proto_json *view, struct srv_reply *reply);
 /* Answers about the volume `id`. `view`: of the session that shows it; NULL = none. */
@@ -38,7 +39,7 @@ typedef void srv_volume_reply(struct srv_request *request, const char *id, const
 /* Answers about the volume that the session of the path shows. */
 void srv_reply_for_session(struct srv_request *request, srv_volume_reply *answer,
                            struct srv_reply *reply); /* routes_sessions.c */
-/* The same about the volume of the path, if the route is not one of a session. */
+/* Answers about the volume of the path, for a route without a session. */
 void srv_reply_for_volume(struct srv_request *request, srv_volume_reply *answer,
                           struct srv_reply *reply);
 srv_handler srv_options_uploads, srv_get_uploads, srv_post_upload, srv_get_upload,

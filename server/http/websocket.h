@@ -7,9 +7,9 @@
  *
  * Everything is bounded. Reading stops while 64 messages wait to be sent, and until the next tick
  * when the client has used up its ingress quota (ingress_quota.h). Notifications wait for the next
- * tick when theirs is used up. One srv_ws_read() reads a few KiB, so that frames are sent even
- * during a flood. One frame is in the socket's buffer and one in
- * the outbox; clients that get the same image share both.
+ * tick when their quota is used up. One srv_ws_read() reads only a few KiB, so that frames are sent
+ * even during a flood. One frame is in the socket's buffer and one in the outbox; clients that get
+ * the same image share both.
  *
  * wslay frames and queues text messages. An image bypasses it: it is sent from its blob, without a
  * copy, after all queued messages and before any later one. One thread at a time.

@@ -38,17 +38,17 @@ struct srv_database_files {
 bool srv_database_files_open(struct srv_database_files *files, const char *folder,
                              struct sp_error *err);
 void srv_database_files_close(struct srv_database_files *files);
-/* Writes into the lock that the folder has a database now. If that fails, only was_used of the next
- * start is less certain. */
+/* Writes into the lock file that the folder has a database. If that fails, only was_used is less
+ * reliable at the next start. */
 void srv_database_files_set_used(const struct srv_database_files *files);
-/* Notes the files as they are: call it after each own write. */
+/* Records the present state of the files. Call it after each own write. */
 void srv_database_files_note(struct srv_database_files *files);
-/* The same for the log alone, which an own write that failed may have changed. */
+/* Records only the state of the log, which a failed own write may have changed. */
 void srv_database_files_note_log(struct srv_database_files *files);
-/* Compares the files with those that were noted. Returns what is wrong, a constant; NULL = they are
- * the same. `written` true: the noted sizes and times are older than an own write. Otherwise they
- * show other writes, except one in place that keeps the size within a tick of the clock of the file
- * system after an own write. */
+/* Compares the files with their recorded state. Returns the problem, a constant string; NULL = they
+ * are the same files. `written` true: the noted sizes and times are older than an own write.
+ * Otherwise they show other writes, except one in place that keeps the size within a tick of the
+ * clock of the file system after an own write. */
 const char *srv_database_files_changed(const struct srv_database_files *files, bool written);
 /* True while the folder has its old place and the lock is held; takes the lock again if its file
  * was deleted. False: SP_ERR_IO with the remedy. */

@@ -57,19 +57,21 @@ bool srv_store_start(struct srv_store *store, bool (*collect)(void *user), void 
 void srv_store_stop(struct srv_store *store);
 void srv_store_destroy(struct srv_store **store); /* stops first */
 
-/* Stores a copy of `text` and replaces the record of that id. False, nothing changed: SP_ERR_BUDGET
- * (too many records of the kind), SP_ERR_MEMORY. */
+/* Stores a copy of `text` as the record of the id, and replaces an existing record. False, nothing
+ * changed: SP_ERR_BUDGET (too many records of the kind), SP_ERR_MEMORY. */
 bool srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
                    size_t size, struct sp_error *err);
-struct srv_store_owner {   /* who stores a record of its own */
-    const char *beginning; /* with which the texts of this owner's records begin, and no others */
+struct srv_store_owner { /* an owner of records */
+    /* prefix of the texts of this owner's records, and of no other records */
+    const char *beginning;
     const char *name;
     unsigned most;   /* its quota of records; 0 = none */
     bool is_limited; /* without a quota: its share of the kind's limit is limited
                         (common/fair_share.h) */
 };
-/* Stores a record of an owner. A record that exists under the id stays as it is, and that is
- * success. Also SP_ERR_QUOTA: the owner has too many records. */
+/* Stores a new record of an owner. If a record with this id exists, it stays unchanged, and the
+ * function succeeds. Errors as srv_store_put(), and SP_ERR_QUOTA: the owner has too many
+ * records. */
 bool srv_store_add(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
                    size_t size, const struct srv_store_owner *owner, struct sp_error *err);
 /* False: there is no such record. */
@@ -78,11 +80,12 @@ bool srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *i
  * NULL: SP_ERR_NOT_FOUND, SP_ERR_MEMORY, SP_ERR_IO (damaged). */
 char *srv_store_get(struct srv_store *store, enum srv_kind kind, const char *id, size_t *size,
                     struct sp_error *err);
-/* The same, also for a damaged record: to see whose it is. */
+/* Like srv_store_get(), but also returns the text of a damaged record, so that its owner can be
+ * read. */
 char *srv_store_get_any(struct srv_store *store, enum srv_kind kind, const char *id, size_t *size,
                         struct sp_error *err);
-/* Notes, and logs, that the text of a record cannot be used: `why` tells what is wrong. The record
- * stays until it is put again or removed. Out of memory is only logged: it is not damage. */
+/* Marks a record as damaged, and logs it: its text cannot be used, and `why` is the reason. The
+ * record stays until it is put again or removed. Out of memory is only logged: it is not damage. */
 void srv_store_damage(struct srv_store *store, enum srv_kind kind, const char *id,
                       const struct sp_error *why);
 /* False with *err set if there is a damaged record of that id. */
@@ -92,12 +95,12 @@ bool srv_store_is_sound(struct srv_store *store, enum srv_kind kind, const char 
  * empty one at the end; malloc'ed, the caller's. NULL = out of memory. */
 char *srv_store_ids(struct srv_store *store, enum srv_kind kind);
 
-/* Shows the page the ids of all records of a kind whose texts begin with `beginning`. Its items are
- * char[SRV_STORE_ID_MAX + 1]. */
+/* Offers the ids of all records of a kind whose texts begin with `beginning` to the page. Its items
+ * are char[SRV_STORE_ID_MAX + 1]. */
 void srv_store_page(struct srv_store *store, enum srv_kind kind, const char *beginning,
                     struct srv_page *page);
 
-/* Tells the writer that collect() has something to put. Cheap: call it for every change. */
+/* Tells the writer that collect() has something to store. Fast: call it for every change. */
 void srv_store_nudge(struct srv_store *store);
 /* Calls done() exactly once, on any thread, perhaps before this function returns. durable = true:
  * everything that was put or removed before this call, or that collect() puts, is on the disk.

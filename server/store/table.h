@@ -31,7 +31,7 @@ const char *srv_table_get(const struct srv_table *table, enum srv_kind kind, con
 /* Marks a record as damaged, until it is put again; `why` is copied. False: there is no such
  * record, or no memory. */
 bool srv_table_damage(struct srv_table *table, enum srv_kind kind, const char *id, const char *why);
-/* Why a record is damaged; NULL = it is not, or there is none. */
+/* Returns why a record is damaged; NULL = it is not damaged, or there is no such record. */
 const char *srv_table_damaged(const struct srv_table *table, enum srv_kind kind, const char *id);
 /* Iterates over the ids of a kind in the order in which they were first put. Start with *at = NULL;
  * NULL = the end. */

@@ -5,19 +5,18 @@
  *   add ─► receiving ─► complete ─► loaded by the catalog ─► gone
  *              └── no byte for a time, or removed ─────────► gone
  *
- * An upload is a folder ROOT/ID. Its file "info" says what it is and how many bytes count; its
- * folder "files" has the data, under the name "data" and the extension of the format, or under its
- * own name where the reader finds others by it. A header
- * (.nhdr, .json) whose samples are in other files has companions: uploads of their own whose data
- * lie beside that of the header, under the names that the client gave. Nothing else lies in that
- * folder, and the importer opens nothing outside of it. The declared size counts against the limits
- * from the beginning.
+ * An upload is a folder ROOT/ID. Its file "info" has its description and the number of valid bytes.
+ * Its folder "files" has the data: under the name "data" and the extension of the format, or under
+ * its own name if the reader finds other files by that name. A header (.nhdr, .json) whose samples
+ * are in other files has companions: separate uploads whose data lies beside the header, under the
+ * names that the client gave. The folder contains nothing else, and the importer opens nothing
+ * outside of it. The declared size counts against the limits from the beginning.
  *
- * An upload belongs to the token that began it. `by` is the name of the token that asks, NULL = an
- * admin: for others the upload does not exist.
+ * An upload belongs to the token that began it. `by` is the name of the requesting token, NULL = an
+ * admin. For other tokens the upload does not exist.
  *
- * All functions are thread-safe. Those that wait for the disk say so; the HTTP threads let the disk
- * thread call them.
+ * All functions are thread-safe. The comment of a function says if it waits for the disk; HTTP
+ * threads let the disk thread call such functions.
  */
 #ifndef SRV_UPLOADS_UPLOADS_H
 #define SRV_UPLOADS_UPLOADS_H
@@ -38,22 +37,24 @@ struct srv_uploads;
 enum { SRV_UPLOAD_ID_BYTES = 33, SRV_UPLOAD_NAME_BYTES = NAME_MAX + 1 };
 
 struct srv_uploads_options {
-    const char *folder; /* survives a restart, and so do unfinished uploads; NULL = a private folder
-                           that is removed at the end */
+    const char *folder; /* keeps unfinished uploads across restarts; NULL = a private folder that is
+                           removed at the end */
     bool keeps_loaded;  /* the file of a loaded volume stays, because a restart loads it again */
     uint64_t bytes_max; /* declared sizes of all uploads together, and of one; at least 1 */
     unsigned count_max;
     double expiry_ms; /* an upload ends this long after its last byte */
-    double begin_ms;  /* and this long after its beginning, if it got no byte; at most expiry_ms */
-    struct srv_tokens *tokens;   /* their quotas; NULL = none has one */
+    double begin_ms;  /* an upload without any byte ends this long after its beginning; at most
+                         expiry_ms */
+    struct srv_tokens *tokens;   /* give the quotas; NULL = no quotas */
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     struct srv_work_queue *disk;
 };
 
 struct srv_upload_info {
     char id[SRV_UPLOAD_ID_BYTES];
-    char header[SRV_UPLOAD_ID_BYTES]; /* of a companion: the upload of its header; "" = none */
-    char name[SRV_UPLOAD_NAME_BYTES]; /* the client's, made safe to show */
+    /* companion: the upload of its header; "" = not a companion */
+    char header[SRV_UPLOAD_ID_BYTES];
+    char name[SRV_UPLOAD_NAME_BYTES]; /* name that the client gave, made safe to show */
     char owner[SRV_TOKEN_NAME_BYTES]; /* name of the token that added it */
     uint64_t bytes, offset;           /* declared; received so far */
     int64_t modified_ms; /* when the client's file changed last, since 1970; 0 = not known */
@@ -65,7 +66,7 @@ struct srv_upload_info {
  * run. Waits for the disk. NULL with *err set: SP_ERR_IO, SP_ERR_INVALID, SP_ERR_MEMORY. */
 struct srv_uploads *srv_uploads_create(const struct srv_uploads_options *options, double now_ms,
                                        struct sp_error *err);
-/* After the disk thread ended. Accepts NULL; nulls. */
+/* Call it after the disk thread ended. Accepts NULL; nulls *uploads. */
 void srv_uploads_destroy(struct srv_uploads **uploads);
 
 /* Makes the name of a client safe to show, and safe as the name of a file: its last component,
@@ -99,10 +100,11 @@ bool srv_uploads_at(struct srv_uploads *uploads, unsigned i, const char *by, dou
  * SP_ERR_NOT_FOUND, SP_ERR_NOT_READY (it belongs to a volume). */
 bool srv_uploads_remove(struct srv_uploads *uploads, const char *id, const char *by,
                         struct sp_error *err);
-/* True once the upload that srv_uploads_add() has begun is on the disk, also after a crash of the
- * machine. False for a private folder, and if the disk fails. Wait for the disk, as the next. */
+/* Waits until an upload that srv_uploads_add() began is on the disk, so that it survives a crash of
+ * the machine. False for a private folder, or if the disk fails. Waits for the disk. */
 bool srv_uploads_sync(struct srv_uploads *uploads, const struct srv_upload_info *info);
-/* The same for the removal of an upload. Call it on the disk thread, behind the removal. */
+/* The same for the removal of an upload. Call it on the disk thread, after the removal. Waits for
+ * the disk. */
 bool srv_uploads_sync_removal(struct srv_uploads *uploads, const char *id);
 /* Removes expired uploads. */
 void srv_uploads_tick(struct srv_uploads *uploads, double now_ms);
@@ -110,9 +112,10 @@ void srv_uploads_tick(struct srv_uploads *uploads, double now_ms);
 struct srv_uploads_numbers {
     unsigned count;
     uint64_t declared_bytes, received_bytes, bytes_max;
-    unsigned own_count;                /* of one token */
-    uint64_t own_bytes, own_bytes_max; /* the most if no other token had uploads */
-    uint64_t free_bytes; /* what that token can declare now: also within bytes_max and the disk */
+    unsigned own_count;                /* uploads of one token */
+    uint64_t own_bytes, own_bytes_max; /* own_bytes_max: the limit if no other token had uploads */
+    uint64_t free_bytes; /* bytes that the token can declare now, also within bytes_max and the free
+                            space of the disk */
     unsigned free_count;
 };
 /* `owner` = the name of the token whose own numbers are wanted. */
@@ -130,9 +133,9 @@ struct srv_upload_writer {
     int fd;         /* -1 = not open yet */
 };
 
-/* Begins to write at `offset`, which must be the upload's. `size` is what will come, 0 = unknown.
- * SP_ERR_NOT_FOUND, SP_ERR_INVALID (offset; *at is the right one), SP_ERR_TOO_LARGE (more than is
- * missing). */
+/* Begins to write at `offset`, which must be the current offset of the upload. `size` is the number
+ * of bytes that will follow, 0 = unknown. SP_ERR_NOT_FOUND, SP_ERR_INVALID (offset; *at is the
+ * right one), SP_ERR_TOO_LARGE (more bytes than are missing). */
 bool srv_upload_begin(struct srv_uploads *uploads, const char *id, const char *by, uint64_t offset,
                       uint64_t size, bool is_atomic, struct srv_upload_writer *writer, uint64_t *at,
                       struct sp_error *err);
@@ -141,9 +144,9 @@ bool srv_upload_begin(struct srv_uploads *uploads, const char *id, const char *b
  * SP_ERR_IO. */
 bool srv_upload_write(struct srv_upload_writer *writer, const void *bytes, size_t size,
                       double now_ms, struct sp_error *err);
-/* Ends writing, always. `keeps` false: the bytes of an atomic writer do not count. Waits for the
- * disk: unless the folder is private, the bytes that count and their number are on it afterwards.
- * Writes the state of the upload to *info. Errors as above. */
+/* Ends writing, also after an error. keeps false: the bytes of an atomic writer do not count. Waits
+ * for the disk: afterwards the valid bytes and their number are on the disk, unless the folder is
+ * private. Writes the state of the upload to *info. Errors as above. */
 bool srv_upload_end(struct srv_upload_writer *writer, bool keeps, double now_ms,
                     struct srv_upload_info *info, struct sp_error *err);
 
@@ -154,8 +157,8 @@ bool srv_upload_open(void *user, const char *id, char path[PATH_MAX],
                      char name[SRV_UPLOAD_NAME_BYTES], struct sp_error *err);
 enum srv_upload_end {
     SRV_UPLOAD_LOADED,  /* the volume has its own copy of the data */
-    SRV_UPLOAD_UNUSED,  /* it failed, or was removed: the upload goes */
-    SRV_UPLOAD_RETURNED /* it was not loaded after all: the upload stays */
+    SRV_UPLOAD_UNUSED,  /* the volume failed or was removed: the upload is removed */
+    SRV_UPLOAD_RETURNED /* the volume was not loaded after all: the upload stays */
 };
 void srv_upload_close(void *user, const char *id, enum srv_upload_end end);
 

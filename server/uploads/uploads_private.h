@@ -16,13 +16,14 @@ struct srv_upload {
     char id[SRV_UPLOAD_ID_BYTES], header[SRV_UPLOAD_ID_BYTES]; /* header: "" = no companion */
     char name[SRV_UPLOAD_NAME_BYTES], owner[SRV_TOKEN_NAME_BYTES];
     char extension[SRV_EXTENSION_BYTES]; /* ".nrrd"; "" = a companion */
-    bool keeps_name; /* its file has its name, not "data": others of the set are found by that */
+    bool keeps_name; /* the file keeps its own name instead of "data", because the reader finds
+                        other files of the set by it */
     uint64_t bytes, offset;
     int64_t modified_ms; /* 0 = not known */
     uint64_t writer;     /* number of the newest writer */
-    double used_ms;      /* when its last byte came, of a header also that of a companion */
-    bool is_begun;       /* a byte came in this run */
-    bool is_of_volume;   /* the catalog has opened it */
+    double used_ms; /* when its last byte came; for a header, also the last byte of a companion */
+    bool is_begun;  /* a byte came in this run */
+    bool is_of_volume; /* the catalog has opened it */
 };
 
 struct srv_uploads {
@@ -36,9 +37,11 @@ struct srv_uploads {
     uint64_t declared_bytes, next_writer;
 };
 
-/* With the mutex held. The place in the list where the upload is, or would be. */
+/* Returns the link in the list that points to the upload, or the last link if there is none. With
+ * the mutex held. */
 struct srv_upload **srv_uploads_find(struct srv_uploads *uploads, const char *id);
-/* The same; NULL for an upload of another token than `by`, if that is not NULL. */
+/* Returns the upload. NULL if there is none, or if it belongs to a token other than `by`; by NULL =
+ * any token. With the mutex held. */
 struct srv_upload *srv_uploads_find_by(struct srv_uploads *uploads, const char *id, const char *by);
 bool srv_upload_not_found(const char *id, struct sp_error *err);
 void srv_upload_describe(const struct srv_uploads *uploads, const struct srv_upload *upload,
@@ -57,16 +60,17 @@ void srv_upload_path(const struct srv_uploads *uploads, const struct srv_upload 
 /* Creates the folder with an empty data file and the info. False: nothing is left. */
 bool srv_upload_files_create(const struct srv_uploads *uploads, const struct srv_upload *upload,
                              struct sp_error *err);
-/* Replaces the info. `syncs`: it is on the disk afterwards, else in the cache of the system. */
+/* Replaces the file "info". syncs: the file is on the disk afterwards, otherwise only in the cache
+ * of the system. */
 bool srv_upload_files_save(const struct srv_uploads *uploads, const struct srv_upload *upload,
                            bool syncs, struct sp_error *err);
 /* Reads the info of a folder. False: it cannot be continued. */
 bool srv_upload_files_read(const struct srv_uploads *uploads, const char *id,
                            struct srv_upload *upload);
-/* Makes an upload invisible to the next run and to its header. Quick; the rest is left to
- * srv_folder_remove_id(). */
+/* Makes an upload invisible to the next run and to its header. Fast; srv_folder_remove_id() removes
+ * the rest later. */
 void srv_upload_files_forget(const struct srv_uploads *uploads, const struct srv_upload *upload);
-/* Bytes that the disk has free. */
+/* Returns the free bytes of the disk. */
 uint64_t srv_upload_files_free(const struct srv_uploads *uploads);
 /* The error of a call that failed with errno: SP_ERR_BUDGET if the disk is full. */
 bool srv_upload_disk_error(const char *what, struct sp_error *err);
