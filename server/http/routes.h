@@ -27,10 +27,10 @@ void srv_reply_default_view(struct srv_request *request, const char *id, struct 
 /* Adds the ids of the volumes to an error about an unknown volume, as many as fit, if the token may
  * list them. */
 void srv_name_volumes(const struct srv_request *request, struct sp_error *err);
-/* Returns a time step of a volume, which the caller unrefs: the step of the session's view, or
- * ?step=, by default the step with which the volume was opened. If the step is not loaded, the
- * function starts loading it, and the reply says so; NULL. `view`: the view of the session, NULL =
- * none. */
+/* Returns a use of a time step of a volume, which the caller releases: the step of the session's
+ * view, or ?step=, by default the step with which the volume was opened. NULL: the reply has the
+ * error. If the step is not loaded yet, the function starts to load it and replies with an error.
+ * `view`: the view of the session, NULL = none. */
 struct srv_volume *srv_acquire_step(struct srv_request *request, const char *id,
                                     const proto_json *view, struct srv_reply *reply);
 /* Answers about the volume `id`. `view`: of the session that shows it; NULL = none. */

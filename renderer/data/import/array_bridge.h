@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What arrays.c needs of a file with several arrays: HDF5, NetCDF or a group of Zarr. The libraries
- * of HDF5 and NetCDF are modules with this table of functions. One file at a time, one thread.
+ * The functions that arrays.c needs to read a file with several arrays: HDF5, NetCDF or a group of
+ * Zarr. The HDF5 and NetCDF libraries are modules that export this table of functions. One file at
+ * a time, one thread.
  */
 #ifndef SP_IMPORT_ARRAY_BRIDGE_H
 #define SP_IMPORT_ARRAY_BRIDGE_H
@@ -38,14 +39,14 @@ struct array_info {              /* one array of a file */
     /* The arrays of the coordinates of dimensions; "" = the array with the name of the dimension.
      */
     char scales[IMPORT_RANK_MAX][ARRAY_NAME_BYTES];
-    bool is_scale;         /* it has the coordinates of a dimension */
+    bool is_scale;         /* the array holds the coordinates of a dimension */
     bool is_alias;         /* another name of an array, or a link: read on demand only */
-    bool is_preferred;     /* the file names it as the one to show */
+    bool is_preferred;     /* the file names it as the array to show */
     bool has_default_fill; /* numbers that no program wrote have the fill value of NetCDF */
     bool is_number;        /* its numbers can be read */
     /* A chunk is packed, so that one read needs all of it: at most ARRAY_CHUNK_MAX bytes. */
     bool is_packed;
-    char problem[256];           /* if they cannot: why. With a rank, they are numbers, though */
+    char problem[256];           /* why the numbers cannot be read; "" = they can */
     struct import_number number; /* as read() returns it */
 };
 
@@ -69,14 +70,14 @@ struct array_functions {
     /* Reads a box of array n, the last dimension fastest, in native byte order. */
     bool (*read)(void *file, unsigned n, const uint64_t *start, const uint64_t *count, void *out,
                  char *why, size_t capacity);
-    /* Reads an attribute of array n as numbers, at most `most`; returns how many. */
+    /* Reads an attribute of array n as at most `most` numbers; returns how many. */
     size_t (*numbers)(void *file, unsigned n, const char *attribute, double *out, size_t most);
     /* Reads an attribute as text, cut to `capacity` bytes with its 0; "" if there is none. */
     void (*text)(void *file, unsigned n, const char *attribute, char *out, size_t capacity);
-    /* The same of a group; NULL = groups have none. */
+    /* Like text(), for a group; NULL = groups have no attributes. */
     void (*group_text)(void *file, const char *group, const char *attribute, char *out,
                        size_t capacity);
-    /* Reads an attribute of a group as numbers(); NULL = groups have none. */
+    /* Like numbers(), for a group; NULL = groups have no attributes. */
     size_t (*group_numbers)(void *file, const char *group, const char *attribute, double *out,
                             size_t most);
     /* Names a channel of array n; "" or NULL = it has no name. */

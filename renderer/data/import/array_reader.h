@@ -22,7 +22,8 @@ struct arrays {
     const struct array_functions *call;
     void *handle;
     bool is_netcdf;   /* NetCDF reads the file */
-    bool takes_first; /* of several arrays that suit; else the user must choose */
+    bool takes_first; /* takes the first of several suitable arrays; otherwise the user must choose
+                       */
     char *auxiliary;  /* owned: the arrays that others name as their coordinates, " a b "; NULL =
                          none */
     unsigned chosen;  /* the array that is read */
@@ -30,7 +31,7 @@ struct arrays {
     struct import_axes axes;
     uint32_t channels, channel;
     struct import_conversion conversion;
-    /* Whole numbers of this value are no samples, if there are any; NAN = none. */
+    /* Whole numbers of this value stand for missing samples; NAN = no such value. */
     double default_fill;
     double steps[IMPORT_RANK_MAX]; /* the spacing of dimensions, from tags; 0 = unknown */
     bool is_placed[3];             /* x, y and z have coordinates */
@@ -38,14 +39,14 @@ struct arrays {
     double *times;                 /* owned; NULL = unknown */
 };
 
-/* Chooses the array that file->field names, or else one with as many dimensions as any has, at most
- * three. */
+/* Chooses the array that file->field names, or else an array with the most dimensions, where more
+ * than three count as three. */
 bool arrays_choose(struct arrays *a, struct sp_error *err);
 
 /* Fills the header from the chosen array: type, grid, steps, names. The caller checks the grid. */
 bool arrays_fill_header(struct arrays *a, struct import_header *header, struct sp_error *err);
 
-/* Frees what these functions allocated. */
+/* Frees the memory that these functions allocated. */
 void arrays_finish(struct arrays *a);
 
 /* Fails at "SHOWN: NAME" of the array. */
@@ -69,7 +70,8 @@ enum { ARRAYS_SIDE_MAX = 4 };
 bool arrays_read_numbers(const struct arrays *a, const char *path, unsigned rank, unsigned side,
                          double *out);
 
-/* Default fill values are among the samples: these become floating-point numbers. */
+/* Call it if default fill values are among the samples. The samples become floating-point numbers,
+ * so that missing samples can be NaN. */
 void arrays_use_default_fill(struct arrays *a);
 
 /* Finds the axes of the array, and from the attributes and coordinates the place of the grid and
@@ -89,8 +91,9 @@ enum arrays_role {
  * coordinates; n = −1: there is no such array. */
 enum arrays_role arrays_role_of(const struct arrays *a, int n, const char *name);
 
-/* Finds the coordinates of dimension d in an array of another name: the only one of one dimension
- * that the attribute "coordinates" names, or one with times; −1 = there is none. */
+/* Finds the array with the coordinates of dimension d, if its name differs from the dimension: the
+ * only one-dimensional array that the attribute "coordinates" names, or an array of times. −1 =
+ * there is none. */
 int arrays_find_auxiliary(const struct arrays *a, unsigned d);
 
 /* Refuses arrays on the cells of an unstructured grid. */
@@ -106,7 +109,7 @@ void arrays_read_tags(struct arrays *a);
 /* Takes the size of a voxel from attributes, where there are no coordinates. */
 void arrays_read_sizes(struct arrays *a, struct import_header *header);
 
-/* Names the samples and lists what else the file has. */
+/* Sets the names of the samples, and lists the other fields of the file. */
 bool arrays_set_names(struct arrays *a, struct import_header *header, struct sp_error *err);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which dimensions of an array are x, y, z, channels and time.
+ * Finds which dimensions of an array are x, y, z, channels and time.
  */
 #ifndef SP_IMPORT_AXES_H
 #define SP_IMPORT_AXES_H

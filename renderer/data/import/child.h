@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A child process that reads for this one: how it is started, receives and sends messages, and is
- * ended. Safe in a process with many threads: only system calls run between fork and exec,
+ * A child process that reads for this process: functions to start it, to exchange messages, and to
+ * end it. Safe in a process with many threads: only system calls run between fork and exec,
  * descriptors close on exec, and the parent waits for the child by its process id.
  */
 #ifndef SP_IMPORT_CHILD_H
@@ -12,7 +12,7 @@
 
 #include "data/import/handover.h"
 
-/* The open descriptors of the child, beside the standard ones. What it reads from comes last. */
+/* The open descriptors of the child, in addition to the standard ones. The input comes last. */
 enum { SP_IMPORT_SOCKET = 3, SP_IMPORT_MEMORY = 4, SP_IMPORT_FILE = 5 };
 
 /* The arguments of splat-import. MODE is one of those below, or "" to read all samples. */
@@ -54,14 +54,15 @@ struct sp_import_child {
     bool is_sparse;     /* its memory is a file that was not allocated */
 };
 
-/* Finds a program: `given`, or else the one of that name beside this program, the library, or in
- * the installation. SP_ERR_IO. */
+/* Finds a program: `given`, or else the program `name` beside this program, beside the library, or
+ * in the installation. SP_ERR_IO. */
 bool sp_import_find_program(const char *name, const char *given, char path[PATH_MAX],
                             struct sp_error *err);
 
-/* Starts the program with memory, which is a file without a name in the folder `scratch` (NULL = in
- * memory), a socket, and the `count` descriptors fds[], at most 2, which the child has from
- * SP_IMPORT_FILE on. Replaces fds[] by other descriptors, which the caller closes. SP_ERR_IO. */
+/* Starts the program with a memory file, a socket, and the `count` descriptors fds[], at most 2,
+ * which the child has from SP_IMPORT_FILE on. The memory file is an unnamed file in the folder
+ * `scratch` (NULL = a memfd). Replaces fds[] by other descriptors, which the caller closes.
+ * SP_ERR_IO. */
 bool sp_import_child_start(struct sp_import_child *child, const char *program, char *const argv[],
                            const char *scratch, int fds[], unsigned count, struct sp_error *err);
 
@@ -71,7 +72,7 @@ bool sp_import_child_start_reader(struct sp_import_child *child, const char *pro
                                   const struct sp_import_request *request, const char *scratch,
                                   int fds[], unsigned count, struct sp_error *err);
 
-/* Receives and checks the next message. Calls check() every 50 ms, which returns false with *err
+/* Receives and checks the next message. Calls check() every 50 ms; check() returns false with *err
  * set to give up. False with *err set, or with *ended if the child closed its end. */
 bool sp_import_child_receive(struct sp_import_child *child, struct sp_handover *message,
                              bool (*check)(void *user, struct sp_error *err), void *user,
@@ -88,15 +89,15 @@ enum sp_import_memory { SP_IMPORT_SEALED, SP_IMPORT_SCRATCH, SP_IMPORT_SPARSE };
 bool sp_import_child_provide(struct sp_import_child *child, uint64_t bytes,
                              enum sp_import_memory kind, struct sp_error *err);
 
-/* Fails with the error of an ERROR message, or because another message came out of order. */
+/* Fails with the error of an ERROR message, or because any other message came out of order. */
 bool sp_import_child_refuse(const struct sp_import_child *child, const struct sp_handover *message,
                             struct sp_error *err);
 
 /* Kills the child if it still runs, and returns its exit status. */
 int sp_import_child_reap(struct sp_import_child *child);
-/* The same, and fails with how it ended. */
+/* Like sp_import_child_reap(), and fails with an error that tells how the child ended. */
 bool sp_import_child_fail_ended(struct sp_import_child *child, struct sp_error *err);
-/* Kills it and closes everything. May be called twice. */
+/* Kills the child and closes all descriptors. May be called twice. */
 void sp_import_child_close(struct sp_import_child *child);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Numbers of a file that memory holds in another way: of a type that volumes do not have, rescaled,
- * or one of several components of each sample.
+ * Converts numbers of a file that differ from the samples in memory: the volume does not support
+ * their type, they are rescaled, or each sample has several components.
  *
  *   file                                  memory
  *   whole, 1 or 2 bytes; int32            the same
@@ -26,9 +26,9 @@ struct import_conversion {
     /* Numbers of the file that stand for no sample become NaN. */
     unsigned missing_count;
     double missing[IMPORT_MISSING_MAX];
-    bool has_range; /* so do numbers outside of this range */
+    bool has_range; /* numbers outside of this range also become NaN */
     double range[2];
-    struct import_warnings *warnings; /* says what is lost; NULL = no warnings */
+    struct import_warnings *warnings; /* for warnings about lost data; NULL = no warnings */
 };
 
 /* Reads numbers of this kind as they are: slope 1, offset 0, one component. Warns of complex
@@ -49,11 +49,11 @@ void import_conversion_add_missing(struct import_conversion *conversion, double 
 /* Numbers outside of the range stand for no sample. */
 void import_conversion_set_range(struct import_conversion *conversion, double low, double high);
 
-/* True if memory holds what the file does, apart from the byte order. */
+/* True if memory holds the same numbers as the file, apart from the byte order. */
 bool import_conversion_is_copy(const struct import_conversion *conversion);
 
-/* Converts `count` samples in native byte order. Whole samples outside the type become its nearest
- * one. */
+/* Converts `count` samples in native byte order. A whole number outside the range of the type
+ * becomes the nearest number in the range. */
 void import_conversion_put(const struct import_conversion *conversion, const void *numbers,
                            size_t count, void *out);
 

@@ -18,11 +18,12 @@ bool import_is_derived_from(const char *field, const char *vectors);
 /* Makes the lengths of header->vector_name the samples, or the component that `field` names. */
 void import_header_derive(struct import_header *header, const char *field);
 
-/* The same, and lists what else comes from these vectors, which are the only ones. */
+/* Like import_header_derive(), and lists the other scalars that come from these vectors, which are
+ * the only vectors of the file. */
 void import_header_use_vectors(struct import_header *header, const char *field);
 
-/* Adds what comes from these vectors to the other fields, but not the one that is read. `lengths`
- * is the name of the lengths: "magnitude" for the only vectors. */
+/* Adds the scalars that come from these vectors to the list of other fields, except for the scalars
+ * that are read. `lengths` is the name of the lengths: "magnitude" for the only vectors. */
 void import_header_list_derived(struct import_header *header, const char *vectors,
                                 const char *lengths);
 

@@ -26,29 +26,30 @@ struct import_progress {
 };
 
 struct import_file {
-    int fd;                           /* readable, at byte 0; owned by the caller */
-    bool is_folder;                   /* `fd` is a folder; for import_folder and import_dicom */
-    uint64_t size;                    /* bytes */
-    const char *title;                /* the name in errors */
-    const char *root;                 /* resolved; other files are opened only below this folder */
-    const char *folder;               /* resolved: the folder itself, or that of the file; relative
-                                         names start here */
-    const char *field, *vectors;      /* what to read; "" = the reader chooses */
-    struct import_warnings *warnings; /* for import_warn(), at any time until close(); NULL = they
-                                         are lost */
-    /* For import_report() in open(), by bytes of the file, if open() reads all of it; NULL =
+    int fd;             /* readable, at byte 0; owned by the caller */
+    bool is_folder;     /* `fd` is a folder; for import_folder and import_dicom */
+    uint64_t size;      /* bytes */
+    const char *title;  /* the name in errors */
+    const char *root;   /* resolved; other files are opened only below this folder */
+    const char *folder; /* resolved: the folder itself, or the folder of the file; relative names
+                           start here */
+    const char *field, *vectors; /* what to read; "" = the reader chooses */
+    /* for import_warn(), at any time until close(); NULL = warnings are dropped */
+    struct import_warnings *warnings;
+    /* For import_report() in open(), in bytes of the file, if open() reads the whole file; NULL =
      * progress is not reported. */
     const struct import_progress *opening;
-    /* Of the time series of files that this one belongs to, the pattern of their names
-     * (numbered.h); "" = only this file is read. */
+    /* Pattern of the names of the time series to which this file belongs (numbered.h); "" = only
+     * this file is read. */
     const char *pattern;
-    bool is_guess; /* the pattern is that of a folder's first file, which no path named */
+    bool is_guess; /* the pattern comes from the first file of a folder, not from a path that the
+                      user gave */
     struct import_selection selection; /* of the source */
-    uint32_t step;                     /* of a time series, from 0; without has_step 0 */
-    bool has_step; /* false: the step of the file that was asked for, if it belongs to one */
-    struct import_shift *shift; /* of the positions of elements (shift.h); NULL = none */
-    int level; /* of detail, for formats that have several: 0 = the finest, −1 = the reader chooses
-                */
+    uint32_t step;                     /* step of a time series, from 0; 0 without has_step */
+    bool has_step;              /* false: the step of the opened file, if it belongs to a series */
+    struct import_shift *shift; /* shift of the positions of elements (shift.h); NULL = none */
+    int level; /* level of detail, for formats with several levels: 0 = the finest, −1 = the reader
+                  chooses */
 };
 
 /* How a file stores a number. The size in bytes is 1, 2, 4 or 8 for a whole number and 2, 4 or 8
@@ -65,15 +66,16 @@ struct import_number {
     size_t size;
 };
 
-/* Samples that are not in the file, but come from its vectors (derived.h). */
+/* Samples that are computed from the vectors of the file (derived.h). */
 enum import_derived { IMPORT_NOT_DERIVED, IMPORT_LENGTH, IMPORT_X, IMPORT_Y, IMPORT_Z };
 
-/* The time series of a file. A reader that knows no time leaves all zero. */
+/* The time series of a file. A reader without time steps leaves all fields zero. */
 struct import_steps {
     uint32_t count; /* 0 = 1 */
-    uint32_t index; /* the step that is read, below `count`, or 0 */
+    uint32_t index; /* the step that is read, below `count`; 0 if count is 0 */
     /* The time of each step: times[i], or first + i·interval; interval 0 = unknown. The reader owns
-     * the times until close(). A file of one step may have one, which counts in a series. */
+     * the times until close(). A file of one step may have a time; it is used if the file is part
+     * of a series. */
     const double *times;
     double first, interval;
     char unit[SP_UNIT_BYTES];
@@ -83,20 +85,23 @@ struct import_header {   /* result of open() */
     struct sp_grid grid; /* the reader owns its coordinates until close() */
     struct import_steps steps;
     bool used_as, used_series; /* the reader honoured file->selection */
-    bool took_folder;          /* the volume has all files of the folder that belong to the file */
-    bool lacks_distance;       /* of slices: that of columns was taken */
+    bool took_folder; /* the volume includes all files of the folder that belong to the opened file
+                       */
+    bool lacks_distance; /* the file gives no distance of slices: the distance of columns is used */
     enum sp_type type;
-    unsigned bits; /* of a number in the file, where several become one type; 0 = others */
+    unsigned bits; /* bits of a number in the file, if numbers of several sizes become one type; 0 =
+                      not used */
     enum sp_meaning meaning; /* as in struct sp_volume_info */
     char unit[SP_UNIT_BYTES];
     struct sp_vertical vertical;
     char anatomy[4];             /* as in struct sp_volume_info */
-    uint64_t bytes;              /* of all samples */
-    uint32_t level, level_count; /* of detail: the one that is read, and how many there are */
-    /* Not of kind SP_KIND_GRID: the file has elements, and open() leaves the grid, type and bytes
-     * to import_header_use_elements(). */
+    uint64_t bytes;              /* bytes of all samples */
+    uint32_t level, level_count; /* level of detail that is read, and the number of levels */
+    /* If the kind is not SP_KIND_GRID, the file has elements; import_header_use_elements() then
+     * sets the grid, type and bytes. */
     struct sp_elements_shape elements;
-    bool has_factors; /* of points: the file gives factors and volumes; else the neighbours do */
+    bool has_factors; /* points: the file gives factors and volumes; otherwise they are computed
+                         from neighbours */
     /* Gaussians that are points with colours: the reader leaves the numbers of the file in the
      * harmonics, the neighbours give the factors, and import_elements_finish() does the rest.
      * `color_most`: the number of full colour; 0 = 1, 255 or 65535, whichever holds all numbers. */
@@ -107,15 +112,16 @@ struct import_header {   /* result of open() */
      * reader owns them until close(). */
     const uint32_t (*blocks)[3];
     uint32_t block_count; /* 0 = the points are no nodes */
-    bool has_normals;     /* of a mesh: the file gives them; else the triangles do */
+    bool has_normals;     /* mesh: the file gives normals; otherwise they are computed from the
+                             triangles */
     bool has_vectors;
-    enum import_derived derived; /* how the samples come from the vectors */
-    double frame[3][3]; /* columns: the axes of the file's vectors, along the axes of the world */
+    enum import_derived derived; /* how the samples are computed from the vectors */
+    double frame[3][3];          /* columns: the axes of the file's vectors in world coordinates */
     char value_name[SP_FIELD_BYTES], vector_name[SP_FIELD_BYTES]; /* as in struct sp_volume_info */
     char value_unit[SP_UNIT_BYTES];
     char others[SP_OTHER_FIELDS_MAX][SP_FIELD_BYTES];         /* the same */
     char other_vectors[SP_OTHER_VECTORS_MAX][SP_FIELD_BYTES]; /* the same */
-    bool has_more; /* fields or vectors that these lists do not hold */
+    bool has_more; /* the file has more fields or vectors than these lists hold */
 };
 
 struct import_series_list {
@@ -124,45 +130,46 @@ struct import_series_list {
 };
 
 struct import_format {
-    const char *name;  /* in the list of formats that are supported */
+    const char *name;  /* name in the list of supported formats */
     bool needs_module; /* module.h */
-    /* True if the first bytes or the name of the file identify this format. With the name "" the
-     * bytes alone do, beyond doubt. */
+    /* True if the first bytes or the name of the file identify this format. With the name "", the
+     * bytes alone must identify it without doubt. */
     bool (*probe)(const uint8_t *start, size_t size, const char *title);
     size_t reader_size; /* bytes of a reader */
-    /* Fills a reader of zeros and the header, which import_header_init() has filled. *file must
+    /* Fills a zeroed reader, and the header, which import_header_init() has initialised. *file must
      * stay valid until close(). The grid has passed sp_grid_check(). */
     bool (*open)(void *reader, const struct import_file *file, struct import_header *header,
                  struct sp_error *err);
-    /* Reads all samples, i0 fastest, native byte order, into header->bytes of memory; the vectors
-     * into `vectors`, which is NULL if there are none. Leaves samples that come from them and the
-     * frame to import_vectors_finish(). NULL = the format has elements only. */
+    /* Reads all samples, i0 fastest, native byte order, into header->bytes bytes of memory, and the
+     * vectors into `vectors`, which is NULL if there are none. import_vectors_finish() applies the
+     * frame, and computes samples that are derived from vectors. NULL = the format has elements
+     * only. */
     bool (*read)(void *reader, void *voxels, float (*vectors)[3],
                  const struct import_progress *progress, struct sp_error *err);
-    /* Reads all elements into the arrays, which are zero before; NULL = the format has none.
-     * Factors, volumes and normals that the file does not give are left to
-     * import_elements_finish(). */
+    /* Reads all elements into zeroed arrays; NULL = the format has no elements.
+     * import_elements_finish() computes factors, volumes and normals that the file does not
+     * give. */
     bool (*read_elements)(void *reader, const struct sp_elements *elements,
                           const struct import_progress *progress, struct sp_error *err);
-    /* For a grid with levels of detail: describes the level of the header and up to `most` − 1
-     * coarser ones, whose chunks can be read one by one, and returns how many. Level 0 here is that
-     * of the header. NULL = all must be read. */
+    /* For a grid with levels of detail whose chunks can be read one by one: describes the level of
+     * the header, as level 0, and up to `most` − 1 coarser levels. Returns the number of levels.
+     * NULL = the whole grid must be read. */
     unsigned (*levels)(void *reader, struct sp_chunk_level *levels, unsigned most);
     /* Reads one chunk of a level as in data/bricks/chunks.h. */
     bool (*read_chunk)(void *reader, unsigned level, const uint32_t place[3], void *out,
                        struct sp_error *err);
     /* Frees what the reader owns, also after open() failed. */
     void (*close)(void *reader);
-    /* Reads the time that a file of one step gives: false if it gives none. NULL = the format has
-     * none. open() leaves it as the only one of header->steps.times. */
+    /* Reads the time of a file of one step; false if the file gives no time. NULL = the format has
+     * no times. open() stores this time in header->steps.times[0]. */
     bool (*read_time)(const struct import_file *file, double *time);
     /* Lists the series of the file's folder (sp/series.h). NULL = the format has none. */
     bool (*list)(const struct import_file *file, struct import_series_list *list,
                  struct sp_error *err);
 };
 
-/* The first bytes of a file that its format is found by. Before the signature of HDF5 there may be
- * a block of the user, of 512, 1024, … bytes. */
+/* Number of first bytes of a file from which its format is found. In HDF5, a user block of 512,
+ * 1024, … bytes may precede the signature. */
 enum { IMPORT_START_BYTES = 8192 + 8 };
 
 /* Finds the format of a file by its first bytes and its name. NULL with *err set. */
@@ -187,10 +194,10 @@ extern const struct import_format import_zarr_remote;
 /* Files of a folder beyond these are not looked at. */
 enum { IMPORT_FILES_MAX = 1 << 16 };
 
-/* What a folder stands for (folder.c); not in the list of file formats. */
+/* Reads the volume that a folder stands for (folder.c); not in the list of file formats. */
 extern const struct import_format import_folder;
 
-/* The time series of the files that file->pattern names. */
+/* Reads the time series of the files that match file->pattern. */
 extern const struct import_format import_series;
 
 extern const struct import_format import_collection, import_csv, import_dicom, import_gipl,
@@ -222,13 +229,13 @@ bool import_read(const struct import_file *file, void *out, size_t size, uint64_
 bool import_header_use_selection(struct import_header *header, const struct import_file *file,
                                  struct sp_error *err);
 
-/* Says that the file has `count` steps in time, of which that of `file` is read. Fails if it is not
- * one of them. */
+/* Sets the number of time steps of the file, and the step that `file` selects. Fails if the file
+ * has no such step. */
 bool import_header_use_steps(struct import_header *header, const struct import_file *file,
                              uint64_t count, struct sp_error *err);
 
-/* Says that they are `interval` [unit] apart from each other. An interval that is not positive, or
- * no number, means that the times are unknown. */
+/* Sets the times of the steps: `first`, and then every `interval` [unit]. If the interval is not
+ * positive or is NaN, the times are unknown. */
 void import_header_use_interval(struct import_header *header, double first, double interval,
                                 const char *unit);
 
@@ -246,20 +253,21 @@ void import_header_use_elements(struct import_header *header,
 /* Adds vectors of this name, which may be any bytes. */
 void import_header_add_vectors(struct import_header *header, const char *name);
 
-/* Adds the name of scalars that are not read, unless it is empty or is there. A list that is full
- * sets has_more: a reader that lists many names passes at least one that does not fit. */
+/* Adds the name of scalars that are not read, unless the name is empty or already in the list. If
+ * the list is full, sets has_more. */
 void import_header_add_other(struct import_header *header, const char *name);
 
-/* The same for vectors. */
+/* Like import_header_add_other(), for vectors. */
 void import_header_add_other_vectors(struct import_header *header, const char *name);
 
-/* Makes one of the `count` components of each sample the samples: the one of the name `wanted`, or
- * else the first. The others are listed. Up to four colours have the names of colours, other
- * components numbers: "component 1" … Returns its number, from 0. */
+/* Chooses which of the `count` components of each sample is read: the component with the name
+ * `wanted`, or else the first. Lists the other components. Up to four colours have the names of
+ * colours; other components are called "component 1" and so on. Returns the number of the chosen
+ * component, from 0. */
 unsigned import_header_choose_component(struct import_header *header, const char *wanted,
                                         unsigned count, bool are_colors);
 
-/* True if a name is longer than the ending and ends with it, in large or small letters. */
+/* True if a name is longer than the ending and ends with it, ignoring case. */
 bool import_ends_with(const char *name, const char *ending);
 
 /* Copies the name of an array. Cuts it to SP_FIELD_BYTES − 1, not inside of a UTF-8 character. */

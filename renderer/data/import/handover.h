@@ -53,7 +53,7 @@ enum sp_handover_kind {
     SP_HANDOVER_SERIES,
 };
 
-/* Levels of detail in chunks: level 0 of these is the one of HEADER. */
+/* Levels of detail in chunks. Level 0 is the level that HEADER describes. */
 struct sp_handover_levels {
     uint32_t count;
     struct sp_chunk_level level[BRICK_LEVELS_MAX];
@@ -70,8 +70,8 @@ struct sp_handover_header {
     uint32_t rectilinear;        /* bit a: dims[a] coordinates of axis a follow the samples */
     uint32_t has_vectors;        /* 0 or 1: three float32 per sample follow the samples; of points
                                     they are elements */
-    uint32_t level, level_count; /* of detail: the one that is read, and how many there are; 0 and 0
-                                    if there is one only */
+    uint32_t level, level_count; /* level of detail that is read, and the number of levels; both 0
+                                    if there is only one */
     char anatomy[4];             /* as in struct sp_volume_info */
     uint32_t meaning;            /* enum sp_meaning */
     uint32_t steps, step;        /* struct sp_steps */
@@ -106,17 +106,18 @@ struct sp_handover {
     uint16_t version, kind;
     union {
         struct sp_handover_header header;
-        uint64_t bytes; /* PROGRESS: of the memfd, read so far; GO: size of the memfd */
-        double share;   /* OPENING: of the file, read so far, in [0, 1] */
+        /* PROGRESS: bytes of the memfd that are filled so far; GO: size of the memfd */
+        uint64_t bytes;
+        double share; /* OPENING: fraction of the file that is read so far, [0, 1] */
         struct sp_handover_done done;
         struct sp_handover_error error;
         struct sp_handover_levels levels;
-        struct sp_handover_read read; /* READ; CHUNK: the same that was asked for */
+        struct sp_handover_read read; /* READ: the requested chunk; CHUNK: the same values */
         struct sp_series series;
     };
 };
 
-/* Size of a message of this kind in bytes; 0 for an unknown kind. */
+/* Returns the size of a message of this kind in bytes; 0 for an unknown kind. */
 size_t sp_handover_size(enum sp_handover_kind kind);
 
 /* Initializes a message of this kind; all other fields are zero. */
@@ -130,11 +131,11 @@ struct sp_handover_layout {
     uint64_t bytes;             /* of all */
 };
 
-/* What the file has. The header must have been checked. */
+/* Returns the shape of the elements of the file. The header must have been checked. */
 struct sp_elements_shape sp_handover_shape(const struct sp_handover_header *header);
 
-/* Fills *info, without its name, its source, and what lies in the memfd. Both must have been
- * checked. */
+/* Fills *info, except for the name, the source, and the data in the memfd. Both messages must have
+ * been checked. */
 void sp_handover_describe(const struct sp_handover_header *header,
                           const struct sp_handover_done *done, struct sp_volume_info *info);
 

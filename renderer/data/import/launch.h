@@ -14,9 +14,9 @@
 struct sp_volume *sp_import(const char *source, const struct sp_load_options *options,
                             struct sp_error *err);
 
-/* The same, but the samples go into a file without a name in `folder`, so that they need no memory.
- * Vectors follow them as sp_volume_layout() says, if info->vector_bytes is not 0. Returns the
- * descriptor, which the caller closes, and fills *info without range and histogram; the caller
+/* Like sp_import(), but writes the samples to an unnamed file in `folder`, so that they need no
+ * memory. Vectors follow them as sp_volume_layout() says, if info->vector_bytes is not 0. Returns
+ * the descriptor, which the caller closes, and fills *info without range and histogram; the caller
  * frees *numbers, to which its coordinates and times point. Without keeps_axes, rectilinear axes
  * are refused before samples are read. −1 with *err set. SP_ERR_UNSUPPORTED: no grid, or axes that
  * are refused. */

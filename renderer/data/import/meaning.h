@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What numbers beyond one per voxel mean: an axis of its own, or several components of a sample,
- * may be time steps, vectors, colours or channels. The source says it ("?as=vectors"), or the file,
- * or the reader's usual meaning holds. All readers ask here, so that a choice means the same for
- * every format, and its error is the same.
+ * The meaning of several numbers per voxel: an extra axis, or the components of a sample, may be
+ * time steps, vectors, colours or channels. The source states the meaning ("?as=vectors"), or else
+ * the file, or else the reader uses its default. All readers use these functions, so that a choice
+ * and its errors are the same for every format.
  */
 #ifndef SP_IMPORT_MEANING_H
 #define SP_IMPORT_MEANING_H
@@ -12,8 +12,8 @@
 
 struct import_extra {
     uint64_t count;         /* entries; 0 and 1 = there are none */
-    enum import_as meaning; /* what the file says, or the usual one: TIME, VECTORS, RGB, CHANNELS */
-    bool no_vectors;        /* the reader cannot make vectors of them */
+    enum import_as meaning; /* meaning in the file, or the default: TIME, VECTORS, RGB, CHANNELS */
+    bool no_vectors;        /* the reader cannot turn the entries into vectors */
     bool are_parts; /* neither steps nor vectors: another axis is time, or they are bytes of a
                        colour */
 };

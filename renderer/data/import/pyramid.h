@@ -5,8 +5,8 @@
  *
  *   bricks ─► reader 0 … n ══ socket, memfd of one chunk ══► splat-import ─► format->read_chunk()
  *
- * A process that crashes, hangs or lies fails the chunk that it was asked for, and is started
- * again for the next one.
+ * If a process crashes, hangs or sends wrong messages, only the requested chunk fails. The process
+ * is started again for the next chunk.
  */
 #ifndef SP_IMPORT_PYRAMID_H
 #define SP_IMPORT_PYRAMID_H

@@ -51,12 +51,12 @@ bool import_samples_add(struct import_samples *samples, const char *name, size_t
  * allocated. */
 bool import_samples_check(const struct import_samples *samples, struct sp_error *err);
 
-/* Reads the samples into `voxels`, which are 0 before, or if they are vectors, into `vectors`.
- * Holes of a file are not read. */
+/* Reads the samples into `voxels`, which is zeroed, or vectors into `vectors`. Holes of a sparse
+ * file are not read. */
 bool import_samples_read(const struct import_samples *samples, void *voxels, float (*vectors)[3],
                          const struct import_progress *progress, struct sp_error *err);
 
-/* The reader of a file that holds one array of samples, for struct import_format. */
+/* A reader of a file with one array of samples, for struct import_format. */
 struct import_sampled {
     struct import_samples samples;
     struct import_conversion conversion; /* which `samples` may refer to */

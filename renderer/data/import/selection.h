@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the query of a source says about its file: "PATH?series=3&as=time&unit=mm". A reader that
- * honours `series` or `as` says so in its header; otherwise the load fails, because a choice
- * without effect would give a wrong image without a warning.
+ * The query of a source: "PATH?series=3&as=time&unit=mm". A reader that honours `series` or `as`
+ * says so in its header; otherwise the load fails, because a choice without effect would give a
+ * wrong image without a warning.
  *
  * The keys are level, series, as, unit, vectors and field (load.c), each once, with a value; the
  * last two come last. '&' joins them; in the description of a series it is part of the value
@@ -27,7 +27,8 @@ enum import_as {
 
 struct import_selection {
     const char *series; /* SeriesInstanceUID, number or description; "" = the reader chooses */
-    const char *unit;   /* of the spacing, in place of the file's; "" = that of the file */
+    const char *unit; /* unit of the spacing, which replaces the unit of the file; "" = the unit of
+                         the file */
     enum import_as as;
 };
 
@@ -37,7 +38,7 @@ bool import_as_parse(const char *name, enum import_as *as, const char *title, st
 /* A unit is one word. SP_ERR_INVALID at `title`. */
 bool import_unit_check(const char *unit, const char *title, struct sp_error *err);
 
-/* True if it says what an axis, or the components, are. */
+/* True if the value gives the meaning of an axis or of the components. */
 bool import_as_is_axis(enum import_as as);
 
 /* The name in a source; "" for IMPORT_AS_FILE. A constant string. */

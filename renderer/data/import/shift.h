@@ -19,7 +19,7 @@ struct import_file;
 
 /* All zero at first. */
 struct import_shift {
-    double offset[3]; /* what is subtracted from the positions, world units */
+    double offset[3]; /* subtracted from the positions, world units */
     /* A position was rounded; threads may set it. */
     atomic_bool is_rounded;
     bool is_found; /* the offset is final */

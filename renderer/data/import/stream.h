@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One file with samples, and the bytes that come out of its encoding.
+ * A file with samples, and the decoder of its bytes.
  */
 #ifndef SP_IMPORT_STREAM_H
 #define SP_IMPORT_STREAM_H
@@ -44,11 +44,11 @@ void import_stream_open(struct import_stream *stream, int fd, bool owned, const 
                         uint64_t size);
 void import_stream_close(struct import_stream *stream);
 
-/* Before begin(). */
+/* Move the read position. Call them before import_stream_begin(). */
 bool import_stream_seek(struct import_stream *stream, uint64_t byte, struct sp_error *err);
 bool import_stream_skip_lines(struct import_stream *stream, uint64_t lines, struct sp_error *err);
 
-/* Decodes what follows. */
+/* Starts to decode at the read position. */
 bool import_stream_begin(struct import_stream *stream, enum import_encoding encoding,
                          struct import_number number, struct sp_error *err);
 
@@ -66,7 +66,7 @@ bool import_stream_read_sparse(struct import_stream *stream, char *out, size_t n
  * most `size`. */
 size_t import_stream_head(const struct import_file *file, void *out, size_t size, bool *is_packed);
 
-/* True if so many bytes can come out of so many bytes of a file. */
+/* True if `file_bytes` bytes of a file can decode to `bytes` bytes. */
 bool import_stream_may_hold(enum import_encoding encoding, struct import_number number,
                             uint64_t file_bytes, uint64_t bytes);
 

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a reader left out or changed, as sentences for the user: the volume is still worth showing,
- * but differs from what the file says. What prevents a volume is an error instead. The sentences
- * pass to the parent with the end of the load and appear in the description of the volume.
+ * Warnings: sentences for the user about data that a reader left out or changed. The volume is
+ * still worth showing, but differs from the file. A problem that prevents a volume is an error
+ * instead. The sentences pass to the parent with the end of the load and appear in the description
+ * of the volume.
  */
 #ifndef SP_IMPORT_WARNINGS_H
 #define SP_IMPORT_WARNINGS_H
@@ -20,9 +21,8 @@ struct import_warnings {
 
 /* Adds one sentence: it begins with a capital letter, ends with a full stop, gives numbers and
  * places, and says what was done. Files are named without their folder, which no client may learn.
- * Text that is too long is cut; a sentence that is there is not
- * repeated. If there are too many, the last one counts the others. NULL `warnings`: does nothing.
- */
+ * Text that is too long is cut, and a repeated sentence is dropped. If there are too many
+ * sentences, the last one counts the dropped ones. NULL `warnings`: does nothing. */
 __attribute__((format(printf, 2, 3))) void import_warn(struct import_warnings *warnings,
                                                        const char *format, ...);
 
@@ -42,7 +42,8 @@ void import_list_begin(struct import_list *list, char *text, size_t capacity);
 /* Adds a name after `before`, such as ", ". */
 void import_list_add(struct import_list *list, const char *before, const char *name);
 
-/* Says how many did not fit; if `has_more`, there are others that were not added. */
+/* Ends the list with the number of names that did not fit; has_more = there are more names, which
+ * were not added. */
 void import_list_end(struct import_list *list, bool has_more);
 
 #endif
