@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Interpolates the members of a view from a (u = 0) to b (u = 1). Both must be valid. The
+ * Interpolates the members of a view from a (u = 0) to b (u = 1). Both views must be valid. The
  * result is bit-equal to `a` at u = 0 and to `b` at u = 1.
  *
  *   numbers, colours   linear

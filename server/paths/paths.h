@@ -11,13 +11,13 @@
  *
  * The owners of paths take turns: each gets one frame, of its oldest path that can continue.
  *
- * The files of a path are its progress (folder.h): after a restart it continues behind the last
- * frame that is there. Its record in the store holds the request and, if it failed, the reason.
+ * The files of a path are its progress (folder.h): after a restart, the path continues after the
+ * last frame on the disk. Its record in the store holds the request and, if it failed, the reason.
  *
  *   record ─► on the disk ─► first file ─► … ─► "removed" ─► on the disk ─► no file ─► no record
  *
- * So after a crash at any time, files have a record, and one that says whether they are to be
- * removed. Files without a record belong to a database that is not there: they stay.
+ * So after a crash at any time, files have a record that says whether they must be removed. Files
+ * without a record belong to a missing database: they stay.
  *
  * All frames of a path show one volume, identified by the fingerprint in the record. While no
  * volume of that name is ready (it loads, failed to load or is unknown), the path waits. It fails
@@ -48,13 +48,13 @@ struct srv_paths_options {
     struct srv_render_pool *render_pool;
     struct srv_store *store;
     struct srv_metrics *metrics;
-    struct srv_tokens *tokens; /* the quotas; asked before every frame */
+    struct srv_tokens *tokens; /* give the quotas, which are read before every frame */
     const char *state;         /* --state; NULL = a private folder that is removed at the end */
     unsigned paths_max;        /* camera paths that are not removed */
     uint32_t frames_max;       /* per path */
     uint64_t bytes_max;        /* of all files of all paths */
     struct sp_budget *budget;  /* of the memory of movies' encoders; NULL = no limit */
-    uint64_t video_px;         /* of the encoders of all movies together, and so of one movie */
+    uint64_t video_px; /* limit for the encoders of all movies together, px, and so for one movie */
 };
 
 /* Restores the paths of earlier runs. NULL: SP_ERR_IO (folder), SP_ERR_MEMORY. */
@@ -96,8 +96,8 @@ struct srv_path_info { /* what clients learn about a path */
     uint32_t done;
     uint64_t bytes;
 };
-/* Shows the page all paths, or those of one owner (NULL = all). Its items are struct srv_path_info.
- */
+/* Offers all paths of an owner (NULL = of all owners) to the page. Its items are struct
+ * srv_path_info. */
 void srv_paths_list(struct srv_paths *paths, const char *owner, struct srv_page *page);
 proto_json *srv_path_info_encode(const struct srv_path_info *info); /* NULL = out of memory */
 /* Cancels and removes a path with its files. False: SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
@@ -127,8 +127,9 @@ struct srv_path_watcher {
     bool (*is_gone)(
         void *user); /* true if the client has left; called between pause() and resume() */
 };
-/* after: the id of the last event that the client has; NULL = none. *is_over = true: that was the
- * last event of the path, and the function returns NULL without an error. */
+/* Begins to watch a path. after: the id of the last event that the client has received; NULL =
+ * none. *is_over = true: that event was the last event of the path, and the function returns NULL
+ * without an error. */
 struct srv_path_watch *srv_paths_watch(struct srv_paths *paths, const char *id, const char *after,
                                        const struct srv_path_watcher *watcher, bool *is_over,
                                        struct sp_error *err);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Products of vectors, for what blends directions and turns.
+ * Products of vectors, for the interpolation of directions and rotations.
  */
 #ifndef SRV_PATHS_VECTORS_H
 #define SRV_PATHS_VECTORS_H

@@ -12,7 +12,7 @@
 
 struct sp_brick_file;
 
-/* True if the file begins as a brick file. */
+/* True if the file begins with the magic bytes of a brick file. */
 bool sp_brick_file_is(int fd);
 
 /* Takes over the descriptor, also on failure. `title` is the name in errors. SP_ERR_FORMAT,
@@ -23,7 +23,7 @@ struct sp_brick_file *sp_brick_file_open(int fd, const char *title, struct sp_er
  * SP_ERR_MEMORY. */
 struct sp_brick_file *sp_brick_file_of_chunks(const struct sp_chunk_source *source,
                                               const char *title, struct sp_error *err);
-/* The chunks that it is made of; NULL = it is read from a file. */
+/* Returns the chunks of which it is made; NULL = it is read from a file. */
 const struct sp_chunk_source *sp_brick_file_chunks(const struct sp_brick_file *file);
 /* Stores the ranges of a brick that was cut from chunks. Thread-safe. */
 void sp_brick_file_learn(struct sp_brick_file *file, unsigned level, uint64_t number,
@@ -33,13 +33,14 @@ void sp_brick_file_learn(struct sp_brick_file *file, unsigned level, uint64_t nu
 void sp_brick_file_close(struct sp_brick_file **file);
 
 const struct sp_brick_header *sp_brick_file_header(const struct sp_brick_file *file);
-/* The entries of a level, in order of the bricks. Those of chunks change when another thread learns
- * a range, but not between begin and end. */
+/* sp_brick_file_entries() returns the entries of a level, in the order of the bricks. Entries of
+ * chunks change when another thread learns a range, but not between sp_brick_file_begin() and
+ * sp_brick_file_end(). */
 void sp_brick_file_begin(const struct sp_brick_file *file);
 void sp_brick_file_end(const struct sp_brick_file *file);
 const struct sp_brick_entry *sp_brick_file_entries(const struct sp_brick_file *file,
                                                    unsigned level);
-/* Bytes of the indices and axes in memory, and of the readers of chunks. */
+/* Returns the bytes of the indices and axes in memory, and of the readers of chunks. */
 uint64_t sp_brick_file_bytes(const struct sp_brick_file *file);
 
 /* Scratch memory of one thread. */

@@ -75,7 +75,7 @@ static inline uint64_t sp_brick_count(const struct sp_brick_level *level) {
     return (uint64_t)level->bricks[0] * level->bricks[1] * level->bricks[2];
 }
 
-/* The first sample and the size of brick `number` of a level. */
+/* Computes the first sample and the size of brick `number` of a level. */
 void sp_brick_box(const struct sp_brick_level *level, uint64_t number, uint32_t first[3],
                   uint32_t size[3]);
 
@@ -85,7 +85,8 @@ void sp_brick_header_init(struct sp_brick_header *header);
 /* Fills `bricks` from `dims`. */
 void sp_brick_level_divide(struct sp_brick_level *level);
 
-/* How much wider a sample of the level is than one of level 0: log2 of the mean over the axes. */
+/* Returns how much wider a sample of the level is than a sample of level 0: log2 of the mean over
+ * the axes. */
 double sp_brick_level_width(const struct sp_brick_level *level);
 
 /* Finds the bricks of the level `to` that cover bricks [first, first + count) of the level `from`:
@@ -132,7 +133,8 @@ enum {
     BRICK_PACKED_MAX = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * BRICK_VECTOR_BYTES + (1 << 16)
 };
 
-/* The bytes of a sample or of a vector, whichever has more, if there are vectors. */
+/* Returns the bytes of a sample; if there are vectors, the bytes of a sample or a vector, whichever
+ * is larger. */
 static inline size_t sp_brick_item_max(const struct sp_volume_info *info) {
     const size_t sample = sp_type_size(info->type);
     return info->vector_bytes && sample < BRICK_VECTOR_BYTES ? BRICK_VECTOR_BYTES : sample;

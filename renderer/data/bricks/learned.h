@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What was learned about the bricks of a level whose ranges no file gives: the range of a brick,
- * and those of the samples at its six faces, as far as interpolation looks from a neighbour. Once a
- * brick and its 26 neighbours are known, so is the range of its entry. Not thread-safe.
+ * The ranges of bricks that no file gives, learned when bricks are read: the range of a whole
+ * brick, and the ranges near its six faces, within the reach of interpolation from a neighbour. The
+ * range of an entry is known once the brick and its 26 neighbours are known. Not thread-safe.
  */
 #ifndef SP_BRICKS_LEARNED_H
 #define SP_BRICKS_LEARNED_H
@@ -26,7 +26,7 @@ struct sp_brick_ranges {
     double low[7], high[7]; /* low > high = no sample is finite */
 };
 
-/* Finds the ranges of the samples in the box of the view, which is one brick. */
+/* Computes the ranges of the samples in the box of the view, which is one brick. */
 void sp_brick_ranges_measure(const struct sp_brick_view *view, struct sp_brick_ranges *ranges);
 
 /* Stores the ranges of brick `number`, and writes the range of each entry that is known now. */

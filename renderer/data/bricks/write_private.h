@@ -74,8 +74,8 @@ bool sp_bricks_write_report(const struct sp_brick_writer *writer, double fractio
  * fraction of the array to another. */
 bool sp_bricks_count_values(struct sp_brick_writer *writer, double from, double to,
                             struct sp_error *err);
-/* Finds what projections show, if the level is the first one with at most 256³ samples, or the last
- * one; it is writer->fine. *is_found says whether that was done. */
+/* Computes the projected ranges, if the level writer->fine is the first level with at most 256³
+ * samples, or the last level. *is_found = true if it did so. */
 bool sp_bricks_measure_projected(struct sp_brick_writer *writer, bool *is_found,
                                  struct sp_error *err);
 

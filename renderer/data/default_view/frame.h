@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How close the camera stands, so that the visible matter fills the image.
+ * Chooses the distance of the camera, so that the visible matter fills the image.
  */
 #ifndef SP_DEFAULT_VIEW_FRAME_H
 #define SP_DEFAULT_VIEW_FRAME_H

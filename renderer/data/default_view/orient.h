@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which side of the volume is up, and from where the camera looks.
+ * Chooses which side of the volume is up, and from where the camera looks.
  */
 #ifndef SP_DEFAULT_VIEW_ORIENT_H
 #define SP_DEFAULT_VIEW_ORIENT_H

@@ -32,21 +32,21 @@ struct sp_default_samples {
     bool is_log;      /* bins have equal ratios: the values span many powers of ten; low > 0 */
     uint16_t *bins;   /* product(count), axis 0 fastest, [0, SP_FIRST_BINS) or NONE; owned */
     uint64_t histogram[SP_FIRST_BINS];
-    /* Of the outermost samples of the volume: face 2·axis is the first layer, 2·axis + 1 the last.
-     * Empty for an axis of fewer than 4 samples. */
+    /* Histograms of the outermost samples of the volume: face 2·axis is the first layer, 2·axis + 1
+     * the last. Empty for an axis of fewer than 4 samples. */
     uint64_t faces[6][SP_FIRST_BINS];
 };
 
-/* Takes samples of a box of voxels; `begin` NULL = of the whole volume. False when memory is short,
- * or when the volume has no two different finite samples; nothing is left to finish then. */
+/* Takes samples of a box of voxels; begin NULL = of the whole volume. False if memory runs out, or
+ * if the volume has no two different finite samples; then nothing has to be finished. */
 bool sp_default_samples_init(struct sp_default_samples *samples, const struct sp_volume *volume,
                              const uint32_t begin[3], const uint32_t dims[3]);
 void sp_default_samples_finish(struct sp_default_samples *samples);
 
-/* The value at the lower end of a bin; bin may be SP_FIRST_BINS. */
+/* Returns the value at the lower end of a bin; bin may be SP_FIRST_BINS. */
 double sp_default_value(const struct sp_default_samples *samples, double bin);
 
-/* World position of a taken sample. */
+/* Computes the world position of a taken sample. */
 void sp_default_position(const struct sp_default_samples *samples, const uint32_t at[3],
                          double position[3]);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which values are visible, how much and in which colour.
+ * Chooses which values are visible, with which opacity and colour.
  */
 #ifndef SP_DEFAULT_VIEW_TRANSFER_H
 #define SP_DEFAULT_VIEW_TRANSFER_H
@@ -20,7 +20,7 @@ bool sp_default_transfer(const struct sp_default_samples *samples, struct sp_tra
 void sp_default_split(const uint64_t histogram[SP_FIRST_BINS], unsigned begin, unsigned end,
                       unsigned count, unsigned *cut);
 
-/* Extinction in the middle of each bin, per world unit. */
+/* Computes the extinction in the middle of each bin, per world unit. */
 void sp_default_extinction(const struct sp_default_samples *samples,
                            const struct sp_transfer_function *tf, double extinction[SP_FIRST_BINS]);
 

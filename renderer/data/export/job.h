@@ -17,7 +17,8 @@ struct sp_export_job {
     const struct sp_volume_info *info;
     int samples;        /* descriptor: the samples from byte 0 on, native order, i0 fastest */
     int out;            /* descriptor of an empty file, or of an empty folder */
-    const char *folder; /* of temporary files: that of the output, with a '/' at its end or "." */
+    const char *folder; /* folder of temporary files: the folder of the output, with a '/' at its
+                           end, or "." */
     const char *title;  /* the path of the output, for errors; its end chooses among the variants of
                            a format */
     /* Called from the calling thread with the finished fraction; false cancels. NULL = none. */
@@ -25,7 +26,8 @@ struct sp_export_job {
     void *user;
 };
 
-/* SP_ERR_IO, SP_ERR_MEMORY, SP_ERR_CANCELLED; SP_ERR_UNSUPPORTED: the format cannot say it. */
+/* SP_ERR_IO, SP_ERR_MEMORY, SP_ERR_CANCELLED; SP_ERR_UNSUPPORTED: the format cannot store the
+ * volume. */
 typedef bool sp_export_fn(const struct sp_export_job *job, struct sp_error *err);
 bool sp_export_nrrd(const struct sp_export_job *job, struct sp_error *err);  /* raw */
 bool sp_export_nifti(const struct sp_export_job *job, struct sp_error *err); /* gzip: .gz */
@@ -39,8 +41,8 @@ bool sp_export_stream(const struct sp_export_job *job, const void *header, size_
 /* Calls progress(); false with *err set if it cancels. */
 bool sp_export_report(const struct sp_export_job *job, double fraction, struct sp_error *err);
 
-/* The directions of the axes and the origin in a world whose axes have the letters `to`, such as
- * "RAS". Without an anatomy they stay as they are (place.c). */
+/* Computes the directions of the axes and the origin in a world whose axes have the anatomical
+ * letters `to`, such as "RAS". Without an anatomy they stay unchanged (place.c). */
 void sp_export_place(const struct sp_volume_info *info, const char to[4], double direction[3][3],
                      double origin[3]);
 

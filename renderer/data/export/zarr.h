@@ -13,7 +13,7 @@
 
 enum { ZARR_CHUNK = 64, ZARR_LEVELS = 16, ZARR_ZSTD_LEVEL = 3 };
 
-/* How .zattrs begins, by which a folder is known that convert wrote. */
+/* The beginning of .zattrs, which identifies a folder that convert wrote. */
 #define ZARR_ATTRIBUTES_START "{\n  \"_creator\": { \"name\": \"splatctl convert\" },\n"
 
 struct sp_zarr_level {
@@ -29,9 +29,9 @@ struct sp_zarr_image {
     double range[2]; /* of the finite samples; least > most = there are none */
 };
 
-/* Finds the world, whose axes are those of the grid, and the levels: halves every axis until one
- * chunk has all. SP_ERR_UNSUPPORTED if the axes of the grid are turned, unless it is by quarter
- * turns in an anatomy. */
+/* Computes the world, whose axes are the axes of the grid, and the levels: halves every axis until
+ * one chunk holds the whole level. SP_ERR_UNSUPPORTED if the axes of the grid are turned, unless it
+ * is by quarter turns in an anatomy. */
 bool sp_zarr_image_init(struct sp_zarr_image *image, const struct sp_export_job *job,
                         struct sp_error *err);
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a file leaves out of its elements: the size of points, and the normals of a mesh.
+ * Computes data of elements that a file does not give: the size of points, and the normals of a
+ * mesh.
  */
 #ifndef SP_IMPORT_ELEMENTS_H
 #define SP_IMPORT_ELEMENTS_H

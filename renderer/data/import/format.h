@@ -254,7 +254,8 @@ void import_header_use_elements(struct import_header *header,
 void import_header_add_vectors(struct import_header *header, const char *name);
 
 /* Adds the name of scalars that are not read, unless the name is empty or already in the list. If
- * the list is full, sets has_more. */
+ * the list is full, sets has_more; so a reader that stops early must first pass one name that does
+ * not fit. */
 void import_header_add_other(struct import_header *header, const char *name);
 
 /* Like import_header_add_other(), for vectors. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What splat-import reads from: a file, a folder, or splat-fetch, which fetches a remote hierarchy.
+ * The input of splat-import: a file, a folder, or splat-fetch, which fetches a remote hierarchy.
  */
 #ifndef SP_IMPORT_INPUT_H
 #define SP_IMPORT_INPUT_H

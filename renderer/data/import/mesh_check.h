@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Looks at the bytes of a mesh before assimp does, which names no place in its errors and follows
- * nested data by recursion, until the stack ends.
+ * Checks the bytes of a mesh before assimp reads them: assimp names no place in its errors, and
+ * follows nested data by recursion until the stack overflows.
  */
 #ifndef SP_IMPORT_MESH_CHECK_H
 #define SP_IMPORT_MESH_CHECK_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The size of a classic NetCDF file. The library reads what is cut off as 0, without an error, so
- * the size is checked before: this is a parser of our own of the header.
+ * Checks the size of a classic NetCDF file. The library reads the missing part of a truncated file
+ * as 0, without an error. Therefore our own parser of the header checks the size first.
  */
 #ifndef SP_IMPORT_NETCDF_SIZE_H
 #define SP_IMPORT_NETCDF_SIZE_H

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The file that a source means: itself, the metadata of a Zarr folder, or the first one of numbered
- * files. What another folder stands for is decided by the importer (folder.c), which may read
- * files.
+ * Resolves a source to a file: the file itself, the metadata of a Zarr folder, or the first of
+ * numbered files. For any other folder, the importer decides (folder.c), because it may read files.
  */
 #ifndef SP_IMPORT_PLACE_H
 #define SP_IMPORT_PLACE_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which page of a TIFF is which slice, channel and step in time, from what the programs write that
- * know: OME-XML (tiff_ome.c), ImageJ (tiff_imagej.c) and tifffile (tiff_shaped.c), and from tags
- * (tiff_layout.c).
+ * Finds which page of a TIFF is which slice, channel and time step: from the descriptions that
+ * programs write, OME-XML (tiff_ome.c), ImageJ (tiff_imagej.c) and tifffile (tiff_shaped.c), and
+ * from tags (tiff_layout.c).
  */
 #ifndef SP_IMPORT_TIFF_PLANES_H
 #define SP_IMPORT_TIFF_PLANES_H
