@@ -280,7 +280,7 @@ static bool decode_orbit(struct decoder *decoder, const struct proto_field *fiel
     return true;
 }
 
-/* Resets the layers, unless the patch has layers, too. */
+/* Resets the layers, unless the patch also has layers. */
 static bool decode_primitive(struct decoder *decoder, const proto_json *json,
                              const struct sp_view *defaults, struct sp_view *view) {
     const proto_json *type = proto_json_get(json, "type");

@@ -11,8 +11,8 @@
  * the connection closes: the reply is a problem document. `version` is "HTTP/1.1" or "HTTP/1.0". */
 bool srv_request_is_refused_at_once(struct srv_request *request, const char *version);
 
-/* For a request that the library refuses before on_headers(): true if the smuggling checks refuse
- * it, too; the reply is a problem document. */
+/* For a request that the library refuses before on_headers(): true if the smuggling checks also
+ * refuse it; the reply is a problem document. */
 bool srv_request_has_bad_head(struct srv_request *request);
 
 /* Checks the limits of connections, finds the route, and checks token, query parameters, content

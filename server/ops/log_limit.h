@@ -33,7 +33,7 @@ bool srv_log_limit_allow(struct srv_log_limit *limit, const char *kind, double n
                          unsigned *suppressed);
 
 /* Returns a kind that has suppressed lines and may have a line again, which reports their number;
- * NULL = there is none. now_ms INFINITY: kinds that may not have a line yet, too. */
+ * NULL = there is none. now_ms INFINITY: also returns kinds that may not have a line yet. */
 const char *srv_log_limit_next(struct srv_log_limit *limit, double now_ms, unsigned *suppressed);
 
 #endif

@@ -65,7 +65,7 @@ void srv_archive_destroy(struct srv_archive **archive) {
     if (!a)
         return;
     a->is_cancelled = true;
-    archive_write_free(a->tar); /* closes it, too; after archive_write_fail() this would leak */
+    archive_write_free(a->tar); /* also closes it; after archive_write_fail() this would leak */
     if (a->fd >= 0)
         close(a->fd);
     free(a);

@@ -21,9 +21,9 @@
 #include "sp/status.h"
 
 /* Resolves a path relative to `data`, a resolved folder; NULL = none. An absolute path, as the
- * daemon stores it, must lie below it, too. `pointer` is the place of errors. False: SP_ERR_DENIED
- * (no data folder, or not readable), SP_ERR_INVALID (too long), SP_ERR_NOT_FOUND (missing, outside,
- * or a link that leads nowhere), SP_ERR_MEMORY. */
+ * daemon stores it, must also lie below `data`. `pointer` is the place of errors. False:
+ * SP_ERR_DENIED (no data folder, or not readable), SP_ERR_INVALID (too long), SP_ERR_NOT_FOUND
+ * (missing, outside, or a link that leads nowhere), SP_ERR_MEMORY. */
 bool srv_data_resolve(const char *data, const char *path, const char *pointer, char real[PATH_MAX],
                       struct sp_error *err);
 

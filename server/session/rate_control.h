@@ -7,7 +7,7 @@
  * client asked for if that is lower. Otherwise:
  *
  *   1. video, if the client takes it: about a tenth of the bytes of images. It already replaces
- *      images that take more than 20 ms to send: encoding and decoding video takes longer, too.
+ *      images that take more than 20 ms to send: encoding and decoding video also takes longer.
  *   2. less quality and a smaller frame, in steps
  *
  * Quality comes back when the next finer step needs three quarters of the rate at most, and images

@@ -100,8 +100,8 @@ struct srv_delivery {
     uint64_t frames_sent, bytes_sent;
 };
 
-/* Frames have at most so many pixels, because larger ones do not fit the memory of frames. The
- * first change of the view after until_ms ends it. */
+/* A limit of the pixels of frames, because larger frames do not fit the memory of frames. The first
+ * change of the view after until_ms ends the limit. */
 struct srv_memory_limit {
     uint64_t px; /* 0 = all fit */
     double until_ms;
@@ -114,7 +114,7 @@ struct srv_participant {
     void *user;    /* constant */
     struct srv_identity identity;
     struct srv_control_request control;
-    double picked_ms;   /* its quota of picks is used up to this time */
+    double picked_ms;   /* its quota of picks is used up until this time */
     double measured_ms; /* the same for measurements */
     struct srv_pending pending;
     struct srv_stream_settings settings;
@@ -220,7 +220,8 @@ enum srv_session_event {
     SRV_CONGESTION_CHANGED /* the participant acknowledged or took a frame */
 };
 
-/* What decides on frames: schedule/. Session and participant own zeroed memory for it. */
+/* The layer that decides which frames are drawn: schedule/. Each session and participant owns
+ * zeroed memory for it. */
 struct srv_session_observer {
     void *user;
     size_t session_bytes, participant_bytes;
@@ -247,7 +248,7 @@ struct srv_active_sessions {
 struct srv_hibernated_sessions { /* hibernate.c */
     struct srv_hibernated_session *buckets[SRV_HUB_BUCKETS];
     struct srv_hibernated_owner *owners;
-    const struct srv_hibernated_session *resumed; /* becomes active now: it does not end instead */
+    const struct srv_hibernated_session *resumed; /* becomes active now, so it must not end */
     struct srv_timer_heap ends;
     unsigned count;
 };
@@ -283,7 +284,8 @@ struct srv_hub {
     bool is_draining;
 };
 
-/* Before the first session is active. Without it nothing is drawn. */
+/* Sets the observer. Call it before the first session is active. Without an observer nothing is
+ * drawn. */
 void srv_hub_observe(struct srv_hub *hub, const struct srv_session_observer *observer);
 void srv_hub_emit(struct srv_hub *hub, enum srv_session_event event, struct srv_session *session,
                   struct srv_participant *participant, double now_ms);
@@ -302,20 +304,21 @@ void srv_hub_free_session(struct srv_hub *hub, struct srv_session *session);
 void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms);
 /* Ends an active session for good and closes its streams. */
 void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session);
-/* Makes sure that one more session, with this identity, can be active: within --sessions and within
- * the owner's share of them (common/fair_share.h). Where it is not, an unused session of the owner
- * hibernates, or, if all are taken, an unused one of an owner with more. Sessions of guests have a
- * share of the owner's share, and make no other session hibernate. False: SP_ERR_QUOTA (the share),
- * SP_ERR_BUDGET. */
+/* Makes sure that one more session with this identity can be active, within --sessions and within
+ * the owner's share of them (common/fair_share.h). If necessary, an unused session of the owner
+ * hibernates; if --sessions is reached, an unused session of an owner with more sessions. Sessions
+ * of guests have a share of the owner's share, and make no other session hibernate. False:
+ * SP_ERR_QUOTA (the share), SP_ERR_BUDGET. */
 bool srv_hub_ensure_capacity(struct srv_hub *hub, const struct srv_session_identity *identity,
                              struct sp_error *err);
 /* Hibernates an active session without participants; false when out of memory. */
 bool srv_hub_hibernate(struct srv_hub *hub, struct srv_session *session, const char *why);
 /* Returns when the session was last used, ms, if it has no participants. */
 double srv_hub_used_ms(const struct srv_session *session);
-/* The store has the newest view: an unused session may hibernate when its time has come. */
+/* Call it when the store has the newest view. An unused session may hibernate when its time has
+ * come. */
 void srv_hub_saved(struct srv_hub *hub, struct srv_session *session);
-/* Tells the options' ended(). */
+/* Calls options.ended(). */
 void srv_hub_ended(struct srv_hub *hub, const char *id);
 
 /* Notifications (lifecycle.c). */
@@ -345,8 +348,8 @@ void srv_hub_size(const struct srv_session *session, const struct srv_participan
 
 /* Time steps (steps.c). */
 
-/* The session's view has another time step, its volume is another one, or its layers name other
- * volumes: takes uses of the new steps, and reports if one cannot be loaded. */
+/* Call it when the time step, the volume or the layers of the session's view changed. Takes uses of
+ * the new steps, and reports a step that cannot be loaded. */
 void srv_steps_follow(struct srv_hub *hub, struct srv_session *session);
 /* True if the layers of two views show different volumes. */
 bool srv_steps_show_others(const struct sp_view *a, const struct sp_view *b);
@@ -357,8 +360,8 @@ void srv_steps_release(struct srv_hub *hub, struct srv_session *session);
 
 /* True if the vectors of the view move. */
 bool srv_play_moves(const struct srv_session *session);
-/* When the view changes by itself next: now or earlier if vectors move, INFINITY = never, or first
- * another time step has to be loaded. */
+/* Returns when the view changes by itself next: a past time if vectors move; INFINITY = never, or
+ * not before another time step is loaded. */
 double srv_play_due_ms(const struct srv_session *session);
 /* True if the view changes by itself. */
 bool srv_play_is_on(const struct srv_session *session);
@@ -366,15 +369,15 @@ bool srv_play_is_on(const struct srv_session *session);
 void srv_play_place(const struct srv_session *session, double now_ms, struct sp_view *view);
 /* Gives a view that is due its next version, which is not saved. */
 void srv_play_advance(struct srv_hub *hub, struct srv_session *session, double now_ms);
-/* The time steps stop: the volume is another one, or a step could not be loaded. */
+/* Stops playing time steps, because the volume changed or a step could not be loaded. */
 void srv_play_stop_steps(struct srv_hub *hub, struct srv_session *session);
 /* Returns the notification time.changed; malloc'ed, NULL when out of memory. */
 char *srv_play_text(const struct srv_participant *to, size_t *size);
 
 /* Tokens (tokens.c). */
 
-/* Returns why a participant that joined by a token of the daemon may no longer take part as it
- * does; NULL = it may. */
+/* Returns why a participant that joined with a token of the daemon may not keep its role; NULL = it
+ * may. */
 const char *srv_hub_denies(const struct srv_hub *hub, const struct srv_participant *participant);
 /* Updates the quota from the owner's token; false: the token is gone. */
 bool srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner);
@@ -388,7 +391,8 @@ void srv_hub_close_stream(struct srv_hub *hub, struct srv_participant *participa
 bool srv_hub_is_view_saved(const struct srv_session *session);
 /* Marks the session for saving and tells the options' changed(). */
 void srv_hub_unsaved(struct srv_hub *hub, struct srv_session *session);
-/* Now and then marks sessions for saving whose time of use is old in the store. */
+/* Marks sessions for saving whose time of use in the store is too old. Does so only at
+ * intervals. */
 void srv_hub_note_time(struct srv_hub *hub, double now_ms);
 /* Adds a hibernated session like this active one; false when out of memory. If there are too many,
  * one ends: of the owner with the most, and unused for the longest time. */
@@ -406,7 +410,8 @@ bool srv_hibernated_remove(struct srv_hub *hub, const char *id);
 bool srv_hibernated_missing(const struct srv_hub *hub, const char *id, struct sp_error *err);
 /* Ends sessions that were hibernated for too long; returns when the next one ends. */
 double srv_hibernated_tick(struct srv_hub *hub, double now_ms);
-/* Returns how many an owner has; *guests of them were made by join tokens. */
+/* Returns how many hibernated sessions an owner has; *guests of them were created with join
+ * tokens. */
 unsigned srv_hibernated_count(struct srv_hub *hub, const char *owner, unsigned *guests);
 void srv_hibernated_list(struct srv_hub *hub, const char *owner, double now_ms,
                          struct srv_page *page);
@@ -432,10 +437,11 @@ void srv_late_answers_free(struct srv_participant *participant);
 
 /* Control (control.c). */
 
-/* A participant left; it is no longer in the list. */
+/* Call it after a participant left; it is no longer in the list. */
 void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
                        const struct srv_participant *participant, double now_ms);
-/* Returns whether it holds control; takes control if it may and control is free. */
+/* Takes control if the participant may have it and control is free. True if the participant holds
+ * control. */
 bool srv_control_acquire(struct srv_hub *hub, struct srv_participant *participant, double now_ms);
 /* Passes control on when --control-time is over; returns when that is next, INFINITY = never. */
 double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double now_ms);
@@ -445,20 +451,20 @@ char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *
 
 /* Stream policy (policy.c). */
 
-/* Follows the measured network and the settings; call when either changes. */
+/* Adapts the rate control to the measured network and the settings. Call it when either changes. */
 void srv_policy_update_rate(struct srv_participant *participant);
 /* Returns the video codec of its moving frames; SP_VIDEO_CODEC_COUNT = images. */
 enum sp_video_codec srv_policy_video(const struct srv_participant *participant);
-/* What a participant gets: the encoding of its frames of one step. */
+/* Returns the encoding of a participant's frames of one step. */
 struct srv_encoding srv_policy_encoding(const struct srv_participant *participant,
                                         enum srv_frame_step step);
 /* True if a sharp frame in this encoding is what the participant gets at rest, so that no other
  * frame has to follow it. */
 bool srv_policy_is_final(const struct srv_participant *participant,
                          const struct srv_encoding *encoding);
-/* A job was made for the participant. Tells it if the detail of moving frames changed: at most
- * twice per second while the view moves, and once when it is at rest. `moving`: the detail of this
- * job, NULL = the job is not for a moving view. */
+/* Call it when a job was made for the participant. Notifies the participant if the detail of moving
+ * frames changed: at most twice per second while the view moves, and once when it is at rest.
+ * `moving`: the detail of this job, NULL = the job is not for a moving view. */
 void srv_policy_update(struct srv_hub *hub, struct srv_participant *participant,
                        const struct srv_moving_detail *moving, double now_ms);
 /* Returns the notification stream.policy; malloc'ed, NULL when out of memory. */

@@ -23,7 +23,7 @@ struct sp_brick_need {
     uint32_t first[3], count[3]; /* bricks of a box, which is not empty */
     uint16_t *wanted; /* malloc'ed [count], i0 fastest: numbers as above, by importance */
     /* The frame can be drawn from blocks (data/volume/blocks.h), so that only wanted bricks take
-     * memory. It can be drawn from an array, too. */
+     * memory. It can also be drawn from an array. */
     bool is_sparse;
     bool has_vectors; /* the frame also needs vectors; the file must have them. Not with blocks. */
 };

@@ -40,7 +40,7 @@ static bool place_samples(struct sp_default_samples *s) {
     return true;
 }
 
-/* False for values that stand for missing data, too. */
+/* Also false for values that stand for missing data. */
 static bool is_data(const struct sp_default_samples *s, double value) {
     return value >= s->info->data[0] && value <= s->info->data[1];
 }

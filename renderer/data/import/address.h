@@ -29,7 +29,7 @@ bool sp_address_parse(const char *address, struct sp_address *parts, struct sp_e
 enum sp_allowed {
     SP_NOT_ALLOWED,
     SP_ALLOWED_PUBLIC, /* by a pattern: only at public IP addresses */
-    SP_ALLOWED_ANY,    /* by its name: at private IP addresses, too */
+    SP_ALLOWED_ANY,    /* by its name: also at private IP addresses */
 };
 
 /* Looks a host up in a list, "HOST,HOST:PORT,*.DOMAIN", NULL = none. Without a port, 80 and 443 are

@@ -10,9 +10,9 @@
 
 struct imaris;
 
-/* If the open file is one of Imaris, puts its image in place of the arrays: a->call and a->handle,
- * which closes the file, too. *imaris is NULL if it is none, or if file->field names one of the
- * arrays. */
+/* If the open file is an Imaris file, replaces a->call and a->handle, so that they read its image
+ * instead of its arrays. Closing the new handle also closes the file. *imaris is NULL if the file
+ * is not an Imaris file, or if file->field names one of its arrays. */
 bool imaris_open(struct arrays *a, struct imaris **imaris, struct sp_error *err);
 
 /* After arrays_fill_header(): spacing, origin, unit, levels and times. */

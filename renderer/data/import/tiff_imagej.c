@@ -82,7 +82,7 @@ static void convert_axis(const struct imagej *j, int axis, const char *key) {
         tiff_planes_convert(j->planes, j->tiff->file, axis, own);
 }
 
-/* Without a unit of ImageJ, that of the tags counts, for slices, too. */
+/* If ImageJ gives no unit, the unit of the tags is used, also for slices. */
 static void read_spacing(const struct imagej *j) {
     enum { INCHES = 2, CENTIMETRES = 3 };
     struct tiff_planes *p = j->planes;
