@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The instruction sets that the kernels are compiled for and that this machine can run: the
- * processor has them, and the system saves their registers.
+ * The instruction sets that this machine can run, out of those that kernels are compiled for. A set
+ * counts if the processor supports it and the operating system saves its registers.
  */
 #ifndef SP_BASE_CPU_FEATURES_H
 #define SP_BASE_CPU_FEATURES_H
@@ -15,7 +15,7 @@ enum {
     SP_CPU_NEON = 8,
 };
 
-/* Returns a mask of SP_CPU_…, looked up at the first call. Thread-safe. */
+/* Returns a mask of SP_CPU_…. The first call detects the features. Thread-safe. */
 uint32_t sp_cpu_features(void);
 
 #endif

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Loads from a different place for each lane.
+ * Vector loads: neighbouring narrow integers, and loads in which each lane has its own index.
  */
 #ifndef SP_BASE_FETCH_H
 #define SP_BASE_FETCH_H
 
 #include "base/quad.h"
 
-/* SP_WIDE_SHORT neighbouring integers of a narrow type. Those with a sign are raised by the largest
- * power of two, so that their order stays. */
+/* Load SP_WIDE_SHORT neighbouring integers of a narrow type as unsigned 16-bit integers. The
+ * functions of signed types add 2¹⁵ (int16) or 2⁷ (int8), which keeps the order of the values. */
 static inline sp_wide_short sp_fetch_uint16(const uint16_t *p) {
     return sp_wide_short_load(p);
 }
@@ -37,7 +37,8 @@ static inline sp_wide_short sp_fetch_int8(const int8_t *p) {
     return sp_fetch_uint8((const uint8_t *)p) ^ 0x80;
 }
 
-/* The lanes of a and of b in turns: out[0] has those of their first halves. */
+/* Interleaves the lanes of a and b: out[0] holds the first halves of both, out[1] the second
+ * halves. */
 static inline void sp_fetch_alternate(sp_wide_short a, sp_wide_short b, sp_wide_short out[2]) {
 #if defined SP_WIDE_AVX512
     static const uint16_t order[2][32] = {
@@ -60,8 +61,9 @@ static inline void sp_fetch_alternate(sp_wide_short a, sp_wide_short b, sp_wide_
 #endif
 }
 
-/* Two neighbouring 16-bit values per lane, the first in the low half. The places need no alignment.
- * With AVX2, separate loads are faster than a gather on most processors. */
+/* Loads two neighbouring 16-bit values per lane, the first one into the low half of the lane. The
+ * addresses need no alignment. With AVX2, separate loads are faster than a gather on most
+ * processors. */
 static inline sp_wide_int sp_fetch_pairs(const int16_t *from, sp_wide_int index) {
 #if defined SP_WIDE_AVX512
     return (sp_wide_int)_mm512_i32gather_epi32((__m512i)index, from, 2);
@@ -78,7 +80,8 @@ static inline sp_wide_int sp_fetch_pairs(const int16_t *from, sp_wide_int index)
 #endif
 }
 
-/* Four neighbouring 16-bit values per lane: out[0] has the first two, out[1] the others. */
+/* Loads four neighbouring 16-bit values per lane: the first two into out[0], the other two into
+ * out[1]. */
 static inline void sp_fetch_quads(const int16_t *from, sp_wide_int index, sp_wide_int out[2]) {
 #if defined SP_WIDE_AVX512
     const __m512i even =
@@ -96,12 +99,13 @@ static inline void sp_fetch_quads(const int16_t *from, sp_wide_int index, sp_wid
 #endif
 }
 
-/* Differences of pairs, number by number; they fit 16 bits with a sign. */
+/* Subtracts pairs of 16-bit values element by element. The differences must fit into signed 16
+ * bits. */
 static inline sp_wide_int sp_fetch_difference(sp_wide_int a, sp_wide_int b) {
     return (sp_wide_int)((sp_wide_short)a - (sp_wide_short)b);
 }
 
-/* The sum of both numbers of a pair, each multiplied by that of `weights`. */
+/* Returns the dot product of each pair with the pair of weights in the same lane. */
 static inline sp_wide_int sp_fetch_dot(sp_wide_int pair, sp_wide_int weights) {
 #if defined SP_WIDE_AVX512
     return (sp_wide_int)_mm512_madd_epi16((__m512i)pair, (__m512i)weights);
@@ -114,13 +118,13 @@ static inline sp_wide_int sp_fetch_dot(sp_wide_int pair, sp_wide_int weights) {
 #endif
 }
 
-/* Entries of a table of four components, one per lane, in an order that sp_fetch_sum() knows. */
+/* One table entry of four components per lane, in the order that sp_fetch_sum() reads. */
 struct sp_entries {
     sp_wide part[4];
 };
 
 #if defined SP_WIDE_AVX512
-/* part[2·h + c]: components 2c and 2c + 1, in turns, of lanes 8h to 8h + 7. */
+/* part[2·h + c]: components 2c and 2c + 1 of the lanes 8h to 8h + 7, interleaved. */
 static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wide_int index) {
     __m512i twice = _mm512_slli_epi32((__m512i)index, 1);
     __m256i half[2] = { _mm512_castsi512_si256(twice), _mm512_extracti64x4_epi64(twice, 1) };
@@ -132,7 +136,7 @@ static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wid
     return entries;
 }
 
-/* The share of each lane of half h, twice. */
+/* Repeats each lane of half h of `share` twice. */
 static inline sp_wide sp_fetch_spread(sp_wide share, int h) {
     const __m512i twice = _mm512_setr_epi32(0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7);
     __m512i order = _mm512_add_epi32(twice, _mm512_set1_epi32(8 * h));
@@ -150,7 +154,7 @@ static inline void sp_fetch_components(const sp_wide part[4], sp_wide out[4]) {
     }
 }
 #else
-/* part[k]: the components of lane k, and those of lane k + 4 where there are eight. */
+/* part[k]: the components of lane k; with eight lanes, followed by the components of lane k + 4. */
 static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wide_int index) {
     struct sp_entries entries;
     int32_t at[SP_WIDE];
@@ -166,7 +170,7 @@ static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wid
     return entries;
 }
 
-/* The share of lane k, and that of lane k + 4, four times. */
+/* Repeats lane k of `share` four times; with eight lanes, followed by lane k + 4 four times. */
 static inline sp_wide sp_fetch_spread(sp_wide share, int k) {
     switch (k) {
     case 0:
@@ -185,7 +189,8 @@ static inline void sp_fetch_components(const sp_wide part[4], sp_wide out[4]) {
 }
 #endif
 
-/* out[c] = share[0]·(entries[1] − entries[0]) + share[1]·(entries[2] − entries[1]), component c. */
+/* Computes for each component c: out[c] = share[0]·(entries[1] − entries[0]) + share[1]·(entries[2]
+ * − entries[1]). */
 static inline void sp_fetch_sum(const struct sp_entries entries[3], const sp_wide share[2],
                                 sp_wide out[4]) {
     sp_wide sum[4];

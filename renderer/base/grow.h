@@ -10,9 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Allocates memory for one more item of an array of `count` items of `size` bytes. `array` is the
- * address of the pointer to it, which is NULL at first; free() frees it. Its capacity is always the
- * power of two at or above the count. False, and the array stays, if memory ran out. */
+/* Makes space for one more item in an array of `count` items of `size` bytes. `array` is the
+ * address of the pointer to the first item; the pointer is NULL while the array is empty. The
+ * capacity is always the smallest power of two that holds the count. The caller frees the items
+ * with free(). Returns false and leaves the array unchanged if memory runs out. */
 static inline bool sp_grow(void *array, size_t count, size_t size) {
     void *items;
     if (count & (count - 1))

@@ -18,7 +18,7 @@ struct sp_interrupt {
     struct sp_pause *pause;    /* NULL = never paused */
 };
 
-/* True if the computation must stop. Returns after the pause if the computation is paused. */
+/* True if the computation must stop. While the computation is paused, the call waits. */
 static inline bool sp_interrupt_is_cancelled(const struct sp_interrupt *interrupt) {
     struct sp_pause *pause = interrupt->pause;
     if (pause && atomic_load_explicit(&pause->requested, memory_order_relaxed))

@@ -8,10 +8,10 @@
  *            ├─ -DSP_ISA=sse41      ─► sp_sheet_add_sse41
  *            └─ -DSP_ISA=avx2 …     ─► sp_sheet_add_avx2
  *
- * Every header that declares such a function includes this one. The list has all functions that the
- * kernel sources (splat_kernels() in the folders' CMakeLists.txt) share with each other and with
- * the table (backend/cpu/table.c). A function that is missing here is defined twice and does not
- * link.
+ * Every header that declares such a function includes this one. The list below names all functions
+ * that the kernel sources (splat_kernels() in the CMakeLists.txt of their folders) share with each
+ * other and with the table (backend/cpu/table.c). If a function is missing in the list, the linker
+ * reports that it is defined twice.
  */
 #ifndef SP_BASE_ISA_H
 #define SP_BASE_ISA_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Finds the programs and modules that are installed with the library, so that an installation can
- * be moved as a whole.
+ * Finds the programs and modules that are installed with the library. The search starts at the
+ * running program or at the library, so that an installation can be moved as a whole.
  *
  *   build tree     bin/PROGRAM           bin/FILE, also for PROGRAM in tests/
  *   installation   PREFIX/bin/PROGRAM    PREFIX/lib/splatd/FILE
@@ -15,9 +15,9 @@
 
 #include "sp/status.h"
 
-/* Writes the path of `file` and returns true if it exists. Otherwise *path is its path in the
- * folder of the running program, and *err has SP_ERR_NOT_FOUND, or SP_ERR_IO if the program's own
- * path is not known. Thread-safe. */
+/* Writes the path of `file` to `path` and returns true if the file exists. Otherwise returns false
+ * with *err set: SP_ERR_NOT_FOUND, with the path in the folder of the running program in `path`, or
+ * SP_ERR_IO if the path of the running program is not known. Thread-safe. */
 bool sp_locate(const char *file, char path[PATH_MAX], struct sp_error *err);
 
 #endif

@@ -28,7 +28,7 @@ static inline double sp_clamp(double x, double low, double high) {
     return fmin(fmax(x, low), high);
 }
 
-/* The nearest finite float; NaN becomes FLT_MAX. */
+/* Returns the nearest finite float; NaN becomes FLT_MAX. */
 static inline float sp_finite_float(double x) {
     return (float)fmax(-(double)FLT_MAX, fmin((double)FLT_MAX, x));
 }

@@ -5,8 +5,8 @@
  *   range [0, count)  ─► blocks of `grain`  ─► each claimed by one of the workers 0 … threads − 1
  *
  * Worker 0 is the calling thread; a pool of one thread runs the same code. A result may depend on
- * its block but not on the worker that computed it, so that an image is bit-equal for any number of
- * threads. Workers flush denormals to zero (FTZ, DAZ), and so does the caller during a call. A pool
+ * its block but not on the worker that computes it, so that an image is bit-equal for any number of
+ * threads. During a loop, all workers and the caller flush denormals to zero (FTZ, DAZ). A pool
  * runs one loop at a time.
  */
 #ifndef SP_BASE_PARALLEL_FOR_H
@@ -24,12 +24,13 @@ struct sp_pool *sp_pool_create(unsigned threads, struct sp_error *err);
 void sp_pool_destroy(struct sp_pool **pool);
 unsigned sp_pool_threads(const struct sp_pool *pool);
 
-/* Processes [begin, end), which is at most `grain` long and starts at a multiple of it. `worker` <
- * threads belongs to this thread during the call: use it to select scratch memory. */
+/* Processes the block [begin, end). It starts at a multiple of `grain` and has at most `grain`
+ * elements. No other thread has the same `worker`, [0, threads − 1], during the call: use it to
+ * select scratch memory. */
 typedef void sp_block_fn(void *user, size_t begin, size_t end, unsigned worker);
 
 /* Calls fn() for every block and returns when all calls have returned. grain > 0; count may be 0.
- * One thread at a time per pool. */
+ * One thread may use a pool at a time. */
 void sp_parallel_for(struct sp_pool *pool, size_t count, size_t grain, sp_block_fn *fn, void *user);
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Four floats, such as the colour and depth of a pixel, and vectors of SP_WIDE / 4 times four.
+ * Groups of four floats, such as the colour and depth of a pixel, and vectors of SP_WIDE / 4
+ * groups.
  */
 #ifndef SP_BASE_QUAD_H
 #define SP_BASE_QUAD_H
@@ -15,7 +16,7 @@ static inline sp_quad sp_quad_load(const float *p) {
     return a;
 }
 
-/* The same four floats for each four lanes. */
+/* Repeats the four floats in each group of four lanes. */
 static inline sp_wide sp_quad_repeat(sp_quad a) {
 #if defined SP_WIDE_AVX512
     return (sp_wide)_mm512_broadcast_f32x4((__m128)a);
@@ -26,7 +27,7 @@ static inline sp_wide sp_quad_repeat(sp_quad a) {
 #endif
 }
 
-/* Element SP_WIDE / 4 · part + n, four times, for each n. */
+/* Group n of the result repeats element SP_WIDE / 4 · part + n of a four times. */
 static inline sp_wide sp_quad_spread(sp_quad a, int part) {
 #if defined SP_WIDE_AVX512
     (void)part;
@@ -41,8 +42,8 @@ static inline sp_wide sp_quad_spread(sp_quad a, int part) {
 #endif
 }
 
-/* The same __builtin_shufflevector() of four elements of a and b for each four lanes; not with
- * AVX-512. */
+/* Shuffles each group of four lanes of a and b as __builtin_shufflevector() does. Not available
+ * with AVX-512. */
 #if defined SP_WIDE_AVX2
 #define SP_QUAD_SHUFFLE(a, b, i, j, k, l)                                                          \
     __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4)
@@ -50,9 +51,10 @@ static inline sp_wide sp_quad_spread(sp_quad a, int part) {
 #define SP_QUAD_SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
 #endif
 
-/* The first (lo) or last (hi) two elements of a and of b in turns; the first (0x44) or last (0xee)
- * two elements of a, then of b. Where lanes are read one by one, gcc takes shuffles apart that it
- * sees through, which makes more code. */
+/* For each group of four lanes: SP_QUAD_MIX interleaves the first (lo) or last (hi) two elements of
+ * a and b; SP_QUAD_JOIN appends the first (0x44) or last (0xee) two elements of b to the same
+ * elements of a. They are intrinsics because gcc splits portable shuffles into scalar code where
+ * lanes are read one by one. */
 #if defined SP_WIDE_AVX512
 #define SP_QUAD_MIX(half, a, b) (sp_wide) _mm512_unpack##half##_ps((__m512)(a), (__m512)(b))
 #define SP_QUAD_JOIN(a, b, part) (sp_wide) _mm512_shuffle_ps((__m512)(a), (__m512)(b), part)
@@ -70,7 +72,7 @@ static inline sp_wide sp_quad_spread(sp_quad a, int part) {
                     ((part) >> 2 & 3) + SP_WIDE)
 #endif
 
-/* Transposes: element n of each four of p[m] becomes element m of the same four of out[n]. */
+/* Transposes each group of four lanes: element n of p[m] becomes element m of out[n]. */
 static inline void sp_quad_transpose(const sp_wide p[4], sp_wide out[4]) {
     sp_wide a = SP_QUAD_MIX(lo, p[0], p[1]), b = SP_QUAD_MIX(hi, p[0], p[1]);
     sp_wide c = SP_QUAD_MIX(lo, p[2], p[3]), d = SP_QUAD_MIX(hi, p[2], p[3]);

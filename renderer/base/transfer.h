@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Whole blocks of bytes from and to a place of a file, and files without a name.
+ * Reads and writes whole blocks of bytes at a byte offset of a file, skips holes, and creates
+ * temporary files. All functions are thread-safe.
  */
 #ifndef SP_BASE_TRANSFER_H
 #define SP_BASE_TRANSFER_H
@@ -11,27 +12,30 @@
 
 #include "sp/status.h"
 
-/* False with errno set; ENODATA = the file ends before. */
+/* Read or write all `size` bytes at offset `at`. On failure return false with errno set; ENODATA =
+ * the file ends before at + size. */
 bool sp_read_at(int fd, void *out, size_t size, uint64_t at);
 bool sp_write_at(int fd, const void *bytes, size_t size, uint64_t at);
 
-/* The first data of a file in [at, end), behind holes: [*from, *to). Both are `end` if only holes
- * follow. On a file system without holes all is data. Moves the position of the descriptor. */
+/* Skips the holes at the start of [at, end): the first data of the range lies in [*from, *to). Both
+ * are `end` if the range has only holes. On a file system without holes everything is data. Moves
+ * the file position of the descriptor. */
 void sp_skip_holes(int fd, uint64_t at, uint64_t end, uint64_t *from, uint64_t *to);
 
 /* True if all bytes are 0. size > 0. */
 bool sp_is_zero(const char *bytes, size_t size);
 
-/* As sp_read_at(). Holes are not read, so that they take no place in the page cache. */
+/* Like sp_read_at(), but does not read holes, so that they occupy no memory in the page cache. */
 bool sp_read_sparse(int fd, void *out, size_t size, uint64_t at);
 
-/* As sp_write_at(), into a file that reads as zeros there: blocks of zeros stay holes. */
+/* Like sp_write_at(), for a range that reads as zeros so far: blocks of zeros stay holes. */
 bool sp_write_sparse(int fd, const char *bytes, size_t size, uint64_t at);
 
-/* True if the file has no data there, so that it reads as zeros. */
+/* True if the range [at, at + size) of the file is a hole, which reads as zeros. */
 bool sp_is_hole(int fd, size_t size, uint64_t at);
 
-/* A file without a name in that folder, which vanishes when it is closed; −1 with *err set. */
+/* Opens a file without a name in `folder` and returns its descriptor. The system deletes the file
+ * when it is closed. Returns −1 with *err set on failure. */
 int sp_temporary_file(const char *folder, struct sp_error *err);
 
 #endif

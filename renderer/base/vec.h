@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Vectors of three and 3×3 matrices (m[row][column]) in double precision, for set-up code.
+ * Vectors with three components and 3×3 matrices (m[row][column]) in double precision, for set-up
+ * code.
  */
 #ifndef SP_BASE_VEC_H
 #define SP_BASE_VEC_H
@@ -49,7 +50,8 @@ static inline struct sp_vec3 sp_vec3_normalize(struct sp_vec3 a) {
     return l > 0 ? sp_vec3_scale(a, 1 / l) : a;
 }
 
-/* The unit vector of a vector of any length; squares neither overflow nor underflow. */
+/* Returns the unit vector of v. The length of v may be anything that a double holds: squares
+ * neither overflow nor underflow. */
 static inline struct sp_vec3 sp_vec3_unit(const double v[3]) {
     double largest = fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2])));
     struct sp_vec3 r = { { 0 } };
@@ -87,7 +89,8 @@ static inline double sp_mat3_determinant(const struct sp_mat3 *a) {
            a->m[0][2] * (a->m[1][0] * a->m[2][1] - a->m[1][1] * a->m[2][0]);
 }
 
-/* Returns the inverse. If *determinant is 0 there is none, and the result is meaningless. */
+/* Returns the inverse. If *determinant is 0, the matrix has no inverse and the result is
+ * meaningless. */
 static inline struct sp_mat3 sp_mat3_inverse(const struct sp_mat3 *a, double *determinant) {
     double d = *determinant = sp_mat3_determinant(a), s = d != 0 ? 1 / d : 0;
     struct sp_mat3 r;

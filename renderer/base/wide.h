@@ -68,7 +68,7 @@ static inline sp_wide sp_wide_from_int(sp_wide_int a) {
     return __builtin_convertvector(a, sp_wide);
 }
 
-/* Rounds towards zero. A lane that is out of range gets an unspecified number. */
+/* Rounds towards zero. A lane beyond the range of int32_t becomes an unspecified number. */
 static inline sp_wide_int sp_wide_to_int(sp_wide a) {
 #if defined SP_WIDE_AVX512
     return (sp_wide_int)_mm512_cvttps_epi32((__m512)a);
@@ -182,7 +182,7 @@ static inline unsigned sp_wide_mask_bits(sp_wide_mask mask) {
 #endif
 }
 
-/* Lanes of a where the mask is set, of b elsewhere. */
+/* Selects the lanes of a where the mask is set, and the lanes of b elsewhere. */
 static inline sp_wide sp_wide_select(sp_wide_mask mask, sp_wide a, sp_wide b) {
 #if defined SP_WIDE_AVX512
     return (sp_wide)_mm512_mask_blend_ps(mask, (__m512)b, (__m512)a);
@@ -195,7 +195,7 @@ static inline sp_wide sp_wide_select(sp_wide_mask mask, sp_wide a, sp_wide b) {
 #endif
 }
 
-/* Lanes of a where the mask is set, 0 elsewhere. */
+/* Keeps the lanes of a where the mask is set; the other lanes become 0. */
 static inline sp_wide sp_wide_keep(sp_wide_mask mask, sp_wide a) {
 #if defined SP_WIDE_AVX512
     return (sp_wide)_mm512_maskz_mov_ps(mask, (__m512)a);
@@ -229,7 +229,7 @@ static inline sp_wide sp_wide_max(sp_wide a, sp_wide b) {
 #endif
 }
 
-/* Of NaN as of sp_wide_max() and sp_wide_min(). */
+/* Limits x to [low, high]. NaN becomes low. */
 static inline sp_wide sp_wide_clamp(sp_wide x, float low, float high) {
     return sp_wide_min(sp_wide_max(x, sp_wide_all(low)), sp_wide_all(high));
 }
@@ -289,7 +289,7 @@ static inline sp_wide sp_wide_inverse_sqrt(sp_wide a) {
 #endif
 }
 
-/* √a for a > 0, to some 14 bits and more. */
+/* √a for a > 0, exact to at least about 14 bits. */
 static inline sp_wide sp_wide_fast_sqrt(sp_wide a) {
 #if defined SP_WIDE_AVX512
     return a * (sp_wide)_mm512_rsqrt14_ps((__m512)a);
@@ -298,7 +298,7 @@ static inline sp_wide sp_wide_fast_sqrt(sp_wide a) {
 #endif
 }
 
-/* 1/a for a > 0, to about 22 bits. */
+/* 1/a for a > 0, exact to about 22 bits. */
 static inline sp_wide sp_wide_fast_inverse(sp_wide a) {
 #if defined SP_WIDE_AVX512
     sp_wide r = (sp_wide)_mm512_rcp14_ps((__m512)a);
@@ -340,7 +340,8 @@ static inline sp_wide sp_wide_gather(const float *table, sp_wide_int index) {
 #endif
 }
 
-/* table[index] for each lane; `count` elements of the table are used, and SP_WIDE can be read. */
+/* table[index] for each lane, index in [0, count). At least SP_WIDE elements of the table must be
+ * readable. */
 static inline sp_wide sp_wide_look_up(const float *table, uint32_t count, sp_wide_int index) {
 #if defined SP_WIDE_AVX512
     if (count <= SP_WIDE)
@@ -353,7 +354,8 @@ static inline sp_wide sp_wide_look_up(const float *table, uint32_t count, sp_wid
     return sp_wide_gather(table, index);
 }
 
-/* Bit `bit` of words[word] for each lane, as a bit per lane. With AVX-512 the words are aligned. */
+/* Tests bit `bit` of words[word] for each lane. Bit k of the result is lane k. With AVX-512 the
+ * words must be aligned. */
 static inline uint32_t sp_wide_test_bits(const uint32_t words[32], sp_wide_int bit,
                                          sp_wide_int word) {
 #if defined SP_WIDE_AVX512
@@ -373,7 +375,7 @@ static inline uint32_t sp_wide_test_bits(const uint32_t words[32], sp_wide_int b
 #endif
 }
 
-/* Lane i is from[order[v + i]]; v is a multiple of SP_WIDE. */
+/* Lane i of the result is from[order[v + i]]; v is a multiple of SP_WIDE. */
 static inline sp_wide_int sp_wide_int_pick(const uint8_t from[16], const uint8_t order[16], int v) {
 #if defined SP_WIDE_AVX512 || defined SP_WIDE_AVX2 || defined SP_WIDE_SSE41
     __m128i at = _mm_loadu_si128((const __m128i *)(const void *)order);
@@ -396,7 +398,7 @@ static inline sp_wide_int sp_wide_int_pick(const uint8_t from[16], const uint8_t
 #endif
 }
 
-/* Combines the bits of all lanes. */
+/* Returns the bitwise OR of all lanes. */
 static inline int32_t sp_wide_int_or(sp_wide_int a) {
 #if defined SP_WIDE_AVX512
     return _mm512_reduce_or_epi32((__m512i)a);
@@ -408,7 +410,7 @@ static inline int32_t sp_wide_int_or(sp_wide_int a) {
 #endif
 }
 
-/* The largest lane. */
+/* Returns the largest lane. */
 static inline float sp_wide_largest(sp_wide a) {
     float largest = a[0];
     for (int i = 1; i < SP_WIDE; i++)
@@ -416,7 +418,7 @@ static inline float sp_wide_largest(sp_wide a) {
     return largest;
 }
 
-/* Vectors of 16-bit integers without sign, as wide as sp_wide. */
+/* Vectors of unsigned 16-bit integers, as wide as sp_wide. */
 enum { SP_WIDE_SHORT = 2 * SP_WIDE };
 typedef uint16_t sp_wide_short __attribute__((vector_size(SP_WIDE_SHORT * 2)));
 
