@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Frame → bytes of an image file:
+ * Encodes a frame as the bytes of an image file:
  *
  *   frame ─► convert (8 bit or float, alpha kept or not) ─┬─► jpeg.c   libjpeg-turbo
  *                                                         ├─► png.c    libpng
  *                                                         ├─► webp.c   libwebp
  *                                                         └─► exr.c    exr_bridge.cpp, a module
  *
- * An encoder keeps its handle, its buffers and the loaded bridge from call to call. Encoders share
- * no state, so that every thread may have its own.
+ * An encoder keeps its library handle, its buffers and the loaded bridge from call to call.
+ * Encoders share no state: threads may encode at the same time, each with its own encoder.
  */
 #ifndef ENCODE_ENCODER_H
 #define ENCODE_ENCODER_H
@@ -26,7 +26,7 @@ struct sp_encoder {
     struct sp_buffer output;
     void *jpeg;            /* tjhandle; NULL until the first JPEG */
     enum sp_chroma chroma; /* of JPEGs */
-    sp_share_fn *share;    /* NULL = the encoder encodes all stripes of a JPEG itself */
+    sp_share_fn *share;    /* NULL = the calling thread encodes all stripes of a JPEG */
     void *share_user;
     sp_exr_encode_fn *exr; /* NULL until the first EXR; the library is never unloaded */
 };
@@ -40,14 +40,14 @@ struct sp_raster {
 };
 
 /* Empties the buffer and reserves `capacity` bytes. Frees the old memory if it is far larger than
- * needed. */
+ * needed. False with *err set if memory runs out. */
 bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_error *err);
 
 /* Grows the buffer as needed and keeps its content. False when out of memory. */
 bool sp_buffer_append(struct sp_buffer *buffer, const void *bytes, size_t size);
 
-/* All of these functions write encoder->output. jpeg, png and webp take 8 bits, exr takes floats.
- * jpeg ignores the fourth channel; png and webp leave it out if the raster is opaque. */
+/* The encode functions write encoder->output. JPEG, PNG and WebP need a raster of 8 bits, EXR needs
+ * floats. JPEG ignores the fourth channel; PNG and WebP leave it out if the raster is opaque. */
 bool sp_encode_jpeg(struct sp_encoder *encoder, const struct sp_raster *raster, int quality,
                     struct sp_error *err);
 void sp_encode_jpeg_finish(struct sp_encoder *encoder);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The one function of splat-exr.so, in C. OpenImageIO writes the EXR. It is loaded on demand,
- * because with the libraries of all its formats it takes 115 MiB and one or two seconds.
+ * The C interface of the module splat-exr.so, which writes EXR with OpenImageIO. The module is
+ * loaded on demand, because OpenImageIO and the libraries of its formats take 115 MiB and one or
+ * two seconds.
  */
 #ifndef ENCODE_EXR_BRIDGE_H
 #define ENCODE_EXR_BRIDGE_H
@@ -21,11 +22,12 @@ struct sp_exr_image {
 
 enum sp_exr_status { SP_EXR_DONE, SP_EXR_MEMORY, SP_EXR_FAILED };
 
-/* Receives the whole file in one call; returns 0 if it has no memory for it. */
+/* Receives the whole file in one call. Returns 0 if it has no memory for the file, otherwise
+ * another value. */
 typedef int sp_exr_sink(void *user, const void *bytes, size_t size);
 
-/* Thread-safe. Throws no exceptions. On failure writes the reason to `error` (error_size > 0
- * bytes). */
+/* Encodes an image and passes the file to `sink`. Thread-safe; throws no exceptions. On failure
+ * writes the reason to `error`, a buffer of error_size > 0 bytes. */
 typedef enum sp_exr_status sp_exr_encode_fn(const struct sp_exr_image *image, sp_exr_sink *sink,
                                             void *user, char *error, size_t error_size);
 

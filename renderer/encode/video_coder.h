@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The functions that video.c needs from a video library: vpx.c fills one such table, and a module
- * exports one as `splat_video_coder`. It uses plain C types only, so that a module does not depend
- * on this library.
+ * The functions that video.c needs from a video library. vpx.c defines two such tables; a module
+ * exports one as `splat_video_coder`. The table uses plain C types only, so that a module does not
+ * depend on this library.
  */
 #ifndef ENCODE_VIDEO_CODER_H
 #define ENCODE_VIDEO_CODER_H
@@ -30,8 +30,8 @@ struct sp_video_coder {
     /* Creates a coder for images of one size. Returns NULL if out of memory or if the library
      * refuses. */
     void *(*create)(unsigned width, unsigned height, unsigned threads);
-    /* Encodes one packet. Returns NULL on success, otherwise the reason as a constant string.
-     * quality: [1, 100]. */
+    /* Encodes one image into one packet; `key` asks for a key frame. Returns NULL on success,
+     * otherwise the reason as a constant string. quality: [1, 100]. */
     const char *(*encode)(void *state, const struct sp_i420 *image, int quality, bool key,
                           struct sp_coder_packet *packet);
     void (*destroy)(void *state);

@@ -10,7 +10,7 @@ void sp_fragment_tile_clear(struct sp_fragment_tile *tile, int x, int y) {
     memset(tile->count, 0, sizeof tile->count);
 }
 
-/* Puts `behind` behind `front`, whose depth stays. */
+/* Merges `behind` into `front`, which keeps its depth. */
 static void merge(struct sp_fragment *front, const struct sp_fragment *behind) {
     float through = 1 - front->alpha;
     for (int c = 0; c < 3; c++)
@@ -18,8 +18,8 @@ static void merge(struct sp_fragment *front, const struct sp_fragment *behind) {
     front->alpha += through * behind->alpha;
 }
 
-/* An error is smaller if it is by this factor: where errors are equal but for rounding, all
- * backends choose the first. */
+/* An error counts as smaller only if it is smaller by this factor. If two errors differ only by
+ * rounding, all backends therefore choose the first pair. */
 #define CLEARLY 0.999f
 
 /* Returns the index of the pair of neighbours to merge: the pair with the smallest error. Matter of

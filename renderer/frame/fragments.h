@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What layers other than the volume show: per pixel a short list of fragments, sorted by depth.
+ * The output of the layers other than the volume: per pixel, a short list of fragments sorted by
+ * depth.
  *
  *   surface ──┐                        ┌─ no volume layer: composited, front to back
  *   shell  ───┴─► tile of 32 × 32 px ──┤
@@ -23,7 +24,7 @@
 enum {
     SP_FRAGMENT_TILE = 32, /* px, both ways */
     SP_FRAGMENT_PIXELS = SP_FRAGMENT_TILE * SP_FRAGMENT_TILE,
-    SP_FRAGMENTS_MAX = 16 /* per pixel; of more, neighbours are merged */
+    SP_FRAGMENTS_MAX = 16 /* per pixel; beyond this number, neighbours are merged */
 };
 
 struct sp_fragment {
@@ -34,22 +35,24 @@ struct sp_fragment {
 
 /* The fragments of one tile while its layers are drawn. */
 struct sp_fragment_tile {
-    int x, y;                          /* of its corner in the image [px] */
+    int x, y;                          /* top left corner of the tile in the image [px] */
     uint8_t count[SP_FRAGMENT_PIXELS]; /* by pixel, row by row */
     struct sp_fragment list[SP_FRAGMENT_PIXELS][SP_FRAGMENTS_MAX + 1]; /* the last one: scratch */
 };
 
-/* The fragments of a band of an image. All of a large image would take gigabytes: a compositor
- * draws band after band, and calls sp_fragments_ensure() before each. */
+/* The fragments of one band of an image. The fragments of a whole large image would need gigabytes.
+ * A compositor therefore draws band after band and calls sp_fragments_ensure() before each one. */
 struct sp_fragments {
-    int columns, rows; /* of tiles, in the image */
-    int begin, end;    /* rows of tiles that are there; equal = none */
-    int most;          /* rows of tiles that may be there at a time, at least 1 */
-    /* Drops all fragments, makes the fragments of the tile rows [begin, end), and adds to `ms`. */
+    int columns, rows; /* tiles of the image per axis */
+    int begin, end;    /* rows [begin, end) of tiles whose fragments are stored; equal = none */
+    int most;          /* most rows of tiles whose fragments may be stored at a time, at least 1 */
+    /* Drops all fragments, makes the fragments of the tile rows [begin, end), and adds its time to
+     * `ms`. */
     bool (*fill)(void *user, int begin, int end, struct sp_error *err);
     void *user;
-    double ms; /* spent in fill() */
-    /* [columns · rows]: of each tile where its pixels' fragments start, or NULL = it has none. */
+    double ms; /* time spent in fill() [ms] */
+    /* [columns · rows], per tile: where the fragments of each of its pixels start in its list. NULL
+     * = the tile has no fragments. */
     const uint32_t **first;          /* [SP_FRAGMENT_PIXELS + 1] */
     const struct sp_fragment **list; /* [first[SP_FRAGMENT_PIXELS]], rising depth per pixel */
 };
@@ -57,14 +60,15 @@ struct sp_fragments {
 /* Empties the tile whose corner is at (x, y). */
 void sp_fragment_tile_clear(struct sp_fragment_tile *tile, int x, int y);
 
-/* sp_fragment_add() of a pixel that is full, or has fragments behind that one. */
+/* The slow path of sp_fragment_add(): the pixel is full, or has fragments behind the new one. */
 void sp_fragment_insert(struct sp_fragment_tile *tile, int pixel,
                         const struct sp_fragment *fragment);
 
-/* Adds a fragment to pixel number `pixel` of the tile, in order of depth; behind those of equal
- * depth. Fragments without alpha are dropped. If the pixel is full, one behind all others joins the
- * last one; for another, two neighbours become one at the depth of the first: those between which a
- * further fragment would matter least. So what has few fragments is added first. */
+/* Adds a fragment to pixel number `pixel` of the tile, in order of depth, and behind fragments of
+ * equal depth. A fragment without alpha is dropped. If the pixel is full and the new fragment lies
+ * behind all others, it is merged into the last one. If the pixel is full and the new fragment lies
+ * in front of another, two neighbours are merged at the depth of the first: the pair between which
+ * a further fragment would matter least. Therefore add the layers with few fragments first. */
 static inline void sp_fragment_add(struct sp_fragment_tile *tile, int pixel,
                                    const struct sp_fragment *fragment) {
     struct sp_fragment *list = tile->list[pixel];
@@ -79,40 +83,44 @@ static inline void sp_fragment_add(struct sp_fragment_tile *tile, int pixel,
     tile->count[pixel] = (uint8_t)(count + 1);
 }
 
-/* Puts a fragment behind `rgbt`: premultiplied red, green, blue, transmittance. */
+/* Composites a fragment behind `rgbt`, which holds premultiplied red, green and blue, and the
+ * transmittance. */
 static inline void sp_fragment_over(const struct sp_fragment *fragment, float rgbt[4]) {
     for (int c = 0; c < 3; c++)
         rgbt[c] += rgbt[3] * fragment->color[c];
     rgbt[3] *= 1 - fragment->alpha;
 }
 
-/* Allocates the lists of an image of that size, all empty and all there. False: out of memory. */
+/* Allocates the lists of an image of `size` px. All lists are empty and count as stored. False: out
+ * of memory. */
 bool sp_fragments_init(struct sp_fragments *fragments, const uint32_t size[2],
                        struct sp_arena *arena);
 
-/* Limits the fragments that are there to `bytes`, but not below a row of tiles; none is there. */
+/* Limits the stored fragments to `bytes`, but not to less than one row of tiles. Afterwards no row
+ * is stored. */
 void sp_fragments_limit(struct sp_fragments *fragments, size_t bytes);
 
-/* Returns how many rows of pixels a compositor draws at a time: a multiple of `tile`, the height of
- * its tiles, and at least that. fragments: NULL = the whole image, of `height`. */
+/* Returns how many rows of pixels a compositor draws at a time: a multiple of `tile`, at least one
+ * times. `tile` is the height of the compositor's tiles and `height` that of the image [px].
+ * fragments: NULL = the whole image is drawn at once. */
 int sp_fragments_rows(const struct sp_fragments *fragments, int tile, int height);
 
-/* Finds the fragments of pixel rows [begin, end), unless they are there. fragments: NULL = nothing
- * to do. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+/* Ensures that the fragments of the pixel rows [begin, end) are stored: calls fill() if they are
+ * not. fragments: NULL = nothing to do. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool sp_fragments_ensure(struct sp_fragments *fragments, int begin, int end, struct sp_error *err);
 
 /* Empties the lists of all tiles. */
 void sp_fragments_clear(struct sp_fragments *fragments);
 
-/* Memory that a tile's fragments need, and the copy of a tile to that memory. Tiles may be stored
- * on several threads at a time; `first` is [SP_FRAGMENT_PIXELS + 1], `list` is
- * [sp_fragment_tile_count()]. */
+/* sp_fragment_tile_count() returns the number of fragments of a tile. sp_fragments_store() copies
+ * them to first[SP_FRAGMENT_PIXELS + 1] and list[sp_fragment_tile_count()], which it borrows.
+ * Several threads may store different tiles at a time. */
 uint32_t sp_fragment_tile_count(const struct sp_fragment_tile *tile);
 void sp_fragments_store(struct sp_fragments *fragments, const struct sp_fragment_tile *tile,
                         uint32_t *first, struct sp_fragment *list);
 
-/* Where the fragments of a pixel of the image start in *list; those of the pixels right of it in
- * the same tile follow. NULL = the tile has no fragments. */
+/* Returns where the fragments of a pixel of the image start in *list. The next elements are the
+ * starts of the pixels to the right in the same tile. NULL = the tile has no fragments. */
 static inline const uint32_t *sp_fragments_row(const struct sp_fragments *fragments, int x, int y,
                                                const struct sp_fragment **list) {
     const unsigned side = SP_FRAGMENT_TILE, right = (unsigned)x, down = (unsigned)y;
@@ -122,7 +130,7 @@ static inline const uint32_t *sp_fragments_row(const struct sp_fragments *fragme
     return first ? first + down % side * side + right % side : NULL;
 }
 
-/* The fragments of a pixel of the image, and how many there are. */
+/* Returns the fragments of a pixel of the image, front to back, and their number. */
 static inline const struct sp_fragment *sp_fragments_at(const struct sp_fragments *fragments, int x,
                                                         int y, uint32_t *count) {
     const struct sp_fragment *list;

@@ -10,7 +10,8 @@
 #include "base/isa.h"
 #include "sp/frame.h"
 
-/* A pixel is opaque when its transmittance is below this value; nothing behind it is drawn. */
+/* A pixel counts as opaque when its transmittance is below this value. Nothing behind an opaque
+ * pixel is drawn. */
 #define SP_TRANSMITTANCE_MIN (1.0f / 512)
 
 /* Resolves one row of `count` pixels. planes: transmittance, then premultiplied red, green, blue.
@@ -18,7 +19,8 @@
 void sp_resolve_rgbaf32(const float *const planes[4], uint32_t count, const float background[4],
                         float *out);
 
-/* The same to 8 bits with straight alpha, clamped and rounded. `out`: 4 bytes per pixel. */
+/* Like sp_resolve_rgbaf32(), but writes 8 bits with straight alpha, clamped and rounded. `out`: 4
+ * bytes per pixel. */
 void sp_resolve_rgba8(const float *const planes[4], uint32_t count, const float background[4],
                       unsigned char *out);
 
