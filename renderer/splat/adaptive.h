@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The adaptive filter (Chen et al. 2004, eq. 7) decides per brick (visible.h) which filter
- * dominates the footprints. R = f·r_k/u2 is the kernel's radius in the image and r_h that of the
- * low-pass filter, both as standard deviations in px:
+ * dominates the footprints. R = f·r_k/u2 is the radius of a kernel in the image and r_h the radius
+ * of the low-pass filter; both are standard deviations in px:
  *
  *   R·c_min > r_h for the smallest kernel radius and the farthest corner   → reconstruction
  *   R·c_max < r_h for the largest kernel radius and the nearest corner     → lowpass
  *   else                                                                   → ewa
  *
- * A brick takes a cheaper filter only if the condition holds for all of it.
+ * A brick uses a cheaper filter only if the condition holds for all of its voxels.
  */
 #ifndef SP_SPLAT_ADAPTIVE_H
 #define SP_SPLAT_ADAPTIVE_H
@@ -45,7 +45,7 @@ double sp_kernel_reach(const struct sp_filter *filter);
  * direction [world unit]. */
 void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2]);
 
-/* Fills *adaptive for a frame. `filter` takes the place of the view's; the grid is borrowed. */
+/* Fills *adaptive for a frame. `filter` replaces the filter of the view; the grid is borrowed. */
 void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_transform *camera,
                       const struct sp_grid *grid, const struct sp_view *view,
                       const struct sp_filter *filter);
@@ -61,8 +61,8 @@ enum sp_filter_mode sp_adaptive_block(const struct sp_adaptive *adaptive, const 
 /* Returns the number of bricks of a grid. */
 uint64_t sp_adaptive_count(const struct sp_grid *grid);
 
-/* Fills modes[blocks], axis 0 fastest. Returns the mode that all of them share, or
- * SP_FILTER_ADAPTIVE. */
+/* Fills modes[sp_adaptive_count()], axis 0 fastest. Returns the mode of all bricks if they have one
+ * mode, otherwise SP_FILTER_ADAPTIVE. */
 enum sp_filter_mode sp_adaptive_fill(const struct sp_adaptive *adaptive, uint8_t *modes);
 
 #endif

@@ -21,7 +21,7 @@ struct sp_camera_transform {
     double near;        /* world units */
 };
 
-/* The view must be valid. */
+/* Computes the transform for an image of `size` px. The camera must be valid. */
 void sp_camera_transform_init(struct sp_camera_transform *frame, const struct sp_camera *camera,
                               const uint32_t size[2]);
 

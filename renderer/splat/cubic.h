@@ -11,8 +11,8 @@
  * A linear map turns the sphere into an ellipsoid, so that one table by ρ serves every footprint.
  * To share the code of the Gaussian, lengths are measured in the kernel's standard deviation s =
  * 0.44655 voxels per axis: the footprint has the variance V̂ = s²·M Mᵀ, and the Mahalanobis radius
- * m of a pixel is ρ/s. A low-pass filter of variance h² adds to V̂, as it does for a Gaussian: the
- * variance of the convolution is exact, its shape stays the cubic's.
+ * m of a pixel is ρ/s. A low-pass filter adds its variance h² to V̂, as for a Gaussian: the
+ * variance of the convolution is exact, but its shape is approximated by the shape of the cubic.
  */
 #ifndef SP_SPLAT_CUBIC_H
 #define SP_SPLAT_CUBIC_H
@@ -50,8 +50,8 @@ static inline sp_wide sp_wide_cubic_weight(const struct sp_cubic_table *table, s
     return sp_wide_keep(inside, low + (at - sp_wide_from_int(i)) * (high - low));
 }
 
-/* The share of the kernel along a ray that lies before ζ: ½ at 0, 1 where the ray leaves the
- * kernel. q = (ρ/t)² in [0, 1); ζ in standard deviations. */
+/* Returns the share of the kernel along a ray that lies before ζ: ½ at ζ = 0, 1 where the ray
+ * leaves the kernel. q = (ρ/t)² in [0, 1); ζ in standard deviations. */
 static inline sp_wide sp_wide_cubic_share(const struct sp_cubic_table *table, sp_wide q,
                                           sp_wide zeta) {
     enum { ROW = SP_CUBIC_COLUMNS + 2 };

@@ -7,20 +7,19 @@
  *   a frame draws a cut through that octree, which contains each voxel once
  *
  * A cell is small enough where it spans at most SP_DETAIL_PIXELS times the low-pass filter's
- * standard deviation in the image, judged at the corner of the brick that is nearest to the eye.
- * At that size the low-pass filter hides the lattice. What remains is the order of things along a
- * ray inside a cell: the front of an opaque cell should hide its back. So cells of a level on which
- * the transfer function makes none deeper than SP_DETAIL_THIN may span SP_DETAIL_THIN_PIXELS.
+ * standard deviation in the image, judged at the corner of the brick that is nearest to the eye. At
+ * that size the low-pass filter hides the lattice. The remaining error is the order of samples
+ * along a ray inside a cell: the front of an opaque cell should hide its back. Therefore cells may
+ * span SP_DETAIL_THIN_PIXELS on a level where no cell has an optical depth above SP_DETAIL_THIN.
  *
- * Averaging is a box filter of variance
- * (4^l − 1)/12 voxels². So that footprints have the same variance as at full detail, the kernel of
- * level l is narrower:
+ * Averaging is a box filter of variance (4^l − 1)/12 voxels². The kernel of level l is narrower, so
+ * that footprints have the same variance as at full detail:
  *
  *   σ_l² = σ² − (4^l − 1)/12  voxels²    (at least SP_DETAIL_SIGMA cells)
  *
  * Levels need a Gaussian kernel and a filter mode with a low-pass filter; other views are drawn at
- * full detail. So is post-classification, because the transfer function of an averaged scalar shows
- * another object.
+ * full detail. Post-classification is also drawn at full detail, because the transfer function of
+ * an averaged scalar shows another object.
  */
 #ifndef SP_SPLAT_DETAIL_H
 #define SP_SPLAT_DETAIL_H
@@ -42,8 +41,8 @@
 struct sp_detail_brick {
     uint32_t brick; /* number in its level, as in visible.h */
     uint8_t level;
-    bool is_enlarged; /* coarser than its size in the image allows, because of `floor`: its kernels
-                         keep σ in cells, otherwise there would be holes */
+    bool is_enlarged; /* coarser than its size in the image allows, because of `floor`. Its kernels
+                         keep σ in cells, because narrower kernels would leave holes */
 };
 
 struct sp_detail {
@@ -60,14 +59,15 @@ struct sp_detail_job {
     unsigned levels; /* number of levels to use: 0 … levels − 1; > floor */
 };
 
-/* Returns the number of levels of a grid, up to the one of a single brick, at most `most`. */
+/* Returns the number of levels of a grid: up to the level that has a single brick, at most
+ * `most`. */
 unsigned sp_detail_levels(const uint32_t dims[3], unsigned most);
 
-/* Returns how much of the image a cell of a level may span [standard deviations of the low-pass
+/* Returns how wide a cell of a level may be in the image [standard deviations of the low-pass
  * filter]. */
 double sp_detail_pixels(const struct sp_view *view, const struct sp_grid *grid, unsigned level);
 
-/* Returns the cells of a level along an axis. */
+/* Returns the number of cells of a level along an axis of `dim` voxels. */
 static inline uint32_t sp_detail_cells(uint32_t dim, unsigned level) {
     return (uint32_t)((dim + (UINT64_C(1) << level) - 1) >> level);
 }

@@ -17,11 +17,11 @@
  * All lengths are divided by the edge of a cube with a cell's volume, so that single precision
  * suffices for any world unit. Then v = 1 and g has no unit.
  *
- * Close-ups: the affine approximation is the first-order expansion at the voxel's centre. Where it
- * would diverge it is bounded: u_i/u2 in J stays inside the image's frustum plus a margin
- * (SP_EWA_MARGIN, SP_EWA_SLACK), which changes only voxels with a centre outside the image. Voxels
- * nearer than the near plane or a thousandth of a cell are not drawn. Footprints are clipped to the
- * image, depths to SP_DEPTH_MAX, and whatever is not finite is not drawn.
+ * Close-ups: the affine approximation is the first-order expansion at the voxel's centre. To keep
+ * it from diverging, u_i/u2 in J is limited to the image's frustum plus a margin (SP_EWA_MARGIN,
+ * SP_EWA_SLACK); this changes only voxels whose centre lies outside the image. Voxels nearer than
+ * the near plane or a thousandth of a cell are not drawn. Footprints are clipped to the image,
+ * depths are limited to SP_DEPTH_MAX, and splats with a value that is not finite are not drawn.
  *
  * Along the ray, for slabs and clipping: with m2, the third row of J·K, the depth of the kernel on
  * the ray of a pixel at d from the centre has a normal distribution with
@@ -35,9 +35,9 @@
  * This is the probability of lying inside, given the pixel, so that the low-pass filter also
  * applies to the plane's edge.
  *
- * Other filters scale or replace rows of this: swan multiplies m0 and m1 so that the smaller
- * variance is h²; none draws a flat rectangle of max(1.6 voxels, 1 px) per axis. The cubic kernel
- * (cubic.h) has its own standard deviation and profile, and the same formulas.
+ * Other filter modes scale or replace rows of these formulas: `swan` multiplies m0 and m1 so that
+ * the smaller variance is h²; `none` draws a flat rectangle of max(1.6 voxels, 1 px) per axis. The
+ * cubic kernel (cubic.h) has its own standard deviation and profile, and the same formulas.
  */
 #ifndef SP_SPLAT_EWA_H
 #define SP_SPLAT_EWA_H
@@ -52,10 +52,15 @@
 #include "splat/ewa_frame.h"
 #include "splat/shade.h"
 
-#define SP_DEPTH_MAX 1e6f /* optical depth of one splat at its centre; opaque from 20 on */
+/* The largest optical depth of one splat at its centre. A depth of 20 is already opaque. */
+#define SP_DEPTH_MAX 1e6f
+
 /* One splat, ready to be added to the pixels of its box:
- * weight(dx, dy) = 2^−p, p = a·dx² + b·dx·dy + c·dy², where p is at most the frame's `cut`, with
- * dx, dy from the centre to a pixel's centre; cubic: F(ρ)/F(0) with (ρ/t)² = p/cut. */
+ *
+ *   weight(dx, dy) = 2^−p, p = a·dx² + b·dx·dy + c·dy²     where p is at most the frame's `cut`
+ *   cubic kernel: F(ρ)/F(0) with (ρ/t)² = p/cut
+ *
+ * (dx, dy) leads from the splat's centre to a pixel's centre. */
 struct sp_splat {
     float x, y;             /* centre, px */
     float a, b, c;          /* ½·log2 e times the conic's xx, 2·xy and yy; flat: 0 */
@@ -69,7 +74,7 @@ struct sp_splat {
     uint32_t unused;
 };
 
-/* Output of the set-up: parallel arrays, borrowed. */
+/* The output of the set-up: parallel arrays with one element per splat, borrowed. */
 struct sp_splats {
     struct sp_splat *splat;
     struct sp_span *span; /* NULL = not needed */
@@ -82,7 +87,7 @@ static inline struct sp_splats sp_splats_from(const struct sp_splats *all, size_
                                all->cut ? all->cut + n : NULL };
 }
 
-/* Entries of one brick: places [begin, begin + count) of its order. */
+/* Some entries of one brick: the places [begin, begin + count) of the brick's order. */
 struct sp_ewa_run {
     const struct sp_visible *list;
     const uint16_t *local; /* [count]: sp_visible_locals() of the run */
@@ -96,8 +101,8 @@ struct sp_ewa_run {
     enum sp_filter_mode mode; /* of the brick; not ADAPTIVE */
 };
 
-/* Sets up the splats of a run that touch the rows being drawn, in order. Returns how many were
- * written, at most run->count. */
+/* Sets up the splats of a run in order, except splats that touch none of the rows being drawn.
+ * Returns the number of splats written, at most run->count. */
 uint32_t sp_ewa_set_up(const struct sp_ewa_frame *frame, const struct sp_ewa_run *run,
                        const struct sp_splats *out);
 

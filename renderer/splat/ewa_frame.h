@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The constants that footprints of one frame and level have in common. ewa.h has the formulas.
+ * The constants of all footprints of one frame and mip level. ewa.h has the formulas.
  */
 #ifndef SP_SPLAT_EWA_FRAME_H
 #define SP_SPLAT_EWA_FRAME_H
@@ -16,8 +16,8 @@
  */
 #define SP_EWA_MARGIN 1.3f
 #define SP_EWA_SLACK 0.3f
-/* Smallest variance of the low-pass filter [px²]. It keeps a footprint without such a filter
- * invertible. */
+/* Smallest variance of the low-pass filter [px²]. It keeps the variance matrix invertible in modes
+ * without a low-pass filter. */
 #define SP_VARIANCE_MIN 1e-6f
 
 /* The constants of a frame and level. */
@@ -45,14 +45,14 @@ struct sp_ewa_frame {
     int rows[2]; /* [first, end) of the image's rows that are being drawn */
 };
 
-/* Fills the constants; rows = the whole image, clip = no planes. `filter` takes the place of the
- * view's; both must be valid, and the grid is borrowed. */
+/* Fills the constants: `rows` is the whole image and `clip` has no planes. `filter` replaces the
+ * filter of the view; both must be valid. The grid is borrowed. */
 void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_transform *camera,
                        const struct sp_grid *grid, const struct sp_view *view,
                        const struct sp_filter *filter);
 
-/* The voxels of one brick: u = base + Σ step·at[axis][i], kernel column `axis` times size[axis][i].
- */
+/* The voxels of one brick: u = base + Σ step·at[axis][i]; kernel column `axis` is multiplied by
+ * size[axis][i]. */
 struct sp_ewa_brick {
     float base[3];
     const float *at[3];        /* from the brick's first voxel; evenly spaced: 0, 1, 2, … */
@@ -63,8 +63,9 @@ struct sp_ewa_brick {
 void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *frame,
                        const uint32_t first[3]);
 
-/* True if a clip plane of the frame removes the kernel of every voxel of the brick at `first`, as
- * sp_extent_cut() would remove them one by one. Not every such brick is found. */
+/* True if one clip plane of the frame removes the kernels of all voxels of the brick at `first`;
+ * sp_extent_cut() would then remove each of them. The test is conservative: false does not mean
+ * that a voxel is left. */
 bool sp_ewa_brick_is_clipped(const struct sp_ewa_frame *frame, const uint32_t first[3]);
 
 /* Computes u of the voxel at `local` (visible.h) of the brick. */

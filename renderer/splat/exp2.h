@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * 2^x and log2 x in single precision without calls and branches, so that loops over pixels become
- * vector code. Special values are not handled: NaN gives an unspecified number. (libm has no vector
- * version that compilers can inline for every instruction set.)
+ * vector code. Special values are not handled: NaN gives an unspecified number. The functions of
+ * libm do not fit, because libm has no vector version that compilers can inline for every
+ * instruction set.
  */
 #ifndef SP_SPLAT_EXP2_H
 #define SP_SPLAT_EXP2_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The extent of a splat along the ray: its span of depth, for slabs, and the clip planes that cut
- * it. Both are linear forms of the pixel, and both give the share of the kernel on the ray that
- * counts. ewa.h has the derivation.
+ * it. Both are linear functions of the pixel position. Both say which share of the kernel on the
+ * pixel's ray counts. ewa.h has the derivation.
  */
 #ifndef SP_SPLAT_EXTENT_H
 #define SP_SPLAT_EXTENT_H
@@ -15,11 +15,12 @@
 
 enum {
     SP_CUTS_MAX = 6 + SP_CLIP_PLANES_MAX,
-    SP_CUT_TAIL = 4 /* standard deviations from a plane where it no longer cuts: share 3e-5 */
+    SP_CUT_TAIL = 4 /* a plane this far from a kernel no longer cuts it [standard deviations]: the
+                       lost share is 3e-5 */
 };
 
-/* Depth of the kernel on the ray of a pixel at d px from the splat's centre: a normal distribution
- * of mean distance + slope·d and variance 1/sharpness². Lengths in cells. */
+/* The depth of a kernel on the ray of a pixel at offset d [px] from the splat's centre: a normal
+ * distribution of mean distance + slope·d and variance 1/sharpness². Lengths in cells. */
 struct sp_span {
     float distance; /* x2 of the centre */
     float slope[2]; /* per pixel, along x and y */
@@ -63,8 +64,8 @@ struct sp_kernel_place {
 
 void sp_extent_span(const struct sp_kernel_place *place, struct sp_span *span);
 
-/* Writes the planes that cut the kernel to *cut and returns their number. Returns −1 if they remove
- * the whole kernel. */
+/* Writes the planes that cut the kernel to *cut and returns their number. Returns −1 if the planes
+ * remove the whole kernel. */
 int sp_extent_cut(const struct sp_kernel_place *place, const struct sp_clip_frame *clip,
                   struct sp_cut *cut);
 

@@ -20,8 +20,9 @@ static inline float sp_normal_share(float x) {
 }
 
 #ifdef SP_ISA
-/* The same, SP_WIDE at a time, without a division: x times a polynomial of x² through the values at
- * Chebyshev's nodes of [0, 4.25²]. Absolute error under 3e-5; beyond ±4.25 it is 0 or 1. */
+/* Φ(x) for SP_WIDE values at a time, without a division: ½ plus x times a polynomial of x² through
+ * the values at the Chebyshev nodes of [0, 4.25²]. Absolute error under 3e-5; beyond ±4.25 the
+ * result is 0 or 1. */
 static inline sp_wide sp_wide_normal_share(sp_wide x) {
     static const float c[] = { 0.398942292f,    -0.0664650947f,  0.00991185289f,
                                -0.00114135689f, 9.92450659e-05f, -6.20723813e-06f,

@@ -18,7 +18,7 @@ struct sp_places {
     float h2;
 };
 
-/* The properties of the projected voxels' splats. */
+/* The splats of the projected voxels; fields as in struct sp_splat. */
 struct sp_outlines {
     sp_wide x, y, a, b, c, area;
     sp_wide x0, y0, x1, y1; /* whole numbers */
@@ -117,8 +117,8 @@ static inline sp_wide_mask sp_place_cover(sp_wide x, sp_wide reach, int low, int
     return sp_wide_lt(*begin, *end);
 }
 
-/* The same for centres in [x − reach, x + reach): a width of one pixel contains exactly one centre.
- */
+/* Like sp_place_cover() for centres in [x − reach, x + reach): a width of one pixel contains
+ * exactly one centre. */
 static inline sp_wide_mask sp_place_cover_flat(sp_wide x, sp_wide reach, int low, int high,
                                                sp_wide *begin, sp_wide *end) {
     *begin = sp_place_ceiling(sp_wide_clamp(x - reach - 0.5f, low, high));
@@ -153,8 +153,8 @@ static inline sp_wide_mask sp_outline_ellipse(const struct sp_ewa_frame *f, cons
            sp_place_cover(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
 }
 
-/* Projects the kernels and their centres. Returns which of them lie behind the near plane, where
- * they can be seen. */
+/* Projects the kernels and their centres. Returns the lanes whose centre lies beyond the near
+ * plane, as seen from the eye. */
 static inline sp_wide_mask sp_place_centres(const struct sp_ewa_frame *f, struct sp_places *p,
                                             struct sp_outlines *o) {
     p->inv = f->projection == SP_ORTHOGRAPHIC ? sp_wide_all(1) : 1 / p->u[2];
@@ -164,8 +164,8 @@ static inline sp_wide_mask sp_place_centres(const struct sp_ewa_frame *f, struct
     return sp_wide_le(sp_wide_all(f->near), p->u[2]) & sp_wide_lt(p->u[2], sp_wide_all(1e18f));
 }
 
-/* Computes the geometry of splats, but not what they add. Returns which of them touch the rows that
- * are being drawn. */
+/* Computes the geometry of splats, but not their colours and depths. Returns the lanes whose splat
+ * touches the rows that are being drawn. */
 static inline sp_wide_mask sp_place_splats(const struct sp_ewa_frame *f, struct sp_places *p,
                                            enum sp_filter_mode mode, struct sp_outlines *o) {
     sp_wide v[3];

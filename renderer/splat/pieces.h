@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Evaluates a transfer function for SP_WIDE values at a time, for types without a table. Linear
- * pieces in single precision, relative to the base of the keys (transfer.h):
+ * Evaluates a transfer function for SP_WIDE values at a time, for types without a table. The
+ * function consists of linear pieces in single precision; values are relative to the base of the
+ * keys (transfer.h):
  *
  *   piece s: values from start[s] on       plane c = at[c][s] + (value − start[s]) · slope[c][s]
  *
- * with the opacity in place of the depth. Piece 0 holds everything below the first point.
+ * The planes c are red, green, blue and the opacity, from which the depth follows. Piece 0 holds
+ * all values below the first point.
  */
 #ifndef SP_SPLAT_PIECES_H
 #define SP_SPLAT_PIECES_H
@@ -38,7 +40,7 @@ static inline void sp_pieces_planes(const struct sp_pieces *p, sp_wide value, sp
     out[3] = sp_pieces_depth(sp_wide_clamp(out[3], 0, 1));
 }
 
-/* The same as classes. */
+/* Like sp_pieces_planes(), but writes one class per value. */
 static inline void sp_pieces_classify(const struct sp_pieces *p, sp_wide value,
                                       struct sp_class out[SP_WIDE]) {
     sp_wide plane[4];

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The ray through a point of the image, and the cells that it crosses (Amanatides and Woo 1987), on
- * a grid with any direction matrix and any coordinates: in distances along the grid's axes the ray
- * is straight and cells are boxes.
+ * The ray through a point of the image, and a walk through the cells that the ray crosses
+ * (Amanatides and Woo 1987). It works on a grid with any direction matrix and any coordinates: in
+ * distances along the grid's axes the ray is straight and cells are boxes.
  *
  *   SP_RAY_AROUND    cell i lies around sample i, between the middles of its two gaps
  *   SP_RAY_BETWEEN   cell i lies between the samples i and i + 1
@@ -21,13 +21,14 @@ struct sp_ray {
     double begin, end;        /* begin >= end = nothing is left of the ray */
 };
 
-/* The part of the ray through point `at` of an image of `size` px that lies behind the near plane,
- * in the volume and in what the clip keeps. The view must be valid. */
+/* Computes the ray through point `at` of an image of `size` px. The ray begins at the near plane at
+ * the earliest, and it is cut to the volume and to the part that the clip keeps. The view must be
+ * valid. */
 void sp_ray_init(struct sp_ray *ray, const struct sp_view *view, const struct sp_grid *grid,
                  const uint32_t size[2], const double at[2]);
 
-/* The same, but the ray does not end where the volume does: only the faces of the clip box that lie
- * inside the volume, and planes, end it. */
+/* Like sp_ray_init(), but the border of the volume does not cut the ray. Only the clip planes and
+ * those faces of the clip box that lie inside the volume cut it. */
 void sp_ray_init_open(struct sp_ray *ray, const struct sp_view *view, const struct sp_grid *grid,
                       const uint32_t size[2], const double at[2]);
 
@@ -42,7 +43,8 @@ struct sp_ray_walk {
     double leaves[3]; /* t where the ray leaves the current cell along each axis */
 };
 
-/* Starts in the cell at t. False: there are no cells between samples, because an axis has one. */
+/* Starts in the cell at t. False: the grid has no cells between samples, because an axis has only
+ * one sample. */
 bool sp_ray_walk_start(struct sp_ray_walk *walk, const struct sp_ray *ray,
                        const struct sp_grid *grid, enum sp_ray_cells cells, double t);
 

@@ -5,8 +5,8 @@
  *   c' = c·(ambient + diffuse·Σ L·|n·l|) + specular·Σ L·|n·h|^exponent        h = (l + v)/|l + v|
  *
  * l and v point from the voxel to the light and to the eye. A voxel with a zero gradient has no
- * normal: it is lit as if it faced every light, without a highlight. Colours are not clamped here,
- * but when the frame is resolved to 8 bits.
+ * normal: it is lit as if it faced every light, without a highlight. Shading does not clamp
+ * colours; they are clamped when the frame is resolved to 8 bits.
  *
  * A coarse cell is lit by means over its microflakes (classify/microflakes.h). With T = S/trace S
  * and the exponent p:
@@ -14,10 +14,10 @@
  *   |n·l|   ─► √(lᵀ S l)
  *   |n·h|^p ─► (1 − w)·D(h)/(p + 1) + w·N·(hᵀ T h)^{p/2}        w = 1 − p·(1 − |T|²)/4, 0 at least
  *
- * D is the angular central Gaussian of variance T + I/p. Its mean over all directions is 1, and
- * that of the highlight is 1/(p + 1), so the energy of a highlight does not depend on the
- * distribution of the microflakes. Where they spread less than the highlight, the power itself is
- * more accurate; N makes it exact for evenly spread microflakes.
+ * D is the angular central Gaussian of variance T + I/p. The mean of D over all directions is 1,
+ * and the mean of the highlight is 1/(p + 1), so that the energy of a highlight does not depend on
+ * the distribution of the microflakes. Where microflakes spread less than the highlight, the second
+ * term is more accurate; N makes it exact for evenly spread microflakes.
  */
 #ifndef SP_SPLAT_SHADE_H
 #define SP_SPLAT_SHADE_H
@@ -74,16 +74,18 @@ static inline void sp_shade_eye(const struct sp_shade *shade, const sp_wide came
 void sp_shade_direction(const struct sp_shade *shade, const sp_wide normal[3],
                         const sp_wide to_eye[3], sp_wide color[3]);
 
-/* The same where only a share of the light arrives: share[0] of the ambient and the diffuse light,
- * share[1] of the first light. */
+/* Like sp_shade_direction(), but only a part of the light arrives: share[0] of the ambient and the
+ * diffuse light, share[1] of the first light; both in [0, 1]. */
 void sp_shade_occluded(const struct sp_shade *shade, const sp_wide normal[3],
                        const sp_wide to_eye[3], const sp_wide share[2], sp_wide color[3]);
 
-/* The same with packed gradients, where all light arrives. `to_eye` is in camera space. */
+/* Like sp_shade_direction(), for packed gradients (classify/gradient.h). `to_eye` is in camera
+ * space. */
 void sp_shade_apply(const struct sp_shade *shade, sp_wide_int packed_gradient,
                     const sp_wide to_eye[3], sp_wide color[3]);
 
-/* Shades coarse cells by their packed microflakes: the shaded colour is colour · lit + shine. */
+/* Computes the light of coarse cells from their packed microflakes: the shaded colour is colour ·
+ * lit + shine. */
 void sp_shade_microflakes(const struct sp_shade *shade, const sp_wide_int word[2],
                           const sp_wide to_eye[3], sp_wide lit[3], sp_wide shine[3]);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which slices of the grid are the sheets, and in which order a frame composites them.
+ * Chooses which slices of the grid are the sheets, and in which order a frame composites them.
  *
  * Sheets lie perpendicular to the view as far as the grid allows: along the major axis, whose
  * slices' normal is closest to the view direction. A ray from the eye crosses them in the order of
@@ -9,8 +9,9 @@
  *        6   4   2   0 | 1   3   5        slices, numbered front to back
  *                    eye inside the volume
  *
- * A ray meets the sheets of one side only. How the two sides are interleaved therefore matters only
- * to footprints that reach across the eye's plane; nearest first is the order closest to theirs.
+ * A ray meets the sheets of one side only. The way in which the two sides are interleaved therefore
+ * matters only to footprints that reach across the eye's plane. Nearest first is the best order for
+ * these footprints.
  */
 #ifndef SP_SPLAT_SLICES_H
 #define SP_SPLAT_SLICES_H
@@ -28,8 +29,9 @@ void sp_slices_sort(const struct sp_camera_transform *camera, const struct sp_gr
                     unsigned axis, uint32_t *slices);
 
 /* Returns the layer, counted front to back, of slice `slice` of a mip level. A slice of a coarser
- * level belongs to the slice of the finest level that contains its centre, and to the farther one
- * where the centre lies between two. layers[count]: layer by slice of the finest level. */
+ * level has the layer of the slice of the finest level that contains its centre; if the centre lies
+ * between two slices, the one with the larger index. layers[count]: layer by slice of the finest
+ * level. */
 static inline uint32_t sp_slices_layer(const uint32_t *layers, uint32_t count, unsigned level,
                                        uint32_t slice) {
     uint64_t centre = ((uint64_t)slice << level) + (level ? UINT64_C(1) << (level - 1) : 0);
