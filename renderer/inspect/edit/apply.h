@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One edit of a copy of a volume's samples.
+ * Applies one edit to a copy of a volume's samples.
  */
 #ifndef SP_EDIT_APPLY_H
 #define SP_EDIT_APPLY_H
@@ -20,15 +20,16 @@ struct sp_edited {
     struct sp_pool *pool;
 };
 
-/* Mixes sample `at` with the empty value: 1 = it stays, 0 = it is removed. If that is NaN, a sample
- * stays as it is from ½ on. A sample that is not finite is transparent, and stays. Returns true if
- * it became NaN. */
+/* Mixes sample `at` with the empty value; share in [0, 1]: 1 = the sample is unchanged, 0 = the
+ * sample is removed. If the empty value is NaN, a sample with a share of ½ or more is unchanged,
+ * and any other becomes NaN. A sample that is not finite is transparent already and is unchanged.
+ * Returns true if the sample became NaN. */
 bool sp_edited_keep(const struct sp_edited *edited, uint64_t at, double share);
 
-/* A plane, a box or a sphere (shapes.c). */
+/* Applies a cut by a plane, a box or a sphere (shapes.c). */
 void sp_edit_cut(struct sp_edited *edited, const struct sp_edit *edit);
 
-/* A connected part (part.c). SP_ERR_MEMORY. */
+/* Applies an edit of a connected part (part.c). SP_ERR_MEMORY. */
 bool sp_edit_part(struct sp_edited *edited, const struct sp_edit *edit, struct sp_error *err);
 
 #endif

@@ -13,7 +13,8 @@
 
 /* Returns an upper bound of the samples that sp_region_compute() reads. */
 double sp_region_cost(const struct sp_volume *volume, const struct sp_measure *region);
-/* Fills in statistics and histogram. False: more than SP_MEASURE_SAMPLES samples; *err is set. */
+/* Fills the statistics and the histogram of *result. False with *err set: the region has more than
+ * SP_MEASURE_SAMPLES samples. */
 bool sp_region_compute(const struct sp_volume *volume, const struct sp_measure *region,
                        struct sp_measure_result *result, struct sp_error *err);
 

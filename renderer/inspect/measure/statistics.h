@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Weighted mean and deviation of runs of values. Each run has a mean of its own, in two passes, and
- * is then merged:
+ * Weighted mean and deviation of many values, which are added in runs. The mean and deviation of a
+ * run are computed in two passes and then merged into the sums:
  *
  * Chan, Golub, LeVeque: Updating Formulae and a Pairwise Algorithm for Computing Sample Variances,
  * COMPSTAT 1982, eq. 1.5, with weights for counts. No difference of large sums occurs, so a large

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A bit per sample, in rows of words along axis 0.
+ * A mask with one bit per sample, in rows of 64-bit words along axis 0.
  */
 #ifndef SP_PART_MASK_H
 #define SP_PART_MASK_H
@@ -17,7 +17,7 @@ struct sp_mask {
     uint64_t *bits; /* [dims[2]][dims[1]][words], owned; bits beyond a row are 0 */
 };
 
-/* All bits are 0. SP_ERR_MEMORY. */
+/* Allocates a mask in which all bits are 0. SP_ERR_MEMORY. */
 bool sp_mask_init(struct sp_mask *mask, const uint32_t dims[3], struct sp_error *err);
 void sp_mask_finish(struct sp_mask *mask);
 
@@ -29,13 +29,13 @@ static inline bool sp_mask_has(const struct sp_mask *mask, uint32_t x, uint32_t 
     return sp_mask_row(mask, y, z)[x / 64] >> x % 64 & 1;
 }
 
-/* Sets in `part` the bits of `all` that are connected with a bit of it, (x, y, z), through faces;
- * `part` has the same size and is empty. SP_ERR_MEMORY. */
+/* Sets in `part` the bits of `all` that are connected through faces with bit `at` = (x, y, z) of
+ * `all`. `part` has the size of `all` and is empty. SP_ERR_MEMORY. */
 bool sp_mask_connect(const struct sp_mask *all, const uint32_t at[3], struct sp_mask *part,
                      struct sp_error *err);
 
-/* Sets each bit that has a neighbour which is set, corners included; `from` receives a copy of what
- * the mask was. */
+/* Sets each bit that has a set neighbour, across a face, an edge or a corner. `from` receives a
+ * copy of the old mask. */
 void sp_mask_grow(struct sp_mask *mask, struct sp_mask *from, struct sp_pool *pool);
 
 #endif
