@@ -23,7 +23,7 @@
 
 enum { SP_GRADIENT_STEPS = 1023, SP_GRADIENT_MAGNITUDES = 1023, SP_DIRECTION_STEPS = 127 };
 
-/* What the gradients of one volume have in common. */
+/* The constants of all gradients of one volume. */
 struct sp_gradient_grid {
     const void *voxels;
     enum sp_type type;
@@ -50,9 +50,9 @@ uint32_t sp_gradient_pack(const struct sp_gradient_grid *grid, const double grad
 /* Packs the direction of a gradient of any scale into 16 bits. */
 uint16_t sp_gradient_pack_direction(const double gradient[3]);
 
-/* Equals sp_gradient_pack_direction() of sp_gradient_at(), to the bit, for `count` voxels of a
- * brick of an 8- or 16-bit volume. local: i0 | i1 << 4 | i2 << 8, relative to the brick's corner.
- */
+/* Packs the directions of `count` voxels of one brick of an 8- or 16-bit volume. The result is
+ * bit-equal to sp_gradient_pack_direction() of sp_gradient_at(). local: i0 | i1 << 4 | i2 << 8,
+ * relative to the brick's corner. */
 void sp_gradient_pack_directions(const struct sp_gradient_grid *grid, const uint32_t corner[3],
                                  const uint16_t *local, uint32_t count, uint16_t *packed);
 

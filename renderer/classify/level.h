@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The cached data of one volume under one transfer function: a pyramid of levels, each with its
- * list of visible voxels, and the job that brings it up to date.
+ * list of visible voxels. Also the job that brings the levels up to date.
  *
  *   levels[0]     all voxels (collect.h)
  *   levels[n]     2^n × 2^n × 2^n voxels averaged into one (mip.h), made when first needed
@@ -15,7 +15,8 @@
 /* The visible voxels at one resolution. All memory is owned by the level. */
 struct sp_level {
     struct sp_grid grid;
-    double *coordinates[3];      /* of `grid`; NULL = evenly spaced, or the volume's own */
+    double *coordinates[3]; /* of `grid`, owned; NULL = the axis is evenly spaced, or `grid` borrows
+                               the volume's coordinates */
     struct sp_transfer transfer; /* gives the meaning of the list's keys */
     struct sp_visible visible;
     /* By key: 1 if the list holds voxels of that key, which may be more than the visible ones (see
@@ -27,8 +28,8 @@ struct sp_level {
      * made. */
     float (*depths[3])[SP_BRICK];
     double reach; /* order post: kernel radius that the list was made for [voxels] */
-    /* Serial numbers of the list (with its normals) and of the table. They change whenever one of
-     * them is made, so that a copy elsewhere is known to be stale. 0 = none. */
+    /* Serial numbers of the list with its normals, and of the table. Each number changes whenever
+     * its data is made, so that the owner of a copy can tell that the copy is stale. 0 = none. */
     uint64_t list_made, table_made;
     uint64_t
         *cells; /* order post, only while the list is being made: by brick, reach.h; else NULL */
@@ -38,19 +39,19 @@ enum { SP_LEVELS = 8 }; /* 16 · 2^7 = 2048 voxels per axis are one brick of the
 
 struct sp_classification {
     struct sp_volume *volume; /* one reference */
-    uint64_t *histogram;      /* number of voxels by key, owned; NULL = not made */
+    uint64_t *histogram;      /* number of voxels of each key, owned; NULL = not made */
     uint64_t visible;         /* visible voxels among those of the finest list */
     struct sp_level levels[SP_LEVELS];
 };
 
-/* Counts list entries on a processor other than the CPU. The classification then keeps the inputs
- * of the lists (`listed`, `reach`, grids) and the number of entries of each brick, but no entries,
- * and no classes of coarse levels. */
+/* Counts list entries on a device other than the CPU, which then makes the lists. The
+ * classification keeps only the inputs of the lists (`listed`, `reach`, grids) and the number of
+ * entries of each brick. It has no entries, and no classes of coarse levels. */
 struct sp_counter {
     /* Fills counts[bricks of the level's list] with the number of entries of each brick. Finest
-     * level: voxels that are in `listed`, or without it those that are visible (order post: those
-     * that can matter, reach.h). Coarse level: cells with such a voxel; finer levels are complete.
-     * False with *err set. */
+     * level: counts the voxels whose keys are in `listed`. Without `listed` counts the visible
+     * voxels (order post: the voxels that can matter, reach.h). Coarse level: counts the cells that
+     * contain such a voxel; finer levels are complete. False with *err set. */
     bool (*count)(void *user, const struct sp_classification *c, unsigned level, uint64_t *counts,
                   struct sp_error *err);
     /* Fills counts[keys of the finest level's transfer] with the number of voxels of each key; only
@@ -62,18 +63,19 @@ struct sp_counter {
 
 enum { SP_NO_AXIS = 3 };
 
-/* What an update needs beside the classification. All pointers are borrowed for the call. */
+/* The inputs of an update besides the classification. All pointers are borrowed for the call. */
 struct sp_classify_job {
     const struct sp_transfer_function *tf;
     uint32_t levels; /* bit l = level l is needed, l < SP_LEVELS */
-    unsigned axis;   /* [0, 2]: slices of the bricks are perpendicular to it; SP_NO_AXIS = any, but
-                        always the same */
-    bool normals;    /* the lists must have normals */
-    double reach;    /* order post: kernel radius [voxels] */
+    unsigned axis; /* [0, 2]: slices of the bricks are perpendicular to this axis; SP_NO_AXIS = any
+                      axis, but always the same one */
+    bool normals;  /* the lists must have normals */
+    double reach;  /* order post: kernel radius [voxels] */
     /* Another classification of the same volume, from which lists are copied where possible; NULL =
      * none. */
     const struct sp_classification *from;
-    bool widens;    /* a new list takes some more voxels, so that similar edits need no new one */
+    bool widens; /* a new list may include more voxels than the visible ones, so that similar edits
+                    need no new list */
     uint64_t *made; /* last serial number given to a list or table; NULL = no numbers */
     const struct sp_counter
         *counter;       /* NULL = the CPU makes the lists; otherwise `made` is needed */
@@ -86,14 +88,14 @@ struct sp_classify_job {
 /* Frees the list and its inputs. */
 void sp_level_drop_list(struct sp_level *level);
 
-/* Frees the depths, which are those of another list or table. */
+/* Frees the depths. Call it when the list or the table changes. */
 void sp_level_drop_depths(struct sp_level *level);
 
 /* Frees all memory of the level; it is then empty. */
 void sp_level_finish(struct sp_level *level);
 
-/* True if the job is cancelled; *err is then SP_ERR_CANCELLED. Returns after the pause if the frame
- * is paused. */
+/* True if the job is cancelled; *err is then SP_ERR_CANCELLED. While the frame is paused, the call
+ * waits. */
 bool sp_classify_cancelled(const struct sp_classify_job *job, struct sp_error *err);
 
 #endif

@@ -3,18 +3,20 @@
  * Microflakes: the distribution of the normals inside a coarse cell (after Heitz, Dupuy, Crassin,
  * Dachsbacher: The SGGX Microflake Distribution, SIGGRAPH 2015).
  *
- * A mean normal is not lit as its parts are. Two-sided light from l gives the mean of |n·l|, which
- * is the projected area of the cell's microflakes. It follows from six directions:
+ * Lighting a mean normal differs from the mean of lit normals. Two-sided light from l gives the
+ * mean of |n·l|, which is the projected area of the cell's microflakes. The mean follows from six
+ * directions:
  *
  *   a_i = mean of |n·w_i|     w_i: the six axes of an icosahedron, world space
  *   S = Σ a_i² (5/4 w_i w_iᵀ − 1/4)        mean of |n·l| ≈ √(lᵀ S l)
  *
  * wᵀSw is a_i² on each axis, because the squared cosines between axes are 1/5. So the root is exact
- * there. It is exact in all directions for a single normal (S = n nᵀ) and for evenly spread normals
- * (S = ¼). The mean of eight means is the mean of all parts: each level is made from the
- * next finer one, independent of light and eye.
+ * on the axes. The root is exact in all directions for a single normal (S = n nᵀ) and for evenly
+ * spread normals (S = ¼). The mean of eight means is the mean of all parts: each level is made from
+ * the next finer one, independent of light and eye.
  *
- * A part without a gradient has no normal; the last field is the share of the cell that has one.
+ * A part without a gradient has no normal; the field "share with a normal" is the share of the cell
+ * that has a normal.
  *
  *   word 0: | 8 bits a_3 | a_2 | a_1 | a_0 |      word 1: | 0 | share with a normal | a_5 | a_4 |
  */

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Post-classification splats the scalar and classifies pixels. Voxels can matter although they are
- * not visible: a pixel between a dark and a bright voxel may have a value that neither has. The
- * value of a pixel is a mean of the samples within the kernel's radius of its ray. A voxel is
- * therefore left out only if no value between the smallest and the largest sample within two radii
- * of it can be visible. This is decided for cells of 4³ voxels, 64 per brick.
+ * Finds the voxels that can matter in post-classification, which splats the scalar and classifies
+ * pixels. A voxel can matter although it is not visible: a pixel between a low and a high sample
+ * may have a value between both. The value of a pixel is a mean of the samples within the kernel's
+ * radius of its ray. A voxel is therefore left out only if no value between the smallest and the
+ * largest sample within two radii of it can be visible. This is decided for cells of 4³ voxels, 64
+ * per brick.
  *
- * Values are compared as pixels have them, in single precision relative to the transfer's base, so
- * that a background at the foot of a ramp is left out.
+ * Values are compared in the form that pixels use, in single precision relative to the transfer's
+ * base. So a background at the foot of a ramp is left out.
  *
  *   samples ─► range per cell ─► range of the cells around it ─► one bit per cell
  */
@@ -18,8 +19,9 @@
 
 enum { SP_CELL = 4, SP_CELL_SHIFT = 2 };
 
-/* For each of `count` cells along an axis: the first and the last cell whose values a pixel may mix
- * with its own, for kernels of `reach` voxels radius. A cell outside the volume gets itself. */
+/* Computes, for each of `count` cells along an axis, the first and the last cell whose values a
+ * pixel may mix with the values of the cell; `reach` is the radius of the kernels [voxels]. For a
+ * cell outside the volume both are the cell itself. */
 void sp_reach_ends(const struct sp_grid *grid, unsigned axis, double reach, uint32_t count,
                    uint32_t *first, uint32_t *last);
 

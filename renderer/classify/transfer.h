@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Classification finds which voxels of a volume are visible under a transfer function, and their
- * colour, extinction and gradient. Results are cached, and only what changed is computed again.
+ * Classification finds the voxels of a volume that are visible under a transfer function, and their
+ * colours, extinctions and gradients. Results are cached; after a change only the affected parts
+ * are computed again.
  *
  *   volume ─┬► transfer (value → colour, optical depth) ─► visible (lists slice by slice) ─► splat/
  *           └► gradient (quantised, of visible voxels, when shading asks) ───────┘
  *
- * This header evaluates transfer functions fast. A voxel's *key* is what a list stores of its
- * value: for 8- and 16-bit types an index into an exact table, for other types the bits of the
- * float (value − base), which is evaluated exactly when a splat is set up.
+ * This header evaluates transfer functions fast. A list stores the value of a voxel as a *key*: for
+ * 8- and 16-bit types an index into an exact table, for other types the bits of the float
+ * (value − base). The function of such a float is evaluated exactly when a splat is set up.
  */
 #ifndef SP_CLASSIFY_TRANSFER_H
 #define SP_CLASSIFY_TRANSFER_H
@@ -28,9 +29,10 @@ struct sp_class {
     float color[3], depth;
 };
 
-/* The same function in single precision, by linear pieces: a value, relative to the base, from
- * start[s] on is in piece s, and at[c][s] + (value − start[s])·slope[c][s] are its red, green, blue
- * and opacity. Piece 0 holds what lies below the first point. See splat/pieces.h. */
+/* The transfer function in single precision, as linear pieces. Piece s holds the values from
+ * start[s] on, relative to the base. The red, green, blue and opacity (c = 0 … 3) of a value are
+ * at[c][s] + (value − start[s])·slope[c][s]. Piece 0 holds the values below the first point. See
+ * splat/pieces.h. */
 struct sp_pieces {
     uint32_t count;
     float start[SP_TF_POINTS_MAX + 1], at[4][SP_TF_POINTS_MAX + 1], slope[4][SP_TF_POINTS_MAX + 1];
@@ -45,31 +47,32 @@ struct sp_transfer {
     uint32_t count;           /* entries */
     double base;              /* value of key 0.0f; types without a table */
     struct sp_pieces *pieces; /* owned; NULL for types with a table */
-    float *scale; /* of the opacity, by packed magnitude (gradient.h), owned; NULL = no gradient
-                     axis */
+    float *scale; /* factor of the opacity, by packed magnitude (gradient.h), owned; NULL = no
+                     gradient axis */
 };
 
-/* The first value of the table: the volume's smallest; of a volume that is larger than memory, the
- * smallest of its type. Types with a table. */
+/* Returns the first value of the table: the smallest value of the volume. If the volume is larger
+ * than memory: the smallest value of its type. Only for types with a table. */
 int32_t sp_transfer_first(const struct sp_volume_info *info);
 
-/* Computes the table for the values of the volume. Pieces that equal those of `like`, a transfer of
- * the same volume, are copied from it; NULL = nothing is copied. SP_ERR_MEMORY; *transfer is then
+/* Computes the table for the values of the volume. `like`: a transfer of the same volume; parts of
+ * its table that are equal are copied; NULL = nothing is copied. SP_ERR_MEMORY; *transfer is then
  * all zero. */
 bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
                       const struct sp_volume_info *info, const struct sp_transfer *like,
                       struct sp_error *err);
 void sp_transfer_finish(struct sp_transfer *transfer);
 
-/* Scale of the opacity at a gradient magnitude [data units per world unit]: linear between the
- * points of the gradient axis, the end values held outside; 1 without one. */
+/* Returns the factor of the opacity at a gradient magnitude [data units per world unit]: linear
+ * between the points of the gradient axis, constant beyond its ends; 1 without a gradient axis. */
 double sp_transfer_function_scale(const struct sp_transfer_function *tf, double magnitude);
 
-/* True if the scales of both, by the gradient, are equal. */
+/* True if both functions have the same gradient axis: the same factor of the opacity at every
+ * gradient. */
 bool sp_transfer_function_equal_scale(const struct sp_transfer_function *a,
                                       const struct sp_transfer_function *b);
 
-/* True if both give each voxel of a volume the same key and visibility, so that a list made for one
+/* True if both give each voxel of a volume the same key and visibility. A list made for one then
  * serves the other. */
 bool sp_transfer_same_voxels(const struct sp_transfer *a, const struct sp_transfer *b);
 
@@ -78,8 +81,8 @@ bool sp_transfer_same_voxels(const struct sp_transfer *a, const struct sp_transf
 void sp_transfer_function_eval(const struct sp_transfer_function *tf, double value,
                                struct sp_class *out);
 
-/* Computes the keys of samples [begin, begin + count) of the array, and 1 or 0 if each is visible
- * or not. */
+/* Computes the keys of the samples [begin, begin + count) of the array. visible[i] = 1 if sample
+ * begin + i is visible, else 0. */
 void sp_transfer_keys(const struct sp_transfer *transfer, const void *voxels, size_t begin,
                       size_t count, uint32_t *keys, uint8_t *visible);
 
@@ -95,12 +98,12 @@ static inline uint32_t sp_transfer_key_bytes(const struct sp_transfer *transfer)
     return transfer->type == SP_UINT8 || transfer->type == SP_INT8 ? 1 : 2;
 }
 
-/* True if the gradients of lists need a magnitude. */
+/* True if lists need the magnitudes of gradients. */
 static inline bool sp_transfer_wants_magnitudes(const struct sp_transfer_function *tf) {
     return tf->gradient_count > 0 || tf->order == SP_TF_POST;
 }
 
-/* The value of a key, relative to the base. */
+/* Returns the value of a key, relative to the base. */
 static inline float sp_transfer_value(const struct sp_transfer *transfer, uint32_t key) {
     union {
         uint32_t bits;
@@ -109,7 +112,7 @@ static inline float sp_transfer_value(const struct sp_transfer *transfer, uint32
     return transfer->table ? (float)key : u.value;
 }
 
-/* Class of a value of the volume. */
+/* Returns the class of a value of the volume [data unit]. */
 static inline struct sp_class sp_transfer_value_class(const struct sp_transfer *transfer,
                                                       double value) {
     struct sp_class c;
@@ -119,7 +122,7 @@ static inline struct sp_class sp_transfer_value_class(const struct sp_transfer *
     return c;
 }
 
-/* Class of a key. */
+/* Returns the class of a key. */
 static inline struct sp_class sp_transfer_class(const struct sp_transfer *transfer, uint32_t key) {
     struct sp_class c;
     if (transfer->table)
@@ -132,7 +135,7 @@ static inline struct sp_class sp_transfer_class(const struct sp_transfer *transf
     return c;
 }
 
-/* Class at a packed gradient: the opacity, not the depth, is scaled. */
+/* Returns the class at a packed gradient: scales the opacity, not the depth. */
 static inline struct sp_class sp_transfer_scale_class(const struct sp_transfer *transfer,
                                                       struct sp_class c, uint32_t gradient) {
     float scale = transfer->scale ? transfer->scale[gradient >> 22] : 1;
@@ -141,7 +144,7 @@ static inline struct sp_class sp_transfer_scale_class(const struct sp_transfer *
     return c;
 }
 
-/* Class of a key at a packed gradient. */
+/* Returns the class of a key at a packed gradient. */
 static inline struct sp_class sp_transfer_class_at(const struct sp_transfer *transfer, uint32_t key,
                                                    uint32_t gradient) {
     return sp_transfer_scale_class(transfer, sp_transfer_class(transfer, key), gradient);

@@ -5,9 +5,10 @@
  *   brick b ─► entries first[b] + [start[b][s], start[b][s + 1]) in slice s, up to first[b + 1]
  *   entry e ─► place[e] in its slice, key[e], normal[e]
  *
- * A brick can be rebuilt without the others, be skipped as a whole, and be turned to another
- * axis while it is in the CPU's cache. Its entries are in the order in which a view draws them. In
- * a slice they rise by place, so the order does not depend on the history of the list.
+ * A brick can be rebuilt without the others, skipped as a whole, and turned to another axis while
+ * it is in the CPU's cache. Its entries are in the order in which a view draws them. In a slice the
+ * entries are in rising order of place, so that the order does not depend on the history of the
+ * list.
  *
  * Keys are as wide as the volume's type needs. Normals take 2 bytes for 8 and 16 bits, otherwise 4.
  * An entry of 8 / 16 bits / other types thus takes 2 / 3 / 5 bytes, with normals 4 / 5 / 9. Coarse
@@ -27,8 +28,8 @@
 
 enum { SP_BRICK = 16, SP_BRICK_SHIFT = 4, SP_BRICK_VOXELS = 4096, SP_PLACES_BEYOND = 16 };
 
-/* Smallest and largest value of a brick, as sp_transfer_value() gives them; low > high = no values.
- */
+/* The smallest and the largest value of a brick, in the unit of sp_transfer_value();
+ * low > high = the brick has no values. */
 struct sp_range {
     float low, high;
 };
@@ -48,7 +49,7 @@ struct sp_visible {
     uint32_t normal_bytes; /* per entry: 2 (direction only), 4, or 8 = struct sp_microflakes */
 };
 
-/* Number of bricks; below 2^25, because volumes have at most 2^36 voxels. */
+/* Returns the number of bricks. It is below 2^25, because volumes have at most 2^36 voxels. */
 static inline uint32_t sp_visible_brick_count(const uint32_t bricks[3]) {
     return bricks[0] * bricks[1] * bricks[2];
 }
@@ -57,7 +58,7 @@ static inline uint32_t sp_visible_bricks(const struct sp_visible *visible) {
     return sp_visible_brick_count(visible->bricks);
 }
 
-/* Index of the first voxel of a brick. */
+/* Computes the index of the first voxel of a brick. */
 static inline void sp_visible_brick_corner(const uint32_t bricks[3], uint32_t brick,
                                            uint32_t corner[3]) {
     uint32_t row = brick / bricks[0];
@@ -66,7 +67,7 @@ static inline void sp_visible_brick_corner(const uint32_t bricks[3], uint32_t br
     corner[2] = row / bricks[1] << SP_BRICK_SHIFT;
 }
 
-/* Key of entry e of the whole list. */
+/* Returns the key of entry e of the whole list. */
 static inline uint32_t sp_visible_key(const struct sp_visible *visible, uint64_t e) {
     if (visible->key_bytes == 1)
         return ((const uint8_t *)visible->key)[e];
@@ -84,8 +85,9 @@ static inline void sp_visible_set_key(const struct sp_visible *visible, uint64_t
         ((uint32_t *)visible->key)[e] = key;
 }
 
-/* Packed gradient of entry e of a list with gradients, not microflakes. A 2-byte gradient has no
- * magnitude: it is returned as the largest one, unless the gradient is zero. */
+/* Returns the packed gradient of entry e; the list must have gradients, not microflakes. A 2-byte
+ * gradient has no magnitude: the function returns the largest magnitude, unless the gradient is
+ * zero. */
 static inline uint32_t sp_visible_normal(const struct sp_visible *visible, uint64_t e) {
     if (visible->normal_bytes == 2)
         return sp_gradient_widen(((const uint16_t *)visible->normal)[e]);
@@ -108,8 +110,9 @@ static inline uint16_t sp_visible_local(unsigned axis, uint32_t s, uint8_t place
                                   : s | column << 4 | row << 8);
 }
 
-/* The same for `count` entries of a brick: order[begin], order[begin + 1], …, relative to the
- * brick's first entry. order: NULL = begin, begin + 1, …. */
+/* Computes local[i], the place in the brick as above, of `count` entries of a brick: order[begin],
+ * order[begin + 1], …, relative to the brick's first entry. order: NULL = the entries begin,
+ * begin + 1, …. */
 void sp_visible_locals(const struct sp_visible *visible, uint32_t brick, const uint16_t *order,
                        uint32_t begin, uint32_t count, uint16_t *local);
 
@@ -117,7 +120,7 @@ static inline bool sp_visible_has_microflakes(const struct sp_visible *visible) 
     return visible->normal && visible->normal_bytes == sizeof(struct sp_microflakes);
 }
 
-/* Microflakes of entry e of a list that has them. */
+/* Returns the microflakes of entry e; the list must have microflakes. */
 static inline struct sp_microflakes *sp_visible_microflakes(const struct sp_visible *visible,
                                                             uint64_t e) {
     return (struct sp_microflakes *)visible->normal + e;
@@ -136,7 +139,7 @@ bool sp_visible_allocate(struct sp_visible *visible, bool normals, struct sp_err
 void sp_visible_finish(struct sp_visible *visible);
 uint64_t sp_visible_bytes(const struct sp_visible *visible);
 
-/* Bytes of `count` entries of this list. */
+/* Returns the bytes of `count` entries of this list, with normals or without. */
 uint64_t sp_visible_entry_bytes(const struct sp_visible *visible, uint64_t count, bool normals);
 
 #endif
