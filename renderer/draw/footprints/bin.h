@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Sorts the splats of a batch into tiles: a counting sort that lists each tile's splats in the
- * order of the records. Records come in blocks, each written by one worker; blocks are counted and
- * filled in parallel.
+ * order of the records. The records are divided into blocks. One worker writes each block; blocks
+ * are counted and filled in parallel.
  *
  *   count (per block and tile) ─► starts (prefix sums, tile by tile, block by block) ─► fill
  */
@@ -31,14 +31,15 @@ void sp_bins_count(const struct sp_bins *bins, uint32_t block, const struct sp_t
 /* Returns the number of entries of a block. */
 uint64_t sp_bins_block_total(const struct sp_bins *bins, uint32_t block);
 
-/* Turns the counts of blocks [begin, end) into starts. Their entries must fit the capacity. */
+/* Turns the counts of the blocks [begin, end) into starts. All their entries together must fit the
+ * capacity. */
 void sp_bins_start(struct sp_bins *bins, uint32_t begin, uint32_t end);
 
 /* Writes the entries of the next records of a block; `first_record` is the number of records[0]. */
 void sp_bins_fill(struct sp_bins *bins, uint32_t block, const struct sp_tile_grid *grid,
                   const struct sp_splat *records, uint32_t count, uint32_t first_record);
 
-/* True if every tile that the splat touches is saturated: it need not be drawn. */
+/* True if every tile that the splat touches is saturated: then the splat need not be drawn. */
 bool sp_bins_is_hidden(const struct sp_tile_grid *grid, const struct sp_splat *splat);
 
 #endif

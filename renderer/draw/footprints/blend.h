@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Compositing: the constants of a frame, and what all compositors share.
+ * Compositing: the constants of a frame, and the functions that all compositors share.
  *
  *   sheet   splats of one slice of the grid are added, then composited        (sheet.h)
  *   slab    the same for slabs of equal distance from the eye                 (slab.h)
@@ -9,8 +9,8 @@
  *   T = Σ τ_k,  E = Σ c_k τ_k,  α = 1 − e^{−T} (linear: min(T, 1)),  C = (E/T)·α
  *   colour += transmittance·C,  transmittance ·= 1 − α
  *
- * A tile is saturated when all its pixels have a transmittance below 1/512; it then takes no more
- * splats.
+ * A tile is saturated when all its pixels have a transmittance below 1/512. No more splats are
+ * added to a saturated tile.
  */
 #ifndef SP_FOOTPRINTS_BLEND_H
 #define SP_FOOTPRINTS_BLEND_H
@@ -29,10 +29,10 @@ struct sp_post;
 
 struct sp_blend {
     enum sp_compositing mode;
-    bool linear;                        /* attenuation */
-    uint32_t planes;                    /* sums per pixel of a layer: 4, post: 5 */
-    uint32_t slots;                     /* layers that can be open at a time: 1, slab: more */
-    float cut;                          /* as in sp_ewa_frame */
+    bool linear;     /* attenuation */
+    uint32_t planes; /* sums per pixel of a layer: 4; post-classification: 5 */
+    uint32_t slots;  /* layers that can be open at a time: 1; slabs: up to SP_SLOTS_MAX */
+    float cut;       /* as in sp_ewa_frame */
     const struct sp_cubic_table *cubic; /* NULL = Gaussian */
     float thickness;                    /* of a slab [cells] */
     float nearest;              /* slab k begins at nearest + k·thickness from the eye [cells] */
@@ -40,8 +40,8 @@ struct sp_blend {
     const struct sp_insert *insert; /* fragments of other layers; NULL = none */
 };
 
-/* Composites the sums of an open layer, if there are any, and clears them, with the
- * fragments before and in it. Checks for saturation from time to time. */
+/* Composites the sums of an open layer, if it has any, together with the fragments of other layers
+ * in front of it and inside it. Clears the sums. Checks for saturation from time to time. */
 void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, int64_t layer);
 
 /* Sets tile->saturated. */
@@ -53,8 +53,8 @@ static inline float *sp_sums_row(const struct sp_tile *tile, const struct sp_ble
     return tile->sums + ((size_t)slot * SP_TILE + (size_t)y) * blend->planes * SP_TILE;
 }
 
-/* Returns the factor of E, (1 − e^{−t})/t, and sets *transmittance to e^{−t}; linear: 1 or 1/t, and
- * 1 − min(t, 1). */
+/* Returns the factor of E, (1 − e^{−t})/t, and sets *transmittance to e^{−t}. Linear attenuation:
+ * the factor is 1 for t ≤ 1 and 1/t above, and the transmittance is 1 − min(t, 1). */
 static inline sp_wide sp_wide_attenuate(bool linear, sp_wide t, sp_wide *transmittance) {
     const sp_wide one = sp_wide_all(1);
     if (linear) {
@@ -79,7 +79,7 @@ static inline sp_wide_mask sp_columns_inside(const struct sp_box *box, int x) {
     return sp_wide_first(box->x1 - x) & ~sp_wide_first(box->x0 - x);
 }
 
-/* Grows a slot's dirty box. */
+/* Grows a slot's dirty box so that it contains `box`. */
 static inline void sp_slot_touch(struct sp_box *dirty, const struct sp_box *box) {
     if (dirty->x1 <= dirty->x0) {
         *dirty = *box;

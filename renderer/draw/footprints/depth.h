@@ -5,8 +5,8 @@
  *
  *   layer of a voxel = ⌊(distance − reach)/thickness⌋, counted from the first that is not empty
  *
- * Bricks that the frame's clip planes remove are left out. Inside a layer voxels stay in the order
- * of the list. Distances are those of sp_ewa_distance().
+ * Bricks that the frame's clip planes remove are left out. Inside a layer, voxels stay in the order
+ * of the list. sp_ewa_distance() computes the distances.
  */
 #ifndef SP_FOOTPRINTS_DEPTH_H
 #define SP_FOOTPRINTS_DEPTH_H
@@ -30,8 +30,8 @@ struct sp_depth_job {
 /* Returns the thickness that sp_order_distance() will use. */
 double sp_depth_thickness(const struct sp_ewa_frame *frame, double thickness, double reach);
 
-/* Fills *order with memory of the arena; *nearest is the distance where layer 0 begins [cells].
- * False if the arena cannot allocate. */
+/* Fills *order with memory of the arena. Sets *nearest to the distance at which layer 0 begins
+ * [cells]. False if the arena cannot allocate. */
 bool sp_order_distance(const struct sp_depth_job *job, struct sp_order *order, double *nearest);
 
 #endif

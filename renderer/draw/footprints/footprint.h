@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The pixels of a footprint, SP_WIDE of a row at a time, in columns that are aligned in the tile:
- * their weights, and where planes cut the kernel on their rays. It serves every kernel and
- * compositor; the sheet compositor has a faster loop for plain Gaussians.
+ * Computes the pixels of a footprint, SP_WIDE pixels of a row at a time, in columns that are
+ * aligned in the tile: the weights, and where planes cut the kernel on the rays of the pixels. It
+ * serves every kernel and compositor; the sheet compositor has a faster loop for plain Gaussians.
  */
 #ifndef SP_FOOTPRINTS_FOOTPRINT_H
 #define SP_FOOTPRINTS_FOOTPRINT_H
@@ -14,7 +14,7 @@
 #define SP_UNBOUNDED 1e4f
 
 struct sp_pixels {
-    sp_wide dx; /* from the splat's centre to the pixels' */
+    sp_wide dx; /* from the splat's centre to the centres of the pixels [px] */
     float dy;
     sp_wide weight;    /* 0 outside the box and beyond the cutoff */
     sp_wide exponent;  /* p of sp_splat */
@@ -22,7 +22,7 @@ struct sp_pixels {
 };
 
 /* Returns the share of the kernel along the ray that lies before `depth` [standard deviations from
- * its mean], at pixels of that exponent. */
+ * the mean], at pixels with this exponent. */
 static inline sp_wide sp_footprint_share(const struct sp_blend *blend, sp_wide exponent,
                                          sp_wide depth) {
     if (blend->cubic)
@@ -30,8 +30,8 @@ static inline sp_wide sp_footprint_share(const struct sp_blend *blend, sp_wide e
     return sp_wide_normal_share(depth);
 }
 
-/* Applies the splat's planes: those along the ray are factors of the weights, the others bound the
- * depth. */
+/* Applies the planes that cut the splat: planes along the ray are factors of the weights, other
+ * planes bound the depth. */
 static inline void sp_footprint_cut(const struct sp_blend *blend, const struct sp_splat *s,
                                     const struct sp_cut *cut, struct sp_pixels *px) {
     for (uint32_t i = 0; i < s->cuts; i++) {
@@ -70,7 +70,8 @@ static inline void sp_footprint_pixels(const struct sp_blend *blend, const struc
         sp_footprint_cut(blend, s, cut, px);
 }
 
-/* The same, with the share between the bounds multiplied into the weights. */
+/* Like sp_footprint_pixels(), but also multiplies the weights by the share of the kernel between
+ * the bounds of depth. */
 static inline void sp_footprint_weights(const struct sp_blend *blend, const struct sp_tile *tile,
                                         const struct sp_splat *s, const struct sp_cut *cut,
                                         const struct sp_box *box, int x, int y,

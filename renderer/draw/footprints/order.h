@@ -28,12 +28,14 @@ struct sp_order {
     uint32_t layers;     /* front to back */
     uint64_t *first;     /* [layers + 1] */
     struct sp_run *runs; /* [first[layers]] */
-    const uint16_t
-        *order; /* at visible.first[brick] + place: the brick's entry; NULL = entry = place */
+    /* Element visible.first[brick] + place: the number of the entry in the brick. NULL = the number
+     * is the place. */
+    const uint16_t *order;
 };
 
-/* The slices along `axis`, which the levels' bricks are cut along, as layers: as many as the finest
- * level has slices. Memory comes from the arena. False if the arena cannot allocate. */
+/* Fills *order with the slices along `axis` as layers: one layer per slice of the finest level. The
+ * bricks of all levels must be cut along this axis. Memory comes from the arena. False if the arena
+ * cannot allocate. */
 bool sp_order_sheets(const struct sp_camera_transform *camera, const struct sp_level *levels,
                      const struct sp_detail *detail, unsigned axis, struct sp_arena *arena,
                      struct sp_order *order);

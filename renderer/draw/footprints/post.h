@@ -20,20 +20,20 @@
 
 enum { SP_POST_BINS = 1024, SP_POST_NODES = 4096 };
 
-/* The transfer function for pixels, with values relative to the transfer's base. first[b]: the last
- * point at or before bin b of the value. */
+/* The transfer function for pixels, with values relative to the transfer's base. first[b] is the
+ * last point at or before bin b of the values. */
 struct sp_post_curve {
     uint32_t count;
     float value[SP_TF_POINTS_MAX], inverse[SP_TF_POINTS_MAX]; /* 1/(distance to the next) */
     float color[SP_TF_POINTS_MAX][3], opacity[SP_TF_POINTS_MAX];
     float bins_per_unit;
     uint8_t first[SP_POST_BINS + 1];
-    /* ∫ from the first to each of evenly spaced nodes of depth, and of red, green and blue times
-     * depth. The nodes span the points as far as the volume has values there. Borrowed; NULL =
-     * empty. */
+    /* The integrals of red, green and blue times depth, and of depth, from the first node to each
+     * of the evenly spaced nodes. The nodes span the part of the points where the volume has
+     * values. Borrowed; NULL = this part is empty. */
     const double (*integral)[4];
     double first_node, nodes_per_unit;
-    double ends[2][4]; /* the integrand at the first and the last node; constant beyond */
+    double ends[2][4]; /* the integrand at both end nodes; constant beyond */
     uint32_t gradient_count;
     float magnitude[SP_GRADIENT_POINTS_MAX], scale[SP_GRADIENT_POINTS_MAX]; /* over gradient_unit */
 };
@@ -42,7 +42,8 @@ struct sp_post {
     struct sp_post_curve curve;
     const struct sp_shade *shade; /* NULL = none */
     float to_camera[3][3];        /* W */
-    float half; /* of a slab's thickness times the gradient's unit: gradient → half an interval */
+    float half; /* converts a gradient to half an interval of values: half of a slab's thickness
+                   times the gradient's unit */
     bool perspective;
     float focal, centre[2]; /* the camera's scale and centre, px */
 };
@@ -55,13 +56,13 @@ void sp_post_curve_init(struct sp_post_curve *curve, const struct sp_transfer_fu
                         double (*integral)[4]);
 
 /* Returns the mean class of the values in [value − half, value + half], relative to the base.
- * magnitude: of the gradient, in units of gradient_unit. */
+ * magnitude: of the gradient [gradient_unit]. */
 struct sp_class sp_post_class(const struct sp_post_curve *curve, float value, float half,
                               float magnitude);
 
-/* Converts columns [begin, end) of a row of sums, with planes SP_TILE floats apart, from (W, N, S)
- * to (T, E). Neighbouring columns may be converted as well. (x, y) is the pixel of the image at
- * column 0. */
+/* Converts columns [begin, end) of a row of sums from (W, N, S) to (T, E). The planes of `sums` are
+ * SP_TILE floats apart. The function may also convert neighbouring columns. (x, y) is the pixel of
+ * the image at column 0. */
 void sp_post_classify(const struct sp_post *post, int x, int y, float *sums, int begin, int end);
 
 #endif

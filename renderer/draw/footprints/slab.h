@@ -8,12 +8,13 @@
  *   share of slab j = Φ((z_{j+1} − μ)/s) − Φ((z_j − μ)/s)
  *   μ, s: mean and deviation of the kernel's depth on the pixel's ray; cubic: its own distribution
  *
- * What lies beyond the kernel's reach counts with its first and last slab, so that shares add up to
- * 1. As slabs get thinner, this converges to the integral.
+ * The tails of the distribution beyond the kernel's reach count as parts of its first and last
+ * slab, so that the shares add up to 1. With thinner slabs the image converges to the integral
+ * along the ray.
  *
  * A tile keeps as many slabs open as a kernel can span. A splat that begins in slab k closes all
- * slabs before k: splats come in an order of layers in which no layer lies behind the first slab
- * that its splats touch.
+ * slabs before k. This is correct because the order of the layers ensures that no later splat
+ * touches an earlier slab.
  */
 #ifndef SP_FOOTPRINTS_SLAB_H
 #define SP_FOOTPRINTS_SLAB_H

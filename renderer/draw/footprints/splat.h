@@ -2,7 +2,7 @@
  *
  * Compositing splat by splat (Westover 1989; Chen et al. 2004: splat-every-sample): each splat is
  * attenuated and composited on its own, in the order of the records. Overlapping splats hide each
- * other although they belong to one field, so colours bleed and darken.
+ * other although they belong to one field. Therefore colours bleed and darken.
  */
 #ifndef SP_FOOTPRINTS_SPLAT_H
 #define SP_FOOTPRINTS_SPLAT_H

@@ -27,16 +27,16 @@ enum {
     SP_NO_SHEET = -1
 };
 
-/* Columns and rows of a tile: x0, y0, x1, y1 in tile px, half open. */
+/* A box of pixels in a tile: columns [x0, x1) and rows [y0, y1) [tile px]. */
 struct sp_box {
     int x0, y0, x1, y1;
 };
 
 struct sp_tile {
-    /* Sums of the open layers (blend.h: slots, planes): layer k lies in slot k mod slots, its plane
-     * 0 is T = Σ τ, 1 … 3 are E = Σ c·τ; post: Σ length, Σ gradient·length, Σ value·length. Planes
-     * alternate by rows, so that what a footprint touches lies close together. The owner of the
-     * tiles sets both pointers. */
+    /* Sums of the open layers (blend.h: slots, planes). Layer k lies in slot k mod slots. Its plane
+     * 0 is T = Σ τ, its planes 1 … 3 are E = Σ c·τ. Post-classification: Σ length, Σ
+     * gradient·length, Σ value·length. The planes alternate row by row, so that a footprint touches
+     * memory that lies close together. The owner of the tiles sets both pointers. */
     float *sums;          /* [slots][SP_TILE][planes][SP_TILE]: sp_sums_row() */
     struct sp_box *dirty; /* [slots]: box of the sums that are not zero; empty if x1 <= x0 */
     /* Composited so far: plane 0 is the transmittance, 1 … 3 the premultiplied colour. */
@@ -44,7 +44,7 @@ struct sp_tile {
     int x, y;      /* of the tile's corner in the image, px */
     int64_t sheet; /* number of the first open layer, or SP_NO_SHEET */
     /* Fragments of other layers (insert.h); not read if blend->insert is NULL. The owner of the
-     * tiles sets it. */
+     * tiles sets the pointer. */
     struct sp_tile_insert *insert;
     uint32_t closed; /* layers composited */
     bool saturated;  /* every pixel inside the image has a transmittance below 1/512 */
@@ -59,8 +59,9 @@ struct sp_tile_grid {
 
 struct sp_blend;
 
-/* Empties the tile at (x, y) of an image of `size` px: pixels outside the image count as opaque.
- * tile->sums and dirty must have memory for blend->slots layers, and so must tile->insert. */
+/* Empties the tile at (x, y) of an image of `size` px. Pixels outside the image count as opaque.
+ * tile->sums and tile->dirty must have memory for blend->slots layers; tile->insert must have
+ * memory if blend->insert is set. */
 void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2],
                   const struct sp_blend *blend);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The order in which parts of the volume and pieces of slices are drawn, from front to back.
+ * Plans the order in which parts of the volume and pieces of slices are drawn, from front to back.
  */
 #ifndef SP_SLICES_PLAN_H
 #define SP_SLICES_PLAN_H
@@ -14,16 +14,16 @@ enum { SP_SLICE_PLANES_MAX = 3, SP_COMPOSE_STEPS_MAX = 8 + 7 };
  * distances) = offset. */
 struct sp_slice_cut {
     double normal[3], offset;
-    int axis; /* that an orthogonal slice crosses; −1 = oblique */
+    int axis; /* the axis that is perpendicular to the slice; −1 = the slice is oblique */
 };
 
-/* A part of the volume, or the piece of slice `plane` that lies on the sides of the planes before
- * it: sides[i] is −1 below plane i and 1 above. */
+/* A part of the volume, or a piece of slice number `plane`. sides[i] says on which side of plane i,
+ * i < plane, the piece lies: −1 below, 1 above. */
 struct sp_compose_step {
     bool is_slice;
     unsigned plane;
     int sides[SP_SLICE_PLANES_MAX];
-    struct sp_clip clip; /* of a part; of a piece: the box around it */
+    struct sp_clip clip; /* the clip of the part; of a piece: the box around it */
 };
 
 struct sp_compose_plan {
@@ -32,7 +32,7 @@ struct sp_compose_plan {
     struct sp_compose_step step[SP_COMPOSE_STEPS_MAX];
 };
 
-/* Slices that miss the volume are left out, and so are parts that are empty. */
+/* Makes the plan of a view. Slices that miss the volume and empty parts are left out. */
 void sp_compose_plan_init(struct sp_compose_plan *plan, const struct sp_interpolator *grid,
                           const struct sp_view *view);
 
