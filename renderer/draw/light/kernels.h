@@ -16,31 +16,33 @@
 enum {
     LIGHT_DIRECTIONS = 20, /* of ambient light: the corners of a dodecahedron */
     LIGHT_PAD = 16,        /* floats beyond each row, so that the last vector fits */
-    LIGHT_MARGIN = 4,      /* floats around each slice, which pass all light */
+    LIGHT_MARGIN = 4,      /* floats around each slice; the margin passes all light */
     LIGHT_BINS = 4096,     /* of the values of the transfer function */
     LIGHT_PER_CELL_MAX = 4 /* positions per cell and axis; the next cell begins at the last one */
 };
 
-/* What a half space keeps: normal · cell coordinate >= offset. The normal has length 1. */
+/* A half space: keeps the points with normal · cell coordinate >= offset. The normal has length
+ * 1. */
 struct sp_light_half {
     double normal[3], offset;
 };
 
-/* How to fill the extinction of cells. The place of a value is t = (value − low)·per_unit; whole t
- * are bins. */
+/* The inputs and outputs of the loop that computes the extinction of cells. A value has the place
+ * t = (value − low)·per_unit among the bins; bin n begins at t = n. */
 struct sp_light_cells {
     const void *voxels;
     const struct sp_volume_info *info;
     const struct sp_transfer_function *tf;
     double low, per_unit;
-    bool fits_floats; /* floats hold these two, and places of 16-bit integers */
-    /* Integral of optical depth up to the begin of a bin, and its mean in the bin. The first entry
-     * is for what lies below all bins, the last one for what lies above. */
+    bool fits_floats; /* single precision is enough for `low`, `per_unit` and the places of 16-bit
+                         integers */
+    /* The integral of optical depth up to the begin of a bin, and its mean in the bin. The first
+     * entry serves values below all bins, the last entry values above all bins. */
     float sums[LIGHT_BINS + 2], means[LIGHT_BINS + 2];
-    float first_visible; /* below this t nothing is visible */
+    float first_visible; /* values below this t are not visible */
     unsigned per_cell;
     uint32_t *sample[3]; /* sample at each position along the axes, owned */
-    double width[3];     /* from position to position, world units */
+    double width[3];     /* distance of two positions [world unit] */
     bool is_even;        /* each sample of the first axis is a position */
     struct sp_light_half halves[6 + SP_CLIP_PLANES_MAX]; /* clipping */
     int half_count;
@@ -48,8 +50,9 @@ struct sp_light_cells {
     float per_column[3];   /* a third of ln 2 · the width of a cell over that along the axis */
     uint32_t dims[3];      /* cells */
     float *extinction;     /* [dims]: optical depth per width of a cell */
-    uint32_t *field;       /* [dims]: all light arrives; and how clear cells are */
-    float *rows;           /* per worker: sp_light_cells_floats() */
+    /* [dims]: output: all light arrives, and the clearness of the cell (light.h). */
+    uint32_t *field;
+    float *rows; /* per worker: sp_light_cells_floats() */
     size_t worker_floats;
 };
 
@@ -57,7 +60,8 @@ struct sp_light_cells {
 typedef void sp_light_cells_fn(const struct sp_light_cells *cells, uint32_t slice, unsigned worker);
 void sp_light_compute_cells(const struct sp_light_cells *cells, uint32_t slice, unsigned worker);
 
-/* Rows of samples that a worker holds: each has four numbers; depths; and sums. */
+/* Return the floats of a row of samples, and the floats per worker: rows of samples with four
+ * numbers each, rows of depths and rows of sums. */
 static inline size_t sp_light_row_floats(uint32_t cells, unsigned per_cell) {
     return (size_t)cells * per_cell + 1 + 2 * LIGHT_PAD;
 }
@@ -67,49 +71,51 @@ static inline size_t sp_light_cells_floats(uint32_t cells, unsigned per_cell) {
            sp_light_row_floats(cells, per_cell);
 }
 
-/* How light of one direction comes to a slice. */
+/* How light of one direction passes from one slice to the next. */
 struct sp_light_step {
-    float weight[4];  /* of four rays of the previous slice, at a cell */
-    int shift[2];     /* of the first one */
-    float between[4]; /* of four cells, at a ray */
+    float weight[4];  /* weights of four rays of the previous slice, at a cell */
+    int shift[2];     /* offset of the first of the four */
+    float between[4]; /* weights of four cells, at a ray */
     bool is_spread;   /* rays start again from the cells */
-    float depth;  /* −log2 e · widths of a cell from slice to slice; the same for all beams */
+    float depth;  /* −log2 e · path between two slices [widths of a cell]; equal for all beams */
     float fading; /* e^−step/R */
 };
 
 struct sp_light_slice {
     const struct sp_light_step *steps;
     int count;
-    bool is_ambient;         /* all steps are spread, and light fades; else none fades */
+    bool is_ambient;         /* all steps are spread and light fades; false: no step fades */
     const float *extinction; /* of the first cell of the slice */
-    uint32_t *field;         /* of that cell: ambient light adds sum·scale, a light sets byte 1 */
-    float *staged;           /* sums go there instead, as floats; NULL = to the field */
+    uint32_t *field; /* of the same cell: ambient light adds sum·scale, a light sets byte 1 */
+    float *staged;   /* gets the sums as floats instead of `field`; NULL = `field` gets them */
     float scale;
     size_t stride; /* from row to row of cells */
     int dims[2];
     int width;         /* floats per row of rays, with margins */
     size_t plane;      /* floats per direction */
-    const float *from; /* [count][plane]: what passed the previous slice */
-    float *to;         /* the same of this slice */
+    const float *from; /* [count][plane]: light behind the previous slice */
+    float *to;         /* [count][plane]: light behind this slice */
     float *rows;       /* per worker: three rows */
     size_t row_floats;
 };
 
-/* Rows of rays [begin, end) of a slice. There is one more row of rays than of cells unless the
- * slice is ambient. */
+/* Passes light through the rows of rays [begin, end) of a slice. A slice has one more row of rays
+ * than of cells, unless it is ambient. */
 typedef void sp_light_pass_fn(const struct sp_light_slice *slice, size_t begin, size_t end,
                               unsigned worker);
 void sp_light_pass(const struct sp_light_slice *slice, size_t begin, size_t end, unsigned worker);
 
-/* Slices across the first axis are turned, LIGHT_TURN at once, so that their rows are contiguous:
- * rows of the volume's cells that are `length` cells long, `cell` apart. */
+/* Copies slices that are perpendicular to the first axis, LIGHT_TURN at a time, so that the rows of
+ * a slice are contiguous. A row has `length` cells, which lie `cell` elements apart in the
+ * volume. */
 struct sp_light_turn {
     const float *extinction; /* of the first cell of the first slice */
     uint32_t *field;
     float *staged;     /* [count][slice] */
-    size_t row, cell;  /* from row to row and from cell to cell of a row, in the volume */
-    size_t stride;     /* from row to row of a staged slice */
-    size_t slice;      /* from slice to slice */
+    size_t row, cell;  /* strides in the volume: from row to row, and from cell to cell of a row
+                          [elements] */
+    size_t stride;     /* from row to row of a staged slice [elements] */
+    size_t slice;      /* from slice to slice [elements] */
     int length, count; /* of rows; of slices */
     bool is_ambient;
     float scale;

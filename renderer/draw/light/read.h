@@ -8,8 +8,9 @@
 #include "base/wide.h"
 #include "draw/light/light.h"
 
-/* Openness and transmittance, [0, 255], at cell coordinates: linear between cells, each weighted by
- * its clearness, so that what lies inside of matter does not darken its surface. */
+/* Reads openness and transmittance, [0, 255], at cell coordinates. Interpolates linearly between
+ * cells and weights each cell by its clearness, so that cells inside matter do not darken the
+ * surface. */
 static inline void sp_light_read(const struct sp_light_field *field, const sp_wide at[3],
                                  sp_wide out[2]) {
     const sp_wide zero = sp_wide_all(0);

@@ -56,7 +56,8 @@ struct sp_postconv_filter {
 
 /* Tables that do not depend on the view. */
 struct sp_postconv_tables {
-    /* By phase: cubic B-spline at the four samples around it, then half its second derivative. */
+    /* By phase: the cubic B-spline at the four samples around the voxel, then half its second
+     * derivative. */
     _Alignas(64) float spline[POSTCONV_PHASES][8];
     float slope[POSTCONV_PHASES][4]; /* first derivative of the B-spline */
     /* By scale j and pixel modulo 2^j: weights of the four samples around the pixel. */
@@ -67,9 +68,9 @@ struct sp_postconv_tables {
 
 void sp_postconv_tables_init(struct sp_postconv_tables *tables);
 
-/* Bricks of a layer whose footprints are alike, and the filter for them. */
+/* The filter for bricks of a layer that have similar footprints. */
 struct sp_postconv_group {
-    float reference[2];    /* variance that the filter is made for [px²]: xx, yy */
+    float reference[2];    /* variance for which the filter is made [px²]: xx, yy */
     float middle;          /* 1/u2 at that variance */
     float range[2];        /* the group serves voxels with 1/u2 in this range */
     int scale[2];          /* j: a sample is 2^j px wide */
@@ -95,15 +96,16 @@ struct sp_postconv_brick {
     int16_t x0, y0, x1, y1; /* pixels that its voxels may reach, inside the image */
     float reach[2];         /* pixels to each side that one voxel may reach */
     float base[3];          /* u of its first voxel [cells] */
-    float range[2];         /* of 1/u2 of its voxels [1/cells]; 1 in orthographic projection */
-    float spread[3];  /* variance xx, yy, xy of the footprint without lowpass2, × u2² [px²] */
-    float step[2][2]; /* the slices' two axes, projected [px] */
-    float lowpass2;   /* variance of the low-pass filter [px²] */
-    float scale;      /* factor of V̂: 1; above 1 = swan; 0 = lowpass */
+    float range[2];         /* of 1/u2 of its voxels [1/cell]; 1 in orthographic projection */
+    float spread[3]; /* variance xx, yy, xy of the footprint without lowpass2, times u2² [px²·cell²]
+                      */
+    float step[2][2];      /* the slices' two axes, projected [px] */
+    float lowpass2;        /* variance of the low-pass filter [px²] */
+    float scale;           /* factor of V̂: 1; above 1 = swan; 0 = lowpass */
     float depth[SP_BRICK]; /* largest optical depth that each slice can add to a pixel */
 };
 
-/* One slice of one brick, as a layer draws it. */
+/* The entries of one slice of one brick, as a layer draws them. */
 struct sp_postconv_run {
     uint32_t brick;      /* index into sp_postconv.bricks */
     uint16_t begin, end; /* its entries */
@@ -112,7 +114,7 @@ struct sp_postconv_run {
     uint32_t cells; /* cells of the tile that it meets: bit row · POSTCONV_CELLS_ACROSS + column */
 };
 
-/* A tile, and how many voxels it meets. */
+/* A tile and the number of voxels that it meets. */
 struct sp_postconv_tile_cost {
     uint64_t voxels;
     uint32_t tile;
@@ -129,9 +131,9 @@ struct sp_postconv {
     const struct sp_postconv_tables *tables;
     const struct sp_shade *shade; /* NULL = not lit */
     bool linear;                  /* SP_ATTENUATION_LINEAR */
-    bool exact;  /* not adaptive: filters reach farther and serve less different footprints */
+    bool exact; /* not adaptive: filters reach farther, and the footprints of a group differ less */
     float reach; /* standard deviations from a voxel to the pixels that it matters to */
-    /* Variance from which samples become two pixels wide, and wider [samples²]. */
+    /* The variances from which samples become two pixels wide, and wider [samples²]. */
     float smooth[2];
     unsigned axis;                      /* of the sheets */
     bool is_backwards;                  /* layers begin with the last slice */
@@ -153,10 +155,10 @@ struct sp_postconv {
 
 /* What a worker needs for one tile. */
 struct sp_postconv_scratch {
-    float (*grid)[POSTCONV_PITCH][4]; /* [POSTCONV_GRID]: deposits; zero between layers */
+    float (*grid)[POSTCONV_PITCH][4]; /* [POSTCONV_GRID]: deposits; all zero between layers */
     _Alignas(64) float skew[POSTCONV_GRID][POSTCONV_PITCH][4]; /* after the diagonal filter; same */
     _Alignas(64) float across[POSTCONV_GRID][POSTCONV_ROW][4]; /* after the filter across; same */
-    _Alignas(64) float sum[POSTCONV_TILE][POSTCONV_ROW][4];    /* of several groups of a layer */
+    _Alignas(64) float sum[POSTCONV_TILE][POSTCONV_ROW][4]; /* sum of several groups of a layer */
     /* Composited so far: red, green, blue, transmittance; pixels in the kernels' order. */
     _Alignas(64) float done[4][POSTCONV_TILE][POSTCONV_TILE];
     struct sp_postconv_inserted *inserted; /* NULL without fragments */
@@ -195,14 +197,14 @@ static inline void sp_postconv_variance(const struct sp_postconv_brick *brick, f
 bool sp_postconv_choose_filters(const struct sp_postconv *postconv,
                                 struct sp_postconv_brick *brick);
 
-/* Chooses filters for a brick's voxels from range[0] on, with samples as wide as they allow. False
- * if there are none. */
+/* Chooses filters for the voxels of a brick from 1/u2 = range[0] on, with samples as wide as the
+ * footprints allow. False if no filters serve them. */
 bool sp_postconv_group_init(const struct sp_postconv *postconv,
                             const struct sp_postconv_brick *brick, const float range[2],
                             struct sp_postconv_group *group);
 
-/* How many of a brick's voxels with 1/u2 in `range` the group's filters serve: 0 = none, 1 = some,
- * 2 = all. */
+/* Returns how many of a brick's voxels with 1/u2 in `range` the filters of the group serve:
+ * 0 = none, 1 = some, 2 = all. */
 int sp_postconv_group_fits(const struct sp_postconv_group *group,
                            const struct sp_postconv_brick *brick, const float range[2]);
 
@@ -225,12 +227,12 @@ struct sp_postconv_input {
     struct sp_arena *arena;
 };
 
-/* fragments.c: relates the fragments of a frame to its layers, which rise or fall with the slices.
- * NULL if the arena cannot allocate. */
+/* fragments.c: relates the depths of a frame's fragments to its layers, whose numbers rise or fall
+ * with the slices. NULL if the arena cannot allocate. */
 const struct sp_postconv_insert *sp_postconv_insert_create(const struct sp_postconv_input *input,
                                                            const struct sp_postconv *postconv);
 
-/* Memory for the fragments of a tile; NULL if the arena cannot allocate. */
+/* Allocates memory for the fragments of a tile; NULL if the arena cannot allocate. */
 struct sp_postconv_inserted *sp_postconv_inserted_create(struct sp_arena *arena);
 
 /* True if this stage can draw the view: sheets of Gaussians on an evenly spaced grid, classified
@@ -242,8 +244,8 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
                          struct sp_error *err);
 
 /* True if drawing this frame tile by tile is faster than the general path, which sets up and sorts
- * each footprint once. False if the eye is close to the voxels: filters serve too few bricks. And
- * false if it lies between slices and there are fragments. */
+ * each footprint once. False if the eye is close to the voxels, because filters then serve too few
+ * bricks. Also false if the eye lies between slices and the frame has fragments. */
 bool sp_postconv_is_worthwhile(const struct sp_postconv *postconv);
 
 /* Draws every pixel and fills the stats. SP_ERR_MEMORY, SP_ERR_CANCELLED. */

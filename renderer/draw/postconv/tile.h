@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One tile while it is drawn: what tile.c (runs by layer), deposit.c (voxels → samples),
- * filter.c (samples → pixels) and insert.c (fragments of other layers) share. Compiled once per
- * instruction set (base/isa.h).
+ * The state of one tile while it is drawn. The files tile.c (runs by layer), deposit.c (voxels →
+ * samples), filter.c (samples → pixels) and insert.c (fragments of other layers) share it. They are
+ * compiled once per instruction set (base/isa.h).
  */
 #ifndef SP_POSTCONV_TILE_H
 #define SP_POSTCONV_TILE_H
@@ -27,36 +27,37 @@ enum { MOST_TAPS = 2 * POSTCONV_TAPS + 6 };
 /* A filter combined with the interpolation after it, for samples of 2^scale pixels. */
 struct zoom {
     const struct sp_postconv_filter *filter; /* NULL = not made */
-    int scale, taps;                         /* samples of a pixel, or of a vector of them */
+    int scale, taps; /* samples that a pixel, or a vector of pixels, reads */
     float down[1 << (POSTCONV_SCALES - 1)][MOST_TAPS]; /* by pixel modulo 2^scale */
-    _Alignas(64) float across[1 << (POSTCONV_SCALES - 1)][MOST_TAPS][W]; /* by vector likewise */
+    _Alignas(64) float across[1 << (POSTCONV_SCALES - 1)][MOST_TAPS][W]; /* by vector, likewise */
 };
 
 struct sp_postconv_open_tile {
     const struct sp_postconv *postconv;
     struct sp_postconv_scratch *scratch;
-    int x, y, width, height;              /* px in the image */
+    int x, y, width, height;              /* the tile in the image [px] */
     uint32_t alive;                       /* bit per cell that is not opaque */
     uint32_t live[POSTCONV_TILE / BLOCK]; /* the same per block of 4 × 4 pixels */
     bool has_dead;                        /* some blocks are opaque */
-    int layer; /* the sheet that is drawn, counted from where the volume begins */
+    int layer; /* number of the current sheet, counted from where the volume begins */
     struct sp_postconv_inserted *inserted; /* NULL = no fragments */
     uint32_t closed;
     bool is_open; /* `group` has deposits */
     struct sp_postconv_group group;
     struct zoom *zoom[2];
-    uint32_t needs[POSTCONV_TILE / BLOCK]; /* by block of pixels: of samples; zoomed across */
+    /* By block of pixels: bits of the blocks of samples that its pixels read, across. */
+    uint32_t needs[POSTCONV_TILE / BLOCK];
     /* By row: bit per block that is not zero. */
     uint32_t deposited[POSTCONV_GRID], skewed[POSTCONV_GRID], crossed[POSTCONV_GRID],
         summed[POSTCONV_TILE];
     int row0, row1; /* range of rows of `deposited` that are not empty */
-    /* Per four rows of the grid: blocks where a voxel matters to pixels that are not opaque. Valid
-     * if has_dead. */
+    /* Per four rows of the grid: the blocks in which a voxel matters to pixels that are not opaque.
+     * Valid only if has_dead. */
     _Alignas(64) uint32_t wanted[POSTCONV_WANTED];
 };
 
-/* Opens a group: chooses filters for the first run's footprints, which may serve other runs too.
- * False if there are no filters. */
+/* Opens a group: chooses filters for the footprints of the first run. The filters may also serve
+ * other runs. False if no filters serve these footprints. */
 bool sp_postconv_start_group(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *runs,
                              uint32_t count);
 
@@ -64,30 +65,30 @@ bool sp_postconv_start_group(struct sp_postconv_open_tile *tile, const struct sp
 void sp_postconv_add_run(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *run,
                          bool all);
 
-/* Adds the footprints of the voxels of a run that are not drawn yet to the layer's sum, one by one.
- */
+/* Adds the voxels of a run that are not drawn yet to the layer's sum, one footprint at a time. */
 void sp_postconv_add_footprints(struct sp_postconv_open_tile *tile,
                                 const struct sp_postconv_run *run);
 
-/* Filters the deposits. The last group of a layer is composited at once; other groups are added to
- * the layer's sum, which sp_postconv_close_sum() composites. */
+/* Filters the deposits of the group. If the group is the `last` one of its layer, composites it at
+ * once; otherwise adds it to the layer's sum, which sp_postconv_close_sum() composites. */
 void sp_postconv_close_group(struct sp_postconv_open_tile *tile, bool last);
 void sp_postconv_close_sum(struct sp_postconv_open_tile *tile);
 
 /* Finds the cells that have become opaque. */
 void sp_postconv_check_cells(struct sp_postconv_open_tile *tile);
 
-/* Finds the first fragments of a tile's pixels; tile->inserted stays NULL if there are none. */
+/* Finds the first fragment of each pixel of the tile. tile->inserted stays NULL if the tile has no
+ * fragments. */
 void sp_postconv_open_fragments(struct sp_postconv_open_tile *tile);
 
 /* Composites the next fragments of the pixels in `bits` of the vector at (x, y). */
 void sp_postconv_composite_fragments(struct sp_postconv_open_tile *tile, int y, int x,
                                      unsigned bits);
 
-/* Composites those that are left. */
+/* Composites the remaining fragments of the tile. */
 void sp_postconv_finish_fragments(struct sp_postconv_open_tile *tile);
 
-/* The pixel of a group of W at element i of its planes. */
+/* Returns which pixel of a group of W pixels is element i of its planes. */
 static inline int sp_postconv_pixel_at(int i) {
     return i % 4 * PX + i / 4;
 }
