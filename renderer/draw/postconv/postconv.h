@@ -97,8 +97,7 @@ struct sp_postconv_brick {
     float reach[2];         /* pixels to each side that one voxel may reach */
     float base[3];          /* u of its first voxel [cells] */
     float range[2];         /* of 1/u2 of its voxels [1/cell]; 1 in orthographic projection */
-    float spread[3]; /* variance xx, yy, xy of the footprint without lowpass2, times u2² [px²·cell²]
-                      */
+    float spread[3]; /* variance xx, yy, xy of footprints times u2², without lowpass2 [px²·cell²] */
     float step[2][2];      /* the slices' two axes, projected [px] */
     float lowpass2;        /* variance of the low-pass filter [px²] */
     float scale;           /* factor of V̂: 1; above 1 = swan; 0 = lowpass */

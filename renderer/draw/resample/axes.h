@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The axis of the slices. Slices of two axes give slightly different images. So that an image does
- * not jump when the camera turns from one axis to another (popping), both are drawn and mixed
- * within a narrow band of angles around the switch:
+ * Chooses the axis of the slices. Slices of two axes give slightly different images, so that the
+ * image would jump when the camera turns from one axis to another (popping). To avoid that, both
+ * images are drawn and mixed within a narrow band of angles around the switch:
  *
  *   share of an axis  ~  max(0, 1 − (its angle to the view direction − the smallest one)/band)
  */
@@ -12,8 +12,9 @@
 #include "base/parallel_for.h"
 #include "sp/frame.h"
 
-/* Fills each axis's share of the image; they add up to 1. along: how far the ray through the
- * image's centre goes along each axis, in any unit. Returns the axis with the largest share. */
+/* Fills the share of each axis in the image; the shares add up to 1. along: the components of the
+ * ray through the image's centre along the axes, in any unit. Returns the axis with the largest
+ * share. */
 int sp_axes_choose(const double along[3], double share[3]);
 
 /* Replaces the frame's pixels by (1 − share)·frame + share·from, where `from` has the frame's

@@ -22,13 +22,14 @@ enum {
 
 struct sp_curve {
     double base, codes_per_unit; /* code = CURVE_CODE_MIN + (value − base)·codes_per_unit */
-    double data[2]; /* real numbers outside of it are none, as those that are not finite */
+    double data[2];              /* range of the data; real numbers outside count as not finite */
     /* bin = code·bins_per_code + first_bin. Bin 0 is transparent, and so is what lies below. */
     float bins_per_code, first_bin;
     float above[4];   /* what values above all bins add per bin */
     bool has_above;   /* false: they are transparent */
-    float visible[2]; /* codes: outside of them everything is transparent */
-    /* ∫ up to the start of each bin of red, green and blue times depth, and of depth [bins]. */
+    float visible[2]; /* range of codes; codes outside are transparent */
+    /* Integrals up to the start of each bin, of red, green and blue times depth, and of depth
+     * [bins]. */
     float (*integral)[4]; /* [CURVE_BINS + 2] */
     const struct sp_transfer_function *tf;
 };
@@ -36,13 +37,13 @@ struct sp_curve {
 enum { CURVE_BYTES = (CURVE_BINS + 2) * 4 * (int)sizeof(float) };
 
 /* Fills the curve for a volume with values in `range`. `integral`: CURVE_BYTES of memory, 16-byte
- * aligned, which must live as long as the curve; so must tf. */
+ * aligned. The curve borrows `integral` and `tf`: they must live as long as the curve. */
 void sp_curve_init(struct sp_curve *curve, const struct sp_transfer_function *tf,
                    const double range[2], float (*integral)[4], struct sp_pool *pool);
 
-/* True if the transfer function shows any value of [low, high], which may be empty. */
+/* True if the transfer function makes any value of [low, high] visible. The range may be empty. */
 bool sp_curve_shows(const struct sp_transfer_function *tf, double low, double high);
-/* True if it shows all of them, but for single values. */
+/* True if the transfer function makes all values of [low, high] visible, except single values. */
 bool sp_curve_shows_all(const struct sp_transfer_function *tf, double low, double high);
 
 #endif

@@ -1,20 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Fragments of other layers (frame/fragments.h) in a block of rays: they are composited in order of
- * s with the intervals of the volume. Call these functions only for blocks that have fragments,
- * except sp_resample_open_fragments().
+ * Inserts fragments of other layers (frame/fragments.h) into a block of rays: composites fragments
+ * and intervals of the volume in order of s. Call these functions only for blocks that have
+ * fragments, except sp_resample_open_fragments().
  */
 #ifndef SP_RESAMPLE_INSERT_H
 #define SP_RESAMPLE_INSERT_H
 
 #include "draw/resample/kernels.h"
 
-/* Finds the first fragment of each pixel; sets has_fragments. The block is empty. */
+/* Finds the first fragment of each pixel of a block of which nothing is drawn yet. Sets
+ * has_fragments. */
 void sp_resample_open_fragments(const struct sp_resample_open_tile *t,
                                 struct sp_resample_block *block);
 
-/* Prefetches what is read when the fragments before s are composited: the lists of a tile do not
- * fit the nearest cache. */
+/* Prefetches the data that compositing the fragments before s reads: the lists of a tile do not fit
+ * the first-level cache. */
 void sp_resample_prefetch_fragments(const struct sp_resample_block *block, float s);
 
 /* Composites all fragments that lie before s. */
@@ -25,7 +26,7 @@ void sp_resample_insert_before(const struct sp_resample_open_tile *t,
 struct sp_resample_part {
     int pixel;        /* the first one */
     float begin, end; /* s */
-    sp_wide opacity;  /* between those, inside the halves */
+    sp_wide opacity;  /* opacity between begin and end, inside the half-spaces */
     sp_wide color[3];
 };
 

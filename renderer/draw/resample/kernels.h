@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the kernels of this stage share: a tile that is being drawn.
+ * The state that the kernels of this stage share: a tile that is being drawn.
  */
 #ifndef SP_RESAMPLE_KERNELS_H
 #define SP_RESAMPLE_KERNELS_H
@@ -11,8 +11,8 @@
 #include "draw/resample/resample.h"
 #include "draw/resample/rows.h"
 
-/* Columns of a slice are refined in units of a power of two columns: at least 1 << UNIT_BITS of
- * them, at most UNITS units. */
+/* Columns of a slice are refined in units. The width of a unit is a power of two, at least 1 <<
+ * RESAMPLE_UNIT_BITS columns; a slice has at most RESAMPLE_UNITS units. */
 enum { RESAMPLE_UNITS = 60, RESAMPLE_UNIT_BITS = 2 };
 
 struct sp_resample_open_tile {
@@ -20,7 +20,7 @@ struct sp_resample_open_tile {
     const struct sp_resample *r;
     struct sp_resample_scratch *scratch;
     int x, y, width, height; /* px of the image */
-    const void *voxels;      /* of the samples, perhaps turned */
+    const void *voxels;      /* the samples, in their own layout or turned */
     int axis[3];             /* of the volume: u, v, and the slices' axis */
     size_t stride[3];        /* of these axes [samples] */
     int dims[3];
@@ -28,27 +28,28 @@ struct sp_resample_open_tile {
     float reference;   /* slice coordinate at s = 0 */
     int sheets_per_slice;
     int count; /* intervals; number 0 is empty */
-    int shift; /* number of a sheet − its number in the first channel */
+    int shift; /* number of a sheet in this channel − its number in the first channel */
     const struct sp_resample_axis *map[3]; /* of these axes; NULL = evenly spaced */
     struct sp_rows reader;
-    int unit_bits;  /* 1 << unit_bits columns are a unit */
+    int unit_bits;  /* a unit has 1 << unit_bits columns */
     uint64_t alive; /* blocks with a pixel that is not opaque */
 };
 
 struct sp_resample_rays;
 
-/* Finds the rays of all blocks of the tile, of which nothing is drawn. Sets t->alive to those that
- * meet the volume, and returns them. */
+/* Initialises all blocks of the tile and computes their rays. Sets t->alive to the blocks whose
+ * rays meet the volume, and returns this mask. */
 uint64_t sp_resample_init_blocks(struct sp_resample_open_tile *t,
                                  const struct sp_resample_rays *rays);
 
-/* Forgets what was drawn of a block, so that it can be drawn again. */
+/* Resets a block, so that it can be drawn again. */
 void sp_resample_open_block(const struct sp_resample_open_tile *t, struct sp_resample_block *block);
 
-/* Call it before the first sheet of a set of blocks. */
+/* Prepares the sheets. Call the function before the first sheet of a set of blocks. */
 void sp_resample_start_sheets(struct sp_resample_open_tile *t);
 
-/* Refines what the blocks of `need` see of slice coordinate z, a multiple of ½, into *sheet. */
+/* Refines the part of slice coordinate z, a multiple of ½, that the blocks of `need` see. Writes it
+ * to *sheet. */
 void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,
                         uint64_t need, float z);
 
@@ -58,47 +59,49 @@ struct sp_resample_batch {
     uint64_t now[RESAMPLE_BATCH]; /* by sheet n: blocks that composite interval n − 2 */
 };
 
-/* Finds the range of the refined samples that the blocks of `need` see of a sheet, if each of them
- * sees few. */
+/* Computes, for each block of `need`, the range of the refined samples of a sheet that the block
+ * sees; only if each block sees few samples. */
 void sp_resample_near_ranges(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,
                              uint64_t need);
 
-/* Those of the blocks that may see something in interval `number` by the ranges of its sheets. */
+/* Returns the blocks out of `blocks` that may see something in interval `number`, according to the
+ * ranges of its sheets. */
 uint64_t sp_resample_near_visible(const struct sp_resample_open_tile *t, int number,
                                   uint64_t blocks);
 
-/* Reads the sheets of a batch at the pixels of block b, and composites the intervals behind its
- * pixels: interval n lies between sheets n and n + 1. Channels are mixed: there is a batch for each
- * of them. Returns false if all pixels are opaque. */
+/* Reads the sheets of a batch at the pixels of block b, and composites the intervals behind these
+ * pixels: interval n lies between the sheets n and n + 1. batches: one per channel; the channels
+ * are mixed. Returns false if all pixels are opaque. */
 bool sp_resample_integrate(const struct sp_resample_open_tile *t,
                            const struct sp_resample_batch *batches, int b);
 
-/* The same for a projection (projection.h) of one channel. Returns false if nothing can change any
- * pixel. */
+/* Like sp_resample_integrate(), for a projection (projection.h) of one channel. Returns false if no
+ * later value can change any pixel. */
 bool sp_resample_reduce(const struct sp_resample_open_tile *t,
                         const struct sp_resample_batch *batch, int b);
 
-/* Sets the numbers of a block's pixels before anything was seen. */
+/* Sets the numbers of a block's pixels to the start value of a projection. */
 void sp_resample_reduce_open(const struct sp_resample *r, struct sp_resample_block *block);
 
-/* Turns them into transmittance and colour. */
+/* Converts the numbers of a block's pixels to transmittance and colour. */
 void sp_resample_reduce_close(const struct sp_resample *r, struct sp_resample_block *block);
 
-/* Adds the colours of another channel's block, which is closed, too. */
+/* Adds the colours of the same block of another channel. Both blocks must be closed. */
 void sp_resample_reduce_add(const struct sp_resample_block *from, struct sp_resample_block *to);
 
-/* Writes the pixels of the tile: of the blocks of `drawn`, and the background elsewhere. */
+/* Writes the pixels of the tile: the pixels of the blocks in `drawn`, and the background
+ * elsewhere. */
 void sp_resample_resolve(const struct sp_resample_open_tile *t, uint64_t drawn);
 
-/* The slice that sheet `number` lies on, a multiple of ½; the first sheets lie before the volume.
- */
+/* Returns the slice coordinate of sheet `number`, a multiple of ½. The first sheets lie in front of
+ * the volume. */
 static inline float sp_resample_slice(const struct sp_resample_open_tile *t, int number) {
     float ahead = (float)number / (float)t->sheets_per_slice - 2;
     return t->is_backwards ? (float)(t->dims[2] - 1) - ahead : ahead;
 }
 
-/* The coordinate of slice z. Beyond the volume slices are so far apart that the first interval
- * holds the outer half of the volume's last cell. */
+/* Returns the coordinate of slice z along the axis of the slices. Beyond the volume, slices are so
+ * far apart that the first interval holds the outer half of the volume's last cell. */
 static inline float sp_resample_place(const struct sp_resample_open_tile *t, float z) {
     const struct sp_resample_axis *map = t->map[2];
     int last = t->dims[2] - 1, i = (int)floorf(z);
@@ -111,18 +114,18 @@ static inline float sp_resample_place(const struct sp_resample_open_tile *t, flo
     return map->place[i] + (z - (float)i) * (map->place[i + 1] - map->place[i]);
 }
 
-/* s of slice z. */
+/* Returns s of slice z. */
 static inline float sp_resample_s(const struct sp_resample_open_tile *t, float z) {
     float s = sp_resample_place(t, z) - t->reference;
     return t->is_backwards ? -s : s;
 }
 
-/* s of a sheet. */
+/* Returns s of a sheet. */
 static inline float sp_resample_sheet_s(const struct sp_resample_open_tile *t, int number) {
     return sp_resample_s(t, sp_resample_slice(t, number));
 }
 
-/* The sample index at a coordinate of axis 0 or 1 of the tile, kept inside the slice. */
+/* Returns the sample index at a coordinate of axis 0 or 1 of the tile, limited to the slice. */
 static inline float sp_resample_index(const struct sp_resample_open_tile *t, int a, float x) {
     const struct sp_resample_axis *map = t->map[a];
     float last = (float)(t->dims[a] - 1);
@@ -135,7 +138,8 @@ static inline float sp_resample_index(const struct sp_resample_open_tile *t, int
     return x < 0 ? 0 : x > last ? last : x;
 }
 
-/* Fills min and max with the samples that SP_WIDE blocks from `begin` on see at s, per axis. */
+/* Fills min and max, per axis, with the first and the last sample that each of SP_WIDE blocks from
+ * `begin` on sees at s. */
 static inline void sp_resample_extents(const struct sp_resample_open_tile *t, int begin, sp_wide s,
                                        sp_wide min[2], sp_wide max[2]) {
     const struct sp_resample_bounds *bounds = &t->scratch->bounds;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The part of ranges.c that is compiled once per type of samples, so that a vector holds as many of
- * them as fit. ranges.c defines before each include:
+ * The part of ranges.c that is compiled once per type of samples, so that a vector holds as many
+ * samples as fit. ranges.c defines before each include:
  *
  *   ELEMENT       the type
  *   LINES(name)   the name with a suffix of the type
@@ -14,7 +14,7 @@ struct LINES(line) {
     ELEMENT low[RUN_SAMPLES], high[RUN_SAMPLES]; /* from the sample before the run on */
 };
 
-struct LINES(row) { /* row y of samples, over all lines of a slab of regions */
+struct LINES(row) { /* range of row y of samples over all lines of a slab of regions */
     struct LINES(line) own, wide;
 };
 
@@ -25,7 +25,7 @@ static void LINES(empty)(struct LINES(line) * line) {
     }
 }
 
-/* Joins `count` samples from the at-th one on. */
+/* Joins the ranges of `count` samples, from sample `at` of the line on. */
 static inline void LINES(join)(struct LINES(line) * line, int at, int count, const ELEMENT *low,
                                const ELEMENT *high) {
     ELEMENT *least_of = line->low + at, *most_of = line->high + at;
@@ -53,7 +53,7 @@ static void LINES(compute_row)(const struct sp_samples *s, uint32_t first, uint3
     LINES(join_lines)(&row->wide, &row->own);
 }
 
-/* Minima and maxima of four samples each, from every sample on. */
+/* Computes, for each sample, the minimum and maximum of four samples from this sample on. */
 static void LINES(join_four)(const struct LINES(line) * line, struct LINES(line) * four) {
     struct LINES(line) two;
     for (int i = 0; i < RUN_SAMPLES - 1; i++) {
@@ -66,7 +66,7 @@ static void LINES(join_four)(const struct LINES(line) * line, struct LINES(line)
     }
 }
 
-/* Writes the ranges of `count` regions beside each other. */
+/* Writes the ranges of `count` neighbouring regions. */
 static void LINES(write_ranges)(const struct LINES(row) * row, uint32_t count, float (*range)[2]) {
     _Static_assert(SAMPLES_REGION == 4, "two stretches of four samples cover a region");
     struct LINES(line) own, wide;
@@ -82,7 +82,8 @@ static void LINES(write_ranges)(const struct LINES(row) * row, uint32_t count, f
     }
 }
 
-/* A run of regions along the first axis, all along the second one, in one slab. */
+/* Computes the ranges of a run of regions along the first axis, of all rows along the second axis,
+ * in one slab. */
 static void LINES(compute_run)(const struct sp_samples *s, uint32_t first, uint32_t slab) {
     enum { KEPT = 8 }; /* rows of samples: neighbouring regions share three of seven */
     struct LINES(row) rows[KEPT], all;

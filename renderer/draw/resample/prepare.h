@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a frame needs before its pixels are drawn, the same for all backends: the mip level and its
- * samples, sample coordinates, clipping as half spaces, the metric, tables of rectilinear axes.
+ * Prepares a frame before its pixels are drawn, for all backends: the mip level and its samples,
+ * sample coordinates, clipping as half spaces, the metric, and tables of rectilinear axes.
  */
 #ifndef SP_RESAMPLE_PREPARE_H
 #define SP_RESAMPLE_PREPARE_H
@@ -9,12 +9,13 @@
 #include "draw/resample/resample.h"
 
 /* Fills *r and its channels, except refined_max, and the stats that are known before drawing. *r
- * refers to what the input refers to, and is valid until the arena is reset or another frame is
- * prepared with the same cache. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+ * borrows the data of the input. It is valid until the arena is reset or another frame is prepared
+ * with the same cache. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
                          struct sp_error *err);
 
-/* Gets the samples of one channel for slices of another axis, and sets r->axis. Errors as above. */
+/* Turns one channel to slices of another axis: gets its samples and sets r->axis. Errors as
+ * above. */
 bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample *r, int axis,
                       struct sp_error *err);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Projections: a ray's values are reduced to one number, and the number becomes a colour.
+ * Projections: reduce the values along a ray to one number, and convert the number to a colour.
  *
  *   mode               number of the ray
  *   maximum, minimum   the largest of sign · level            ─┐
@@ -8,8 +8,8 @@
  *   sum                ∫ max(level − zero, 0)                  │   (0 … 1)
  *   sum, absorption    1 − 2^(−absorption · the same)         ─┘
  *
- * What cannot change the image is skipped by the machinery of transfer functions: reduction.tf is
- * transparent where values count as nothing.
+ * Samples that cannot change the image are skipped like invisible samples: the function of
+ * sp_reduction_transfer() is transparent for values that do not count.
  */
 #ifndef SP_RESAMPLE_PROJECTION_H
 #define SP_RESAMPLE_PROJECTION_H
@@ -26,16 +26,16 @@ struct sp_reduction {
     bool is_mean;
     bool leaves_out;  /* some samples are not finite */
     float sign;       /* 1; minimum: −1 */
-    float start;      /* what a ray begins with [sign·level] */
-    float full;       /* what no larger number changes the colour of [sign·level] */
+    float start;      /* number at the begin of a ray [sign·level] */
+    float full;       /* larger numbers have the same colour [sign·level] */
     float zero;       /* level */
     float absorption; /* per level · reference length, base 2; 0 = none */
     float gain;       /* the number → [0, 1], from the first to the last colour */
     float offset;
-    double ends[2]; /* values that have the first and the last colour, in the number's unit */
+    double ends[2]; /* numbers with the first and the last colour, in the number's unit */
 };
 
-/* The transfer function by which a projection of the volume skips samples. */
+/* Fills the transfer function by which a projection of the volume skips samples. */
 void sp_reduction_transfer(const struct sp_view *view, const struct sp_volume_info *info,
                            struct sp_transfer_function *tf);
 

@@ -7,14 +7,15 @@
 #include "base/isa.h"
 #include "draw/resample/mip_samples.h"
 
-/* Fills samples->range: what interpolation inside of each region may give. Incomplete after a
- * cancellation. */
+/* Fills samples->range with the values that interpolation in each region may give. Incomplete after
+ * a cancellation. */
 typedef void sp_ranges_compute_fn(struct sp_samples *samples, struct sp_pool *pool,
                                   const struct sp_interrupt *interrupt);
 sp_ranges_compute_fn sp_ranges_compute;
 
-/* What interpolation between samples with the range `own` may give; `wide`: the range of these and
- * of those one sample farther. {∞, −∞} if that is empty. */
+/* Computes the range of the values that interpolation between samples may give. `own`: the range of
+ * these samples; `wide`: the range of these and of the samples one farther. {∞, −∞} if `wide` is
+ * empty. */
 static inline void sp_ranges_widen(const float own[2], const float wide[2], float range[2]) {
     /* Interpolation overshoots. It hardly ever exceeds the samples around a cell by more than this
      * share of the range of those one sample farther; what does may be missing from the image. */

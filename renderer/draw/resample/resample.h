@@ -10,8 +10,8 @@
  *
  *   (u + s·du, v + s·dv)   with   s = ±(z − z_ref)   rising along the ray [slices]
  *
- * exactly, in perspective too. All coordinates are in samples of the mip level that is drawn; those
- * of a rectilinear axis are distances over the mean spacing.
+ * This is exact, also in perspective. All coordinates are in samples of the mip level that is
+ * drawn; coordinates of a rectilinear axis are distances over the mean spacing.
  */
 #ifndef SP_RESAMPLE_RESAMPLE_H
 #define SP_RESAMPLE_RESAMPLE_H
@@ -36,9 +36,9 @@ enum {
     RESAMPLE_BLOCKS = 64,    /* of a tile: the bits of a mask */
     RESAMPLE_TILE = 64,      /* px */
     RESAMPLE_BATCH = 4,      /* sheets that are drawn together */
-    RESAMPLE_SHEETS = 7,     /* of a batch, and the three before, for gradients */
-    RESAMPLE_SLACK = 64,     /* samples around those that blocks see for which there is memory */
-    RESAMPLE_TAPS = 6,       /* samples that one between them is made from */
+    RESAMPLE_SHEETS = 7,     /* the sheets of a batch and the three before them, for gradients */
+    RESAMPLE_SLACK = 64,     /* a sheet has memory for this many samples around the visible ones */
+    RESAMPLE_TAPS = 6,       /* samples from which a sample between them is interpolated */
     RESAMPLE_HALVES_MAX = 2 * 6 + 1 + SP_CLIP_PLANES_MAX
 };
 
@@ -47,8 +47,9 @@ struct sp_resample_half {
     double normal[3], offset;
 };
 
-/* Where the samples of an axis lie. Its coordinate is the distance along the axis over the mean
- * spacing of the level, so that rays are straight: sample i of an even axis is at i. */
+/* The positions of the samples of an axis. The coordinate of a sample is its distance along the
+ * axis over the mean spacing of the level, so that rays are straight: sample i of an evenly spaced
+ * axis is at i. */
 struct sp_resample_axis {
     const float *place;           /* [dims]: coordinate of each sample; NULL = evenly spaced */
     const float *index;           /* [steps + 1]: sample index at evenly spaced coordinates */
@@ -77,29 +78,29 @@ struct sp_resample {
     struct sp_curve curve;
     struct sp_resample_axis axes[3];
     struct sp_reduction reduction;
-    const float (
-        *colors)[4];     /* of it, in the order of its numbers; NULL = the view is no projection */
-    bool is_linear;      /* SP_ATTENUATION_LINEAR */
-    bool is_fine;        /* sheets half a slice apart for all rays */
-    float steep[2];      /* between them some rays get such sheets, beyond them all (rays.h) */
+    const float (*colors)[4]; /* of the projection, by number; NULL = the view is no projection */
+    bool is_linear;           /* SP_ATTENUATION_LINEAR */
+    bool is_fine;             /* sheets half a slice apart for all rays */
+    float steep[2];      /* steepness: half sheets for some rays between these, for all rays above
+                            (rays.h) */
     bool needs_gradient; /* lit, or the transfer function has a gradient axis */
-    int axis;            /* of the slices; tiles of wide views may take another one */
+    int axis;            /* of the slices; tiles of wide views may use another axis */
     double share[3];     /* of the image that slices along each axis have (axes.h) */
     int columns, rows;   /* of tiles */
     size_t refined_max;  /* refined samples that a sheet has memory for */
     double eye[3];       /* samples; perspective */
     double ray[3];       /* direction of the ray through the image's centre [samples] */
-    double right[3], down[3]; /* its change per pixel; orthographic: of the ray's start */
+    double right[3], down[3]; /* change of `ray` per pixel; orthographic: of its start */
     double start[3];          /* orthographic: a point of the centre's ray [samples] */
     double metric[6];     /* of sample coordinates: xx, yy, zz, yz, xz, xy [reference length²] */
     float to_world[3][3]; /* gradient in codes per sample → gradient_unit, so that no product of
                              two overflows */
     float gradient_unit;  /* data unit per world unit */
-    float rounding;       /* gradients below are those of rounded samples [gradient_unit] */
-    float lowest;         /* code below which no value lies */
+    float rounding;       /* smaller gradients come from the rounding of samples [gradient_unit] */
+    float lowest;         /* no value has a smaller code */
     uint32_t half_count;
-    /* The volume, or what is kept of it by the clip box; of a channel, both. The near plane, clip
-     * planes. */
+    /* The volume, or the part of it that the clip box keeps; of a channel, both. Then the near
+     * plane and the clip planes. */
     struct sp_resample_half halves[RESAMPLE_HALVES_MAX];
 };
 
@@ -111,22 +112,22 @@ struct sp_resample_block {
     float begin[RESAMPLE_PIXELS], end[RESAMPLE_PIXELS]; /* of the ray inside the halves [s] */
     float to_eye[3][RESAMPLE_PIXELS]; /* unit vector in world space; only if the volume is lit */
     float light[RESAMPLE_PIXELS];     /* transmittance so far */
-    /* Premultiplied. Of a projection, until it is closed: the number so far, and the length of the
-     * ray that it comes from if some samples are left out. */
+    /* Premultiplied. A projection, until it is closed: color[0] is the number so far; color[1] is
+     * the length of the ray that counts, if samples can be left out. */
     float color[3][RESAMPLE_PIXELS];
-    float value[4][RESAMPLE_PIXELS];    /* of the last sheets that were read, by number modulo 4 */
-    int value_sheet[4];                 /* their numbers */
-    float slope[4][2][RESAMPLE_PIXELS]; /* their gradients along u and v */
+    float value[4][RESAMPLE_PIXELS];    /* on the last sheets that were read, by number modulo 4 */
+    int value_sheet[4];                 /* numbers of these sheets */
+    float slope[4][2][RESAMPLE_PIXELS]; /* gradients on these sheets, along u and v */
     uint64_t has_slope[4];              /* bit per pixel */
-    float normal[3][RESAMPLE_PIXELS];   /* gradient of the surface that was met last */
+    float normal[3][RESAMPLE_PIXELS];   /* gradient of the last surface on the ray */
     /* The curve's integral where the last interval ended, in an order that the kernel knows. */
     float entry[4][RESAMPLE_PIXELS];
     float entry_bin[RESAMPLE_PIXELS];
-    int entry_sheet[RESAMPLE_PIXELS]; /* on which sheet; by first pixel of a vector */
+    int entry_sheet[RESAMPLE_PIXELS]; /* the sheet where it ended; by first pixel of a vector */
     float inside[2];                  /* s between which all rays are inside */
-    int at[2];                        /* its corner in the tile [px] */
-    /* Fragments of other layers (insert.h), set only if the block has any: those that are left, and
-     * the first of them: its s; infinity = none. */
+    int at[2];                        /* corner of the block in the tile [px] */
+    /* Fragments of other layers (insert.h), set only if the block has any: the remaining fragments,
+     * and s, alpha and colour of the first one; s = infinity: none is left. */
     bool has_fragments;
     const struct sp_fragment *next[RESAMPLE_PIXELS];
     uint8_t left[RESAMPLE_PIXELS];
@@ -134,7 +135,7 @@ struct sp_resample_block {
     float next_color[3][RESAMPLE_PIXELS];
 };
 
-/* Where the rays of a tile's blocks are. */
+/* Bounds of the rays of a tile's blocks. */
 struct sp_resample_bounds {
     _Alignas(64) float corner[4][4][RESAMPLE_BLOCKS]; /* [u, v, du, dv][corner] */
     float span[2][RESAMPLE_BLOCKS];                   /* s between which some ray is inside */
@@ -149,7 +150,7 @@ struct sp_resample_sheet {
     float shift[2], first[2], last[2];
     float s;     /* where it lies on the rays */
     float decay; /* of a surface's normal from this sheet to the next one */
-    _Alignas(64) float range[2][RESAMPLE_BLOCKS]; /* of codes that blocks see (near.c) */
+    _Alignas(64) float range[2][RESAMPLE_BLOCKS]; /* of the codes that blocks see (near.c) */
 };
 
 /* Rows of a slice with twice the samples across, in codes that are raised for filtering. */
@@ -171,12 +172,13 @@ struct sp_resample_scratch {
     struct sp_resample_sheet sheets[RESAMPLE_SHEETS]; /* by number modulo RESAMPLE_SHEETS */
     struct sp_resample_rows rows[RESAMPLE_TAPS + 1];  /* by slice modulo RESAMPLE_TAPS; the last:
                                                          halfway between two slices */
-    /* By row of the newest sheet, and of the rows that are filtered for it: units of columns that
-     * blocks see. */
+    /* By row of the newest sheet (`seen`), and by row of the slices that are filtered for it
+     * (`around`): the units of columns that blocks see. */
     uint64_t *seen, *around;
-    uint64_t *active; /* by interval between slices: the blocks that may see something in it */
-    /* Of a maximum or minimum, by slab of regions: the largest number that each block may see in
-     * it, and the blocks that it may change. By block: the smallest number of its pixels. */
+    uint64_t *active; /* by interval between slices: the blocks that may see a value in it */
+    /* Maximum and minimum projections. most, open: by slab of regions, the largest number that each
+     * block may see in the slab, and the blocks that the slab may change. least: by block, the
+     * smallest number of its pixels. */
     float (*most)[RESAMPLE_BLOCKS];
     uint64_t *open;
     _Alignas(64) float least[RESAMPLE_BLOCKS];
@@ -189,11 +191,11 @@ typedef void sp_resample_tile_fn(const struct sp_resample *resample,
                                  struct sp_resample_scratch *scratch, uint32_t tile);
 sp_resample_tile_fn sp_resample_tile;
 
-/* What a frame is made from. */
+/* The inputs of a frame. */
 struct sp_resample_input {
-    /* Of the next channel, of which view and volume differ; NULL = the last one. Its samples are as
-     * far apart as those of the first one, whose clip box, background and fragments hold for all;
-     * its volume may be another part of the space. */
+    /* The input of the next channel; NULL = this is the last one. Only view and volume differ. All
+     * channels have the same distance of samples, but their volumes may cover different parts of
+     * space. The clip box, background and fragments of the first channel hold for all. */
     const struct sp_resample_input *next;
     const struct sp_view *view;
     struct sp_volume *volume;
@@ -208,7 +210,7 @@ struct sp_resample_input {
     unsigned mip_level;                   /* no finer level is drawn */
     sp_resample_tile_fn *draw_tile;       /* sp_resample_tile() of an instruction set */
     sp_ranges_compute_fn *compute_ranges; /* sp_ranges_compute() of that set */
-    bool keeps_layout;                    /* no copy of the samples is turned for faster reading */
+    bool keeps_layout; /* the cache makes no turned copy of the samples for faster reading */
     struct sp_pool *pool;
     struct sp_arena *arena;
 };
@@ -217,7 +219,8 @@ struct sp_resample_input {
  * all fields of the filter have their defaults. */
 bool sp_resample_draws(const struct sp_view *view);
 
-/* The finest mip level whose samples are wide enough in the image; 0 = the volume's own samples. */
+/* Returns the finest mip level whose samples are wide enough in the image; 0 = the volume's own
+ * samples. */
 unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_transform *camera);
 
 /* Draws every pixel and fills the stats. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Reads parts of rows of samples as levels (curve.h). They are raised by ROWS_RAISED, so that no
+ * Reads parts of rows of samples as codes (curve.h). ROWS_RAISED is added to each code, so that no
  * overshoot of a filter is negative.
  */
 #ifndef SP_RESAMPLE_ROWS_H
@@ -14,14 +14,15 @@
 
 enum {
     ROWS_RAISED = 8192,
-    ROWS_LENGTH = 144,         /* samples that are read at once, at most */
-    ROWS_MARGIN = 2 * SP_WIDE, /* what is written before them and behind them */
+    ROWS_LENGTH = 144,         /* most samples per call */
+    ROWS_MARGIN = 2 * SP_WIDE, /* values that may be written before and behind the samples */
     ROWS_MEMORY = ROWS_LENGTH + 2 * ROWS_MARGIN
 };
 
-/* Narrow integers x, raised as by sp_fetch_…(), to levels: start + ((x − low) << shift)·scale. */
+/* Converts narrow integers x, as sp_fetch_…() returns them, to codes: start + ((x − low) <<
+ * shift)·scale. */
 struct sp_rows_scaling {
-    uint16_t low, high; /* values are moved into this range */
+    uint16_t low, high; /* values are limited to this range */
     uint16_t scale;     /* ·65536 */
     uint16_t start;     /* raised by ROWS_RAISED */
     int shift;
@@ -46,10 +47,10 @@ struct sp_rows {
 void sp_rows_init(struct sp_rows *rows, const struct sp_curve *curve, const void *voxels,
                   enum sp_type type, int count, size_t stride);
 
-/* Reads samples first to first + count − 1, ROWS_LENGTH at most, of the row that begins at voxel
- * `line` into out[0…]. The number of a voxel is that in an array, also for blocks. Beyond the ends
- * of the row its outermost samples are repeated; some of the samples must lie inside. Also writes
- * ROWS_MARGIN values at most before out[0] and behind out[count − 1]. */
+/* Reads the samples [first, first + count) of the row that begins at voxel `line` into out[0 …
+ * count − 1]; count ≤ ROWS_LENGTH. `line` is an index into an array of voxels, also if the samples
+ * lie in blocks. Beyond the ends of the row its outermost samples are repeated; some of the samples
+ * must lie inside. Also writes up to ROWS_MARGIN values before out[0] and behind out[count − 1]. */
 void sp_rows_read(const struct sp_rows *rows, ptrdiff_t line, int first, int count, uint16_t *out);
 
 #endif

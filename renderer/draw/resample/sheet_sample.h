@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Reads a refined sheet at pixels: linear between refined samples, which are half a sample apart.
- * Gradients are differences of two such values one sample apart, so they change continuously.
+ * Reads a refined sheet at pixels: linear between refined samples, which are half a sample apart. A
+ * gradient is the difference of two interpolated values one sample apart, so that gradients change
+ * continuously.
  */
 #ifndef SP_RESAMPLE_SHEET_SAMPLE_H
 #define SP_RESAMPLE_SHEET_SAMPLE_H
@@ -19,12 +20,12 @@ enum { SAMPLE_ONE = 1 << 14 }; /* the sum of two weights */
 /* Where SP_WIDE pixels lie on a refined sheet. */
 struct place {
     sp_wide_int index;
-    sp_wide_int weights; /* of that refined sample and of the next one in its row, a pair */
-    sp_wide down;        /* towards the next row, [0, 1) */
+    sp_wide_int weights; /* of this refined sample and of the next one in its row, as a pair */
+    sp_wide down;        /* share of the next row, [0, 1) */
 };
 
-/* The rays' coordinates along axis a, kept inside the slice and the sheet [refined samples of the
- * sheet]. */
+/* Returns the coordinates of the rays along axis a, limited to the slice and the sheet [refined
+ * samples of the sheet]. */
 static inline sp_wide coordinate(const struct sp_resample_open_tile *t, int a, sp_wide at,
                                  sp_wide change, const struct sp_resample_sheet *sheet) {
     sp_wide x = sp_wide_fma(change, sp_wide_all(sheet->s), at);
@@ -46,10 +47,10 @@ static inline void compute_place(const struct sp_resample_open_tile *t,
     place->index = sp_wide_to_int(sp_wide_fma(row, sp_wide_all((float)sheet->width), column));
 }
 
-/* Cuts an interval between two sheets, which begins at s = `start` and is `width` long, to the part
- * of the rays from pixel i on that is inside all half spaces. `value` holds the polynomial of
- * degree 2 by its values at the start, in the middle and at the end. Returns the share that is
- * left. */
+/* Cuts an interval between two sheets to the part of the rays, from pixel i on, that lies inside
+ * all half spaces. The interval begins at s = `start` and is `width` long. `value` describes a
+ * polynomial of degree 2 by its values at the start, in the middle and at the end of the interval.
+ * Returns the share of the interval that is left. */
 static inline sp_wide sp_cut_interval(const struct sp_resample_block *block, int i, float start,
                                       float width, sp_wide value[3]) {
     const sp_wide one = sp_wide_all(1);
@@ -70,14 +71,15 @@ static inline sp_wide mix(sp_wide a, sp_wide b, sp_wide part) {
     return a + part * (b - a);
 }
 
-/* The value at the place between a pair of samples and the pair below it, times SAMPLE_ONE. */
+/* Returns the interpolated value at a place between a pair of samples and the pair below it, times
+ * SAMPLE_ONE. */
 static inline sp_wide mix_pairs(const struct place *place, sp_wide_int above, sp_wide_int below) {
     sp_wide a = sp_wide_from_int(sp_fetch_dot(above, place->weights));
     sp_wide b = sp_wide_from_int(sp_fetch_dot(below, place->weights));
     return mix(a, b, place->down);
 }
 
-/* The values at which rays cross sheet `number`. */
+/* Returns the values where the rays cross sheet `number`. */
 static inline sp_wide sp_sample_values(const struct sp_resample_open_tile *t,
                                        const struct sp_rays *rays, int number) {
     const struct sp_resample_sheet *sheet = &t->scratch->sheets[number % RESAMPLE_SHEETS];
@@ -88,7 +90,7 @@ static inline sp_wide sp_sample_values(const struct sp_resample_open_tile *t,
     return mix_pairs(&place, above, below) * (1.0f / SAMPLE_ONE);
 }
 
-/* Gradients per sample → per unit of the coordinate. */
+/* Converts gradients along axis a from "per sample" to "per unit of the coordinate". */
 static inline void rescale(const struct sp_resample_open_tile *t, int a, sp_wide at, sp_wide change,
                            float s, sp_wide *slope) {
     for (int i = 0; t->map[a] && i < SP_WIDE; i++) {
@@ -100,8 +102,8 @@ static inline void rescale(const struct sp_resample_open_tile *t, int a, sp_wide
 }
 
 /* Returns the values, and fills the gradients along u and v [codes per sample]: differences of
- * values one sample apart. The
- * place is between refined samples 1 and 2 of rows 1 and 2; differences are those of
+ * values one sample apart. The place lies between the refined samples 1 and 2 of the rows 1 and 2
+ * of four. The differences are
  *
  *   across: samples 2, 3 and 0, 1 of a row      down: samples 1, 2 of rows 2 and 0, and 3 and 1
  */

@@ -4,8 +4,8 @@
 
 #include "draw/resample/mip_samples.h"
 
-/* Fills class->visible and visible_count from the ranges of the samples, for its transfer function
- * and axis. False: cancelled, and not whole. */
+/* Fills class->visible and class->visible_count from the ranges of the samples, for the transfer
+ * function and the axis of the class. False: cancelled and incomplete. */
 bool sp_samples_mark_visible(const struct sp_samples *samples, struct sp_samples_class *class,
                              struct sp_pool *pool, const struct sp_interrupt *interrupt);
 
