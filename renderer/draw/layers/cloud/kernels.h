@@ -15,14 +15,14 @@
 
 /* Variance that the low-pass filter adds to trained Gaussians [px²] (Kerbl et al. 2023). */
 #define SP_CLOUD_LOWPASS2 0.3f
-/* Red, green and blue of a Gaussian are at most this, so that no light is infinite. */
+/* Largest red, green and blue of a Gaussian, so that no light is infinite. */
 #define SP_CLOUD_COLOR_MAX 1e4f
 
 enum { SP_CLOUD_PARTS_MAX = 12 };
 
-/* A copy of a chosen point: one line of the cache, where arrays would be four. */
+/* A copy of a chosen point. It occupies one cache line; reading the arrays would touch four. */
 struct sp_cloud_record {
-    _Alignas(64) float position[3]; /* this and the others as in struct sp_elements */
+    _Alignas(64) float position[3]; /* all fields as in struct sp_elements */
     float factor[6], value, volume;
     float color; /* sp_cloud_color_number(), if the cloud has other numbers for colours */
 };
@@ -32,12 +32,14 @@ _Static_assert(sizeof(struct sp_cloud_record) == 64, "one line of the cache");
 /* A layer of points or Gaussians in one frame. */
 struct sp_cloud {
     const struct sp_elements *elements;
-    const struct sp_cloud_tree *tree; /* its merged points are numbered from elements->shape.count
-                                         on; NULL = none */
-    /* Copies of the chosen points, in no order; points are then numbered as here, and merged points
-     * as above. NULL = points are numbered as in `elements`. */
+    const struct sp_cloud_tree
+        *tree; /* its merged points are numbered from elements->shape.count on; NULL = none */
+    /* Copies of the chosen points, in no particular order. With records, the number of a point is
+     * its index here, and merged points are numbered as above. NULL = the number of a point is its
+     * index in `elements`. */
     const struct sp_cloud_record *records;
-    /* Gaussians: splats of the whole image, which are numbered instead. NULL = not set up yet. */
+    /* Gaussians: the splats of the whole image; the number of an element is then its index here.
+     * NULL = not set up yet. */
     const struct sp_voxel_record *splats;
     /* u = place·position + offset, and K = place·L times `size` [units of the frame] */
     float place[3][3], offset[3];
@@ -45,26 +47,26 @@ struct sp_cloud {
     float opacity; /* gaussians: factor */
     bool is_normalised;
     bool is_orthographic;
-    float eye[3]; /* in the world of the data; orthographic: direction of view there, unit length */
+    float eye[3]; /* eye in the coordinates of the data; orthographic: unit direction of view */
     const struct sp_pieces *pieces; /* points: the transfer function, relative to `base` */
     float base;
-    /* Points: what gives colours in place of values, one number, or the length of a vector, by
-     * element. A number n has the colour of the value (n − color_low)·color_scale + color_first,
-     * relative to `base`. Both NULL = values do. */
+    /* Points: other numbers that give the colours, by element: one number, or the length of a
+     * vector. A number n has the colour of the value (n − color_low)·color_scale + color_first,
+     * relative to `base`. Both NULL = the values give the colours. */
     const float *color_values;
     const float (*color_vectors)[3];
-    const float *merged_colors; /* then, by merged point; one number (colors.h) */
-    uint64_t merged_colors_id;  /* no other such array of the cache has it */
+    const float *merged_colors; /* the same by merged point (colors.h) */
+    uint64_t merged_colors_id;  /* serial number, unique in the cache */
     float color_low, color_scale, color_first;
-    float per_volume; /* points: from a volume [world unit³ of the data] to cells */
-    /* Points: each kernel is drawn in that many parts of equal weight, one behind the other.
-     * Elements are then numbered `parts` times their number plus the part. */
+    float per_volume; /* points: converts volumes from [world unit³ of the data] to cells */
+    /* Points: each kernel is drawn as this many parts of equal weight, one behind the other. Part p
+     * of element n has the number parts·n + p. */
     uint32_t parts;
-    float part_at[SP_CLOUD_PARTS_MAX]; /* depth of each [deviations of the kernel's depth] */
-    float part_deviation;              /* of a part's depth [the same] */
+    float part_at[SP_CLOUD_PARTS_MAX]; /* depth of each part [deviations of the kernel's depth] */
+    float part_deviation; /* deviation of a part's depth [deviations of the kernel's depth] */
 };
 
-/* Where the numbers of an element are. */
+/* Pointers to the data of an element. */
 struct sp_cloud_element {
     const float *position, *factor;
     const float *value;  /* of points; opacity of Gaussians */
@@ -93,7 +95,7 @@ static inline bool sp_cloud_has_colors(const struct sp_cloud *cloud) {
     return cloud->color_values || cloud->color_vectors;
 }
 
-/* The number that gives the colour of a point or merged point. */
+/* Returns the number that gives the colour of a point or merged point. */
 static inline float sp_cloud_color_number(const struct sp_cloud *cloud, uint32_t number) {
     const uint32_t count = cloud->elements->shape.count;
     if (number >= count)
@@ -104,13 +106,13 @@ static inline float sp_cloud_color_number(const struct sp_cloud *cloud, uint32_t
     return sqrtf(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-/* Sets up the splats of elements[count] of the cloud `from` (struct sp_cloud) that touch the rows
- * being drawn, in order, without those that only touch closed tiles. Returns how many were
- * written. */
+/* Sets up the splats of elements[count] of the cloud `from` (struct sp_cloud), in order. Leaves out
+ * splats that touch none of the rows being drawn, and splats that touch closed tiles only. Returns
+ * the number of splats written. */
 uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
                          const uint32_t *elements, uint32_t count, struct sp_voxel_record *out);
 
-/* The same of Gaussians. */
+/* Like sp_cloud_set_up(), for Gaussians. */
 uint32_t sp_cloud_set_up_gaussians(const struct sp_voxel_frame *frame, const struct sp_cloud *cloud,
                                    const uint32_t *elements, uint32_t count,
                                    struct sp_voxel_record *out);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The elements of a cloud that the camera may see, sorted by the depth of their centres.
+ * Sorts the elements of a cloud that the camera may see by the depth of their centres.
  */
 #ifndef SP_CLOUD_ORDER_H
 #define SP_CLOUD_ORDER_H
@@ -13,14 +13,14 @@
 #include "draw/layers/cloud/kernels.h"
 #include "draw/layers/splat_list/order.h"
 
-/* What is sorted; NULL = all elements of the cloud. */
+/* The elements to sort; NULL = all elements of the cloud. */
 struct sp_cloud_choice {
     uint32_t *elements; /* [count] */
     float *depths;      /* [count]: sp_cloud_depth() of merged points; NULL = not known */
     uint32_t count;
 };
 
-/* True if the clip planes keep u. */
+/* True if the clip planes keep the point u. */
 static inline bool sp_cloud_is_kept(const struct sp_clip_frame *clip, const float u[3]) {
     for (uint32_t i = 0; i < clip->count; i++) {
         const struct sp_clip_half *h = &clip->planes[i];
@@ -30,7 +30,7 @@ static inline bool sp_cloud_is_kept(const struct sp_clip_frame *clip, const floa
     return true;
 }
 
-/* The depth of an element's centre; infinity if it cannot be seen. */
+/* Returns the depth of an element's centre [cells]; infinity if the element is not drawn. */
 static inline float sp_cloud_depth(const struct sp_cloud *cloud, const struct sp_voxel_frame *frame,
                                    const struct sp_cloud_element *e) {
     const float *p = e->position;
@@ -46,11 +46,11 @@ static inline float sp_cloud_depth(const struct sp_cloud *cloud, const struct sp
 }
 
 /* Sorts the elements front to back: by depth, in steps of 2^−22 of the range of depths, then by
- * number. Leaves out what sp_cloud_prepare() leaves out. Levels of detail become records of the
- * cloud unless they are too many. With `set_up`, which is for Gaussians, elements become splats of
- * the cloud unless they are too many, and those that are not in the image are left out. The same
- * for any number of threads. False if memory ran out (the arena says for what). Incomplete after a
- * cancellation. */
+ * number. Leaves out the same elements as sp_cloud_prepare(). With levels of detail, copies the
+ * chosen points to cloud->records unless there are too many. With `set_up`, which is for Gaussians,
+ * stores splats in cloud->splats unless there are too many, and leaves out splats outside the
+ * image. The result is the same for any number of threads. False if memory runs out; the arena
+ * names the allocation. Incomplete after a cancellation. */
 bool sp_cloud_sort(struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
                    const struct sp_voxel_frame *frame, sp_voxel_set_up_fn *set_up,
                    struct sp_pool *pool, struct sp_arena *arena,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * From the numbers of elements to their places in camera space. For kernel sources only.
+ * Computes the places of elements in camera space. For kernel sources only.
  */
 #ifndef SP_CLOUD_PLACE_H
 #define SP_CLOUD_PLACE_H
@@ -8,7 +8,7 @@
 #include "draw/layers/cloud/kernels.h"
 #include "splat/outline.h"
 
-/* Computes positions and kernels. */
+/* Computes the positions and kernels of SP_WIDE elements in camera space. */
 static inline void sp_cloud_place(const struct sp_cloud *cloud, const sp_wide position[3],
                                   const sp_wide factor[6], struct sp_places *p) {
     static const int row_of[6] = { 0, 1, 1, 2, 2, 2 }, column_of[6] = { 0, 0, 1, 0, 1, 2 };

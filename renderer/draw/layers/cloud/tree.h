@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Levels of detail of points: an octree whose cells have one point each that stands for all points
- * inside (Laur and Hanrahan 1991). Far away, or while a view moves, it is drawn in their place.
+ * Levels of detail of points: an octree in which each cell has one merged point that represents all
+ * points inside (Laur and Hanrahan 1991). Far away, or while a view moves, the merged point is
+ * drawn instead of the points.
  *
  *   cell ─┬─ up to eight cells of half the side ─┬─ …        merged point of a cell:
  *         │                                      │             position  mean, weighted by volume
@@ -14,20 +15,21 @@
 
 #include "draw/layers/cloud/tree_cells.h"
 
-/* Merged points are classified as values that are spread evenly around their mean. The middles of
- * that many equal parts of them stand for all [standard deviations]. */
+/* A merged point is classified as if its values were spread evenly around their mean.
+ * SP_CLOUD_SHARES equal parts of this distribution are classified at their middles [standard
+ * deviations from the mean]. */
 enum { SP_CLOUD_SHARES = 4 };
 static const float sp_cloud_share_at[SP_CLOUD_SHARES] = { -1.299038f, -0.433013f, 0.433013f,
                                                           1.299038f };
 
-enum { SP_CLOUD_BINS = 4096 }; /* of the values of a tree */
+enum { SP_CLOUD_BINS = 4096 }; /* bins of the values of a tree */
 
-/* A cell and its merged point: one line of the cache, because frames read nodes that lie far apart
- * in memory. */
+/* A cell and its merged point. A node is one cache line, because frames read nodes that lie far
+ * apart in memory. */
 struct sp_cloud_node {
     _Alignas(64) struct sp_cloud_cell cell;
     float position[3], factor[6], value, volume; /* of the merged point, as in struct sp_elements */
-    /* What bounds all points inside and the merged one. */
+    /* Bounds of the merged point and all points inside. */
     union {
         struct {
             uint32_t low : 12, high : 12; /* bins of their values */
@@ -36,7 +38,7 @@ struct sp_cloud_node {
         uint32_t values; /* the three as one word, for shaders/cloud.glsl */
     };
     uint16_t reach;     /* at least their distance from the merged point (sp_cloud_bound()) */
-    uint16_t deviation; /* at least that of their kernels along any line, in the same way */
+    uint16_t deviation; /* at least the deviation of their kernels along any line; likewise */
 };
 
 _Static_assert(sizeof(struct sp_cloud_node) == 64, "one line of the cache");
@@ -44,12 +46,13 @@ _Static_assert(sizeof(struct sp_cloud_node) == 64, "one line of the cache");
 struct sp_cloud_tree {
     struct sp_cloud_node *nodes; /* [count], owned; the first one has all points */
     uint32_t count;
-    uint32_t *order; /* points, leaf by leaf; owned. Without those that are not drawn */
-    double low, bin; /* values from low + k·bin on are in bin k; the last one has all others */
+    uint32_t *order; /* points, leaf by leaf, without points that are never drawn; owned */
+    double low, bin; /* bin k begins at the value low + k·bin; the last bin has all larger values */
     uint64_t bytes;
 };
 
-/* A bound is the upper half of a float, so that a node stays one line. */
+/* Returns a bound, which is stored as the upper half of a float so that a node fits one cache
+ * line. */
 static inline float sp_cloud_bound(uint16_t bound) {
     const union {
         uint32_t bits;
@@ -67,15 +70,15 @@ static inline float sp_cloud_spread_step(const struct sp_cloud_tree *tree) {
     return (float)(tree->bin / 510);
 }
 
-/* The standard deviation of the values inside, weighted by volume. It is at most half of their
- * range, in 255 steps. */
+/* Returns the standard deviation of the values inside a node, weighted by volume. It is at most
+ * half of the range of these values and is stored in 255 steps. */
 static inline float sp_cloud_spread(const struct sp_cloud_tree *tree,
                                     const struct sp_cloud_node *node) {
     return (float)(node->spread * (node->high - node->low + 1)) * sp_cloud_spread_step(tree);
 }
 
-/* Builds the tree of a volume of points, the same for any number of threads. SP_ERR_MEMORY,
- * SP_ERR_CANCELLED; the tree is then empty. */
+/* Builds the tree of a volume of points. The tree is the same for any number of threads.
+ * SP_ERR_MEMORY, SP_ERR_CANCELLED; the tree is then empty. */
 bool sp_cloud_tree_build(const struct sp_volume *volume, struct sp_pool *pool,
                          const struct sp_interrupt *interrupt, struct sp_cloud_tree *tree,
                          struct sp_error *err);

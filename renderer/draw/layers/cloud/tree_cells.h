@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Makes the cells of a tree on all threads. One pass sorts the points by the first four levels.
- * Then each thread divides some of the cells of the fourth level into smaller ones. A cell with too
- * many points for one thread is sorted by four more levels first.
+ * Makes the cells of a tree on all threads. One pass sorts the points into the cells of the first
+ * four levels. Then each thread divides some of the cells of the fourth level into smaller ones. If
+ * a cell has too many points for one thread, all threads first sort its points by four more levels.
  *
  *   cells ─► top (all above the parts) │ inside part 0 │ inside part 1 │ …
  */
@@ -13,16 +13,17 @@
 #include "base/parallel_for.h"
 #include "sp/volume.h"
 
-/* A cell with points. Cells that are no leaves have cells inside, side by side. */
+/* A cell with points. The cells inside a cell lie side by side in memory; a leaf has no cells
+ * inside. */
 struct sp_cloud_cell {
-    uint32_t first; /* range of the cells inside; of a leaf: range of `order` */
+    uint32_t first; /* range of the cells inside; leaf: range of `order` */
     uint32_t count : 31, is_leaf : 1;
     float side; /* world units */
 };
 
 /* A subtree that one thread makes. */
 struct sp_cloud_part {
-    uint32_t root;         /* its cell, among the top */
+    uint32_t root;         /* its root cell, one of the top cells */
     uint32_t first, count; /* the cells inside */
     uint32_t level;
     uint32_t made;   /* where the cells inside begin in the list of the thread */
@@ -37,8 +38,9 @@ struct sp_cloud_cells {
     uint32_t top_count; /* cells above the parts and their roots, which come first */
 };
 
-/* Makes the cells of a volume of points, the same for any number of threads; the caller frees the
- * three arrays. SP_ERR_MEMORY; after a cancellation, true and incomplete. */
+/* Makes the cells of a volume of points. The result is the same for any number of threads. The
+ * caller frees the three arrays with free(). SP_ERR_MEMORY. After a cancellation, returns true and
+ * the cells are incomplete. */
 bool sp_cloud_cells_make(const struct sp_volume *volume, struct sp_pool *pool,
                          const struct sp_interrupt *interrupt, struct sp_cloud_cells *cells,
                          struct sp_error *err);
