@@ -32,8 +32,8 @@ _Static_assert(sizeof(struct sp_cloud_record) == 64, "one line of the cache");
 /* A layer of points or Gaussians in one frame. */
 struct sp_cloud {
     const struct sp_elements *elements;
-    const struct sp_cloud_tree
-        *tree; /* its merged points are numbered from elements->shape.count on; NULL = none */
+    /* Merged points have the numbers from elements->shape.count on. NULL = no merged points. */
+    const struct sp_cloud_tree *tree;
     /* Copies of the chosen points, in no particular order. With records, the number of a point is
      * its index here, and merged points are numbered as above. NULL = the number of a point is its
      * index in `elements`. */

@@ -16,12 +16,12 @@
 
 enum {
     SP_MESH_SAMPLES = 16, /* per pixel */
-    SP_MESH_SHEETS = 16,  /* triangles, one behind the other, that a sample meets at most */
+    SP_MESH_SHEETS = 16,  /* most triangles, one behind the other, of a sample */
     SP_MESH_NONE = -1     /* a sample without a triangle */
 };
 
 /* A vertex in the image. x is NaN if the vertex is not finite, nearer than the near plane, or too
- * far beside the image: its triangles are clipped. */
+ * far beside the image. Triangles with such a vertex are clipped. */
 struct sp_mesh_place {
     float x, y;    /* px */
     float inverse; /* 1/u2; orthographic: −u2. Linear in the image; nearer is larger. */
@@ -36,7 +36,7 @@ struct sp_mesh_piece {
 
 /* Tiles that a triangle touches: columns [c0, c1], rows [r0, r1]. */
 struct sp_mesh_span {
-    uint8_t c0, r0, c1, r1; /* c1 < c0: none, and if r1 < r0 as well, it must be clipped */
+    uint8_t c0, r0, c1, r1; /* c1 < c0: no tiles; if r1 < r0 as well: it must be clipped */
 };
 
 /* A half-space in the image: it keeps samples with x·a + y·b + c + inverse·d ≥ 0. */
@@ -52,15 +52,15 @@ struct sp_mesh {
     int size[2];                 /* of the image, px */
     float scale, centre[2];      /* struct sp_camera_transform */
     float near;                  /* world units */
-    float origin[3];             /* of the mesh; the next two are relative to it */
+    float origin[3];             /* of the mesh, world; `to_camera` and `shift` refer to it */
     float to_camera[3][3];       /* mesh → camera space */
-    float shift[3];              /* of the origin in camera space */
-    float normal_to_world[3][3]; /* of the mesh's normals, whose length it changes */
+    float shift[3];              /* the origin in camera space */
+    float normal_to_world[3][3]; /* for the mesh's normals; it changes their length */
     bool has_own_colors;         /* of the vertices */
-    bool has_opacities;          /* less than 1, of the vertices */
+    bool has_opacities;          /* the vertices have opacities below 1 */
     float color[3], opacity;     /* of the layer */
-    int sheets;                  /* [1, SP_MESH_SHEETS] that may be seen */
-    float apart; /* fragments of a pixel whose depths differ by more stay apart, px */
+    int sheets;                  /* number of sheets that may be visible, [1, SP_MESH_SHEETS] */
+    float apart; /* fragments of a pixel stay apart if their depths differ by more [px] */
     uint32_t half_count;
     struct sp_mesh_half halves[SP_CUTS_MAX + 1];
     const struct sp_mesh_place *places; /* [vertex_count] */
@@ -70,7 +70,7 @@ struct sp_mesh {
     const uint32_t *entries; /* of tile t: [first[t], first[t + 1]), in the order of triangles */
 };
 
-/* Per sample the nearest triangle behind those of the sheet before; pixels follow each other row by
+/* Per sample, the nearest triangle behind the previous sheet. Pixels follow each other row by
  * row. */
 struct sp_mesh_sheet {
     _Alignas(64) float inverse[SP_FRAGMENT_PIXELS * SP_MESH_SAMPLES]; /* −∞ = none */
@@ -81,17 +81,19 @@ enum {
     SP_MESH_ROW = SP_FRAGMENT_TILE * SP_MESH_SAMPLES * SP_MESH_SHEETS, /* a multiple of SP_WIDE */
 };
 
-/* What triangles show in the pixels of one row: some samples of a pixel in one triangle. */
+/* The visible parts of triangles in the pixels of one row. A part is a set of samples of one pixel
+ * that lie in one triangle. */
 struct sp_mesh_parts {
     int first[SP_FRAGMENT_TILE + 1]; /* by pixel */
     uint16_t samples[SP_MESH_ROW];   /* bit s: sample s */
     _Alignas(64) int32_t triangle[SP_MESH_ROW];
-    float x[SP_MESH_ROW], y[SP_MESH_ROW]; /* middle of these samples, px; y from the row */
-    float depth[SP_MESH_ROW];             /* u2 there */
+    float x[SP_MESH_ROW],
+        y[SP_MESH_ROW];       /* mean position of these samples [px]; y relative to the row */
+    float depth[SP_MESH_ROW]; /* u2 there */
     float color[3][SP_MESH_ROW], alpha[SP_MESH_ROW]; /* not premultiplied */
 };
 
-/* What a worker needs for one tile. */
+/* The memory of a worker for one tile. */
 struct sp_mesh_scratch {
     struct sp_mesh_sheet *sheets; /* as many as a mesh of the frame has */
     struct sp_mesh_parts parts;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The shells that a backend caches, by volume, transfer function and thresholds; the least recently
- * used is replaced first. An edit of the thresholds or of the transfer function updates the newest
- * shell of the volume, in time that follows what changes. Where a view clips, the clipped shell is
- * cached beside the whole one.
+ * The shells that a backend caches, by volume, transfer function and thresholds. A new one replaces
+ * the least recently used one. An edit of the thresholds or of the transfer function updates the
+ * newest shell of the volume; the time depends on the size of the change. If a view clips, the
+ * clipped shell is cached beside the whole one.
  */
 #ifndef SP_SHELL_CACHE_H
 #define SP_SHELL_CACHE_H
@@ -20,7 +20,7 @@ struct sp_shell_cache {
         double low, high;
         struct sp_shell_masks masks;
         struct sp_voxel_list list;
-        struct sp_voxel_list clipped; /* the same, clipped; no list = not made */
+        struct sp_voxel_list clipped; /* `list` after clipping; no list = not made */
         struct sp_clip clip;          /* of `clipped` */
         uint32_t repeats;             /* successive uses without a change */
     } slots[SP_SHELL_SLOTS];
@@ -37,8 +37,8 @@ struct sp_shell_job {
     struct sp_interrupt interrupt;
 };
 
-/* Returns the shell, valid until the next call. NULL with *err set: SP_ERR_MEMORY, SP_ERR_BUDGET,
- * SP_ERR_CANCELLED. */
+/* Returns the shell. It belongs to the cache and is valid until the next call. NULL with *err set:
+ * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 const struct sp_voxel_list *sp_shell_cache_get(struct sp_shell_cache *cache,
                                                const struct sp_shell_job *job,
                                                struct sp_error *err);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One bit per voxel for each state, and the range of the values in each block of voxels, from which
- * follows which blocks a change of the thresholds or of the transfer function can affect.
+ * One bit per voxel for each state, and the range of values of each block of voxels. The ranges
+ * tell which blocks a change of the thresholds or of the transfer function can affect.
  */
 #ifndef SP_SHELL_MASKS_H
 #define SP_SHELL_MASKS_H
@@ -10,7 +10,8 @@
 #include "base/parallel_for.h"
 #include "draw/layers/shell/states.h"
 
-/* A block is a word of voxels along axis 0, and as many along the other axes. */
+/* A block has SP_SHELL_WORD voxels along axis 0, one word of bits, and SP_SHELL_SIDE along the
+ * others. */
 enum { SP_SHELL_WORD = 64, SP_SHELL_SIDE = 8 };
 
 struct sp_shell_masks {
@@ -21,26 +22,27 @@ struct sp_shell_masks {
     uint64_t *bits[2]; /* IN and OPAQUE: [dims[2]][dims[1]][words], owned; beyond a row 0 */
 };
 
-/* SP_ERR_MEMORY. The bits are all 0, the ranges not filled. */
+/* Allocates the masks: all bits are 0 and the ranges are not filled. SP_ERR_MEMORY. */
 bool sp_shell_masks_init(struct sp_shell_masks *masks, const uint32_t dims[3],
                          struct sp_error *err);
 void sp_shell_masks_finish(struct sp_shell_masks *masks);
 
-/* Bytes of the masks of a grid. */
+/* Returns the bytes of the masks of a grid. */
 uint64_t sp_shell_masks_bytes(const uint32_t dims[3]);
 
 /* Computes the ranges of all blocks. Incomplete after a cancellation. */
 void sp_shell_masks_measure(struct sp_shell_masks *masks, const struct sp_volume *volume,
                             struct sp_pool *pool, const struct sp_interrupt *interrupt);
 
-/* Sets the bits of all blocks that differ between two states; from NULL = all blocks. changed
- * [sides[1] · sides[0]]: 1 if any block there differs, else 0. Incomplete after a cancellation. */
+/* Updates the bits of all blocks whose states differ between `from` and `to`; from: NULL = of all
+ * blocks. Fills changed[sides[1] · sides[0]]: 1 if any block of the row differs, else 0. Incomplete
+ * after a cancellation. */
 void sp_shell_masks_update(struct sp_shell_masks *masks, const struct sp_volume *volume,
                            const struct sp_shell_states *from, const struct sp_shell_states *to,
                            uint8_t *changed, struct sp_pool *pool,
                            const struct sp_interrupt *interrupt);
 
-/* Row (y, z) of the bits. */
+/* Returns row (y, z) of the bits. */
 static inline const uint64_t *sp_shell_masks_row(const struct sp_shell_masks *masks, int which,
                                                  uint32_t y, uint32_t z) {
     return masks->bits[which] + ((uint64_t)z * masks->dims[1] + y) * masks->words;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which values a shell consists of: for each value whether its opacity reaches the lower threshold
- * (SP_STATE_IN) and the higher one (SP_STATE_OPAQUE). Thresholds are compared as optical depths.
+ * Decides for each value whether its opacity reaches the lower threshold of a shell (SP_STATE_IN)
+ * and the higher one (SP_STATE_OPAQUE). Thresholds are compared as optical depths.
  */
 #ifndef SP_SHELL_STATES_H
 #define SP_SHELL_STATES_H
@@ -18,24 +18,25 @@ struct sp_shell_range {
 
 struct sp_shell_states {
     const struct sp_transfer *transfer; /* borrowed */
-    float low, high;                    /* thresholds as depths; INFINITY = none reaches it */
-    uint8_t *state;                     /* by key, owned; NULL for types without a table */
-    uint32_t *before; /* by key: how many keys up to it have another state than the key before
-                         them; owned */
+    float low, high;  /* thresholds as optical depths; INFINITY = no value reaches it */
+    uint8_t *state;   /* by key, owned; NULL for types without a table */
+    uint32_t *before; /* by key: number of keys, up to this one, whose state differs from the
+                         previous key's; owned */
 };
 
-/* SP_ERR_MEMORY. */
+/* Computes the states. The transfer must live as long as *states. SP_ERR_MEMORY. */
 bool sp_shell_states_init(struct sp_shell_states *states, const struct sp_transfer *transfer,
                           double low, double high, struct sp_error *err);
 void sp_shell_states_finish(struct sp_shell_states *states);
 
-/* The state of an optical depth over the reference length. */
+/* Returns the state of an optical depth over the reference length. */
 static inline uint8_t sp_shell_state(const struct sp_shell_states *states, float depth) {
     return (uint8_t)((depth > 0 && depth >= states->low ? SP_STATE_IN : 0) |
                      (depth >= states->high ? SP_STATE_OPAQUE : 0));
 }
 
-/* The state that all values of a range have, or SP_STATE_MIXED where they may differ. */
+/* Returns the common state of all values of a range, or SP_STATE_MIXED if their states may
+ * differ. */
 unsigned sp_shell_states_of(const struct sp_shell_states *states,
                             const struct sp_shell_range *range);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What clipping leaves of the rows of a grid. A voxel is clipped if its centre is. A clip box and
- * clip planes are convex, so that one interval is left of each row.
+ * Computes which voxels of the rows of a grid clipping keeps. A voxel is clipped if its centre is
+ * clipped. A clip box and clip planes are convex, so that clipping keeps one interval of each row.
  */
 #ifndef SP_SPLAT_LIST_CLIP_H
 #define SP_SPLAT_LIST_CLIP_H
@@ -13,7 +13,7 @@ struct sp_voxel_interval {
     uint32_t begin, end;
 };
 
-/* False if the view clips nothing. */
+/* True if the clip removes anything. */
 bool sp_voxel_clips(const struct sp_clip *clip);
 bool sp_voxel_clip_equal(const struct sp_clip *a, const struct sp_clip *b);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Splats that earlier ones hide: those that only touch tiles which are opaque already. For kernel
- * sources only.
+ * Drops splats that earlier splats hide: splats that touch only tiles that are opaque already. For
+ * kernel sources only.
  */
 #ifndef SP_SPLAT_LIST_CLOSED_H
 #define SP_SPLAT_LIST_CLOSED_H
@@ -22,7 +22,7 @@ static inline bool sp_voxel_is_covered(const struct sp_voxel_frame *frame, int x
     return true;
 }
 
-/* Clears the bits of splats that cannot be seen. */
+/* Clears the bits of hidden splats and returns the remaining bits. */
 static inline unsigned sp_voxel_drop_covered(const struct sp_voxel_frame *frame,
                                              const struct sp_outlines *o, unsigned bits) {
     unsigned seen = bits;

@@ -30,46 +30,47 @@ struct sp_streaks {
     float color[3];
 };
 
-/* A fragment of another layer with this opacity or more divides the splats before it from those
- * behind it. */
+/* A fragment of another layer with at least this opacity is a wall: splats before it and splats
+ * behind it do not become one fragment. */
 #define SP_VOXEL_WALL 0.1f
 
-/* Opacity of trained Gaussians at a pixel: the least that is drawn, and the most that one has
- * (Kerbl et al. 2023). */
+/* The opacity of one trained Gaussian at a pixel: smaller ones are not drawn, larger ones are
+ * limited (Kerbl et al. 2023). */
 #define SP_TRAINED_OPACITY_MIN (1.0f / 255)
 #define SP_TRAINED_OPACITY_MAX 0.99f
 
-/* What is the same for all splats of a layer in one frame. */
+/* The constants of all splats of a layer in one frame. */
 struct sp_voxel_frame {
     struct sp_ewa_frame ewa;
     enum sp_filter_mode mode;     /* EWA, or NONE for flat squares */
     const struct sp_shade *shade; /* NULL = not lit */
     bool is_rectilinear;
     bool linear;      /* attenuation */
-    bool is_trained;  /* of a trained scene: `depth` of a record is the opacity at its centre */
+    bool is_trained;  /* trained Gaussians: `depth` of a record is the opacity at its centre */
     bool has_streaks; /* of a layer of vectors */
     struct sp_streaks streaks;
     /* Rectilinear: by axis and index, distance from sample 0 and local spacing [mean spacings]. */
     const float *place[3], *size[3];
-    float opaque; /* least optical depth of an opaque voxel over a cell; flat: per square */
-    /* A splat joins a pixel's open fragment if its u2 differs from that of the fragment's first
-     * splat by less than apart·(1 + n/2)/T [cells]: n fragments lie in front, and T is what they
-     * let through. So errors of depth are alike on all fragments, and few pixels need more than 16.
-     */
+    float opaque; /* smallest optical depth of an opaque voxel over a cell; flat: per square */
+    /* A splat joins the open fragment of a pixel if its u2 differs from the u2 of the fragment's
+     * first splat by less than apart·(1 + n/2)/T [cells]. n fragments lie in front, and T is their
+     * transmittance. So errors of depth have similar effects on all fragments, and few pixels need
+     * more than 16. */
     float apart;
-    /* Tiles of the rows being drawn that are opaque already, [rows][columns]; NULL = none is. */
+    /* [rows][columns]: true for tiles of the rows being drawn that are opaque already. NULL = no
+     * tile is. */
     const bool *closed;
     int columns; /* of tiles */
 };
 
 /* One splat. Its weight on a pixel at (dx, dy) from the centre is 2^−p with
- * p = a·dx² + b·dx·dy + c·dy², and 0 where p exceeds the frame's cut or outside the box. Of a layer
- * of vectors, the place in the pattern is (a·dx + b·dy, c·dx + d·dy) standard deviations along and
+ * p = a·dx² + b·dx·dy + c·dy², and 0 where p exceeds the frame's cut or outside the box. Layers of
+ * vectors: the place in the pattern is (a·dx + b·dy, c·dx + d·dy) standard deviations along and
  * across the vector, and p = ½·log2 e·|place|². */
 struct sp_voxel_record {
     float x, y, a, b, c;    /* px */
     float depth;            /* optical depth at the centre */
-    float color[3];         /* shaded, not multiplied by anything */
+    float color[3];         /* shaded, not premultiplied */
     float u2;               /* of the voxel [cells] */
     int16_t x0, y0, x1, y1; /* box in px, half open, inside the image, not empty */
     float area;             /* px */
@@ -80,18 +81,18 @@ struct sp_voxel_record {
     uint16_t phase;          /* [65536ths of a period] */
 };
 
-/* A tile while it is composited: transmittance, red, green, blue of SP_WIDE pixels each. Such a
- * cell is four pixels wide; cells follow each other row by row. */
+/* A tile while it is composited. `cells` holds transmittance, red, green and blue of SP_WIDE pixels
+ * each. */
 struct sp_voxel_tile {
     _Alignas(64) float cells[SP_VOXEL_PIXELS * 4];
     uint64_t open[SP_VOXEL_PIXELS / 4 / 64]; /* bit n = cell n lets some light through */
-    uint32_t open_count;                     /* such cells */
+    uint32_t open_count;                     /* number of open cells */
     int x, y;                                /* of its corner in the image */
 };
 
-/* Sets up the splats of voxels[count] of the list `from` (struct sp_voxel_list) that touch the rows
- * being drawn, in order, without those that only touch closed tiles. Returns how many were written.
- */
+/* Sets up the splats of voxels[count] of the list `from` (struct sp_voxel_list), in order. Leaves
+ * out splats that touch none of the rows being drawn, and splats that touch closed tiles only.
+ * Returns the number of splats written. */
 typedef uint32_t sp_voxel_set_up_fn(const struct sp_voxel_frame *frame, const void *from,
                                     const uint32_t *voxels, uint32_t count,
                                     struct sp_voxel_record *out);
@@ -106,7 +107,7 @@ struct sp_voxel_kernels {
     /* Blends the tile over the background into the image. */
     void (*resolve)(const struct sp_voxel_tile *tile, const float background[4],
                     struct sp_frame *image);
-    /* Adds the same records to a tile of fragments. */
+    /* Like add(), but adds the splats to a tile of fragments. */
     void (*merge)(struct sp_fragment_tile *tile, const struct sp_voxel_frame *frame,
                   const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
 };

@@ -16,7 +16,7 @@
 /* Bits of a voxel's code: the neighbour on the low or high side of an axis is opaque. */
 #define SP_VOXEL_LOW(axis) (1u << (2 * (axis)))
 #define SP_VOXEL_HIGH(axis) (2u << (2 * (axis)))
-enum { SP_VOXEL_OPAQUE = 64 /* the voxel itself is */ };
+enum { SP_VOXEL_OPAQUE = 64 /* the voxel itself is opaque */ };
 
 struct sp_voxel {
     uint16_t at[3];    /* index in the volume */
@@ -32,9 +32,9 @@ struct sp_voxel_list {
     uint32_t *first;         /* P: [dims[1] · dims[2] + 1], owned; NULL = no list */
     struct sp_voxel *voxels; /* D: [count], owned */
     uint32_t count;
-    /* Which rows have voxels, and how many voxels each slice has, by slice of axis 1 and of axis 2.
-     * A bit of rows[0] stands for a slice of axis 2, one of rows[1] for a slice of axis 1; owned.
-     */
+    /* Which rows have voxels, and how many voxels each slice has: [0] by slice of axis 1, [1] by
+     * slice of axis 2. A bit of rows[0] stands for a slice of axis 2, a bit of rows[1] for a slice
+     * of axis 1. Owned. */
     uint64_t *rows[2];
     uint32_t *slice_counts[2];
 };
@@ -43,9 +43,10 @@ static inline uint64_t sp_voxel_list_rows(const struct sp_voxel_list *list) {
     return (uint64_t)list->dims[1] * list->dims[2];
 }
 
-/* How a list is made: start(), then first[row + 1] = voxels of each row, then sum(), which makes
- * starts of the counts and allocates `voxels`, then the voxels themselves. `dims` is set before.
- * SP_ERR_MEMORY; sum() also SP_ERR_BUDGET, with the remedy. After a failure, finish() the list. */
+/* To make a list: set `dims`, call start(), and write the number of voxels of each row to
+ * first[row + 1]. Then call sum(), which turns the counts into starts and allocates `voxels`, and
+ * write the voxels. SP_ERR_MEMORY; sum() also SP_ERR_BUDGET with `remedy` in the message. After a
+ * failure, call finish(). */
 bool sp_voxel_list_start(struct sp_voxel_list *list, struct sp_error *err);
 bool sp_voxel_list_sum(struct sp_voxel_list *list, uint64_t bytes_max, const char *remedy,
                        struct sp_error *err);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * From the outline of a splat to its record. For kernel sources only.
+ * Converts the outline of a splat to its record. For kernel sources only.
  */
 #ifndef SP_SPLAT_LIST_RECORD_H
 #define SP_SPLAT_LIST_RECORD_H
@@ -8,7 +8,7 @@
 #include "draw/layers/splat_list/kernels.h"
 #include "splat/outline.h"
 
-/* Writes the record of splat i, but for its colour and its streaks. */
+/* Writes the record of splat i, except its colour and its streaks. */
 static inline void sp_voxel_record_write(const struct sp_outlines *o, int i, float depth, float u2,
                                          struct sp_voxel_record *out) {
     out->x = o->x[i];

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The texture of a layer of vectors: rows of streaks along the projected vector, which move with
- * the phase (Crawfis and Max 1993, figure 3). The paper tabulates it by phase and foreshortening;
- * here it is a formula, so that both are continuous and close-ups are sharp. For kernel sources
- * only.
+ * the phase (Crawfis and Max 1993, figure 3). The paper stores the texture in tables by phase and
+ * foreshortening. Here it is a formula, so that both are continuous and close-ups are sharp. For
+ * kernel sources only.
  *
  *   (along, across) = place in standard deviations of the footprint
  *   row   = nearest row of streaks           rows are ROW apart, shifted at random
@@ -36,7 +36,7 @@ struct sp_streak_places {
     sp_wide periods, contrast;
 };
 
-/* Projects a direction in camera space like a column of J·K: to px per cell. */
+/* Projects a direction in camera space like a column of J·K [px per cell]. */
 static inline void sp_streak_project(const struct sp_ewa_frame *f, const struct sp_places *p,
                                      const sp_wide direction[3], sp_wide e[2]) {
     for (int i = 0; i < 2; i++) {
@@ -94,8 +94,8 @@ static inline sp_wide_mask sp_streak_place(const struct sp_ewa_frame *f,
     return seen & sp_wide_lt(sp_wide_all(0), o->gain);
 }
 
-/* Samples without a direction have no pattern, and in style modulate no splat. Returns which of the
- * splats are left. */
+/* Removes the pattern of samples without a direction. In style modulate, such samples have no
+ * splat. Returns the remaining splats. */
 static inline sp_wide_mask sp_streak_keep_moving(const struct sp_streaks *streaks,
                                                  sp_wide_mask seen, sp_wide_mask moves,
                                                  struct sp_streak_places *s) {
@@ -103,7 +103,7 @@ static inline sp_wide_mask sp_streak_keep_moving(const struct sp_streaks *streak
     return streaks->blends ? seen : seen & moves;
 }
 
-/* Completes the records of the splats in `bits`. phases: of the samples, in 65536ths. */
+/* Completes the records of the splats in `bits`. phases: the phases of the samples [65536ths]. */
 static inline void sp_streak_write(const struct sp_streaks *streaks, const uint16_t phases[SP_WIDE],
                                    const struct sp_streak_places *s, unsigned bits,
                                    struct sp_voxel_record *r) {
@@ -121,7 +121,7 @@ static inline void sp_streak_write(const struct sp_streaks *streaks, const uint1
     }
 }
 
-/* x minus the nearest whole number, for |x| below 2^22; *whole: that number. */
+/* Returns x minus the nearest whole number and sets *whole to this number; |x| < 2^22. */
 static inline sp_wide sp_streak_part(sp_wide x, sp_wide *whole) {
     const float round_up = 12582912.0f; /* 1.5·2^23: adding it leaves an integer */
     *whole = (x + round_up) - round_up;
@@ -134,7 +134,7 @@ static inline sp_wide sp_streak_bump(sp_wide x, float half) {
     return y * y;
 }
 
-/* I of pixels at (along, across). */
+/* Returns I of pixels at (along, across). */
 static inline sp_wide sp_streak_intensity(const struct sp_voxel_record *r, sp_wide along,
                                           sp_wide across) {
     sp_wide row, unused;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The lists of vectors that a backend caches; the least recently used is replaced first. The phase,
- * the style and the stretch of a layer do not change its list, so that an animation costs nothing
- * but drawing.
+ * The lists of vectors that a backend caches. A new one replaces the least recently used one. The
+ * phase, the style and the stretch of a layer do not change its list, so that an animation only
+ * costs the drawing.
  */
 #ifndef SP_VECTORS_CACHE_H
 #define SP_VECTORS_CACHE_H
@@ -24,8 +24,8 @@ struct sp_vectors_cache {
     uint64_t clock;
 };
 
-/* Returns the list, valid until the next call. `bytes_max` of the job is that of the cache. NULL
- * with *err set: SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+/* Returns the list. It belongs to the cache and is valid until the next call. job->bytes_max limits
+ * the whole cache. NULL with *err set: SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 const struct sp_voxel_list *sp_vectors_cache_get(struct sp_vectors_cache *cache,
                                                  struct sp_volume *volume,
                                                  const struct sp_vectors_job *job,
