@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Makes the points of a block, SURFACE_BATCH pieces of surface at a time.
+ * Computes the points of a block, SURFACE_BATCH pieces of surface at a time.
  */
 #ifndef SP_SURFACE_BATCH_H
 #define SP_SURFACE_BATCH_H
@@ -9,32 +9,32 @@
 #include "draw/layers/surface/points.h"
 #include "draw/layers/surface/window.h"
 
-/* What all blocks share. */
+/* The constants of all blocks. */
 struct sp_surface_batch_frame {
     const struct sp_surface_points *points;
     float to_world[3][3]; /* gradient along the axes → world */
     float unit;           /* edge of a cube with a cell's volume, world units */
-    float share[3];       /* of a cell that its parts have */
-    float face[3];        /* of a cell's face that those of its parts have */
+    float share[3];       /* share of a cell that one of its parts has */
+    float face[3];        /* share of a cell's face that a face of one part has */
 };
 
 struct sp_surface_batch {
     const struct sp_surface_batch_frame *frame;
     struct sp_surface_block *block;
-    uint64_t to; /* the next point */
+    uint64_t to; /* number of the next point */
     struct sp_surface_slopes slopes;
     float gap[3][SURFACE_WINDOW_ROW];
     struct sp_surface_patches patches;
-    int32_t cell[3][SURFACE_BATCH]; /* in the block */
-    float start[3][SURFACE_BATCH];  /* of the part of the cell [parts] */
+    int32_t cell[3][SURFACE_BATCH]; /* index of the cell in the block */
+    float start[3][SURFACE_BATCH];  /* where the part starts in its cell [parts] */
 };
 
 void sp_surface_batch_frame_init(struct sp_surface_batch_frame *frame,
                                  const struct sp_surface_points *points,
                                  const struct sp_grid *grid);
 
-/* Begins a block whose first point and number of points are known. The caller sets `slopes` and
- * `gap` before it adds pieces. */
+/* Begins a block; block->first and block->count must be set. The caller sets `slopes` and `gap`
+ * before it adds pieces. */
 void sp_surface_batch_begin(struct sp_surface_batch *batch, struct sp_surface_block *block);
 
 /* Adds the pieces of part i of a cell whose corners have the values f. */

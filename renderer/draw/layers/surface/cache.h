@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The points of the iso-surfaces that frames have shown, and the ranges of their volumes' blocks.
- * Made when a frame first needs them. The least recently used ones are evicted for others, but none
- * that the current frame uses.
+ * The points of the iso-surfaces that frames have shown, and the ranges of the blocks of their
+ * volumes. They are made when a frame first needs them. New entries replace the least recently used
+ * ones, but never an entry that the current frame uses.
  */
 #ifndef SP_SURFACE_CACHE_H
 #define SP_SURFACE_CACHE_H
@@ -21,7 +21,7 @@ struct sp_surface_cache {
     struct sp_surface_list {
         struct sp_slot base;
         double value;
-        struct sp_surface_points points; /* of a level */
+        struct sp_surface_points points; /* on one level of detail */
     } lists[SURFACE_LISTS];
     uint64_t clock;
     uint64_t frame; /* the clock when the current frame began */
@@ -30,13 +30,13 @@ struct sp_surface_cache {
 struct sp_surface_cache_job {
     struct sp_volume *volume;
     double value;
-    unsigned level;     /* below SURFACE_LEVELS; merged from level 0, which is kept, too */
+    unsigned level; /* [0, SURFACE_LEVELS − 1]; merged from level 0, which the cache also keeps */
     uint64_t bytes_max; /* of the cache */
     struct sp_pool *pool;
     struct sp_interrupt interrupt;
 };
 
-/* Begins a frame: what was returned before may be evicted from now on. */
+/* Begins a frame: entries that the cache returned before may be evicted from now on. */
 void sp_surface_cache_begin(struct sp_surface_cache *cache);
 
 /* Returns the points, valid until the next frame begins or the volume is evicted. NULL with *err

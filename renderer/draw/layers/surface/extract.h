@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Finds the points of an iso-surface in a volume.
+ * Extracts the points of an iso-surface from a volume.
  */
 #ifndef SP_SURFACE_EXTRACT_H
 #define SP_SURFACE_EXTRACT_H
@@ -8,9 +8,9 @@
 #include "draw/layers/surface/points.h"
 #include "draw/layers/surface/ranges.h"
 
-/* Extracts the points of the value. The order of the points does not depend on threads. Fails
- * before the points are made if they need more than bytes_max. SP_ERR_MEMORY, SP_ERR_BUDGET,
- * SP_ERR_CANCELLED; *points is then empty. */
+/* Extracts the points of the surface of job->value. The order of the points does not depend on the
+ * number of threads. Fails with SP_ERR_BUDGET, before it makes the points, if they need more than
+ * bytes_max. SP_ERR_MEMORY, SP_ERR_CANCELLED. After a failure *points is empty. */
 bool sp_surface_extract(struct sp_surface_points *points, const struct sp_surface_job *job,
                         const struct sp_surface_ranges *ranges, uint64_t bytes_max,
                         struct sp_error *err);

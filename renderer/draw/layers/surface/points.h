@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The points of an iso-surface: where it crosses the cells between samples.
+ * The points of an iso-surface: they represent the surface in the cells between samples.
  *
  *   cell of 8 samples ─► one point per piece of surface in it: place, vector area, normal, bend
  *
  * The surface is f = v of the trilinear interpolant f of the samples; f >= v is inside. README.md
- * of this folder derives the three quantities. Points are kept in blocks of 8³ cells, so that
- * frames skip and order them together.
+ * of this folder derives these quantities. Points are stored in blocks of 8³ cells, so that frames
+ * skip and sort whole blocks.
  */
 #ifndef SP_SURFACE_POINTS_H
 #define SP_SURFACE_POINTS_H
@@ -14,7 +14,7 @@
 #include "draw/layers/surface/ranges.h"
 
 enum {
-    SURFACE_POINTS_BEYOND = 16, /* more of each array can be read */
+    SURFACE_POINTS_BEYOND = 16, /* elements that can be read beyond the end of each array */
     SURFACE_SPLIT_MAX = 4,
     SURFACE_LEVELS = 4 /* a block of cells in groups of 1, 2³, 4³ or 8³ */
 };
@@ -33,23 +33,24 @@ struct sp_surface_block {
 struct sp_surface_points {
     uint32_t block_count;
     uint64_t count;
-    uint64_t made;    /* number of the contents in their cache */
-    uint8_t split[3]; /* each cell is split into so many parts along the axes, 1 to 4 */
+    uint64_t made;    /* serial number of the contents, unique in the cache */
+    uint8_t split[3]; /* parts of a cell along each axis, [1, SURFACE_SPLIT_MAX] */
     uint8_t level;    /* points of 2^level parts per axis are merged */
     struct sp_surface_block *blocks;
     uint16_t *at[3]; /* from the block's corner [cell/SURFACE_PLACE_STEPS] */
     int16_t *
         area[3]; /* from inside to outside, in index space [SURFACE_AREA_STEPS per 4^level faces] */
-    int16_t *normal[3]; /* unit gradient, world; 0 = the gradient is 0; shorter where merged ones
+    int16_t *normal[3]; /* unit gradient, world; 0 = the gradient is 0; shorter if merged normals
                            differ */
-    int16_t *bend;      /* how far discs of one voxel's deviation are moved along the normal, so
-                           that they lie on the surface on average [cells/SURFACE_BEND_STEPS] */
+    /* How far a disc with the deviation of one voxel moves along the normal, so that it lies on the
+     * surface on average [cells/SURFACE_BEND_STEPS]. */
+    int16_t *bend;
 };
 
-/* Finds into how many parts the cells of a grid are split. */
+/* Chooses into how many parts the cells of a grid are split along each axis. */
 void sp_surface_points_split(const struct sp_grid *grid, uint8_t split[3]);
 
-/* Allocates the arrays of `count` points. False: out of memory. */
+/* Allocates the arrays of points->count points. False: out of memory. */
 bool sp_surface_points_allocate(struct sp_surface_points *points);
 void sp_surface_points_finish(struct sp_surface_points *points);
 uint64_t sp_surface_points_bytes(const struct sp_surface_points *points);

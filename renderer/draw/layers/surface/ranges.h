@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The range of values of each block of cells, so that the extraction of a surface skips blocks.
+ * The range of values of each block of cells. The extraction of a surface skips blocks whose range
+ * does not contain its value.
  */
 #ifndef SP_SURFACE_RANGES_H
 #define SP_SURFACE_RANGES_H
@@ -13,7 +14,8 @@
 
 enum { SURFACE_BLOCK = 8 }; /* cells per axis */
 
-/* Smallest and largest sample of each block of a volume; low > high = no finite sample. */
+/* The smallest and the largest sample of each block of a volume; low > high = the block has no
+ * finite sample. */
 struct sp_surface_ranges {
     uint32_t blocks[3]; /* per axis, axis 0 fastest; 0 = an axis has a single sample: no cells */
     float (*range)[2];
@@ -26,7 +28,7 @@ struct sp_surface_job {
     struct sp_interrupt interrupt;
 };
 
-/* SP_ERR_MEMORY, SP_ERR_CANCELLED; *ranges is then empty. */
+/* Computes the ranges. SP_ERR_MEMORY, SP_ERR_CANCELLED; *ranges is then empty. */
 bool sp_surface_ranges_init(struct sp_surface_ranges *ranges, const struct sp_surface_job *job,
                             struct sp_error *err);
 void sp_surface_ranges_finish(struct sp_surface_ranges *ranges);

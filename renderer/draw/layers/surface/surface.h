@@ -5,9 +5,9 @@
  *   points (points.h) ─► blocks in front-to-back order, by tile     sp_surface_prepare()
  *                        └─► per tile: footprints ─► sheets ─► fragments     sp_surface_tile()
  *
- * A sheet is what one layer of the surface shows of a pixel: sums of the weights of footprints, of
- * their depths and of their normals. Footprints of one facing whose depths are close form a sheet.
- * Each sheet is shaded once per pixel. README.md of this folder derives the formulas.
+ * A sheet holds one layer of the surface at a pixel: sums of the weights, depths and normals of
+ * footprints. Footprints with the same facing and similar depths form a sheet. Each sheet is shaded
+ * once per pixel. README.md of this folder derives the formulas.
  */
 #ifndef SP_SURFACE_SURFACE_H
 #define SP_SURFACE_SURFACE_H
@@ -20,11 +20,11 @@
 #include "splat/ewa.h"
 
 enum {
-    SURFACE_SHEETS = 4, /* per pixel and facing; the last one takes what is behind it */
+    SURFACE_SHEETS = 4, /* per pixel and facing; the last one also holds all footprints behind it */
     SURFACE_STRIDE = SP_FRAGMENT_TILE + 16 /* floats per row: vectors may go beyond the tile */
 };
 
-/* What a frame and a layer are made from. */
+/* The inputs for one layer of a frame. */
 struct sp_surface_input {
     const struct sp_view *view;
     const struct sp_layer *layer;
@@ -48,14 +48,14 @@ struct sp_surface {
     float facing[3][3]; /* vector area in index space → camera space [cells²] */
     float squeeze;      /* 1 − 1/flatness */
     float bend;         /* factor of points->bend: cells per step times σ² */
-    float tolerance;    /* footprints of one sheet are closer than this [deviations] */
-    float reach;        /* of the largest kernel [cells] */
-    float stretch;      /* beside the image's centre kernels look at most this much larger */
+    float tolerance;    /* largest difference of depth in a sheet [deviations] */
+    float reach;        /* reach of the largest kernel [cells] */
+    float stretch;      /* largest factor by which kernels look larger beside the image's centre */
     float depth_first;  /* depths of sheets are relative to this [cells] */
     float to_camera[3][3];
     struct sp_clip_frame clip;
-    struct sp_clip_frame borders; /* faces of the volume near which some of it lies */
-    bool cuts_near;               /* some of it is nearer than the near plane */
+    struct sp_clip_frame borders; /* faces of the volume that are close to the surface */
+    bool cuts_near;               /* a part of the surface is nearer than the near plane */
     uint64_t drawn;               /* points of the blocks that are in the image */
     int columns, rows;            /* of tiles */
     struct sp_splat *blocks;      /* in front-to-back order: box, `sheet` = number of the block in
@@ -67,7 +67,7 @@ struct sp_surface_sheet_row {
     float weight[SURFACE_STRIDE], depth[SURFACE_STRIDE], normal[3][SURFACE_STRIDE];
 };
 
-/* What a worker needs for one tile. */
+/* The memory of a worker for one tile. */
 struct sp_surface_scratch {
     _Alignas(64) struct sp_surface_sheet_row sheets[2][SURFACE_SHEETS][SP_FRAGMENT_TILE];
     _Alignas(64) float hidden[SP_FRAGMENT_TILE][SURFACE_STRIDE]; /* what is behind is not seen */
@@ -76,12 +76,12 @@ struct sp_surface_scratch {
     int used[2];      /* sheets that are not empty, by facing */
 };
 
-/* Prepares the surface for the tiles of the image. It is valid until the arena is reset.
+/* Prepares the surface for the tiles of the image. *surface is valid until the arena is reset.
  * SP_ERR_MEMORY, SP_ERR_CANCELLED. */
 bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface *surface,
                         struct sp_error *err);
 
-/* Adds what the surface shows in a tile, at (tile->x, tile->y). */
+/* Adds the fragments of the surface in the tile at (tile->x, tile->y). */
 typedef void sp_surface_tile_fn(const struct sp_surface *surface,
                                 struct sp_surface_scratch *scratch, struct sp_fragment_tile *tile);
 sp_surface_tile_fn sp_surface_tile;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The samples of a block of cells and those one farther, minus the iso-value, scaled to about ±2,
- * and their slopes.
+ * The samples of a block of cells and their neighbours, minus the iso-value and scaled to about ±2,
+ * and the slopes of the samples.
  */
 #ifndef SP_SURFACE_WINDOW_H
 #define SP_SURFACE_WINDOW_H
@@ -22,13 +22,13 @@ struct sp_surface_window {
     float gap[3][SURFACE_WINDOW_ROW]; /* from each sample to the next one, world units */
 };
 
-/* Along each axis, at the samples of the block [1/world unit]: central differences; one-sided
- * beside samples that are missing; 0 between two of them. */
+/* Slopes along each axis at the samples of the block [1/world unit]: central differences; one-sided
+ * beside a missing sample, 0 between two missing samples. */
 struct sp_surface_slopes {
     float along[3][SURFACE_SLOPES * SURFACE_SLOPES * SURFACE_SLOPES_ROW];
 };
 
-/* The samples of the block, bit x of [z][y]. */
+/* Which samples of the block are inside, and which are finite: bit x of [z][y]. */
 struct sp_surface_bits {
     uint16_t inside[SURFACE_SLOPES][SURFACE_SLOPES], finite[SURFACE_SLOPES][SURFACE_SLOPES];
 };
