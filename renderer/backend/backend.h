@@ -5,10 +5,10 @@
  *
  *   renderer.c ── validate, check capabilities, time ──► backend ── stages ──► frame
  *
- * renderer.c checks the input, unless its caller has (sp_render_options.is_valid), and the backend
- * trusts it: a view that reaches render() is valid and asks for nothing outside the capabilities.
- * Calls for one state come from one thread at a time, not always the same one. Backends never
- * include each other. README.md says how one is chosen.
+ * renderer.c checks the input, unless its caller has checked it (sp_render_options.is_valid). The
+ * backend trusts the input: a view that reaches render() is valid and asks for nothing outside the
+ * capabilities. One thread at a time calls the functions of a state, not always the same thread.
+ * Backends never include each other. README.md explains how a backend is chosen.
  */
 #ifndef SP_BACKEND_BACKEND_H
 #define SP_BACKEND_BACKEND_H
@@ -35,7 +35,7 @@ struct sp_capabilities {
     /* Sheets that are classified after interpolation. Without it render() fails with
      * SP_ERR_UNSUPPORTED for them, so that with "auto" another backend draws them. */
     bool interpolated_sheets;
-    bool light; /* shading.occlusion and shading.shadow on such sheets; the same holds */
+    bool light; /* shading.occlusion and shading.shadow on such sheets; otherwise as above */
     bool clip_box, clip_planes;
     bool blocks; /* interpolated sheets and projections of a volume whose samples lie in blocks */
 };
@@ -50,8 +50,8 @@ struct sp_backend_options {
     const char *isa;  /* "auto" or a name; SP_ERR_INVALID if the backend does not know it */
     int gpu;          /* index of the GPU to use; −1 = the first that works. GPU backends only */
     bool require_gpu; /* start GPU backends only */
-    /* A GPU backend calls passes() for each device on which it has created a state, before it
-     * takes the device. False with *err set: the device is refused and the next one is tried.
+    /* A GPU backend calls passes() for each device on which it has created a state, before it uses
+     * the device. False with *err set: the device is refused and the next one is tried.
      * NULL = every device passes. */
     bool (*passes)(void *user, void *state, struct sp_error *err);
     void *user;
@@ -62,16 +62,17 @@ struct sp_backend_options {
 
 /* One frame to make. */
 struct sp_backend_job {
-    struct sp_volume *volume;   /* the caller's reference, until the frame is finished */
-    const struct sp_view *view; /* its transfer_function.order is never SP_TF_AUTO, its
-                                   layers are those that are visible, possibly none */
-    /* By layer of the view: the volume whose elements it shows, the caller's reference or `volume`;
+    struct sp_volume *volume; /* borrowed until the frame is finished */
+    /* The order of its transfer function is never SP_TF_AUTO. It has only the visible layers,
+     * possibly none. */
+    const struct sp_view *view;
+    /* By layer of the view: the volume whose elements the layer shows, borrowed; may be `volume`;
      * NULL for layers of other types. */
     struct sp_volume *shown[SP_LAYERS_MAX];
-    /* The same: the volume that layer->color_by names, the caller's reference. */
+    /* By layer of the view: the volume that layer->color_by names, borrowed; NULL = none. */
     struct sp_volume *colors[SP_LAYERS_MAX];
-    /* If the frame shows a part of the volume, the clip of the whole one, which casts its shadows;
-     * NULL = the view's. */
+    /* If the frame shows a part of the volume: the clip of the whole volume, which casts shadows;
+     * NULL = the view's clip. */
     const struct sp_clip *light_clip;
     unsigned mip_level;        /* as in sp_render_options; a backend without levels ignores it */
     struct sp_frame *frame;    /* size and format are set; the backend fills pixels and stats */
@@ -79,18 +80,18 @@ struct sp_backend_job {
     struct sp_pause *pause;    /* NULL = never */
 };
 
-/* How the caller cancels or pauses the job. */
+/* Returns the interrupt by which the caller cancels or pauses the job. */
 static inline struct sp_interrupt sp_job_interrupt(const struct sp_backend_job *job) {
     return (struct sp_interrupt){ job->cancel, job->pause };
 }
 
-/* sp_interrupt_is_cancelled() of the job: poll it often. */
+/* True if the caller has cancelled the job; waits while the job is paused. Poll it often. */
 static inline bool sp_job_is_cancelled(const struct sp_backend_job *job) {
     struct sp_interrupt interrupt = sp_job_interrupt(job);
     return sp_interrupt_is_cancelled(&interrupt);
 }
 
-/* sp_interrupt_clock_ms() of the job, for the times of its stages. */
+/* Returns the monotonic time without the pauses of the job [ms], to measure its stages. */
 static inline double sp_job_clock_ms(const struct sp_backend_job *job) {
     struct sp_interrupt interrupt = sp_job_interrupt(job);
     return sp_interrupt_clock_ms(&interrupt);
@@ -99,27 +100,28 @@ static inline double sp_job_clock_ms(const struct sp_backend_job *job) {
 struct sp_backend {
     struct sp_backend_entry entry; /* as sp_backend_at() returns it */
     bool by_name_only;             /* "auto" skips it */
-    bool is_gpu; /* starts on hardware only, never on software that emulates a GPU */
+    bool is_gpu; /* starts only on hardware, never on software that emulates a GPU */
     struct sp_capabilities capabilities;
 
-    /* Mandatory. Returns the backend's state, or NULL with *err set: then the reason is logged and
+    /* Mandatory. Returns the backend's state, or NULL with *err set: the reason is then logged, and
      * "auto" tries the next backend. */
     void *(*create)(const struct sp_backend_options *options, struct sp_error *err);
     void (*destroy)(void *state);                                   /* never NULL */
     void (*info)(const void *state, struct sp_renderer_info *info); /* all fields; constant */
 
-    /* Mandatory. Fills every pixel and, of the stats, visible_voxels, splats, fragments and the
-     * stages. False with *err set leaves the frame's pixels undefined and the state usable.
-     * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_UNSUPPORTED (this device cannot draw this view): with
-     * "auto" another backend draws the frame. SP_ERR_CANCELLED. SP_ERR_BACKEND: the same call may
-     * succeed now, and the caller repeats it; no frame is begun then. */
+    /* Mandatory. Fills every pixel, and in the stats visible_voxels, splats, fragments and the
+     * stages. False with *err set: the pixels of the frame are undefined and the state is still
+     * usable. After SP_ERR_MEMORY, SP_ERR_BUDGET or SP_ERR_UNSUPPORTED (this device cannot draw
+     * this view), "auto" lets another backend draw the frame. SP_ERR_CANCELLED. SP_ERR_BACKEND: all
+     * frames in flight are lost; the same call may succeed now, and the caller repeats it. */
     bool (*render)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
     /* Optional: render() in two halves, so that the processor prepares a frame while the device
-     * draws the previous one. Frames are finished in the order in which they were begun, each with
-     * the same job, at most `depth` at a time. begin() hands a frame to the device; false = it is
-     * not begun. finish() waits for the oldest frame and ends it, whatever it returns. Errors as
-     * for render(); after SP_ERR_BACKEND from either call no frame is begun any more. */
+     * draws the previous one. begin() hands a frame to the device; false = the frame is not in
+     * flight. finish() waits for the oldest frame, which was begun with the same job, and ends it,
+     * also on failure. At most `depth` frames are in flight; they are finished in the order in
+     * which they were begun. Errors as for render(); after SP_ERR_BACKEND from either call no frame
+     * is in flight. */
     unsigned depth; /* [2, SP_IN_FLIGHT_MAX]; 0 = both are NULL */
     bool (*begin)(void *state, const struct sp_backend_job *job, struct sp_error *err);
     bool (*finish)(void *state, const struct sp_backend_job *job, struct sp_error *err);
@@ -128,28 +130,30 @@ struct sp_backend {
     void (*evict)(void *state, const struct sp_volume *volume);
     uint64_t (*memory)(const void *state, const struct sp_volume *volume); /* bytes */
 
-    /* Optional; NULL = the backend keeps no memory of frames. Frees what it keeps from frame to
-     * frame to draw in. No frame is begun. */
+    /* Optional; NULL = the backend keeps no memory for drawing from frame to frame. Frees this
+     * memory. No frame is in flight. */
     void (*trim)(void *state);
 
-    /* Optional; NULL = the backend has no devices to list. For sp_probe(); needs no state. */
+    /* Optional; NULL = the backend has no devices to list. Lists the devices for sp_probe(); needs
+     * no state. */
     void (*probe)(const struct sp_backend_options *options, sp_device_visit *visit, void *user);
 };
 
 /* registry.c: the compiled backends in the order in which "auto" tries them; NULL past the end. */
 const struct sp_backend *sp_registry_at(unsigned i);
 
-/* choose.c: starts the named backend, or with "auto" the first that starts, and sets *state. NULL
- * with *err set if none starts. Each refusal is logged and passed to options->refused. */
+/* choose.c: starts the named backend, or with "auto" the first backend that starts, and sets
+ * *state. NULL with *err set if no backend starts. Each refusal is logged and passed to
+ * options->refused(). */
 const struct sp_backend *sp_registry_start(const char *name,
                                            const struct sp_backend_options *options, void **state,
                                            struct sp_error *err);
 
-/* choose.c: lists the devices of a backend; each must pass the same checks as at a start. */
+/* choose.c: lists the devices of a backend. Each device must pass the checks of a start. */
 void sp_registry_probe(const struct sp_backend *backend, const struct sp_backend_options *options,
                        sp_device_visit *visit, void *user);
 
-/* choose.c: like sp_registry_start() with "auto", among the backends after `failed`. */
+/* choose.c: like sp_registry_start() with "auto", but only tries the backends after `failed`. */
 const struct sp_backend *sp_registry_follow(const struct sp_backend *failed,
                                             const struct sp_backend_options *options, void **state,
                                             struct sp_error *err);

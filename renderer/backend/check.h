@@ -15,9 +15,9 @@
 
 #define SP_CHECK_PSNR 50.0 /* dB, of 8 bits */
 
-/* Draws with the backend's state and with a new state of `reference`, which needs no GPU. False
- * with SP_ERR_BACKEND if an image is wrong, or with the error that kept one of the two from
- * drawing. */
+/* Draws with the backend's state and with a new state of `reference`, which must not need a GPU.
+ * False with SP_ERR_BACKEND if an image is wrong, or with the error of the backend that could not
+ * draw. */
 bool sp_backend_check(const struct sp_backend *backend, void *state,
                       const struct sp_backend *reference, const struct sp_backend_options *options,
                       struct sp_error *err);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Limits of a renderer that its caller did not set: they follow from the machine.
+ * Default limits of a renderer. They follow from the machine.
  */
 #ifndef SP_BACKEND_DEFAULTS_H
 #define SP_BACKEND_DEFAULTS_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the CPU backend caches of volumes. All caches share the backend's memory.
+ * The caches of the CPU backend for data of volumes. All caches share the backend's memory limit.
  */
 #ifndef SP_BACKEND_CPU_CACHES_H
 #define SP_BACKEND_CPU_CACHES_H
@@ -18,14 +18,14 @@ enum cpu_cache {
     CPU_CACHES
 };
 
-/* Bytes that a cache has of the volume; NULL = of all volumes. */
+/* Returns the bytes that a cache holds of the volume; NULL = of all volumes. */
 uint64_t cpu_cache_bytes(const struct cpu_state *state, enum cpu_cache cache,
                          const struct sp_volume *volume);
 
-/* What the other caches leave of the backend's memory. */
+/* Returns the part of the backend's memory that the other caches leave to this cache [bytes]. */
 uint64_t cpu_cache_rest(const struct cpu_state *state, enum cpu_cache cache);
 
-/* Drops what a cache has of the volume; NULL = of all volumes. */
+/* Evicts the data of the volume from a cache; NULL = of all volumes. */
 void cpu_cache_evict(struct cpu_state *state, enum cpu_cache cache, const struct sp_volume *volume);
 
 #endif

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One frame on the CPU, by one of three paths:
+ * Draws a frame on the CPU by one of three paths:
  *
  *   resample/   sheets that are classified after interpolation             sp_resample_draws()
  *   postconv/   fast path: sheets, tile by tile, without footprints        see cpu_draw()
  *   general.c   general path: every footprint is set up, binned and added  all other frames
  *
- * The last two share frame.c: camera, mip levels, classified lists.
+ * The last two paths share frame.c: camera, mip levels, classified lists.
  */
 #ifndef SP_BACKEND_CPU_DRAW_H
 #define SP_BACKEND_CPU_DRAW_H

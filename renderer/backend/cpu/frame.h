@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What both paths of the CPU backend need of a frame: camera, mip levels, classified lists, and the
- * constants that set up footprints.
+ * The data of a frame that the fast path and the general path share: camera, mip levels, classified
+ * lists, and the constants for setting up footprints.
  */
 #ifndef SP_BACKEND_CPU_FRAME_H
 #define SP_BACKEND_CPU_FRAME_H
@@ -20,11 +20,11 @@
 struct cpu_state {
     struct sp_pool *pool;
     struct sp_arena arena;          /* of one frame */
-    struct sp_arena *worker_arenas; /* [threads]: the same, for parallel loops */
+    struct sp_arena *worker_arenas; /* [threads]: of one frame, for parallel loops */
     struct cpu_kernels kernels;
     struct sp_classify_cache cache;
     struct sp_samples_cache samples; /* of resampled sheets */
-    struct sp_light_cache light;     /* of lit ones */
+    struct sp_light_cache light;     /* of lit sheets */
     struct sp_shell_cache shells;
     struct sp_vectors_cache vectors;
     struct sp_cloud_cache clouds;
@@ -47,8 +47,8 @@ struct cpu_frame {
     unsigned axis;           /* axis of the sheets; SP_NO_AXIS = not sheet compositing */
     unsigned mip_level;      /* as in the job: no finer level is drawn */
     unsigned finest;         /* the finest level that is drawn */
-    bool is_enlarged;        /* in some of its bricks (sp_detail_brick.is_enlarged) */
-    uint64_t visible;        /* visible voxels of the volume */
+    bool is_enlarged; /* some bricks of this level are enlarged (sp_detail_brick.is_enlarged) */
+    uint64_t visible; /* visible voxels of the volume */
     const struct sp_level *levels;
     struct sp_level_frame parts[SP_LEVELS];
     const struct sp_level *level;   /* levels[finest] */
@@ -66,7 +66,7 @@ static inline bool cpu_frame_is_cancelled(const struct cpu_frame *frame) {
     return sp_job_is_cancelled(frame->job);
 }
 
-/* Adds the time since `since` to a stage; returns the time now [ms]. */
+/* Adds the time since `since` to a stage and returns the current time [ms]. */
 static inline double cpu_frame_add_time(struct cpu_frame *frame, enum cpu_stage stage,
                                         double since) {
     double now = sp_job_clock_ms(frame->job);

@@ -9,9 +9,9 @@
  *       tile    lists → sums → composited               parallel over tiles
  *     resolve   composited → pixels                     parallel over tiles
  *
- * Batches bound the memory for records and bands bound the memory for tiles, whatever the volume
- * and the image size. Where they end depends on neither threads nor time, and so neither does the
- * image.
+ * Batches limit the memory for records and bands limit the memory for tiles, for any volume and
+ * image size. The ends of batches and bands depend on neither threads nor time, and so the image
+ * does not depend on them either.
  */
 #ifndef SP_BACKEND_CPU_GENERAL_H
 #define SP_BACKEND_CPU_GENERAL_H

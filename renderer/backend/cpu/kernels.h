@@ -23,8 +23,9 @@
 struct cpu_kernels {
     const char *isa; /* "scalar", "sse41", … */
     unsigned lanes;  /* SP_WIDE of that set */
-    /* The choices of a view that are set up, added and composited `lanes` at a time; ends with
-     * NULL. Classes of voxels and pixels, and how planes clip a voxel, are computed one by one. */
+    /* The settings of a view for which splats are set up, added and composited `lanes` at a time;
+     * ends with NULL. Classes, and the clipping of voxels by planes, are always computed one by
+     * one. */
     const char *const *vectorised;
     uint32_t (*set_up)(const struct sp_ewa_frame *frame, const struct sp_ewa_run *run,
                        const struct sp_splats *out); /* sp_ewa_set_up() */
@@ -40,8 +41,9 @@ struct cpu_kernels {
     sp_voxel_set_up_fn *cloud_set_up;     /* sp_cloud_set_up() */
     sp_surface_tile_fn *surface_tile;     /* sp_surface_tile() */
     struct sp_mesh_kernels mesh;          /* draw/layers/mesh/kernels.h */
-    /* Draws sheets by the fast path where it can (draw/postconv/). False for the scalar set: as the
-     * reference of the others it draws every view by the general path. */
+    /* True if sheets are drawn by the fast path where possible (draw/postconv/). False for the
+     * scalar set, which is the reference of the other sets: it draws every view by the general
+     * path. */
     bool has_fast_path;
     void (*resolve_rgba8)(const float *const planes[4], uint32_t count, const float background[4],
                           unsigned char *out); /* sp_resolve_rgba8() */
@@ -53,11 +55,11 @@ struct cpu_kernels {
  * cpu_table_avx2 for avx2, and so on. */
 extern const struct cpu_kernels cpu_table;
 
-/* The name of instruction set i, also if this program was not compiled for it; NULL past the end.
- * The first is "scalar"; later ones are preferred. */
+/* Returns the name of instruction set i, also if this program was not compiled for it; NULL past
+ * the end. The first set is "scalar"; later sets are preferred. */
 const char *cpu_isa_at(unsigned i);
 
-/* Copies the table of the named set; "auto" is the last one in the order of cpu_isa_at() that this
+/* Copies the table of the named set; "auto" is the last set in the order of cpu_isa_at() that this
  * machine can run. SP_ERR_UNSUPPORTED if this machine or this build cannot run the set,
  * SP_ERR_INVALID if the name is unknown. */
 bool cpu_kernels_init(struct cpu_kernels *kernels, const char *isa, struct sp_error *err);

@@ -87,9 +87,8 @@ struct sp_mesh_parts {
     int first[SP_FRAGMENT_TILE + 1]; /* by pixel */
     uint16_t samples[SP_MESH_ROW];   /* bit s: sample s */
     _Alignas(64) int32_t triangle[SP_MESH_ROW];
-    float x[SP_MESH_ROW],
-        y[SP_MESH_ROW];       /* mean position of these samples [px]; y relative to the row */
-    float depth[SP_MESH_ROW]; /* u2 there */
+    float x[SP_MESH_ROW], y[SP_MESH_ROW]; /* middle of these samples, px; y from the row */
+    float depth[SP_MESH_ROW];             /* u2 there */
     float color[3][SP_MESH_ROW], alpha[SP_MESH_ROW]; /* not premultiplied */
 };
 
