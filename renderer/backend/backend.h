@@ -113,15 +113,14 @@ struct sp_backend {
      * stages. False with *err set: the pixels of the frame are undefined and the state is still
      * usable. After SP_ERR_MEMORY, SP_ERR_BUDGET or SP_ERR_UNSUPPORTED (this device cannot draw
      * this view), "auto" lets another backend draw the frame. SP_ERR_CANCELLED. SP_ERR_BACKEND: all
-     * frames in flight are lost; the same call may succeed now, and the caller repeats it. */
+     * begun frames are lost; the same call may succeed now, and the caller repeats it. */
     bool (*render)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
     /* Optional: render() in two halves, so that the processor prepares a frame while the device
-     * draws the previous one. begin() hands a frame to the device; false = the frame is not in
-     * flight. finish() waits for the oldest frame, which was begun with the same job, and ends it,
-     * also on failure. At most `depth` frames are in flight; they are finished in the order in
-     * which they were begun. Errors as for render(); after SP_ERR_BACKEND from either call no frame
-     * is in flight. */
+     * draws the previous one. begin() hands a frame to the device; false = the frame is not begun.
+     * finish() waits for the oldest begun frame, with the same job, and ends it, also on failure.
+     * At most `depth` frames are begun at a time; they are finished in the order in which they were
+     * begun. Errors as for render(); SP_ERR_BACKEND from either call ends all begun frames. */
     unsigned depth; /* [2, SP_IN_FLIGHT_MAX]; 0 = both are NULL */
     bool (*begin)(void *state, const struct sp_backend_job *job, struct sp_error *err);
     bool (*finish)(void *state, const struct sp_backend_job *job, struct sp_error *err);
@@ -131,7 +130,7 @@ struct sp_backend {
     uint64_t (*memory)(const void *state, const struct sp_volume *volume); /* bytes */
 
     /* Optional; NULL = the backend keeps no memory for drawing from frame to frame. Frees this
-     * memory. No frame is in flight. */
+     * memory. No frame may be begun. */
     void (*trim)(void *state);
 
     /* Optional; NULL = the backend has no devices to list. Lists the devices for sp_probe(); needs

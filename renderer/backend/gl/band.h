@@ -21,9 +21,9 @@ struct gl_band {
     const struct gl_fragments *fragments; /* of other layers; NULL = none */
     uint32_t columns;                     /* of tiles */
     uint32_t y, end;                      /* rows [px] */
-    uint32_t layer;                       /* of the image's three, which is resolved */
-    unsigned queued_max;                  /* dispatches that may be queued, at most GL_QUEUED_MAX */
-    void *sent[GL_QUEUED_MAX];            /* fences */
+    uint32_t layer;                       /* layer of the image, [0, 2], that is resolved */
+    unsigned queued_max;       /* most dispatches that may be queued, [1, GL_QUEUED_MAX] */
+    void *sent[GL_QUEUED_MAX]; /* fences */
     unsigned sent_count;
 };
 
@@ -44,11 +44,11 @@ static inline uint32_t gl_band_tiles(const struct gl_band *band) {
     return band->columns * gl_band_rows(band);
 }
 
-/* Lets the band that begins at y end after at most `rows` rows of tiles. */
+/* Sets the end of the band that begins at band->y: at most `rows` rows of tiles below. */
 void gl_band_end(struct gl_band *band, uint32_t rows);
 
-/* Reserves memory for the pixels and their fragments. SP_ERR_MEMORY, SP_ERR_BUDGET. A context must
- * be current, here and below. */
+/* Reserves GPU memory for the pixels of the band and their fragments. SP_ERR_MEMORY, SP_ERR_BUDGET.
+ * A context must be current, here and below. */
 bool gl_band_reserve(struct gl_band *band, struct sp_error *err);
 
 /* For frames without records: chooses the rows of the band that begins at band->y, and reserves its
@@ -61,19 +61,20 @@ bool gl_band_start(const struct gl_band *band, struct sp_error *err);
 /* Clears layer 1 or 2 of the image, which has as many pixels as layer 0, to zero. */
 void gl_band_clear(const struct gl_band *band, uint32_t layer);
 
-/* Orders what shaders wrote before later shaders and buffer clears. */
+/* Makes the writes of shaders visible to later shaders and buffer clears. */
 void gl_band_barrier(void);
 
-/* Runs the bound program for each tile of the band, as a part of its layers, and follows. */
+/* Runs the bound program, which draws a part of the layers, on each tile of the band, then calls
+ * gl_band_follow(). */
 bool gl_band_draw_layer(struct gl_band *band, struct sp_error *err);
 
-/* Ends a batch or a pass with a fence, and waits for an earlier one, so that a cancelled frame
+/* Ends a batch or a pass with a fence, and waits for an earlier fence, so that a cancelled frame
  * leaves little queued work. SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_band_follow(struct gl_band *band, struct sp_error *err);
 
 void gl_band_drop_fences(struct gl_band *band);
 
-/* Resolves the pixels and starts the readback of them and the counters. */
+/* Resolves the pixels and starts the readback of the pixels and the counters. */
 bool gl_band_send(const struct gl_band *band, struct sp_error *err);
 
 /* Copies the slot's readback into the frame and *head. */

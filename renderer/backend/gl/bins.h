@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sorts splats by tile and layer: a counting sort. project makes the counts.
+ * Sorts splats by tile and layer: a counting sort. The pass `project` makes the counts.
  *
  *   bin = tile · layers + layer
  *   count[bin] ─ scan_bins, scan_totals ─► where each bin begins ─ scatter ─► pairs[] by bin
  *
- * Inside a bin the order is free, unless sort_bins sorts it in the order of the records. If there
- * are more pairs than the buffer can hold, none is written.
+ * Inside a bin the order is arbitrary, unless sort_bins restores the order of the records. If there
+ * are more pairs than the buffer can hold, no pair is written.
  */
 #ifndef GL_BINS_H
 #define GL_BINS_H
@@ -18,14 +18,14 @@ enum { GL_BINS_HEAD = 16 }; /* words of the head */
 /* Counters that the shaders write at the beginning of gl_bins.counts. */
 struct gl_bins_head {
     uint32_t splats;           /* splats drawn */
-    uint32_t fragments, carry; /* px inside their cutoffs: low and high word */
+    uint32_t fragments, carry; /* px inside the cutoffs of splats: low and high word */
     uint32_t needed;           /* most pairs of a batch; UINT32_MAX = that many or more */
     uint32_t total;            /* pairs of the last batch */
     uint32_t longest;          /* most pairs of a tile in a batch */
-    uint32_t planned;          /* used between the passes */
+    uint32_t planned;          /* scratch value between the passes */
     uint32_t crowded;          /* pairs of the longest bin that was too long to sort */
-    uint32_t widest;           /* most loop rounds of a splat that was left out because of them */
-    uint32_t stored;           /* fragments of other layers, also those that did not fit */
+    uint32_t widest; /* most loop rounds of a splat that was left out because it needs too many */
+    uint32_t stored; /* fragments of other layers, including fragments that did not fit */
     uint32_t longest_elements; /* as `longest`, of other layers */
 };
 
@@ -53,7 +53,8 @@ static inline uint32_t gl_bins_count(const struct gl_bins_space *space) {
     return space->columns * space->rows * space->layers;
 }
 
-/* SP_ERR_BACKEND. gl_bins_finish() also after a failure. A context must be current. */
+/* Compiles the programs. SP_ERR_BACKEND. Call gl_bins_finish() also after a failure. A context must
+ * be current, here and below. */
 bool gl_bins_init(struct gl_bins *bins, struct sp_error *err);
 void gl_bins_finish(struct gl_bins *bins);
 
@@ -61,7 +62,7 @@ void gl_bins_finish(struct gl_bins *bins);
 bool gl_bins_reserve(struct gl_bins *bins, uint64_t count, uint64_t pairs, uint64_t most,
                      struct sp_error *err);
 
-/* Set the head, or the counts, to zero. */
+/* Set the head to zero; set the counts to zero. */
 void gl_bins_clear_head(const struct gl_bins *bins);
 void gl_bins_clear(const struct gl_bins *bins, const struct gl_bins_space *space);
 
@@ -69,11 +70,12 @@ void gl_bins_clear(const struct gl_bins *bins, const struct gl_bins_space *space
 void gl_bins_set_space(const struct gl_bins_space *space);
 
 /* Sorts the counted spans of `records` records into at most `pairs` pairs. Afterwards a bin ends at
- * counts[bin] + totals[bin / GL_SCAN_BLOCK]. */
+ * pair counts[bin] + totals[bin / GL_SCAN_BLOCK]. */
 void gl_bins_sort(const struct gl_bins *bins, const struct gl_bins_space *space,
                   const struct gl_buffer *spans, uint32_t records, uint32_t pairs);
 
-/* Then sorts the records of each bin in rising order, except bins of more than `longest` pairs. */
+/* Sorts the records of each bin in rising order, except in bins with more than `longest` pairs.
+ * Call it after gl_bins_sort(). */
 void gl_bins_order(const struct gl_bins *bins, const struct gl_bins_space *space, uint32_t pairs,
                    uint32_t longest);
 

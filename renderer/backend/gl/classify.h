@@ -11,8 +11,8 @@
  *
  * Types with a table by key (8 and 16 bits), order pre: one bit per key says which keys are listed.
  * Otherwise intervals say which samples are listed (visible_ranges.h). Bricks whose range contains
- * nothing listed are not read. Types without a table have a class per entry, or for order post a
- * value.
+ * no listed value are not read. Types without a table have a class per entry; order post: a value
+ * per entry.
  */
 #ifndef GL_CLASSIFY_H
 #define GL_CLASSIFY_H
@@ -27,7 +27,7 @@ struct gl_classify {
     struct gl_buffer listed, points, counts, firsts;
     struct gl_cell_bounds cell_bounds;
     uint32_t bricks;      /* per dispatch, which bounds its duration */
-    uint64_t block_bytes; /* the most that a shader sees of one buffer; 0 = not known */
+    uint64_t block_bytes; /* largest buffer that a shader can read; 0 = not known */
     uint64_t *uploaded;   /* counter of bytes; not owned */
 };
 
@@ -36,9 +36,9 @@ struct gl_classify {
 bool gl_classify_init(struct gl_classify *classify, bool software, struct sp_error *err);
 void gl_classify_finish(struct gl_classify *classify);
 
-/* Uploads the samples, unless they are resident. cells: also measure cells, for order post.
- * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND, here and below. cancel: NULL =
- * never. */
+/* Uploads the samples, unless they are resident. cells: also computes the ranges of cells, for
+ * order post. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND, here and below.
+ * cancel: NULL = never. */
 bool gl_classify_load(struct gl_classify *classify, struct gl_voxels *voxels, bool cells,
                       const atomic_bool *cancel, struct sp_error *err);
 
@@ -52,18 +52,18 @@ bool gl_classify_histogram(struct gl_classify *classify, const struct gl_voxels 
                            uint32_t keys, const atomic_bool *cancel, uint64_t *counts,
                            struct sp_error *err);
 
-/* Writes a level that was counted: entries, normals as wide as the list's, and classes if they are
- * per entry. Returns when the GPU is done. */
+/* Writes the list of a level whose entries were counted: entries, normals as wide as the list's,
+ * and classes if the list has one class per entry. Returns when the GPU has finished. */
 bool gl_classify_fill(struct gl_classify *classify, const struct gl_voxels *voxels,
                       const struct sp_level *level, const struct gl_visible_list *list,
                       const atomic_bool *cancel, struct sp_error *err);
 
-/* Writes only the classes of a list without keys that the GPU made. */
+/* Writes only the classes of a list that has no keys and that the GPU has made. */
 bool gl_classify_color(struct gl_classify *classify, const struct gl_voxels *voxels,
                        const struct sp_level *level, const struct gl_visible_list *list,
                        const atomic_bool *cancel, struct sp_error *err);
 
-/* The same for a coarse level, from the list of the next finer one, which the GPU has made. The
+/* Count and fill a coarse level, from the list of the next finer level, which the GPU has made. The
  * list contains the cells with a visible voxel: entries, classes, and microflakes if the finer list
  * has normals; order post: entries, values and gradients. */
 bool gl_classify_count_mip(struct gl_classify *classify, const struct gl_visible_list *finer,

@@ -25,7 +25,7 @@ struct gl_options {
     bool software; /* true: only software GL; false: only hardware */
 };
 
-/* What a context runs on. Strings are printable ASCII, cut to fit, never empty. */
+/* The device and driver of a context. Strings are printable ASCII, cut to fit, never empty. */
 struct gl_info {
     /* From GL; `driver` is the vendor and version of EGL. */
     char renderer[SP_DEVICE_NAME], vendor[SP_DEVICE_NAME], version[SP_DEVICE_NAME];
@@ -40,8 +40,8 @@ struct gl_info {
 
 struct gl_context;
 
-/* Receives a context that is current on no thread. The callee owns it, whatever it returns. False
- * with *err set: the context is not usable. */
+/* Receives a context that is current on no thread. The callee owns the context, also if it returns
+ * false. False with *err set: the context is not usable. */
 typedef bool gl_context_adopt(void *user, struct gl_context *context, struct sp_error *err);
 
 /* Opens a context at each place in turn until adopt() accepts one. False with *err set:
@@ -53,7 +53,7 @@ bool gl_contexts_try(const struct gl_options *options, gl_context_adopt *adopt, 
 /* Opens the first context that can be opened; NULL with *err set as above. */
 struct gl_context *gl_context_create(const struct gl_options *options, struct sp_error *err);
 
-/* Destroys the context. It may be current on the calling thread and on no other. */
+/* Destroys the context. It may be current on the calling thread, but on no other thread. */
 void gl_context_destroy(struct gl_context **context);
 
 /* Makes the context current on the calling thread until gl_context_unbind() on the same thread. A
@@ -66,7 +66,7 @@ void gl_context_unbind(struct gl_context *context);
  * report resets (info->tells_reset). */
 bool gl_context_is_lost(const struct gl_context *context, struct sp_error *err);
 
-/* Constant; lives as long as the context. */
+/* Returns the information about the context. It is constant and lives as long as the context. */
 const struct gl_info *gl_context_info(const struct gl_context *context);
 
 #endif

@@ -16,8 +16,8 @@ struct gl_curve {
     float half;
 };
 
-/* Makes and uploads the curve, unless it is up to date: for slabs of `thickness` [world units] and
- * values relative to `base`. A context must be current. SP_ERR_MEMORY. */
+/* Makes and uploads the curve, unless it is up to date. thickness: of slabs [world unit]; values
+ * are relative to `base`. A context must be current. SP_ERR_MEMORY. */
 bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume, double base,
                      const struct sp_transfer_function *tf, double thickness, struct sp_error *err);
 

@@ -17,12 +17,12 @@
  * below. */
 bool gl_depth_order_open(struct gl_state *state, struct sp_error *err);
 
-/* Reserves memory for so many elements. SP_ERR_MEMORY, SP_ERR_BUDGET. */
+/* Reserves memory for `count` elements. SP_ERR_MEMORY, SP_ERR_BUDGET. */
 bool gl_depth_order_reserve(struct gl_state *state, uint32_t count, struct sp_error *err);
 
-/* Sorts the elements of a layer, which are in the buffer `elements` (shaders/cloud.glsl), and fills
- * `order`: their numbers front to back, then 0xffffffff for each that is not seen. `choice`: the
- * elements that are chosen, NULL = all. */
+/* Sorts the elements of a layer, which are in the buffer `elements` (shaders/cloud.glsl). Fills
+ * `order` with their numbers, front to back, and then 0xffffffff for each element that the camera
+ * does not see. `choice`: the chosen elements; NULL = all elements. */
 void gl_depth_order_make(struct gl_state *state, const struct gl_splats_made *made,
                          const struct gl_buffer *elements, const struct gl_buffer *choice,
                          const struct gl_buffer *order);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Fragments of other layers (frame/fragments.h) on the GPU: those of a band, which the shaders of
- * the volume insert between its parts (shaders/fragments.glsl).
+ * Fragments of other layers (frame/fragments.h) on the GPU: the fragments of one band. The shaders
+ * of the volume insert them between the parts of the volume (shaders/fragments.glsl).
  */
 #ifndef GL_FRAGMENTS_H
 #define GL_FRAGMENTS_H
@@ -12,11 +12,11 @@
 enum { GL_FRAGMENTS = 8 /* binding of the buffer */ };
 
 /* The fragments of a frame's other layers. `insert` tells between which sheets, slabs or splats of
- * the volume a depth lies. Resampled sheets, and frames without a volume, do not use it. */
+ * the volume a depth lies. Resampled sheets, and frames without a volume, do not use `insert`. */
 struct gl_fragments {
     struct gl_layers_made made;
     struct sp_insert insert;
-    bool grows;           /* there will be some */
+    bool grows;           /* the frame will have fragments */
     uint32_t state_words; /* words of four per pixel between passes of other layers */
 };
 
@@ -29,10 +29,10 @@ bool gl_fragments_make(struct gl_fragments *fragments, struct gl_state *state,
 bool gl_fragments_relate(struct gl_fragments *fragments, const struct gl_frame *frame,
                          struct gl_state *state, struct sp_error *err);
 
-/* Those of rows [y, end) of an image: of a band. */
+/* The fragments of a band: rows [y, end) of the image. */
 struct gl_fragments_band {
     struct gl_state *state;
-    const struct gl_fragments *fragments; /* NULL = there are none: nothing is done */
+    const struct gl_fragments *fragments; /* NULL = the frame has none: the functions do nothing */
     uint32_t width, y, end;               /* px */
 };
 
@@ -41,14 +41,15 @@ struct gl_fragments_band {
 bool gl_fragments_open(struct gl_state *state, struct sp_error *err);
 void gl_fragments_close(struct gl_state *state);
 
-/* Reserves memory for a part. SP_ERR_MEMORY, SP_ERR_BUDGET. */
+/* Reserves memory for the fragments of a band. SP_ERR_MEMORY, SP_ERR_BUDGET. */
 bool gl_fragments_reserve(const struct gl_fragments_band *band, struct sp_error *err);
 
-/* Empties the lists of all pixels; *most: fragments for which there is memory. SP_ERR_MEMORY. */
+/* Empties the lists of all pixels. Sets *most to the number of fragments that fit the memory.
+ * SP_ERR_MEMORY. */
 bool gl_fragments_start(const struct gl_fragments_band *band, uint32_t *most, struct sp_error *err);
 
-/* After a part that was drawn: true if its `stored` fragments fit into the memory for `most`. Else
- * the next attempt reserves more. */
+/* Call after a band was drawn: true if its `stored` fragments fit the memory for `most` fragments.
+ * Otherwise the next attempt reserves more memory. */
 bool gl_fragments_fit(struct gl_state *state, uint32_t stored, uint32_t most, uint64_t pixels);
 
 /* Binds the buffer and sets the uniforms of shaders/insert.glsl. */

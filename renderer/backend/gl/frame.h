@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The processor's part of a frame: mip levels, which lists change, the partition, and constants.
- * The GPU does everything else.
+ * The part of a frame that the processor computes: mip levels, changes of lists, the partition, and
+ * constants. The GPU does everything else.
  */
 #ifndef GL_FRAME_H
 #define GL_FRAME_H
@@ -38,13 +38,13 @@ struct gl_frame {
     uint32_t parts; /* bit 2l + enlarged: some bricks of level l are drawn this way */
     enum sp_compositing compositing;
     bool is_post;
-    bool is_enlarged;   /* by distance: some brick of the level is (splat/detail.h) */
+    bool is_enlarged;   /* by distance: some bricks of the level are enlarged (splat/detail.h) */
     bool has_depths;    /* records say where kernels lie along the ray */
     uint32_t stride;    /* of a record, in words of four: shaders/records.glsl */
     double thickness;   /* of a layer by distance [cells] */
     double reach;       /* by distance: most that a kernel reaches along the ray [cells] */
     uint64_t visible;   /* voxels of the volume */
-    double classify_ms; /* time for lists: the processor's, and waiting for the GPU's */
+    double classify_ms; /* time for lists: processor time and waiting for the GPU [ms] */
     struct gl_constants constants;
     struct sp_camera_transform camera;
     struct sp_detail detail;
@@ -65,12 +65,13 @@ struct gl_sources {
     struct gl_partition *partition;
 };
 
-/* Writes what shading needs: everything up to the lights, except what describes layers. */
+/* Writes the constants for shading: all fields up to the lights, except the fields that describe
+ * layers. */
 void gl_frame_write_shading(struct gl_constants *constants,
                             const struct sp_camera_transform *camera, const struct sp_view *view);
 
-/* Prepares a frame and its layers. A context must be
- * current. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+/* Prepares a frame: its levels, lists and layers. A context must be current. SP_ERR_MEMORY,
+ * SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_frame_begin(struct gl_frame *frame, const struct sp_backend_job *job,
                     const struct gl_sources *from, struct sp_error *err);
 

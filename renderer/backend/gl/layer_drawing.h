@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The layers of a frame other than the volume, in the order in which they make fragments: what has
- * few fragments comes first, as in draw/layers/layers.c.
+ * Draws the layers of a frame other than the volume, in the order in which they make fragments:
+ * layers with few fragments come first, as in draw/layers/layers.c.
  *
  *   make ─► (the volume) ─► begin ─► per band: divide ─► reserve ─► draw
  */
@@ -24,7 +24,7 @@ struct gl_layer_drawing {
 bool gl_layer_drawing_make(struct gl_layer_drawing *layers, struct gl_band *band,
                            struct sp_error *err);
 
-/* Uploads what the frame needs, after the volume's data. Errors as above. */
+/* Uploads the data of the layers, after the data of the volume. Errors as above. */
 bool gl_layer_drawing_begin(struct gl_layer_drawing *layers, const struct gl_band *band,
                             struct sp_error *err);
 
@@ -41,7 +41,7 @@ void gl_layer_drawing_divide(struct gl_layer_drawing *layers, const struct gl_ba
 bool gl_layer_drawing_reserve(const struct gl_layer_drawing *layers, const struct gl_band *band,
                               struct sp_error *err);
 
-/* Dispatches per band, about. */
+/* Returns the approximate number of dispatches per band. */
 uint64_t gl_layer_drawing_dispatches(const struct gl_layer_drawing *layers);
 
 /* Adds all layers to a band that was started. SP_ERR_CANCELLED, SP_ERR_BACKEND. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The processor's part of layers other than the volume (draw/layers/layers.h): points of surfaces
- * and voxels, front to back, and which points of a cloud are drawn. surfaces.h, meshes.h and
- * splat_layers.h draw them.
+ * The part of the layers other than the volume that the processor computes (draw/layers/layers.h):
+ * points of surfaces and voxels, front to back, and the points of a cloud that are drawn.
+ * surfaces.h, meshes.h and splat_layers.h draw them.
  */
 #ifndef GL_LAYERS_H
 #define GL_LAYERS_H
@@ -10,7 +10,7 @@
 #include "backend/backend.h"
 #include "draw/layers/layers.h"
 
-/* What is kept of them from frame to frame. */
+/* The caches of these layers, which persist from frame to frame. */
 struct gl_layers {
     struct sp_surface_cache surfaces;
     struct sp_shell_cache shells;
@@ -18,7 +18,7 @@ struct gl_layers {
     struct sp_cloud_cache clouds;
 };
 
-/* What a frame is made from. */
+/* The inputs for the layers of a frame. */
 struct gl_layers_job {
     const struct sp_backend_job *job;
     uint64_t bytes_max; /* of the caches */
@@ -39,10 +39,10 @@ struct gl_layers_made {
     unsigned splat_count; /* layers that are drawn splat by splat, in order */
     struct gl_splats_made {
         enum gl_splat_kind kind;
-        struct sp_voxel_source source; /* `from` is the list; not of clouds */
-        struct sp_cloud cloud;         /* of clouds alone, as the next one */
+        struct sp_voxel_source source; /* `from` is the list; not used for clouds */
+        struct sp_cloud cloud;         /* clouds only */
         struct sp_volume *volume;      /* the job's */
-        struct sp_volume *colors;      /* the same: that has the numbers of colours; NULL = none */
+        struct sp_volume *colors;      /* the job's, with the numbers of colours; NULL = none */
     } splats[SP_LAYERS_MAX];
     unsigned surface_count;
     struct sp_surface surfaces[SP_LAYERS_MAX];
@@ -51,7 +51,7 @@ struct gl_layers_made {
     struct sp_volume *mesh_volumes[SP_LAYERS_MAX]; /* the job's */
 };
 
-/* Elements of both parts of a cloud. */
+/* Returns the number of elements and merged points of a cloud. */
 static inline uint32_t gl_cloud_elements(const struct sp_cloud *cloud) {
     return cloud->elements->shape.count + (cloud->tree ? cloud->tree->count : 0);
 }
@@ -61,11 +61,11 @@ static inline uint32_t gl_cloud_elements(const struct sp_cloud *cloud) {
 bool gl_layers_make(struct gl_layers *layers, const struct gl_layers_job *job,
                     struct gl_layers_made *made, struct sp_error *err);
 
-/* Returns how many voxels, points and Gaussians the layers have; *drawn: points of surfaces in the
- * image. */
+/* Returns how many voxels, points and Gaussians the layers have. Sets *drawn to the number of
+ * surface points in the image. */
 uint64_t gl_layers_count(const struct gl_layers_made *made, uint64_t *drawn);
 
-/* Bytes that are cached of the volume; NULL = of all volumes. The same for dropping them. */
+/* Return the bytes that are cached of the volume, or evict them; NULL = of all volumes. */
 uint64_t gl_layers_bytes(const struct gl_layers *layers, const struct sp_volume *volume);
 void gl_layers_evict(struct gl_layers *layers, const struct sp_volume *volume);
 
