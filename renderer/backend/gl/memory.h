@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The budget of video memory. Everything that the backend keeps there counts.
+ * The budget of video memory. All memory that the backend allocates there counts.
  *
  *   |-- voxels, lists (residency.h) --|-- scratch: splats, pairs, bins, pixels --|-- rest --| limit
  *
- * Scratch memory holds a frame while it is drawn; none of it outlives the frame, so it may be freed
- * whenever a frame is planned. Batches are as large as half of the budget allows, and smaller if
- * the voxels and lists of the frame leave less. Data of other frames is evicted first, least
- * recently used first.
+ * Scratch memory holds a frame while it is drawn. Its contents do not outlive the frame, so it may
+ * be freed whenever a frame is planned. Batches are as large as half of the budget allows, or
+ * smaller if the voxels and lists of the frame leave less memory. Data of other frames is evicted
+ * first, least recently used first.
  */
 #ifndef GL_MEMORY_H
 #define GL_MEMORY_H
@@ -22,11 +22,11 @@ void gl_memory_limit(struct gl_state *state);
  * needed. A context must be current, here and below. */
 void gl_memory_begin(struct gl_state *state);
 
-/* Frees all scratch memory; false if there was none. */
+/* Frees all scratch memory. Returns false if there was none. */
 bool gl_memory_release(struct gl_state *state);
 
 /* Call after scratch memory has grown. Evicts data of other frames until everything fits.
- * SP_ERR_BUDGET with both numbers if it does not fit. */
+ * SP_ERR_BUDGET, with both numbers, if this is not enough. */
 bool gl_memory_fit(struct gl_state *state, struct sp_error *err);
 
 #endif

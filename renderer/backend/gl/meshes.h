@@ -21,10 +21,10 @@ struct gl_meshes {
         uint32_t triangle_count, sheets;
     } items[SP_LAYERS_MAX];
     uint32_t dispatches; /* per band, at most */
-    uint32_t words;      /* words of four that a pixel needs between them; 0 = one per mesh */
+    uint32_t words;      /* words of four that a pixel needs between these; 0 = one per mesh */
 };
 
-/* Uploads what the frame needs. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,
+/* Uploads the meshes of the frame. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,
  * SP_ERR_UNSUPPORTED. A context must be current, here and below. */
 bool gl_meshes_begin(struct gl_meshes *meshes, const struct gl_band *band, struct sp_error *err);
 
@@ -35,7 +35,7 @@ void gl_meshes_divide(struct gl_meshes *meshes, const struct gl_pieces *pieces);
 bool gl_meshes_reserve(const struct gl_meshes *meshes, const struct gl_band *band,
                        struct sp_error *err);
 
-/* Adds the meshes to the fragments of a band that was started. SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+/* Adds the fragments of the meshes to a band that was started. SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_meshes_draw(const struct gl_meshes *meshes, struct gl_band *band, struct sp_error *err);
 
 void gl_meshes_finish(struct gl_state *state);

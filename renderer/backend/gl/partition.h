@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Divides a frame into layers, batches and chunks. All of it is kept from frame to frame, here and
- * on the GPU, and made again only if something that it depends on has changed.
+ * Divides a frame into layers, batches and chunks. The division persists from frame to frame, here
+ * and on the GPU. A part is made again only if one of its inputs has changed.
  *
  *   layers   0 … … … … … … … … n         sheets, slabs or distances, front to back
  *   batch    |--- 0 ---|- 1 -|-- 2 --|   as many layers as the records and bins can hold
@@ -36,11 +36,11 @@ struct gl_chunk {
 struct gl_batch {
     uint32_t first, layers; /* layers [first, first + layers) */
     uint32_t records;
-    bool resumes, stays_open; /* begins or ends inside its layer; then layers = 1 */
+    bool resumes, stays_open; /* the batch begins or ends inside its layer; then layers = 1 */
     uint32_t chunk[SP_LEVELS], chunks[SP_LEVELS]; /* by level: first, count */
 };
 
-/* Where bricks come from; the memory may be freed after the call. */
+/* The source of the bricks. Its memory may be freed after the call. */
 struct gl_partition_source {
     const struct sp_volume *volume;
     const struct gl_visible_list *const *lists; /* [SP_LEVELS] */
@@ -53,8 +53,8 @@ struct gl_partition_source {
 struct gl_partition_depth {
     const struct sp_camera_transform *camera;
     double thickness;
-    double reach;    /* of a kernel in front of and behind its voxel; single splats: 0 */
-    double farthest; /* everything beyond counts as this far */
+    double reach;    /* of a kernel before and behind its voxel; single splats: 0 */
+    double farthest; /* farther voxels count as this far */
 };
 
 struct gl_partition {
@@ -63,8 +63,8 @@ struct gl_partition {
     uint32_t item_count;
     uint64_t entries; /* of all items */
     uint32_t layer_count;
-    int64_t nearest;  /* by distance: the number from the eye of layer 0 */
-    uint32_t *sheets; /* [sheet_count]: by sheet of the finest level, its place front to back */
+    int64_t nearest;  /* by distance: number of layer 0, counted from the eye */
+    uint32_t *sheets; /* [sheet_count]: place of each sheet of the finest level, front to back */
     uint32_t sheet_count;
     struct gl_batch *batches;
     uint32_t batch_count;
@@ -72,7 +72,7 @@ struct gl_partition {
     uint32_t chunk_count;
     uint64_t sheets_made, chunks_made; /* generation numbers; 0 = never made */
 
-    /* What the items were made for; compared only. */
+    /* The inputs for which the items were made; only compared. */
     const struct sp_volume *volume; /* NULL = there are none */
     uint64_t list_made[SP_LEVELS];
     struct sp_detail detail;
@@ -80,9 +80,9 @@ struct gl_partition {
     unsigned level;
     bool is_enlarged;
 
-    /* What the batches were made for. */
-    bool is_cut;              /* for these items' layers */
-    bool is_whole;            /* one batch holds all: layers do not matter */
+    /* The inputs for which the batches were made. */
+    bool is_cut;              /* for the layers of these items */
+    bool is_whole;            /* one batch holds all items, in any layers */
     uint32_t layers, records; /* capacity of a batch */
 };
 
@@ -92,17 +92,17 @@ void gl_partition_finish(struct gl_partition *partition);
 /* Frees its memory; the next frame chooses layers and makes batches again. */
 void gl_partition_trim(struct gl_partition *partition);
 
-/* Choose the layers of a frame: sheets along `axis` with sheets[count] as in struct gl_partition,
- * or by distance. SP_ERR_MEMORY. */
+/* Choose the layers of a frame: sheets along `axis`, with sheets[count] as in struct gl_partition,
+ * or layers by distance. SP_ERR_MEMORY. */
 bool gl_partition_sheets(struct gl_partition *partition, const struct gl_partition_source *from,
                          unsigned axis, const uint32_t *sheets, uint32_t count,
                          struct sp_error *err);
 bool gl_partition_distances(struct gl_partition *partition, const struct gl_partition_source *from,
                             const struct gl_partition_depth *depth, struct sp_error *err);
 
-/* Then makes the batches, each of at most `layers` layers and `records` records (at least
- * SP_BRICK_VOXELS). May be called again with other sizes. The batches are valid until the layers of
- * the next frame are chosen. SP_ERR_MEMORY. */
+/* Makes the batches after the layers were chosen. A batch has at most `layers` layers and `records`
+ * records; records >= SP_BRICK_VOXELS. The function may be called again with other sizes. The
+ * batches are valid until the layers of the next frame are chosen. SP_ERR_MEMORY. */
 bool gl_partition_make(struct gl_partition *partition, uint32_t layers, uint32_t records,
                        struct sp_error *err);
 

@@ -2,7 +2,7 @@
 #ifndef GL_PLATFORM_H
 #define GL_PLATFORM_H
 
-/* The ways to a display that EGL offers. */
+/* The ways in which EGL offers a display. */
 enum gl_platform {
     GL_PLATFORM_ANY,
     GL_PLATFORM_DEVICE,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Compute programs, one per stage. The sources in shaders/ are embedded at build time. A program is
- * a preamble of constants that the C side shares, followed by a few of the sources:
+ * a preamble with the constants that C and shaders share, followed by a few of the sources:
  *
  *   #version 430 core, #define TILE …  +  shared sources  +  NN_stage.glsl
  */
@@ -18,12 +18,12 @@ enum {
     GL_GROUP = 256,        /* threads of the other work groups */
     GL_SCAN_BLOCK = 1024,  /* bins that one work group sums: GL_GROUP · 4 */
     GL_TABLE_SCALES = 256, /* vec4 at the beginning of a list's tables: see visible_list.h */
-    GL_PARTS = 16,         /* mip levels, each as it is and enlarged */
+    GL_PARTS = 16,         /* each mip level, plain and enlarged */
     GL_CLIP_PLANES = 14,   /* clipping planes */
     GL_LIGHTS = 8
 };
 
-/* A shader source. `name`: of its file; `text` ends with NUL. */
+/* A shader source. `name`: name of its file; `text`: ends with NUL. */
 struct gl_source {
     const char *name, *text;
 };
@@ -44,11 +44,12 @@ struct gl_late_program {
     bool is_refused;  /* it is not compiled again */
 };
 
-/* The same with embedded sources, by names separated by spaces; the last one names the program. */
+/* Like gl_program_create() for embedded sources: `names` are separated by spaces, and the last one
+ * names the program. */
 unsigned gl_program_open(const char *names, const char *defines, struct sp_error *err);
 
-/* Compiles the program unless it is there; "%s has no program for %s" with the device and what it
- * is for. SP_ERR_UNSUPPORTED. */
+/* Compiles the program if it is not compiled yet. False with SP_ERR_UNSUPPORTED, "`device` has no
+ * program for `what`", if the driver refuses it now or refused it before. */
 bool gl_program_late(struct gl_late_program *program, const char *names, const char *defines,
                      const char *device, const char *what, struct sp_error *err);
 

@@ -19,8 +19,8 @@
 
 struct gl_readback {
     struct gl_buffer buffer;
-    const unsigned char
-        *mapped;   /* for the life of the buffer; NULL = mapped only while it is read */
+    /* Mapped for the life of the buffer; NULL = the buffer is mapped only for each read. */
+    const unsigned char *mapped;
     uint64_t used; /* bytes copied */
     void *fence;   /* after the last copy; NULL = none */
 };
@@ -29,7 +29,7 @@ struct gl_readback {
 bool gl_readback_reserve(struct gl_readback *readback, uint64_t bytes, struct sp_error *err);
 void gl_readback_finish(struct gl_readback *readback);
 
-/* Begins an image; appends the first `bytes` of a buffer; submits all copies with a fence. */
+/* Begin an image; append the first `bytes` of a buffer; submit all copies with a fence. */
 void gl_readback_begin(struct gl_readback *readback);
 void gl_readback_copy(struct gl_readback *readback, const struct gl_buffer *from, uint64_t bytes);
 void gl_readback_send(struct gl_readback *readback);
@@ -40,16 +40,17 @@ void gl_readback_send(struct gl_readback *readback);
 const unsigned char *gl_readback_read(struct gl_readback *readback, struct sp_error *err);
 bool gl_readback_close(struct gl_readback *readback, struct sp_error *err);
 
-/* Replaces *fence by a new fence after all commands so far. */
+/* gl_fence_set() replaces *fence by a new fence after all commands so far; gl_fence_drop() deletes
+ * it. */
 void gl_fence_set(void **fence);
 void gl_fence_drop(void **fence);
 
-/* Waits for the fence and drops it; returns true at once if there is none. SP_ERR_CANCELLED if
- * *cancel is set (NULL = never), SP_ERR_BACKEND if the GPU is gone. */
+/* Waits for the fence and drops it; returns true at once if *fence is NULL. SP_ERR_CANCELLED if
+ * *cancel is set (cancel: NULL = never), SP_ERR_BACKEND if the context is lost. */
 bool gl_fence_wait(void **fence, const atomic_bool *cancel, struct sp_error *err);
 
-/* Fails with SP_ERR_MEMORY or SP_ERR_BACKEND if GL has reported an error since the last call.
- * `what`: past participle for the message, "drawn". */
+/* Checks for errors: false with SP_ERR_MEMORY or SP_ERR_BACKEND if GL has reported an error since
+ * the last call. `what`: past participle for the message, for instance "drawn". */
 bool gl_check(const char *what, struct sp_error *err);
 
 #endif

@@ -2,8 +2,8 @@
  *
  * Sheets of interpolated values (draw/resample/README.md) on the GPU:
  * shaders/passes/draw_sheets.glsl draws a block of 8 × 8 px from sheet to sheet. The processor
- * chooses the mip level, finds which intervals between slices may be visible, and computes the rays
- * of squares of pixels in double precision.
+ * chooses the mip level, marks the intervals between slices that may be visible, and computes the
+ * rays of squares of pixels in double precision.
  *
  *   begin   samples, codes, visible intervals and the transfer function's integral are uploaded
  *           unless they are resident; constants and squares always
@@ -17,13 +17,13 @@
 #include "backend/gl/resample_data.h"
 
 /* A pass: the image of the slices of one axis, with one or two sheets per slice. Most frames have
- * one. The pixels of several are added with their shares (draw/resample/axes.h,
+ * one pass. The images of several passes are added with their shares (draw/resample/axes.h,
  * draw/resample/rays.h). */
 struct gl_resample_pass {
     const struct gl_buffer *constants, *squares, *visible;
-    float share;   /* of the axis */
+    float share;   /* share of the axis in the image */
     int sheets;    /* per slice */
-    int intervals; /* the most between sheets of a square */
+    int intervals; /* most intervals between sheets of a square */
 };
 
 enum { GL_RESAMPLE_PASSES = 6 };
@@ -39,7 +39,7 @@ struct gl_resample_frame {
     int pass_count;
     uint32_t dispatches;   /* of the band */
     uint32_t rows;         /* of blocks per dispatch */
-    int intervals_at_once; /* the same */
+    int intervals_at_once; /* per dispatch */
 };
 
 /* Prepares the frame in the state's arena and uploads what it needs. SP_ERR_MEMORY, SP_ERR_BUDGET,

@@ -33,10 +33,10 @@ struct gl_resample_square {
 };
 
 struct gl_resample_squares {
-    struct gl_resample_square *squares; /* those of the tiles, row by row, then parts */
+    struct gl_resample_square *squares; /* squares of the tiles, row by row, then their parts */
     uint32_t count;
-    int slices; /* the most that a square crosses */
-    int sheets; /* those that some squares need, as in sp_resample_rays */
+    int slices; /* most slices that a square crosses */
+    int sheets; /* sheets that some squares need, as in sp_resample_rays */
 };
 
 void gl_resample_constants_init(struct gl_resample_constants *constants,

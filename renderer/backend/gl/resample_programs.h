@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What resampled sheets (resample.h) keep from frame to frame, besides data of volumes.
+ * The programs and buffers of resampled sheets (resample.h) that persist from frame to frame,
+ * besides the data of volumes.
  */
 #ifndef GL_RESAMPLE_PROGRAMS_H
 #define GL_RESAMPLE_PROGRAMS_H
 
 #include "backend/gl/buffer.h"
 
-/* The programs of shaders/passes/draw_sheets.glsl by what they read. GL_SAMPLES_CODES: codes that
- * the processor has made, of 64-bit reals and of numbers that a float does not hold. */
+/* The programs of shaders/passes/draw_sheets.glsl by the samples that they read. GL_SAMPLES_CODES:
+ * codes that the processor has made from 64-bit reals, or from numbers that a float cannot hold. */
 enum gl_samples_kind {
     GL_SAMPLES_UINT8,
     GL_SAMPLES_INT8,
@@ -20,7 +21,7 @@ enum gl_samples_kind {
     GL_SAMPLES_KINDS
 };
 
-/* Intervals per dispatch, at most: shared memory has a bit for each. */
+/* Most intervals per dispatch: shared memory has a bit for each. */
 enum { GL_RESAMPLE_INTERVALS = 512 };
 
 enum gl_resample_use {
@@ -43,7 +44,7 @@ struct gl_resample {
     uint32_t work;     /* blocks times intervals per dispatch */
 };
 
-/* Returns the program, and compiles it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). A
+/* Returns the program, which is compiled at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). A
  * context must be current, here and below. */
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
                           enum gl_resample_use use, bool has_layers, bool is_even,

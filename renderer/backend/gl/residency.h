@@ -41,7 +41,7 @@ struct gl_resident {
     /* Not references; NULL = empty. `original` is sp_volume_original() of the volume. */
     const struct sp_volume *volume, *original;
     enum gl_resident_kind kind;
-    uint64_t made; /* number of the contents; no others of this kind have it */
+    uint64_t made; /* serial number of the contents, unique among items of this kind */
     uint64_t used; /* clock of the last use */
     bool is_filled;
     struct gl_buffer buffer;
@@ -58,7 +58,7 @@ struct gl_residency {
     uint64_t frame;        /* the clock when this frame began: data used since then stays */
     uint64_t limit_bytes;  /* budget of samples, lists and beside_bytes */
     uint64_t beside_bytes; /* other GPU memory that counts */
-    uint64_t block_bytes;  /* the most that a shader sees of one buffer; 0 = not known */
+    uint64_t block_bytes;  /* largest buffer that a shader can read; 0 = not known */
     uint64_t uploaded;     /* bytes since the start */
     bool tries_again;      /* a frame without memory is tried again: do not refuse a volume yet */
 };
@@ -67,17 +67,17 @@ struct gl_residency {
 struct gl_list_source {
     const struct sp_volume *volume;
     const struct sp_level *level;
-    struct gl_voxels *voxels; /* the GPU makes the list, the finest one from these; NULL = the
-                                 level has entries */
+    struct gl_voxels *voxels; /* the GPU makes the list, the finest list from these samples; NULL =
+                                 the level has entries */
     const struct gl_list_source *finer; /* of a coarse level that the GPU makes; else NULL */
-    bool normals;                       /* then it makes normals as well */
+    bool normals;                       /* the GPU also makes normals */
     enum sp_tf_order order;
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */
 };
 
-/* Compiles the programs. SP_ERR_BACKEND. Call gl_residency_finish() also after a failure; then it
- * can be initialised again. A context must be current, here and below. */
+/* Compiles the programs. SP_ERR_BACKEND. Call gl_residency_finish() also after a failure; then the
+ * struct can be initialised again. A context must be current, here and below. */
 bool gl_residency_init(struct gl_residency *residency, bool software, uint64_t block_bytes,
                        struct sp_error *err);
 void gl_residency_finish(struct gl_residency *residency);
@@ -87,18 +87,20 @@ static inline void gl_residency_begin(struct gl_residency *residency) {
     residency->frame = residency->clock;
 }
 
-/* Returns the samples from which the GPU classifies the volume; they are uploaded when needed and
- * valid until the next frame begins. NULL = the processor classifies the volume: 64-bit reals
- * (gl_visible_ranges_is_possible()), and volumes that were refused. A refused volume is tried again
- * after GL_REFUSED_FRAMES of its frames, and after twice as many each next time. */
+/* Returns the samples from which the GPU classifies the volume. They are uploaded when needed and
+ * valid until the next frame begins. NULL = the processor classifies the volume, because it has
+ * 64-bit reals (gl_visible_ranges_is_possible()) or was refused. A refused volume is tried again
+ * after GL_REFUSED_FRAMES frames with this volume, and after twice as many frames each next
+ * time. */
 struct gl_voxels *gl_residency_voxels(struct gl_residency *residency, struct sp_volume *volume);
 
-/* Uploads the samples, unless they are resident, and prepares what classification in this order
- * needs. SP_ERR_BUDGET, SP_ERR_MEMORY, SP_ERR_CANCELLED, SP_ERR_BACKEND. cancel: NULL = never. */
+/* Uploads the samples, unless they are resident, and prepares the data that classification in this
+ * order needs. SP_ERR_BUDGET, SP_ERR_MEMORY, SP_ERR_CANCELLED, SP_ERR_BACKEND. cancel:
+ * NULL = never. */
 bool gl_residency_load(struct gl_residency *residency, struct gl_voxels *voxels,
                        enum sp_tf_order order, const atomic_bool *cancel, struct sp_error *err);
 
-/* From now on the processor classifies the volume; logs the reason the first time. */
+/* Lets the processor classify the volume from now on. Logs the reason the first time. */
 void gl_residency_leave_to_cpu(struct gl_voxels *voxels, const struct sp_error *why);
 
 /* Returns the level's list, up to date and valid until the next frame begins. NULL with
@@ -107,19 +109,21 @@ const struct gl_visible_list *gl_residency_get(struct gl_residency *residency,
                                                const struct gl_list_source *source,
                                                struct sp_error *err);
 
-/* Returns the item with these contents, valid until the next frame begins. If it is not filled, it
- * is new: its buffer holds `bytes`, and the caller fills it and sets is_filled. `what` as in
- * "samples". NULL with *err set: SP_ERR_BUDGET, SP_ERR_MEMORY. */
+/* Returns the item with these contents, valid until the next frame begins. If is_filled is false,
+ * the item is new: its buffer has space for `bytes`, and the caller fills it and sets is_filled.
+ * `what` names the contents in errors, for instance "samples". NULL with *err set: SP_ERR_BUDGET,
+ * SP_ERR_MEMORY. */
 struct gl_resident *gl_residency_get_item(struct gl_residency *residency,
                                           const struct sp_volume *volume,
                                           enum gl_resident_kind kind, uint64_t made, uint64_t bytes,
                                           const char *what, struct sp_error *err);
 
-/* Evicts data of other frames until everything and beside_bytes fit. SP_ERR_BUDGET. */
+/* Evicts data of other frames until the remaining data and beside_bytes fit the limit.
+ * SP_ERR_BUDGET. */
 bool gl_residency_trim(struct gl_residency *residency, struct sp_error *err);
 
-/* Drops all samples, also those of this frame, whose lists are complete; the next lists upload them
- * again. False if there were none. */
+/* Drops all samples, also the samples of this frame, whose lists must be complete; the next lists
+ * upload them again. False if there were no samples. */
 bool gl_residency_drop_samples(struct gl_residency *residency);
 
 /* Evicts the data of the volume; NULL = of all volumes. */
@@ -128,7 +132,7 @@ void gl_residency_evict(struct gl_residency *residency, const struct sp_volume *
 /* Drops everything after the context was lost. No context is needed. */
 void gl_residency_lose(struct gl_residency *residency);
 
-/* Returns the bytes on the GPU of the volume; NULL = of all. */
+/* Returns the bytes of the volume's data on the GPU; NULL = of all volumes. */
 uint64_t gl_residency_bytes(const struct gl_residency *residency, const struct sp_volume *volume);
 
 #endif

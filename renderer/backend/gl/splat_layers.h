@@ -17,24 +17,24 @@
 #include "backend/gl/band.h"
 
 enum {
-    GL_SPLAT_ROUNDS = 16,      /* loop rounds of a pixel per splat, at most */
-    GL_SPLAT_RECORD_BYTES = 80 /* at most, without its span */
+    GL_SPLAT_ROUNDS = 16,      /* most loop rounds of a pixel per splat */
+    GL_SPLAT_RECORD_BYTES = 80 /* largest size of a record, without its span */
 };
 
-/* The layers of splats in a frame that have some. */
+/* The layers of a frame that have splats. */
 struct gl_splat_layers {
     unsigned count;
     struct gl_splats {
         const struct gl_splats_made *made;
         const struct gl_buffer *constants, *order, *choice, *elements, *harmonics;
     } items[SP_LAYERS_MAX];
-    bool is_alone;  /* nothing else is in the frame: it is composited, and makes no fragments */
-    bool is_sorted; /* the elements of clouds are */
+    bool is_alone;  /* the frame has nothing else: splats are composited and make no fragments */
+    bool is_sorted; /* the elements of clouds are sorted */
     uint32_t dispatches; /* per band */
-    uint32_t words;      /* words of four that a pixel needs between them; 0 = none */
+    uint32_t words;      /* words of four that a pixel keeps between dispatches; 0 = none */
 };
 
-/* Uploads what the frame needs. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,
+/* Uploads the data of the layers. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,
  * SP_ERR_UNSUPPORTED. A context must be current, here and below. */
 bool gl_splat_layers_begin(struct gl_splat_layers *layers, const struct gl_band *band,
                            struct sp_error *err);

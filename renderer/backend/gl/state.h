@@ -16,7 +16,7 @@
  * Bands bound the memory for pixels, batches the memory for records and bins. Pairs of a record and
  * a tile are counted before they are written. If there are more than the buffer can hold, nothing
  * is drawn, and the band is drawn again with a larger buffer or in smaller pieces (workload.h).
- * Therefore nothing is read back in the middle of a frame, and nothing is left out.
+ * Therefore no counter is read back in the middle of a frame, and no pair is left out.
  */
 #ifndef GL_STATE_H
 #define GL_STATE_H
@@ -47,7 +47,7 @@ enum gl_stage {
     GL_STAGES
 };
 
-/* What a frame is drawn from. */
+/* The data from which a frame is drawn. */
 enum gl_path {
     GL_PATH_SPLATS,
     GL_PATH_RESAMPLED, /* resample.h */
@@ -70,7 +70,7 @@ struct gl_slot {
     enum gl_path path;
     bool has_pieces;         /* splats of the volume, or elements */
     bool has_layers;         /* other than the volume, or none at all */
-    uint32_t fragments_most; /* of other layers, that the memory of the band holds */
+    uint32_t fragments_most; /* most fragments of other layers in the memory of the band */
     uint64_t frames;         /* number of frames that used this slot */
 };
 
@@ -80,7 +80,7 @@ struct gl_state {
     struct gl_context *context; /* NULL = lost; the next frame creates another */
     struct sp_pool *pool;       /* classifies, and fills uploads */
     struct sp_arena arena;
-    uint64_t memory_bytes; /* the same: budget of the caches of the processor */
+    uint64_t memory_bytes; /* as in sp_backend_options: limit of the caches of the processor */
     struct sp_classify_cache cache;
     struct sp_samples_cache samples;
     struct gl_layers layers;
@@ -95,7 +95,7 @@ struct gl_state {
     struct gl_surfaces_kept {
         struct gl_late_program program;
         struct gl_buffer constants[SP_LAYERS_MAX];
-        double per_pixel; /* fragments for which there is memory */
+        double per_pixel; /* fragments per pixel for which the band has memory */
     } surfaces;
     struct {
         struct gl_late_program set_up[GL_SPLAT_KINDS], blend[GL_SPLAT_KINDS][2]; /* 1: alone */
@@ -124,10 +124,10 @@ struct gl_state {
     char device[SP_DEVICE_NAME];
 };
 
-/* Submits a frame to the GPU, after the frames in flight; at most GL_IN_FLIGHT. If that required
- * waiting for one of them, it is submitted only when they have ended. After a failure the frame is
- * not in flight. The context must be current. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,
- * SP_ERR_BACKEND. */
+/* Submits a frame to the GPU after the begun frames; at most GL_IN_FLIGHT frames are begun. If the
+ * submission would have to wait for one of them, it happens only when they have ended. After a
+ * failure the frame is not in flight. The context must be current. SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_draw_begin(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err);
 
 /* Waits for the oldest frame in flight, with the same job, and fills its pixels and stats.
@@ -138,7 +138,7 @@ bool gl_draw_end(struct gl_state *state, const struct sp_backend_job *job, struc
 /* Returns the bytes of video memory besides samples and lists. */
 uint64_t gl_draw_bytes(const struct gl_state *state);
 
-/* Abandons all frames in flight. The context must be current. */
+/* Abandons all begun frames. The context must be current. */
 void gl_draw_drop(struct gl_state *state);
 
 /* Creates the programs and tables that do not change. Call gl_draw_finish() also after a failure;

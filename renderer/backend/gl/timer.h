@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Measures the GPU time of each stage: a time stamp after each stage. They are read after the frame
- * has been read back, so that nothing waits for them.
+ * Measures the GPU time of each stage, with a time stamp after each stage. The stamps are read
+ * after the image was read back, so that no thread waits for them.
  */
 #ifndef GL_TIMER_H
 #define GL_TIMER_H
@@ -22,7 +22,7 @@ struct gl_timer {
 void gl_timer_init(struct gl_timer *timer);
 void gl_timer_finish(struct gl_timer *timer);
 
-/* Starts over: the first stage begins here. */
+/* Drops all stamps. The first stage begins now. */
 void gl_timer_start(struct gl_timer *timer);
 
 /* Attributes the commands since the last stamp to this stage. When all GL_STAMPS are used, a new

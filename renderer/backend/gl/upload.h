@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Uploads the data of a frame besides its lists: constants, a few hundred bytes; and if they have
- * changed, the order of sheets and the chunks of bricks that batches consist of.
+ * Uploads the data of a frame besides its lists: constants, and if they have changed, the order of
+ * sheets and the chunks of bricks of the batches.
  */
 #ifndef GL_UPLOAD_H
 #define GL_UPLOAD_H
@@ -10,8 +10,8 @@
 #include "backend/gl/frame.h"
 #include "backend/gl/partition.h"
 
-/* The constants of one frame. The GPU may still read those of the previous frame, so that each of
- * both has its own. */
+/* The constants of one frame. The GPU may still read the constants of the previous frame; therefore
+ * both frames have their own. */
 struct gl_frame_constants {
     struct gl_buffer buffer; /* struct gl_constants, then the order of sheets */
     uint64_t sheets_made;    /* generation of the partition whose sheets are uploaded */
@@ -26,14 +26,15 @@ struct gl_upload {
     uint64_t bytes;                  /* sent since the start */
 };
 
-/* Begins a frame: its uploads do not overwrite what the previous frame may still read. */
+/* Begins a frame: its uploads do not overwrite data that the previous frame may still read. */
 void gl_upload_next(struct gl_upload *upload);
 
-/* `most` as in gl_buffer_reserve(). A context must be current. SP_ERR_MEMORY, SP_ERR_BUDGET. */
+/* Uploads the constants, and the order of sheets if it has changed. `most` as in
+ * gl_buffer_reserve(). A context must be current, here and below. SP_ERR_MEMORY, SP_ERR_BUDGET. */
 bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *frame,
                      const struct gl_partition *partition, uint64_t most, struct sp_error *err);
 
-/* The same for a frame without a partition: what shading needs. */
+/* Uploads the constants for shading of a frame without a partition. Errors as above. */
 bool gl_upload_shading(struct gl_upload *upload, const struct sp_camera_transform *camera,
                        const struct sp_view *view, uint64_t most, struct sp_error *err);
 
@@ -42,7 +43,7 @@ bool gl_upload_shading(struct gl_upload *upload, const struct sp_camera_transfor
 bool gl_upload_chunks(struct gl_upload *upload, const struct gl_partition *partition,
                       uint64_t enough, uint64_t most, struct sp_error *err);
 
-/* Uploads the batch's chunks, unless they are uploaded already, and as many of the following ones
+/* Uploads the batch's chunks, unless they are uploaded already, and as many of the following chunks
  * as fit. Chunk c of the partition is then number c - chunk_first of the buffer. */
 void gl_upload_batch(struct gl_upload *upload, const struct gl_partition *partition,
                      const struct gl_batch *batch);

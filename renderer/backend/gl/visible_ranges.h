@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The values that a transfer function makes visible, and their colours, as shaders/samples.glsl and
- * post.glsl read them: a few bytes per point.
+ * The values that a transfer function makes visible, and their colours, in the form that
+ * shaders/samples.glsl and post.glsl read.
  */
 #ifndef GL_VISIBLE_RANGES_H
 #define GL_VISIBLE_RANGES_H
@@ -16,7 +16,7 @@ struct gl_visible_ranges {
     int32_t ends[SP_TF_POINTS_MAX][2];
 };
 
-/* Order post: the values are those of pixels, which also lie between samples. */
+/* Fills the ranges. Order post: uses the values of pixels, which also lie between samples. */
 void gl_visible_ranges_init(struct gl_visible_ranges *ranges, const struct sp_transfer *transfer);
 
 /* True if samples of the volume have ordinals and single precision distinguishes them relative to

@@ -11,11 +11,11 @@
 struct gl_voxels {
     struct sp_volume *volume; /* one reference, so that the address is not reused; NULL = empty */
     uint64_t used;            /* clock of the last use */
-    struct gl_buffer samples; /* as in memory; none = not uploaded */
+    struct gl_buffer samples; /* copy of the samples in memory; none = not uploaded */
     struct gl_buffer ranges;  /* by brick: smallest and largest ordinal (shaders/samples.glsl) */
-    struct gl_buffer cells;   /* the same by cell of 4³ (cell_bounds.h); none = not measured */
-    uint32_t refusals;        /* how often GPU memory was too small */
-    uint32_t skips;           /* frames for which the CPU still classifies this volume */
+    struct gl_buffer cells; /* likewise by cell of 4³ voxels (cell_bounds.h); none = not computed */
+    uint32_t refusals;      /* how often GPU memory was too small */
+    uint32_t skips;         /* frames for which the CPU still classifies this volume */
 };
 
 static inline uint64_t gl_voxels_bytes(const struct gl_voxels *voxels) {

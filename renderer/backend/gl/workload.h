@@ -11,9 +11,8 @@
  *   pairs of a bin that is sorted    fewer records
  *   bins of a splat                  fewer rows, then fewer layers
  *
- * The duration of a dispatch is known only after it was measured. All sizes halve after a dispatch
- * that took too long, or if memory is short. They grow again, slowly, while all dispatches are
- * short.
+ * The duration of a dispatch is known only after it has run. All sizes halve after a dispatch that
+ * took too long, or if memory is short. They grow again, slowly, while all dispatches are short.
  */
 #ifndef GL_WORKLOAD_H
 #define GL_WORKLOAD_H
