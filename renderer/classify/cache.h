@@ -32,7 +32,7 @@ struct sp_classification *sp_classify_cache_get(struct sp_classify_cache *cache,
                                                 const struct sp_classify_job *job,
                                                 struct sp_error *err);
 
-/* Drop, or count the bytes of, the classifications of the volume; NULL = of all volumes. */
+/* Evict the classifications of the volume, or return their bytes; NULL = of all volumes. */
 void sp_classify_cache_evict(struct sp_classify_cache *cache, const struct sp_volume *volume);
 uint64_t sp_classify_cache_bytes(const struct sp_classify_cache *cache,
                                  const struct sp_volume *volume);

@@ -40,7 +40,7 @@ enum { SP_LEVELS = 8 }; /* 16 · 2^7 = 2048 voxels per axis are one brick of the
 struct sp_classification {
     struct sp_volume *volume; /* one reference */
     uint64_t *histogram;      /* number of voxels of each key, owned; NULL = not made */
-    uint64_t visible;         /* visible voxels among those of the finest list */
+    uint64_t visible;         /* visible voxels in the finest list */
     struct sp_level levels[SP_LEVELS];
 };
 

@@ -100,9 +100,9 @@ bool sp_fragments_init(struct sp_fragments *fragments, const uint32_t size[2],
  * is stored. */
 void sp_fragments_limit(struct sp_fragments *fragments, size_t bytes);
 
-/* Returns how many rows of pixels a compositor draws at a time: a multiple of `tile`, at least one
- * times. `tile` is the height of the compositor's tiles and `height` that of the image [px].
- * fragments: NULL = the whole image is drawn at once. */
+/* Returns how many rows of pixels a compositor draws at a time: a multiple of `tile`, at least
+ * `tile`. tile: height of the compositor's tiles [px]; height: of the image [px]. fragments:
+ * NULL = the whole image is drawn at once. */
 int sp_fragments_rows(const struct sp_fragments *fragments, int tile, int height);
 
 /* Ensures that the fragments of the pixel rows [begin, end) are stored: calls fill() if they are

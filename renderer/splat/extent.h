@@ -29,8 +29,8 @@ struct sp_span {
 };
 
 /* The half-spaces that cut a kernel: with η = e + k·d [standard deviations] each keeps the share
- * Φ(η). A plane across the ray bounds the depth: side +1 keeps what lies behind it (lower bound
- * −η), side −1 what lies before it (upper bound η). A plane along the ray (side 0) is a factor. */
+ * Φ(η). A plane across the ray bounds the depth: side +1 keeps the part behind it (lower bound −η),
+ * side −1 the part before it (upper bound η). A plane along the ray (side 0) is a factor. */
 struct sp_cut {
     struct sp_cut_plane {
         float e, k[2];

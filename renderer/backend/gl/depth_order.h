@@ -3,10 +3,10 @@
  * Sorts the elements of a cloud by depth on the GPU, as draw/layers/cloud/order.c does: a radix
  * sort in three passes of 8 bits.
  *
- *   compute_depths   element ─► depth, infinite if the camera does not see it; range of depths
- *   count_digits  counts by digit and work group ┐
- *   scan_digits   where they begin               │ per digit
- *   move_items    items in order of the digit    ┘
+ *   compute_depths  element ─► depth, infinite if the camera does not see it; range of depths
+ *   count_digits    counts by digit and work group ┐
+ *   scan_digits     where they begin               │ per digit
+ *   move_items      items in order of the digit    ┘
  */
 #ifndef GL_DEPTH_ORDER_H
 #define GL_DEPTH_ORDER_H

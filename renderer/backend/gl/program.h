@@ -3,7 +3,7 @@
  * Compute programs, one per stage. The sources in shaders/ are embedded at build time. A program is
  * a preamble with the constants that C and shaders share, followed by a few of the sources:
  *
- *   #version 430 core, #define TILE …  +  shared sources  +  NN_stage.glsl
+ *   #version 430 core, #define TILE …  +  shared sources  +  passes/STAGE.glsl
  */
 #ifndef GL_PROGRAM_H
 #define GL_PROGRAM_H

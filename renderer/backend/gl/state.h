@@ -5,11 +5,11 @@
  *   classify, make_level (mip_levels.h): lists, if the processor finds that they must change
  *   ─► for each band of tiles, for each batch of layers in it:
  *
- *     project       entry → record; counts its pairs by tile and layer
- *     20, 21        counts → where each bin begins
- *     scatter       records → bins: by tile, in it by layer
- *     sort_bins     single splats only: sorts a bin in the order of its records
- *     composite     per tile: sums layers, classifies (order post), composites; in passes
+ *     project                  entry → record; counts its pairs by tile and layer
+ *     scan_bins, scan_totals   counts → where each bin begins
+ *     scatter                  records → bins: by tile, in it by layer
+ *     sort_bins                single splats only: sorts a bin in the order of its records
+ *     composite                per tile: sums layers, classifies (order post), composites
  *
  *   ─► resolve ─► read back
  *

@@ -10,9 +10,9 @@
  *
  *   cell coordinate = sample coordinate/side + first      first: sp_light_first()
  *
- * Sample coordinates are those of the finest level; on a rectilinear axis they are distances over
- * the mean spacing. For a direction ω towards the light, with the optical depth τ counted from half
- * a step before the cell's centre, so that a surface does not shade itself:
+ * Sample coordinates count samples of the finest level; on a rectilinear axis they are distances
+ * over the mean spacing. For a direction ω towards the light, with the optical depth τ counted from
+ * half a step before the cell's centre, so that a surface does not shade itself:
  *
  *   transmittance  T(ω) = e^−τ(∞)
  *   occlusion      A(ω) = ∫ e^−s/R e^−τ(s) dτ(s)         (Zhukov, Iones, Kronin 1998, eq. 2)
@@ -99,7 +99,7 @@ bool sp_light_is_wanted(const struct sp_view *view);
 bool sp_light_get(struct sp_light_cache *cache, const struct sp_light_job *job,
                   struct sp_light_field *field, struct sp_error *err);
 
-/* Drops what is cached of the volume; NULL = of all volumes. */
+/* Evict the cached data of the volume, or return its bytes; NULL = of all volumes. */
 void sp_light_evict(struct sp_light_cache *cache, const struct sp_volume *volume);
 uint64_t sp_light_bytes(const struct sp_light_cache *cache, const struct sp_volume *volume);
 

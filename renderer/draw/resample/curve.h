@@ -23,7 +23,7 @@ enum {
 struct sp_curve {
     double base, codes_per_unit; /* code = CURVE_CODE_MIN + (value − base)·codes_per_unit */
     double data[2];              /* range of the data; real numbers outside count as not finite */
-    /* bin = code·bins_per_code + first_bin. Bin 0 is transparent, and so is what lies below. */
+    /* bin = code·bins_per_code + first_bin. Bin 0 and all lower values are transparent. */
     float bins_per_code, first_bin;
     float above[4];   /* what values above all bins add per bin */
     bool has_above;   /* false: they are transparent */

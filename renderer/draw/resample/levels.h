@@ -58,7 +58,7 @@ const struct sp_samples *sp_samples_get(struct sp_samples_cache *cache,
                                         const struct sp_samples_class **class,
                                         struct sp_error *err);
 
-/* Drops what is cached of the volume; NULL = of all volumes. */
+/* Evict the cached data of the volume, or return its bytes; NULL = of all volumes. */
 void sp_samples_evict(struct sp_samples_cache *cache, const struct sp_volume *volume);
 uint64_t sp_samples_bytes(const struct sp_samples_cache *cache, const struct sp_volume *volume);
 

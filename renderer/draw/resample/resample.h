@@ -72,7 +72,7 @@ struct sp_resample {
     const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
     struct sp_fragments *fragments;     /* of other layers; NULL = none */
     float light_scale, light_first; /* cell coordinate = coordinate · light_scale + light_first */
-    float light_firmness; /* gradients from 1/firmness on are those of surfaces [gradient_unit] */
+    float light_firmness; /* gradients from 1/firmness on belong to surfaces [gradient_unit] */
     const struct sp_samples *samples;
     const struct sp_samples_class *class;
     struct sp_curve curve;

@@ -47,7 +47,8 @@ sp_cloud_cache_get_colors(struct sp_cloud_cache *cache, const struct sp_cloud *c
                           struct sp_volume *colors, struct sp_pool *pool,
                           const struct sp_interrupt *interrupt, struct sp_error *err);
 
-/* Drops the trees of the volume, and the numbers that come from it; NULL = those of all volumes. */
+/* Evict the trees of the volume and the numbers that come from it, or return their bytes; NULL = of
+ * all volumes. */
 void sp_cloud_evict(struct sp_cloud_cache *cache, const struct sp_volume *volume);
 uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volume *volume);
 

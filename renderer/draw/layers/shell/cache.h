@@ -43,7 +43,7 @@ const struct sp_voxel_list *sp_shell_cache_get(struct sp_shell_cache *cache,
                                                const struct sp_shell_job *job,
                                                struct sp_error *err);
 
-/* Drops what is cached of the volume; NULL = of all volumes. */
+/* Evict the cached data of the volume, or return its bytes; NULL = of all volumes. */
 void sp_shell_evict(struct sp_shell_cache *cache, const struct sp_volume *volume);
 uint64_t sp_shell_bytes(const struct sp_shell_cache *cache, const struct sp_volume *volume);
 

@@ -45,7 +45,7 @@ const struct sp_surface_points *sp_surface_cache_get(struct sp_surface_cache *ca
                                                      const struct sp_surface_cache_job *job,
                                                      struct sp_error *err);
 
-/* Drops what is cached of the volume; NULL = of all volumes. */
+/* Evict the cached data of the volume, or return its bytes; NULL = of all volumes. */
 void sp_surface_cache_evict(struct sp_surface_cache *cache, const struct sp_volume *volume);
 uint64_t sp_surface_cache_bytes(const struct sp_surface_cache *cache,
                                 const struct sp_volume *volume);

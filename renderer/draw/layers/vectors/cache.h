@@ -31,7 +31,7 @@ const struct sp_voxel_list *sp_vectors_cache_get(struct sp_vectors_cache *cache,
                                                  const struct sp_vectors_job *job,
                                                  struct sp_error *err);
 
-/* Drops what is cached of the volume; NULL = of all volumes. */
+/* Evict the cached data of the volume, or return its bytes; NULL = of all volumes. */
 void sp_vectors_evict(struct sp_vectors_cache *cache, const struct sp_volume *volume);
 uint64_t sp_vectors_bytes(const struct sp_vectors_cache *cache, const struct sp_volume *volume);
 
