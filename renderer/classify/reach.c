@@ -14,7 +14,7 @@ struct work {
     const struct sp_classify_job *job;
     const void *voxels;
     struct sp_visible_ranges ranges;
-    uint32_t dims[3]; /* in cells: those of all bricks, also beyond the volume */
+    uint32_t dims[3]; /* in cells: the cells of all bricks, also beyond the volume */
     struct sp_range *from, *to;
     unsigned axis;     /* of the pass */
     uint32_t *ends[2]; /* by cell along it: first and last that two kernels reach */

@@ -13,7 +13,7 @@
 #include "draw/footprints/post.h"
 
 enum {
-    BLOCK = SP_BRICK_VOXELS, /* voxels that are set up together: at least those of one run */
+    BLOCK = SP_BRICK_VOXELS, /* voxels that are set up together: at least the voxels of one run */
     BATCH_BLOCKS = 32,       /* blocks per batch: 131,072 records of 64 bytes */
     BAND_TILES = 2304, /* tiles per band, 32 KiB each: an image up to 1920 × 1080 has one band */
     ENTRIES_MIN = 1 << 20,

@@ -20,7 +20,7 @@ static void make_zoom(const struct sp_postconv_tables *tables, const struct sp_p
                 z->down[p][i + k] += tables->between[scale][p][i] * f->weight[k];
 }
 
-/* The same for vectors of pixels; one more sample if a vector spans two. */
+/* Fills the filter for vectors of pixels; it needs one more sample if a vector spans two. */
 static void make_wide_zoom(const struct sp_postconv_tables *tables,
                            const struct sp_postconv_filter *f, int scale, struct zoom *z) {
     if (z->filter == f && z->scale == scale)

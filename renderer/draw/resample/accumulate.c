@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Reduces the interval of the rays between two sheets to a number, and adds it to that of the rays.
- * The value in an interval is the polynomial of degree 2 through its ends and its middle
+ * Reduces the interval of the rays between two sheets to a number, and adds it to the number of
+ * each ray. The value in an interval is the polynomial of degree 2 through its ends and its middle
  * (integrate.c): the largest value is that of its vertex, the integral is Simpson's.
  */
 #include "draw/resample/sheet_sample.h"

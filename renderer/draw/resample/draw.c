@@ -4,7 +4,7 @@
 #include "draw/resample/axes.h"
 #include "draw/resample/prepare.h"
 
-/* Allocates what the workers need for a channel. */
+/* Allocates the memory of the workers for a channel. */
 static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch, unsigned workers,
                      struct sp_arena *arena) {
     const uint32_t *dims = r->samples->dims, *regions = r->samples->regions;

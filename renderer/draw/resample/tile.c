@@ -13,7 +13,7 @@
 
 enum { ALL_INTERVALS = (1 << SAMPLES_REGION) - 1 };
 
-/* Finds the rays of the tile, and sets what it needs of its slices. */
+/* Computes the rays of the tile and sets the fields for reading its slices. */
 static void init_rays(struct sp_resample_open_tile *t, struct sp_resample_rays *rays) {
     const struct sp_resample *r = t->r;
     const struct sp_samples *samples = r->samples;

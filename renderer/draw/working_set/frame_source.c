@@ -13,7 +13,7 @@ static bool is_cancelled(void *user) {
     return options->cancel && atomic_load_explicit(options->cancel, memory_order_relaxed);
 }
 
-/* The coarsest level whose samples are at most as wide as those of a mip level. */
+/* Finds the coarsest level whose samples are at most as wide as the samples of a mip level. */
 static unsigned find_level(const struct sp_brick_header *header, unsigned mip_level) {
     static const double tolerance = 0.1; /* dims that are odd make uneven steps */
     unsigned level = 0;

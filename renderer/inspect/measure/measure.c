@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Measurements of all kinds; region.c has those of regions, part/ those of parts.
+ * Measurements of all kinds. region.c has the measurements of regions, part/ the measurements of
+ * parts.
  */
 #include <assert.h>
 #include <math.h>
