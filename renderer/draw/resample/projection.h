@@ -3,9 +3,9 @@
  * Projections: reduce the values along a ray to one number, and convert the number to a colour.
  *
  *   mode               number of the ray
- *   maximum, minimum   the largest of sign · level            ─┐
- *   mean               ∫ max(level − zero, 0) / length         ├─► · gain + offset ─► colour
- *   sum                ∫ max(level − zero, 0)                  │   (0 … 1)
+ *   maximum, minimum   the largest of sign · code             ─┐
+ *   mean               ∫ max(code − zero, 0) / length          ├─► · gain + offset ─► colour
+ *   sum                ∫ max(code − zero, 0)                   │   (0 … 1)
  *   sum, absorption    1 − 2^(−absorption · the same)         ─┘
  *
  * Samples that cannot change the image are skipped like invisible samples: the function of
@@ -26,10 +26,10 @@ struct sp_reduction {
     bool is_mean;
     bool leaves_out;  /* some samples are not finite */
     float sign;       /* 1; minimum: −1 */
-    float start;      /* number at the begin of a ray [sign·level] */
-    float full;       /* larger numbers have the same colour [sign·level] */
-    float zero;       /* level */
-    float absorption; /* per level · reference length, base 2; 0 = none */
+    float start;      /* number at the begin of a ray [sign·code] */
+    float full;       /* larger numbers have the same colour [sign·code] */
+    float zero;       /* code */
+    float absorption; /* per code · reference length, base 2; 0 = none */
     float gain;       /* the number → [0, 1], from the first to the last colour */
     float offset;
     double ends[2]; /* numbers with the first and the last colour, in the number's unit */
