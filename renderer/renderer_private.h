@@ -24,7 +24,7 @@ struct sp_renderer_frame {
     struct sp_view view;
     struct sp_frame_bricks bricks;
     bool is_begun;       /* the backend works on it */
-    bool may_be_pre;     /* order "auto" chose post, and pre is possible, too */
+    bool may_be_pre;     /* order "auto" chose post, and pre is also possible */
     struct sp_error why; /* why the backend's begin() failed; SP_OK = it did not fail */
     double ms, cpu_ms;   /* spent in sp_renderer_begin() */
 };

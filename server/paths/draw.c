@@ -559,7 +559,7 @@ static void step(struct drawing *d, struct srv_path *path) {
     path->by->last_served = ++paths->served;
     pthread_mutex_unlock(&paths->mutex);
     if (!d->keyframes && !(d->keyframes = read_keyframes(paths, path->id, &err))) {
-        if (!atomic_load(&path->is_removed)) /* otherwise its record was removed, too */
+        if (!atomic_load(&path->is_removed)) /* otherwise its record was also removed */
             stop_path(d, generation, &err);
     } else if (path->done < path->output.frames) {
         draw_frame(d, generation);

@@ -97,7 +97,7 @@ bool srv_path_missing(struct srv_paths *paths, const char *id, struct sp_error *
 const char *srv_path_state_name(const struct srv_path *path);
 void srv_path_describe(const struct srv_path *path, struct srv_path_info *info);
 
-/* Quotas (quota.c). The caller holds the mutex, except for request_path, has and take. */
+/* Quotas (quota.c). The caller holds the mutex, except for request_path, has and acquire. */
 
 /* Counts one more path of this owner, which may be new. NULL: SP_ERR_MEMORY. */
 struct srv_path_owner *srv_path_quota_add_path(struct srv_paths *paths, const char *name,

@@ -303,7 +303,7 @@ static bool choose_participant(struct srv_schedule *schedule, struct srv_session
     return true;
 }
 
-/* Returns the newest moving frame of another view; of its own, too, for a participant that wants
+/* Returns the newest moving frame of another view; also of its own for a participant that wants
  * final frames only. 0 = none. */
 static double last_motion_ms(const struct srv_schedule *schedule, const struct srv_participant *p) {
     double last_ms = 0;

@@ -12,7 +12,7 @@ enum { PICKS_MAX = 64 }; /* that wait */
 
 /* Per second and participant; as many may come at once. */
 #define PICKS_PER_SECOND 20
-/* Elements that are tested for picks count, too, which take some nanoseconds each. */
+/* Elements that are tested for picks also count; each takes some nanoseconds. */
 #define PICKED_ELEMENTS_PER_SECOND 25e6
 
 /* Reads the size of the image that the point belongs to. The size of the stream may be that of a

@@ -137,7 +137,7 @@ static bool open_data(struct srv_upload_writer *writer, const struct srv_upload 
     return writer->fd >= 0 || srv_upload_disk_error("open", err);
 }
 
-/* Records the offset. The bytes before it are on the disk first: after a crash of the machine, too,
+/* Records the offset. The bytes before it are on the disk first: also after a crash of the machine,
  * no byte counts that is not there. */
 static bool save(const struct srv_upload_writer *writer, const struct srv_upload *upload,
                  struct sp_error *err) {

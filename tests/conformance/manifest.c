@@ -110,7 +110,7 @@ static const struct manifest_row blobs[] = {
 static const struct manifest_row orthographic[] = {
     { EWA, 0, SHEET, 0, 0, 0, 65.2, 65.73, 69.5 },    { EWA, 1, SHEET, 0, 0, 0, 53.6, 54.14, 67.5 },
     { ADAPTIVE, 1, SHEET, 0, 0, 0, 53.6, 54.14, 66 }, { EWA, 0, SPLAT, 0, 0, 0, 69.3, 69.84, 0 },
-    { EWA, 0, SLAB, 1, 0, 0, 69.3, 69.84, 69.6 },     { EWA, 1, SLAB, 1, 0, 0, 54.0, 54.47, 67.6 },
+    { EWA, 0, SLAB, 1, 0, 0, 69.3, 69.84, 0 },        { EWA, 1, SLAB, 1, 0, 0, 54.0, 54.47, 0 },
 };
 
 static const struct manifest_row rotated[] = {

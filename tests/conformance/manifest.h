@@ -44,12 +44,11 @@ enum { MANIFEST_ADAPTIVE_ENOUGH = 60 };
 /* Floor of the CPU's instruction sets against the scalar reference, and against the first other
  * instruction set that the machine has [dB]. Measured: 97.21 where all of them draw footprints.
  *
- * All instruction sets except scalar draw post-convolved sheets (draw/postconv/postconv.h), and
- * slabs where filters serve all bricks (draw/postconv/slab.h). Their floor against scalar is the
- * row's `isa_floor`, half a decibel below the measured value. The two differ because footprints end
- * at the cutoff and post-convolved kernels do not; neither is closer to the integral. All
- * instruction sets draw a row without `isa_floor` with footprints, because its view or the
- * perspective on its bricks requires them. */
+ * All instruction sets except scalar draw post-convolved sheets (draw/postconv/postconv.h). Their
+ * floor against scalar is the row's `isa_floor`, half a decibel below the measured value. The two
+ * differ because footprints end at the cutoff and post-convolved kernels do not; neither is closer
+ * to the integral. All instruction sets draw a row without `isa_floor` with footprints, because its
+ * view or the perspective on its bricks requires them. */
 #define MANIFEST_ISA_FLOOR 96.7
 
 /* Floor of any other backend against the scalar reference, in every image that it supports [dB].

@@ -10,7 +10,7 @@ import { Daemon } from './harness.mjs';
 const TOKENS = { greedy: 'greedy-greedy-greedy', modest: 'modest-modest-modest', root: 'root-root-root-root' };
 const MADE = /^20[12]$/;
 const LIMIT = 8;
-const GREEDY_MOST = LIMIT - LIMIT / 4;
+const GREEDY_MAX = LIMIT - LIMIT / 4;
 const folder = mkdtempSync(path.join(tmpdir(), 'splatd-pools-test-'));
 let daemon;
 const as = (name) => {
@@ -36,7 +36,7 @@ after(async () => {
 
 /** make(who, number): resolves to the answer of a request that takes one place. */
 async function share(make, { status = 429, detail }) {
-  for (let i = 0; i < GREEDY_MOST; i += 1) assert.match(String((await make(greedy, `g${i}`)).status), MADE, `place ${i}`);
+  for (let i = 0; i < GREEDY_MAX; i += 1) assert.match(String((await make(greedy, `g${i}`)).status), MADE, `place ${i}`);
   const over = await make(greedy, 'more');
   assert.equal(over.status, status);
   assert.match(over.json.detail, detail);
@@ -107,7 +107,7 @@ test('active sessions, and forks of guests', async () => {
     }
     forks.push(answer.json.id);
   }
-  assert.ok(forks.length > 0 && forks.length < GREEDY_MOST);
+  assert.ok(forks.length > 0 && forks.length < GREEDY_MAX);
   assert.equal((await modest.ask('POST', 'sessions', {})).status, 201, 'the owner still has a place');
   assert.equal((await greedy.ask('POST', 'sessions', {})).status, 201, 'so has another one');
   for (const { id } of (await root.get('sessions')).json.sessions) await root.ask('DELETE', `sessions/${id}`);
@@ -136,7 +136,7 @@ test('participants: guests leave a place to the owner', async () => {
   await join(TOKENS.modest);
   await assert.rejects(daemon.stream({ session, token: TOKENS.root }), { status: 503 });
   ({ json: session } = await modest.ask('POST', 'sessions', {}));
-  for (let i = 0; i < GREEDY_MOST; i += 1) await join(TOKENS.greedy);
+  for (let i = 0; i < GREEDY_MAX; i += 1) await join(TOKENS.greedy);
   await assert.rejects(daemon.stream({ session, token: TOKENS.greedy }), { status: 503 });
   for (const token of [session.tokens.view, TOKENS.root]) await join(token);
   for (const guest of guests) await guest.end();

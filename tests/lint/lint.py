@@ -138,7 +138,8 @@ GLOSSARY = [
     (r'\b[p]ictures?\b', C_CODE, 'image or frame'),
     (r'(\b|_)[t]ake(_\w+)?\(', C_CODE, 'the verb for it: read, parse, set, acquire, pop, consume'),
     (r'^(static |inline )*(void|float|double|struct \w+) (\w+_)?[f]ind(_\w+)?\(', C_CODE, 'compute, choose or fill: find searches and may fail'),
-    (r'[A-Z0-9]_[M]OST\b', C_CODE, '_MAX'),
+    (r'[A-Z0-9]_[M]OST\b', '', '_MAX'),
+    (r', [t]oo([.;,:)]| \*/|$)', r'(renderer|protocol|server|clients)/.*\.(c|h|cpp|glsl)$', 'also, before the verb'),
     (r'\b([n]obody|[s]omebody|[a]new)\b', '', 'name the thing'),
     (r'\b[f]or who\b|\b([l]et|[l]ets) go of\b|\b[s]o [m]any (a|an)\b', '', 'plain English'),
     (rf'\b({COUNTED}) [a]n? ({PER})\b', '', 'per'),
@@ -503,7 +504,7 @@ def unused(o):
 
 def glossary(o):
     terms = [(re.compile(pattern, re.MULTILINE), scope, use) for pattern, scope, use in GLOSSARY]
-    for path in files(o.source, CODE + ('.md', '.txt', '.yaml', '.json', '.in')):
+    for path in files(o.source, CODE + ('.glsl', '.md', '.txt', '.yaml', '.json', '.in')):
         if path == 'tests/package-lock.json':
             continue
         text = '\n'.join(lines(o.source, path))

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * A shell, or a layer of vectors, in tests: drawn with the kernels of any instruction set, and by
- * brute force from the definition (renderer/draw/layers/shell/list.h) and from rays that are
+ * brute force from the definition (renderer/draw/layers/splat_list/list.h) and from rays that are
  * marched through the cells of voxels.
  */
 #ifndef TESTS_SUPPORT_SHELL_H

@@ -18,7 +18,7 @@ const OPAQUE_LEAST = 0.4; // of a transfer function that shows opaque matter
 export const MAGNITUDE = 'magnitude';
 const OWN_COLORS = Object.freeze({ color_by: '', color_low: null, color_high: null });
 const VECTORS = Object.freeze({ type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 4, ...OWN_COLORS });
-const DENSITY_MOST = 0.2;
+const DENSITY_MAX = 0.2;
 const SAMPLES_DEEP = 20; // along the longest axis of the grid
 /** Colours of surfaces, told apart by people with any colour vision; the first one is the daemon's default. */
 const COLORS = Object.freeze([[0.9, 0.85, 0.75], [0.9, 0.4, 0.3], [0.4, 0.65, 0.9], [0.95, 0.75, 0.3], [0.45, 0.75, 0.55], [0.75, 0.5, 0.75], [0.55, 0.6, 0.65]]);
@@ -143,7 +143,7 @@ export function addShell(layers, points) {
 /** Adds streaks along the vectors of a volume: as many that single ones can be told apart, whatever the size of the grid or the number of points. */
 export function addVectors(layers, { dims, elements }) {
   const deep = elements?.count ? Math.cbrt(elements.count) : Math.max(...dims);
-  const density = Number(Math.min(DENSITY_MOST, SAMPLES_DEEP / deep).toPrecision(2));
+  const density = Number(Math.min(DENSITY_MAX, SAMPLES_DEEP / deep).toPrecision(2));
   return [...makeRoom(showOwn(layers, false)), { ...VECTORS, density }];
 }
 

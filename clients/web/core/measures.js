@@ -12,7 +12,7 @@ export const KINDS = Object.freeze({
 });
 const ELLIPSE_STEPS = 64;
 const ARC_STEPS = 16;
-const UNDO_MOST = 100;
+const UNDO_MAX = 100;
 
 /** The measurements of a session in the order in which they were made, of all volumes. */
 export class MeasureList {
@@ -51,7 +51,7 @@ export class Changes {
   }
 
   put(change) {
-    this.#done = [...this.#done, change].slice(-UNDO_MOST);
+    this.#done = [...this.#done, change].slice(-UNDO_MAX);
     this.#undone = [];
   }
 

@@ -107,7 +107,7 @@ static const struct gl_buffer *get_codes(const struct source *from, struct sp_er
     return item && item->is_filled ? &item->buffer : NULL;
 }
 
-/* The samples as they are. Those of the volume itself serve other views, too. */
+/* The samples as they are. Samples of the volume itself also serve other views. */
 static const struct gl_buffer *get_samples(const struct source *from, struct sp_error *err) {
     const struct sp_samples *samples = from->resample->samples;
     struct gl_voxels *voxels =

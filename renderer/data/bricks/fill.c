@@ -15,7 +15,7 @@ enum { THREADS_MAX = 256 };
 struct fill {
     const struct sp_brick_fill_job *job;
     const struct sp_brick_level *level;
-    unsigned arrays;                 /* 1 = the samples, 2 = the vectors, too */
+    unsigned arrays;                 /* 1 = the samples, 2 = also the vectors */
     size_t item[2];                  /* bytes per sample of each */
     struct sp_brick_box_samples box; /* that is filled */
     struct {

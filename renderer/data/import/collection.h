@@ -21,7 +21,7 @@ struct collection {                /* all zero = empty */
 /* As import_format.probe. */
 bool collection_probe(const uint8_t *start, size_t size, const char *title);
 
-/* Reads the list, which has one file at least. After a failure, too, the caller finishes it. */
+/* Reads the list, which has one file at least. The caller finishes it, also after a failure. */
 bool collection_read(const struct import_file *file, struct collection *collection,
                      struct sp_error *err);
 void collection_finish(struct collection *collection);

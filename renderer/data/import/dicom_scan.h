@@ -46,9 +46,9 @@ struct dicom_scan {
     bool is_bounded;             /* there are more files, which were not looked at */
 };
 
-/* Reads the headers of the files of a folder; of its sub-folders, too, if the source is a folder
+/* Reads the headers of the files of a folder; also of its sub-folders if the source is a folder
  * or a DICOMDIR. The file that was opened, unless it is a DICOMDIR, is
- * an image for sure. After a failure, too, the caller finishes *scan. */
+ * an image for sure. The caller finishes *scan, also after a failure. */
 bool dicom_scan_read(const struct dicom_source *source, struct dicom_scan *scan,
                      struct sp_error *err);
 

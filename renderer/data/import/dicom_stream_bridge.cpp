@@ -98,7 +98,7 @@ void dicom_check_colors(const std::vector<uint8_t> &code, dicom_image *image) {
     if (coded == CODED_TWICE && is_ybr)
         snprintf(image->note, sizeof image->note,
                  "The colours may be wrong: the header calls them %.20s, and their JPEG 2000 code "
-                 "converts them from RGB, too.",
+                 "also converts them from RGB.",
                  image->color_name);
     if ((coded != CODED_RGB || !is_ybr) && (coded != CODED_YBR || is_ybr))
         return;

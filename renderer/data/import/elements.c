@@ -228,7 +228,7 @@ static void scale_colors(struct import_warnings *warnings, const struct sp_eleme
         for (int k = 0; k < 4; k++)
             most = isfinite(e->colors[i][k]) ? fmaxf(most, e->colors[i][k]) : most;
     if (most > 2 && most <= 255) {
-        bool has_alpha = false; /* in [0, 255], too; 1 is the alpha of files without one */
+        bool has_alpha = false; /* also in [0, 255]; 1 is the alpha of files without one */
         for (size_t i = 0; i < e->shape.vertex_count; i++)
             has_alpha |= e->colors[i][3] > 1;
         for (size_t i = 0; i < e->shape.vertex_count; i++)

@@ -156,7 +156,7 @@ static void read_labels_of(hid_t object, struct array_info *info) {
 
 void hdf5_read_labels(hid_t file, hid_t dataset, struct array_info *info) {
     char group[ARRAY_NAME_BYTES];
-    if (info->rank < 2 || info->dims[0][0]) /* of one dimension is the array of coordinates, too */
+    if (info->rank < 2 || info->dims[0][0]) /* the array of coordinates also has one dimension */
         return;
     read_labels_of(dataset, info);
     snprintf(group, sizeof group, "%s", info->name);

@@ -95,7 +95,7 @@ static int describe_grid(image_bridge *bridge, int n, image_grid *grid, char *wh
                          size_t capacity) try {
     if (!bridge->input->seek_subimage(n, 0)) {
         explain(why, capacity, bridge->input->geterror());
-        return 0; /* beyond the last grid, too, OpenImageIO gives a reason */
+        return 0; /* OpenImageIO also gives a reason beyond the last grid */
     }
     const OIIO::ImageSpec &spec = bridge->input->spec();
     float matrix[16] = { 0 };

@@ -41,7 +41,7 @@ struct import {
     const struct sp_load_options *options;
     char importer[PATH_MAX];
     const char *scratch; /* folder of a file that takes the place of memory; NULL = none */
-    bool has_holes;      /* the source is a sparse file, so the file in place of memory is, too */
+    bool has_holes;      /* the source is a sparse file, so is the file in place of memory */
     struct sp_import_input input;
     struct sp_import_child child;
     bool refuses_axes; /* that are rectilinear */

@@ -348,7 +348,7 @@ static int serve(struct job *job, void *reader) {
 }
 
 /* Keeps the holes of a sparse file: without this advice a write to one page allocates its
- * neighbours, too, because the kernel reads them ahead as one large folio. */
+ * neighbours as well, because the kernel reads them ahead as one large folio. */
 static void keep_holes(void *memory, size_t capacity) {
     struct stat st;
     if (fstat(SP_IMPORT_MEMORY, &st) == 0 && st.st_blocks * 512 < st.st_size)

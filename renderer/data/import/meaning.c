@@ -141,7 +141,7 @@ struct import_intent import_intent_of(int code) {
 
 bool import_meaning_are_directions(const float *squares, uint64_t count) {
     enum { FEW = 8 };
-    const float zero = 1e-4f, tolerance = 0.03f; /* of integers that were rescaled, too */
+    const float zero = 1e-4f, tolerance = 0.03f; /* also of integers that were rescaled */
     uint64_t some = 0, good = 0;
     for (uint64_t i = 0; i < count; i++) {
         some += squares[i] > zero;

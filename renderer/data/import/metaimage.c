@@ -276,7 +276,7 @@ static bool parse_geometry(const struct parsing *p) {
     for (int axis = 0; axis < 3; axis++) {
         p->header->grid.spacing[axis] = fabs(spacing[axis]);
         p->header->grid.origin[axis] = origin[axis];
-        for (int row = 0; row < 3 && spacing[axis] < 0; row++) /* ITK turns the axis around, too */
+        for (int row = 0; row < 3 && spacing[axis] < 0; row++) /* as ITK does */
             p->header->grid.direction[row][axis] = 0 - p->header->grid.direction[row][axis];
     }
     import_grid_normalize(&p->header->grid);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The place of a NIfTI file in the world: the sform if it is one, else the qform, else the spacing
- * alone. Nibabel takes the sform first, too; ITK prefers the qform where the sform is not
+ * alone. Nibabel also takes the sform first; ITK prefers the qform where the sform is not
  * orthogonal, and SPM the sform.
  */
 #include <math.h>

@@ -31,7 +31,7 @@ bool sp_numbered_matches(const char *pattern, const char *name);
 
 /* Lists the names in a folder that match, at most `most` of them, in the order of their numbers of
  * any length. SP_ERR_IO, SP_ERR_MEMORY at
- * `place`. After a failure, too, the caller finishes *files. */
+ * `place`. The caller finishes *files, also after a failure. */
 bool sp_numbered_list(const char *folder, const char *pattern, uint32_t most,
                       struct import_names *files, const char *place, struct sp_error *err);
 

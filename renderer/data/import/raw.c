@@ -39,7 +39,7 @@ struct sidecar { /* state while the sidecar is read */
 
 static bool probe(const uint8_t *start, size_t size, const char *title) {
     size_t i = 0;
-    if (!*title) /* other formats are JSON, too */
+    if (!*title) /* other formats are also JSON */
         return false;
     while (i < size && isspace(start[i]))
         i++;

@@ -108,7 +108,7 @@ bool import_sandbox_enter(const struct import_sandbox *sandbox, const char *titl
     ok = ok && prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
     ok = ok && (cpu == 0 || limit(RLIMIT_CPU, cpu, cpu + 1)) && limit(RLIMIT_CORE, 0, 0);
     ok = ok && limit(RLIMIT_NOFILE, 64, 64);
-    /* Standard input is the null device. Standard error becomes it, too: the output of a library
+    /* Standard input is the null device. Standard error also becomes it: the output of a library
      * must not reach a log file. */
     if (!SANITIZED)
         ok = ok && dup2(0, 2) == 2 && prctl(PR_SET_DUMPABLE, 0) == 0 && limit(RLIMIT_FSIZE, 0, 0) &&

@@ -138,7 +138,7 @@ static void read_scale(const struct imagej *j) {
         snprintf(p->value_unit, sizeof p->value_unit, "%.31s", unit);
     const long function = read_count(j, "cf", NONE);
     if (!unit || page->bits > 16 || page->samples > 1 || function == NONE)
-        return; /* ImageJ ignores it, too */
+        return; /* as ImageJ does */
     const double offset = read_number(j, "c0"), slope = read_number(j, "c1");
     if (function != STRAIGHT_LINE || !find_value(j, "c0", c0) || !find_value(j, "c1", c1) ||
         slope == 0) {

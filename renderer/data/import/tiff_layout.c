@@ -127,8 +127,8 @@ static unsigned list_groups(const struct tiff_file *t, struct group groups[GROUP
     return used;
 }
 
-/* Chooses the pages that are the volume: those like the first page if it has others like it, which
- * tifffile takes, too. Else those with most pixels, so that a thumbnail in front and the smaller
+/* Chooses the pages that are the volume: those like the first page if it has others like it, as
+ * tifffile does. Else the pages with most pixels, so that a thumbnail in front and the smaller
  * levels of a slide do not count. Pages that do not fit, and reduced ones, come last. */
 static const struct tiff_page *choose_main(const struct tiff_file *t) {
     struct group groups[GROUPS_MAX] = { { .page = &t->pages[0] } };

@@ -197,7 +197,7 @@ bool vtk_warn_of_hidden(struct vtk_volume *v, struct sp_error *err) {
     if (h.count > 0)
         import_warn(v->file->warnings,
                     "%" PRIu64 " %s of the grid are hidden (vtkGhostType); their numbers are "
-                    "shown, too.",
+                    "also shown.",
                     h.count, v->home == VTK_OF_CELLS ? "cells" : "points");
     return true;
 }

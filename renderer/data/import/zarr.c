@@ -34,7 +34,7 @@ struct zarr {
     const struct zarr_level *level; /* of the image */
     uint32_t channel;
     struct import_conversion conversion;
-    struct zarr_chunks chunks;                  /* of zarr_read_chunk() */
+    struct zarr_chunks chunks;                  /* of zarr_chunk_read() */
     struct reading *chunk_of[BRICK_LEVELS_MAX]; /* owned: the same, by level; NULL = not used yet */
 };
 

@@ -377,7 +377,7 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
     block->has_slope[slot] = 0;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         struct sp_rays rays = load_rays(block, i);
-        /* Rays that saw something in the last interval need gradients in the next one, too. */
+        /* Rays that saw something in the last interval also need gradients in the next one. */
         bool needs_slope = t->r->needs_gradient && block->entry_sheet[i] == number - 2;
         sp_wide_store(block->value[slot] + i, needs_slope ? read_slopes(t, block, &rays, i, number)
                                                           : sp_sample_values(t, &rays, number));

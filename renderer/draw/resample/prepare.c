@@ -104,7 +104,7 @@ static void add_half(struct sp_resample *r, const struct coordinates *c, struct 
     half->offset = at / length;
 }
 
-/* The volume and what clips it. A channel has the clip box of the first one, too: fractions of a
+/* The volume and what clips it. A channel also has the clip box of the first one: fractions of a
  * channel's own volume are other places. */
 static void add_halves(struct sp_resample *r, const struct coordinates *c,
                        const struct sp_grid *grid) {

@@ -74,7 +74,7 @@ static inline void write_floats(const struct sp_curve *curve, const float *from,
             double x = (double)(from)[l];                                                          \
             code[l] = (float)((x - (curve)->base) * (curve)->codes_per_unit);                      \
             const bool is_data = x >= (curve)->data[0] && x <= (curve)->data[1];                   \
-            zero[l] = is_data ? (float)(x - x) : NAN; /* NaN if x is not finite, too */            \
+            zero[l] = is_data ? (float)(x - x) : NAN; /* also NaN if x is not finite */            \
         }                                                                                          \
         write_codes(sp_wide_load(code), sp_wide_eq(sp_wide_load(zero), sp_wide_all(0)), out);      \
     } while (0)

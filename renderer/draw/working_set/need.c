@@ -9,7 +9,7 @@
  * range tells no more. The square is the brick's projected area, and its distance says what may
  * hide it: of bricks with the same opacity the nearest one is first. An orthographic camera sees
  * all bricks equally large; there the distance is that from the plane of the eye, so that the front
- * is first, too. Bricks that the camera does not see now come last.
+ * is also first. Bricks that the camera does not see now come last.
  */
 #include <math.h>
 #include <stdlib.h>

@@ -53,7 +53,7 @@ static bool fits(const struct sp_working_set_job *job, struct sp_brick_need *nee
 }
 
 /* Leaves the least important bricks of a need that does not fit to the next coarser level. False if
- * fewer than a quarter of them would be left: then the coarser level is shown alone. False, too,
+ * fewer than a quarter of them would be left: then the coarser level is shown alone. Also false
  * without memory. */
 static bool shorten(const struct sp_working_set_job *job, struct sp_brick_need *need,
                     uint64_t bytes_max) {

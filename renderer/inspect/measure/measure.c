@@ -131,7 +131,7 @@ double sp_measure_cost(const struct sp_volume *volume, const struct sp_measure *
                                                  : 1;
 }
 
-/* By the arctangent, which is exact near 0 and 180 degrees, too. */
+/* By the arctangent, which is also exact near 0 and 180 degrees. */
 static double angle_of(const struct sp_measure *measure) {
     const struct sp_vec3 a = sp_vec3_normalize(between(measure, 1, 0)),
                          c = sp_vec3_normalize(between(measure, 1, 2));

@@ -12,7 +12,7 @@ const SIZE = 100; // of the drawing
 const HALF = 26; // half an edge of the cube in it
 const AXES = ['x', 'y', 'z'];
 const AXIS_LENGTH = 1.4; // half edges beyond the corner
-const LABEL_MOST = SIZE / 2 - 4; // the letters stay inside of the drawing
+const LABEL_MAX = SIZE / 2 - 4; // the letters stay inside of the drawing
 const CLICK_PX = 4;
 const DRAG_GAIN = 3; // px of a drag in the picture per px on the cube
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -186,7 +186,7 @@ export class Cube {
     const beyond = length > 6 ? 8 / length : 0;
     for (const [i, name] of ['x', 'y'].entries()) {
       const place = to[i] + (to[i] - from[i]) * beyond;
-      text.setAttribute(name, Math.min(Math.max(place, -LABEL_MOST), LABEL_MOST).toFixed(2));
+      text.setAttribute(name, Math.min(Math.max(place, -LABEL_MAX), LABEL_MAX).toFixed(2));
     }
     text.toggleAttribute('hidden', length <= 6);
   }

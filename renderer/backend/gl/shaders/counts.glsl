@@ -5,12 +5,12 @@
 // Bins of a record: columns and rows of tiles [first, last]; first layer and number of layers. first > last: none.
 layout(std430, binding = 6) writeonly buffer Spans { uvec2 spans[]; };
 
-layout(location = 4) uniform uvec2 room; // capacity: pairs; rounds of a record over its tiles and layers
+layout(location = 4) uniform uvec2 capacity; // capacity: pairs; rounds of a record over its tiles and layers
 
 // Sums of the group: splats, pairs, px in the low 16 bits and above. Threads of a subgroup add to different words.
 const uint SPLATS = 0u, PAIRS = 1u, PX_LOW = 2u, PX_HIGH = 3u, SUMS = 4u, LANES = 32u;
 shared uint sums[SUMS][LANES];
-shared bool has_room;
+shared bool has_capacity;
 
 // The tiles of the band that the box [low, high) px of the image touches, which is not empty, in layers [first, last] of the batch.
 uvec2 bound_tiles(ivec2 low, ivec2 high, uvec2 range) {
@@ -41,7 +41,7 @@ bool plan(uint own) {
     uint before = atomicAdd(planned, own);
     if (before + own < before)
         atomicMax(needed, 0xffffffffu);
-    return before + own >= before && before + own <= room.x;
+    return before + own >= before && before + own <= capacity.x;
 }
 
 // A record with too many rounds over tiles and layers is left out; then the frame is drawn again in smaller pieces.
@@ -49,7 +49,7 @@ uvec2 bound(uvec2 bits) {
     Span span = unpack_span(bits);
     uvec2 size = span.last - span.first + 1u;
     uint rounds = bits == NOWHERE ? 0u : size.x * size.y * (span.layers.y - span.layers.x + 3u);
-    if (rounds <= room.y)
+    if (rounds <= capacity.y)
         return bits;
     atomicMax(widest, rounds);
     return NOWHERE;
@@ -76,7 +76,7 @@ void close_sum(uint kind) {
     if (kind == SPLATS && sum > 0u)
         atomicAdd(splats, sum);
     if (kind == PAIRS)
-        has_room = plan(sum);
+        has_capacity = plan(sum);
     if (kind == PX_LOW && sum > 0u)
         add_px(sum);
     if (kind == PX_HIGH && sum > 0u) {
@@ -101,6 +101,6 @@ void end_counts(uvec2 bits) {
     if (thread < SUMS)
         close_sum(thread);
     barrier();
-    if (is_drawn && has_room)
+    if (is_drawn && has_capacity)
         count_pairs(span);
 }

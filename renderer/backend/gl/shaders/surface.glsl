@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Constants of a surface (struct gl_surface_constants of surfaces.h), its blocks, and the footprints of its points
+// Constants of a surface (surfaces.h), its blocks, and the footprints of its points
 // (draw/layers/surface/set_up.c). Lengths in cells (splat/ewa.h).
 
 // Points of 8³ cells.

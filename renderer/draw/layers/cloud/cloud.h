@@ -4,8 +4,8 @@
  * elements have positions and variances of their own instead of a grid. Clouds are drawn like lists
  * of voxels (draw/layers/splat_list/draw.h), front to back.
  *
- *   points     ─► sp_cloud_prepare(): placed, culled, sorted by depth ─► set_up ─► voxels/
- *   Gaussians  ─► sp_cloud_prepare(): set_up, sorted by depth ─► voxels/
+ *   points     ─► sp_cloud_prepare(): placed, culled, sorted by depth ─► set_up ─► splat_list/
+ *   Gaussians  ─► sp_cloud_prepare(): set_up, sorted by depth ─► splat_list/
  *
  * README.md of this folder has the formulas.
  */

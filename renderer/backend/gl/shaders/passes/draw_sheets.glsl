@@ -27,7 +27,7 @@ const uint PIXELS = TILE * TILE;
 // Samples around those that are refined; words of these. Less shared memory lets a GPU run more groups at the same time.
 const int RAW = 320, REFINED = 340;
 const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1, SLABS = INTERVALS / REGION + 2;
-const uint REGIONS_MOST = 4096u; // a block that sees more regions of a slab counts as seeing something
+const uint REGIONS_MAX = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
 const float NONE_BELOW = 512.0; // codes below it are those of samples that are not finite
 const int COLORS = 1024;
@@ -141,7 +141,7 @@ uint mark_seen(uint slab) {
     uvec2 end = min(uvec2(max(high[0], high[1])) / uint(REGION), most);
     uvec3 by_axis = uvec3(1u, regions.x, regions.x * regions.y);
     uint bits = 0u, count = end.x - first.x + 1u, i = first.x, j = first.y;
-    if (count * (end.y - first.y + 1u) > REGIONS_MOST)
+    if (count * (end.y - first.y + 1u) > REGIONS_MAX)
         return ALL;
     while (j <= end.y) {
         uint region = i * by_axis[axis_of(0)] + j * by_axis[axis_of(1)] + slab * by_axis[slices];
