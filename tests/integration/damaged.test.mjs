@@ -61,9 +61,9 @@ test('a damaged record is named at the start, gets 500 with its id, and can be d
   daemon = await start(state);
   const damaged = [['volume', 'head', 'volumes/head'], ['session', lost.id, `sessions/${lost.id}`], ['session', partly.id, `sessions/${partly.id}`],
     ['saved view', view, `views/${view}`], ['preset', 'bones', 'presets/bones'], ['preset', 'skin', 'presets/skin'], ['camera path', made, `paths/${made}`]];
-  for (const [kind, id] of [...damaged, ['clock', 'daemon']]) assert.match(daemon.log, new RegExp(`the record of the ${kind} ${id} is damaged: .+; requests for it get 500`));
-  assert.match(daemon.log, new RegExp(`the record of the session ${partly.id} is damaged: /view/camera: `));
-  assert.match(daemon.log, new RegExp(`the record of the session ${sound.id} is damaged: /measures/0 is no measurement; it is left out`));
+  for (const [kind, id] of [...damaged, ['clock', 'daemon']]) await daemon.untilLogged(new RegExp(`the record of the ${kind} ${id} is damaged: .+; requests for it get 500`));
+  await daemon.untilLogged(new RegExp(`the record of the session ${partly.id} is damaged: /view/camera: `));
+  await daemon.untilLogged(new RegExp(`the record of the session ${sound.id} is damaged: /measures/0 is no measurement; it is left out`));
   const isDamaged = ({ status, json }, kind, id) => {
     assert.equal(status, 500, JSON.stringify(json));
     assert.ok(json.detail.startsWith(`the record of the ${kind} '${id}' is damaged: `), json.detail);

@@ -223,7 +223,7 @@ test('a database that was deleted or replaced while the daemon ran is written ag
   rmSync(database);
   rmSync(`${database}-wal`);
   await save(daemon);
-  assert.match(daemon.log, /splatd\.db was deleted while the daemon ran; writing all records to a new one/);
+  await daemon.untilLogged(/splatd\.db was deleted while the daemon ran; writing all records to a new one/);
   daemon = await restarted(daemon);
   writeFileSync(path.join(state, 'other'), 'another file');
   renameSync(path.join(state, 'other'), database);

@@ -353,7 +353,7 @@ test('without --state nothing is written, and responses say so', async () => {
   assert.equal(session.status, 201);
   assert.equal(session.headers.get('x-durable'), 'no');
   assert.deepEqual((await daemon.json('/readyz', { token: null })).json.state, { status: 'memory', waiting: 0 });
-  assert.match(daemon.log, /no --state/);
+  await daemon.untilLogged(/no --state/);
   assert.equal(await daemon.stop(), 0);
 });
 
@@ -372,7 +372,7 @@ test('a volume in a folder whose name is not UTF-8 cannot be stored and is repor
   }
   assert.equal((await daemon.loaded('cube')).state, 'ready');
   assert.equal((await daemon.post('/api/v1/volumes', { uri: 'demo:engine?size=8' })).headers.get('x-durable'), 'yes');
-  assert.match(daemon.log, /volume cube will not be loaded again after a restart/);
+  await daemon.untilLogged(/volume cube will not be loaded again after a restart/);
   assert.equal(await daemon.stop(), 0);
 });
 
