@@ -16,14 +16,15 @@
 
 bool dicom_slices_add(struct dicom_slices *slices, const char *name, uint32_t frame, bool is_frame,
                       const struct dicom_frame *is) {
-    if (!sp_grow(&slices->items, slices->count, sizeof *slices->items))
-        return false;
-    struct dicom_slice *s = &slices->items[slices->count];
-    *s = (struct dicom_slice){
+    struct dicom_slice slice = {
         .name = strdup(name), .frame = frame, .is_frame = is_frame, .is = *is
     };
-    slices->count += s->name != NULL;
-    return s->name != NULL;
+    if (!slice.name || !sp_grow(&slices->items, slices->count, sizeof slice)) {
+        free(slice.name);
+        return false;
+    }
+    slices->items[slices->count++] = slice; /* `is` may have been in the array */
+    return true;
 }
 
 void dicom_slices_finish(struct dicom_slices *slices) {
