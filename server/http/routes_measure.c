@@ -328,8 +328,8 @@ static enum srv_measure_effort effort_of(struct srv_request *request) {
 }
 
 /* As put(), on another thread if it takes time. */
-static void put_in_turn(struct srv_request *request, const char *session, const char *id,
-                        enum srv_measure_change change, struct srv_reply *reply) {
+static void put_on_worker(struct srv_request *request, const char *session, const char *id,
+                          enum srv_measure_change change, struct srv_reply *reply) {
     const enum srv_measure_effort effort = effort_of(request);
     if (effort == SRV_MEASURE_AT_ONCE) {
         put(request, session, id, change, reply);
@@ -355,17 +355,17 @@ static char *split(struct srv_request *request) {
 }
 
 void srv_post_session_measures(struct srv_request *request, struct srv_reply *reply) {
-    put_in_turn(request, request->param, NULL, SRV_MEASURE_REPLACE, reply);
+    put_on_worker(request, request->param, NULL, SRV_MEASURE_REPLACE, reply);
 }
 
 void srv_put_session_measure(struct srv_request *request, struct srv_reply *reply) {
     const char *id = split(request);
-    put_in_turn(request, request->param, id, SRV_MEASURE_REPLACE, reply);
+    put_on_worker(request, request->param, id, SRV_MEASURE_REPLACE, reply);
 }
 
 void srv_patch_session_measure(struct srv_request *request, struct srv_reply *reply) {
     const char *id = split(request);
-    put_in_turn(request, request->param, id, SRV_MEASURE_CHANGE, reply);
+    put_on_worker(request, request->param, id, SRV_MEASURE_CHANGE, reply);
 }
 
 void srv_delete_session_measure(struct srv_request *request, struct srv_reply *reply) {

@@ -265,8 +265,8 @@ static struct srv_volume *waiting_entry(const struct srv_catalog *catalog) {
     return first;
 }
 
-/* What is loaded next: volumes and the time steps that someone waits for, which of them first
- * depends on the thread; then steps that will be wanted soon. With the mutex held. */
+/* Returns the next entry to load: first volumes and time steps that clients wait for (the thread
+ * decides which kind goes first), then steps that will be wanted soon. With the mutex held. */
 static struct srv_volume *next_load(const struct srv_loader *loader) {
     struct srv_volume *entry = waiting_entry(loader->catalog);
     struct srv_volume *step = srv_catalog_wanted_step(loader->catalog);

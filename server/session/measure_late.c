@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * measure.put of what takes time: another thread computes it. What is computed is kept if the
- * session still exists.
+ * measure.put of measurements that take time: another thread computes them. The session keeps the
+ * result if it still exists then.
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -21,7 +21,7 @@ struct gl_meshes {
         uint32_t triangle_count, sheets;
     } items[SP_LAYERS_MAX];
     uint32_t dispatches; /* per band, at most */
-    uint32_t words;      /* words of four that a pixel needs between these; 0 = one per mesh */
+    uint32_t words; /* uvec4 words per pixel that are kept between dispatches; 0 = one per mesh */
 };
 
 /* Uploads the meshes of the frame. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,

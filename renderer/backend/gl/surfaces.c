@@ -33,7 +33,7 @@ struct block {
     uint32_t corner[3], unused;
 };
 
-/* Of a tile: shaders/entries.glsl. */
+/* An entry of a tile, as in shaders/entries.glsl. */
 struct entry {
     uint32_t block, before; /* points of the tile before it */
 };

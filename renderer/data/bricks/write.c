@@ -70,8 +70,8 @@ static bool is_empty(const struct sp_brick_writer *w) {
     return true;
 }
 
-/* The numbers of the strip: vectors are rows of three times as many. */
-static struct sp_brick_view view_of(const struct sp_brick_writer *w) {
+/* The strip as an array of numbers. A row of vectors has three numbers per sample. */
+static struct sp_brick_view strip_view(const struct sp_brick_writer *w) {
     const struct sp_brick_strip *s = &w->strip;
     const uint32_t numbers = w->header.level[w->l].dims[0] * w->array.components;
     return (struct sp_brick_view){
@@ -96,7 +96,7 @@ static void pack(struct sp_brick_writer *w, struct sp_brick_packed *packed,
 static void pack_vectors(struct sp_brick_writer *w, uint32_t b, struct sp_brick_worker *worker) {
     struct sp_brick_packed *packed = &w->packed[b];
     const uint32_t first = b * BRICK_SIDE, left = w->header.level[w->l].dims[0] - first;
-    struct sp_brick_view own = view_of(w);
+    struct sp_brick_view own = strip_view(w);
     own.first[0] = first * 3;
     own.size[0] = (left < BRICK_SIDE ? left : BRICK_SIDE) * 3;
     const size_t count = (size_t)own.size[0] / 3 * own.size[1] * own.size[2];
@@ -114,7 +114,7 @@ static void pack_samples(struct sp_brick_writer *w, uint32_t b, struct sp_brick_
     const struct sp_brick_level *level = &w->header.level[w->l];
     struct sp_brick_entry *entry = &w->entries[w->first_brick + b];
     struct sp_brick_packed *packed = &w->packed[b];
-    struct sp_brick_view own = view_of(w), around = own;
+    struct sp_brick_view own = strip_view(w), around = own;
     own.first[0] = b * BRICK_SIDE;
     own.size[0] =
         level->dims[0] - own.first[0] < BRICK_SIDE ? level->dims[0] - own.first[0] : BRICK_SIDE;
@@ -175,7 +175,7 @@ static size_t means_bytes(const struct sp_brick_writer *w) {
 static void average(void *user, size_t begin, size_t end, unsigned worker) {
     struct sp_brick_writer *w = user;
     const uint32_t slices = w->strip.size[1] - 2 * (uint32_t)begin;
-    struct sp_brick_view view = view_of(w);
+    struct sp_brick_view view = strip_view(w);
     (void)worker;
     view.first[2] += 2 * (uint32_t)begin;
     view.size[2] = slices < 2 * (end - begin) ? slices : 2 * (uint32_t)(end - begin);

@@ -377,7 +377,7 @@ static void read_chunks(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-/* Threads read parts. The error is that of the first line that has one. */
+/* Threads read chunks of the file. Reports the error of the first faulty line. */
 static bool read_elements(void *reader, const struct sp_elements *elements,
                           const struct import_progress *progress, struct sp_error *err) {
     const struct csv *c = reader;

@@ -264,7 +264,8 @@ static float compute_bound(const float *squares, size_t count, unsigned k, float
     }
 }
 
-/* How far the neighbours of a point may be: the seeds have as many. */
+/* Returns an upper bound of the distance of a point's neighbours: there are as many seeds within
+ * it. */
 static float measure_reach(const struct import_nearest_tree *t, size_t point, size_t begin,
                            size_t end) {
     float squares[2 * SEEDS], high = 0;

@@ -251,7 +251,8 @@ static bool set_offset(const struct import_file *file, const struct nifti_fields
     s->skip_bytes = (uint64_t)f->offset;
     if (!f->is_single || s->skip_bytes >= least)
         return true;
-    /* A file that ends where samples right after the header do has none of the four bytes. */
+    /* The four bytes of extensions are missing if the file ends where samples right after the
+     * header end. */
     s->skip_bytes = !f->is_packed && file->size == end + all ? end : least;
     import_warn(file->warnings,
                 "vox_offset is %g, inside of the header; the samples are read from byte %d.",

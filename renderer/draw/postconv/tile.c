@@ -124,8 +124,8 @@ static int fit_part(const struct sp_postconv_open_tile *t, const struct sp_postc
 
 /* Drops the runs that meet only opaque cells, and moves the run with the farthest voxels to the
  * front. Returns how many are left. */
-static uint32_t sift(const struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
-                     uint32_t count) {
+static uint32_t drop_opaque(const struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
+                            uint32_t count) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < count; i++) {
         if (!(runs[i].cells & t->alive))
@@ -179,7 +179,7 @@ static void prefetch_run(const struct sp_postconv_open_tile *t, const struct sp_
 /* Composites the runs of a layer group by group, the farthest voxels first. Overwrites `runs`. */
 static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
                        uint32_t count) {
-    count = sift(t, runs, count);
+    count = drop_opaque(t, runs, count);
     bool several = add_unfit(t, runs, &count);
     while (count) {
         uint32_t left = 0;
@@ -208,7 +208,7 @@ static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *
         several |= left > 0;
         sp_postconv_close_group(t, !several);
         t->is_open = false;
-        count = sift(t, runs, left);
+        count = drop_opaque(t, runs, left);
     }
     if (several)
         sp_postconv_close_sum(t);

@@ -73,7 +73,7 @@ static void make_key(struct key *key, const struct sp_volume *volume, const stru
 }
 
 /* The smallest floating-point type that holds all values of a type. */
-static enum sp_type with_holes(enum sp_type type) {
+static enum sp_type type_for_holes(enum sp_type type) {
     return type == SP_INT32 || type == SP_FLOAT64 ? SP_FLOAT64 : SP_FLOAT32;
 }
 
@@ -153,7 +153,7 @@ static struct sp_volume *make(const struct sp_volume *from, const struct key *ke
     struct sp_volume_info info = *sp_volume_info(from);
     const uint64_t count = info.voxel_bytes / sp_type_size(info.type);
     if (isnan(key->empty))
-        info.type = with_holes(info.type);
+        info.type = type_for_holes(info.type);
     size_t capacity = (count * sp_type_size(info.type) + 63) & ~(uint64_t)63;
     void *voxels = aligned_alloc(64, capacity);
     if (!voxels) {

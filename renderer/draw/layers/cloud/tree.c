@@ -110,7 +110,7 @@ static void compute_factor(const double v[6], float out[6]) {
  * cells: 0.49·side². The merged points of a cell have 0.49/4 + 1/16 of it, and get the rest. */
 static const double rest = 0.49 - 0.49 / 4 - 1.0 / 16;
 
-/* Fills what bounds the cell, after its merged point. */
+/* Fills the bounds of the cell; its merged point is known. */
 static void bound_cell(const struct sp_cloud_tree *tree, const struct sp_elements *points,
                        struct sp_cloud_node *to) {
     float reach = 0, deviation = bound_deviation(to->factor);

@@ -154,7 +154,7 @@ static inline uint32_t *add_falling(const struct sort *s, uint32_t begin, uint32
     return out;
 }
 
-/* The same where the near plane may have cut away what hides a voxel. */
+/* Adds the voxels of a run where the near plane may have removed the voxels that hide others. */
 static uint32_t *add_near(const struct sort *s, uint32_t begin, uint32_t end, bool falls,
                           unsigned need, uint32_t *out) {
     for (uint32_t i = begin; i < end; i++) {

@@ -137,7 +137,7 @@ void __wrap_sp_renderer_info(const struct sp_renderer *renderer, struct sp_rende
     pthread_mutex_unlock(&gate.mutex);
 }
 
-static void count_end(void) {
+static void record_end(void) {
     pthread_mutex_lock(&gate.mutex);
     seen.ended++;
     pthread_mutex_unlock(&gate.mutex);
@@ -152,7 +152,7 @@ void __wrap_srv_schedule_done(struct srv_schedule *schedule, struct srv_render_j
     struct srv_render_result quick = *result;
     quick.encode_ms = 1; /* a busy machine must not change the choice of detail */
     __real_srv_schedule_done(schedule, job, &quick);
-    count_end();
+    record_end();
 }
 
 void __real_srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job *job,
@@ -162,7 +162,7 @@ void __wrap_srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_ren
 void __wrap_srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job *job,
                                    double elapsed_ms) {
     __real_srv_schedule_cancelled(schedule, job, elapsed_ms);
-    count_end();
+    record_end();
 }
 
 struct fixture {
