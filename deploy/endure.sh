@@ -54,13 +54,21 @@ done
 [[ $only =~ ^(fuzz|kills|soak)(,(fuzz|kills|soak))*$ ]] || die "--only takes fuzz, kills and soak, with commas between"
 [[ $install == no ]] || install_packages build test
 mkdir -p "$out"
-echo "part,what,seconds,count,corpus,failed" >"$out/endure.csv"
+echo "part,what,date,seconds,count,corpus,failed,cpu_seconds" >"$out/endure.csv"
 failed=()
 
-# note PART WHAT SECONDS COUNT CORPUS FAILED: a line of the table.
+# cpu_seconds: sets $cpu to the user and system time of all finished child processes. `times` must run in this shell: a
+# subshell has no children yet.
+cpu_seconds() {
+    times >"$out/times"
+    cpu=$(awk 'NR == 2 { gsub(/[ms]/, " "); print int($1 * 60 + $2 + $3 * 60 + $4) }' "$out/times")
+}
+
+# note PART WHAT SECONDS COUNT CORPUS FAILED CPU-SECONDS: a line of the table.
 note() {
-    (IFS=,; echo "$*") >>"$out/endure.csv"
-    echo "$*"
+    local line
+    line=$1,$2,$(date -u +%F),$3,$4,$5,$6,$7
+    echo "$line" | tee -a "$out/endure.csv"
     [[ $6 == 0 ]] || failed+=("$1 $2")
 }
 
@@ -68,7 +76,9 @@ note() {
 # `files` stays as it is: it holds sound files, and the replay checks that they load.
 fuzz_target() {
     local name=$1 seconds=$2 begun=$SECONDS corpus=$root/tests/fuzz/corpus/$1 found=$out/fuzz/$1 program=$root/build/asan/tests/fuzz_$1
-    local words=() status=0 runs into=$corpus
+    local words=() status=0 runs into=$corpus cpu cpu_begun
+    cpu_seconds
+    cpu_begun=$cpu
     [[ ! -e $root/tests/fuzz/$name.dict ]] || words=(-dict="$root/tests/fuzz/$name.dict")
     mkdir -p "$found/new"
     [[ $name != files ]] || { into=$found/corpus; cp -r "$corpus" "$into"; }
@@ -80,7 +90,8 @@ fuzz_target() {
     local faults
     faults=$(find "$found" -maxdepth 1 -type f ! -name log | wc -l)
     rm -rf "$found/new"
-    note fuzz "$name" $((SECONDS - begun)) "${runs:-0}" "$(find "$corpus" -type f | wc -l)" "$faults"
+    cpu_seconds
+    note fuzz "$name" $((SECONDS - begun)) "${runs:-0}" "$(find "$corpus" -type f | wc -l)" "$faults" $((cpu - cpu_begun))
     [[ $status == 0 || $faults -gt 0 ]] || { tail -n 5 "$found/log" >&2; failed+=("fuzz $name (status $status)"); }
 }
 
@@ -104,7 +115,7 @@ kill_daemons() {
     say "killing $kills daemons"
     (cd "$root" && SPLATD_KILLS=$kills SPLATD_BIN_DIR=$root/build/release/bin tests/web/run.sh tests/integration/durable.test.mjs) >"$out/kills.log" 2>&1 || status=$?
     [[ $status == 0 ]] || tail -n 40 "$out/kills.log" >&2
-    note kills "changes that were acknowledged" $((SECONDS - begun)) "$kills" '' "$status"
+    note kills "changes that were acknowledged" $((SECONDS - begun)) "$kills" '' "$status" ''
 }
 
 soak() {
@@ -112,7 +123,7 @@ soak() {
     say "a soak of $minutes minutes"
     (cd "$root" && node tests/bench/serve.mjs --only soak --minutes "$minutes" --out "$out/soak.csv") >"$out/soak.log" 2>&1 || status=$?
     [[ $status == 0 ]] || tail -n 40 "$out/soak.log" >&2
-    note soak "clients that come and go" $((SECONDS - begun)) "$minutes" '' "$status"
+    note soak "clients that come and go" $((SECONDS - begun)) "$minutes" '' "$status" ''
 }
 
 if [[ $only == *kills* || $only == *soak* ]]; then
