@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Tests the command lines of splat-bench and splat-limit: bench_test.py BENCH LIMIT. Asserts no times."""
+"""Tests the command lines of splat-bench, splat-limit and splat-march: bench_test.py BENCH LIMIT MARCH. Asserts no times."""
+import array
 import json
 import os
 import subprocess
@@ -8,7 +9,7 @@ import sys
 import tempfile
 import unittest
 
-PROGRAM, LIMIT = sys.argv.pop(1), sys.argv.pop(1)
+PROGRAM, LIMIT, MARCH = sys.argv.pop(1), sys.argv.pop(1), sys.argv.pop(1)
 KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'in_flight', 'size', 'mode', 'compositing', 'order', 'shading', 'lod', 'views',
         'splats', 'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'splats_per_second',
         'stages', 'rest_ms', 'cold_classify_ms', 'allocations', 'voxels', 'bytes', 'derived_bytes', 'derived_per_voxel', 'peak_rss'}
@@ -230,6 +231,29 @@ class Limit(unittest.TestCase):
             self.assertEqual(done.returncode, 2, arguments)
             self.assertTrue(done.stderr)
         self.assertEqual(self.measure('--help').returncode, 0)
+
+    def test_march_integrates_a_constant_field(self):
+        with open(os.path.join(self.folder.name, 'even.nrrd'), 'wb') as f:
+            f.write(b'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 8 8 8\nspacings: 1 1 1\nencoding: raw\n\n' + bytes([200]) * 512)
+        color, opacity = (1, 0.5, 0.25), 0.1
+        points = [{'value': v, 'color': color, 'opacity': opacity} for v in (100, 250)]
+        scene = self.scene('even.json', name='even', volume='even.nrrd',
+                           view={'size': [12, 12], 'background': [0, 0, 0, 1], 'shading': {'mode': 'none'},
+                                 'transfer_function': {'reference_length': 1, 'points': points}},
+                           cameras=[{'projection': 'orthographic', 'position': [3.5, 3.5, -20], 'target': [3.5, 3.5, 3.5], 'up': [0, -1, 0], 'height': 6}])
+        out = os.path.join(self.folder.name, 'even.f32')
+        march = [MARCH, '--data', self.folder.name, '--rays', '2', '--out', out]
+        done = subprocess.run([*march, scene], capture_output=True, text=True, timeout=60, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        with open(out, 'rb') as f:
+            image = array.array('f', f.read())
+        self.assertEqual(len(image), 12 * 12 * 3)
+        for i, value in enumerate(image):  # a ray of 8 voxels, which end half a cell beyond the outermost samples
+            self.assertAlmostEqual(value, color[i % 3] * (1 - (1 - opacity) ** 8), 4)
+        for arguments, status in (([*march, '--camera', '1', scene], 1), ([*march, '--rays', 'x', scene], 2), ([MARCH, scene], 2)):
+            done = subprocess.run(arguments, capture_output=True, text=True, timeout=60, check=False)
+            self.assertEqual(done.returncode, status, arguments)
+            self.assertNotEqual(done.stderr, '')
 
 
 if __name__ == '__main__':

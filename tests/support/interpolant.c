@@ -60,7 +60,7 @@ static bool init_values(struct test_interpolant *f) {
     return true;
 }
 
-static void invert(double m[3][3], double out[3][3]) {
+void test_invert(double m[3][3], double out[3][3]) {
     double det = 0;
     for (int c = 0; c < 3; c++)
         det += m[0][c] *
@@ -177,7 +177,7 @@ bool test_interpolant_init(struct test_interpolant *f, const struct test_scene *
     double direction[3][3];
     *f = (struct test_interpolant){ .scene = scene, .grid = &scene->info.grid };
     memcpy(direction, f->grid->direction, sizeof direction);
-    invert(direction, f->inverse);
+    test_invert(direction, f->inverse);
     return init_values(f);
 }
 

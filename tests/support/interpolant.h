@@ -34,4 +34,7 @@ double test_interpolant_value(const struct test_interpolant *f, const double ind
 void test_interpolant_gradient(const struct test_interpolant *f, const double index[3],
                                double out[3]);
 
+/* Sets the inverse of a matrix that has one. */
+void test_invert(double m[3][3], double out[3][3]);
+
 #endif

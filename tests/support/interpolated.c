@@ -58,6 +58,11 @@ static void march(void *user, const double eye[3], const double ahead[3], double
 
 bool test_each_ray(const struct test_scene *scene, unsigned steps, test_ray_fn *follow, void *user,
                    struct test_image *image) {
+    return test_ray_rows(scene, steps, 0, scene->view.size[1], follow, user, image);
+}
+
+bool test_ray_rows(const struct test_scene *scene, unsigned steps, unsigned begin, unsigned end,
+                   test_ray_fn *follow, void *user, struct test_image *image) {
     const struct sp_view *view = &scene->view;
     const struct sp_grid *grid = &scene->info.grid;
     double w[3][3], middle[3], radius = 0, smallest = INFINITY;
@@ -68,17 +73,17 @@ bool test_each_ray(const struct test_scene *scene, unsigned steps, test_ray_fn *
     for (int a = 0; a < 3; a++) {
         const double *c = grid->coordinates[a];
         uint32_t last = grid->dims[a] - 1;
-        double end = c ? c[last] : grid->spacing[a] * last;
-        radius += 0.5 * end + grid->spacing[a] * (c ? last : 1);
+        double extent = c ? c[last] : grid->spacing[a] * last;
+        radius += 0.5 * extent + grid->spacing[a] * (c ? last : 1);
         smallest = fmin(smallest, grid->spacing[a]);
         for (uint32_t i = 0; c && i < last; i++)
             smallest = fmin(smallest, c[i + 1] - c[i]);
         for (int r = 0; r < 3; r++)
-            middle[r] += 0.5 * end * grid->direction[r][a];
+            middle[r] += 0.5 * extent * grid->direction[r][a];
     }
-    if (!test_image_init(image, view->size[0], view->size[1]))
+    if (!test_image_init(image, view->size[0], end - begin))
         return false;
-    for (unsigned y = 0; y < view->size[1]; y++)
+    for (unsigned y = begin; y < end; y++)
         for (unsigned x = 0; x < view->size[0]; x++) {
             double right = (x + 0.5 - 0.5 * view->size[0]) / scale;
             double down = (y + 0.5 - 0.5 * view->size[1]) / scale;
@@ -98,7 +103,7 @@ bool test_each_ray(const struct test_scene *scene, unsigned steps, test_ray_fn *
             /* The near plane, and a sphere that holds the volume. */
             double from = fmax(along - radius, view->camera.near * (is_flat ? 1 : length));
             follow(user, eye, ahead, from, along + radius, smallest / steps,
-                   test_image_at(image, x, y));
+                   test_image_at(image, x, y - begin));
         }
     return true;
 }

@@ -31,4 +31,8 @@ typedef void test_ray_fn(void *user, const double eye[3], const double ahead[3],
 bool test_each_ray(const struct test_scene *scene, unsigned steps, test_ray_fn *follow, void *user,
                    struct test_image *image);
 
+/* The same for the rows [begin, end) of the view, which become the image. */
+bool test_ray_rows(const struct test_scene *scene, unsigned steps, unsigned begin, unsigned end,
+                   test_ray_fn *follow, void *user, struct test_image *image);
+
 #endif
