@@ -210,28 +210,6 @@ class CommandLine(unittest.TestCase):
         self.assertIn('--data DIR', done.stdout)
         self.assertEqual(run('--version').stdout.split()[0], 'splat-bench')
 
-
-class Limit(unittest.TestCase):
-    def measure(self, *arguments):
-        return subprocess.run([LIMIT, *arguments], capture_output=True, text=True, timeout=240, check=False)
-
-    def test_every_rate_is_there(self):
-        for threads in 1, 3:
-            done = self.measure('--threads', str(threads), '--isa', 'scalar')
-            self.assertEqual(done.returncode, 0, done.stderr)
-            row = json.loads(done.stdout)
-            self.assertEqual((row['isa'], row['threads']), ('scalar', threads))
-            self.assertEqual(set(row['add']), {'3', '5', '7', '11'})
-            for rate in (*row['add'].values(), row['set_up'], row['read'], row['copy']):
-                self.assertGreater(rate, 0)
-
-    def test_usage(self):
-        for arguments in ['--threads', '0'], ['--threads', '999'], ['--threads', '2x'], ['--isa', 'abacus'], ['more'], ['--nonsense']:
-            done = self.measure(*arguments)
-            self.assertEqual(done.returncode, 2, arguments)
-            self.assertTrue(done.stderr)
-        self.assertEqual(self.measure('--help').returncode, 0)
-
     def test_march_integrates_a_constant_field(self):
         with open(os.path.join(self.folder.name, 'even.nrrd'), 'wb') as f:
             f.write(b'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 8 8 8\nspacings: 1 1 1\nencoding: raw\n\n' + bytes([200]) * 512)
@@ -254,6 +232,28 @@ class Limit(unittest.TestCase):
             done = subprocess.run(arguments, capture_output=True, text=True, timeout=60, check=False)
             self.assertEqual(done.returncode, status, arguments)
             self.assertNotEqual(done.stderr, '')
+
+
+class Limit(unittest.TestCase):
+    def measure(self, *arguments):
+        return subprocess.run([LIMIT, *arguments], capture_output=True, text=True, timeout=240, check=False)
+
+    def test_every_rate_is_there(self):
+        for threads in 1, 3:
+            done = self.measure('--threads', str(threads), '--isa', 'scalar')
+            self.assertEqual(done.returncode, 0, done.stderr)
+            row = json.loads(done.stdout)
+            self.assertEqual((row['isa'], row['threads']), ('scalar', threads))
+            self.assertEqual(set(row['add']), {'3', '5', '7', '11'})
+            for rate in (*row['add'].values(), row['set_up'], row['read'], row['copy']):
+                self.assertGreater(rate, 0)
+
+    def test_usage(self):
+        for arguments in ['--threads', '0'], ['--threads', '999'], ['--threads', '2x'], ['--isa', 'abacus'], ['more'], ['--nonsense']:
+            done = self.measure(*arguments)
+            self.assertEqual(done.returncode, 2, arguments)
+            self.assertTrue(done.stderr)
+        self.assertEqual(self.measure('--help').returncode, 0)
 
 
 if __name__ == '__main__':
