@@ -161,7 +161,7 @@ static proto_json *copy_layers(const struct layer_options *options, const proto_
     return list;
 }
 
-/* Sets what gives the colours of the layers that have them: the volume is loaded if necessary. */
+/* Sets `color_by` of the layers that have it. Loads the volume that it names if necessary. */
 static bool set_color_by(const struct options *options, struct http *http, proto_json *view,
                          struct sp_error *err) {
     const char *wanted = options->layers.color_by;

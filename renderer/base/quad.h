@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Groups of four floats, such as the colour and depth of a pixel, and vectors of SP_WIDE / 4
- * groups.
+ * A quad is four floats, such as red, green, blue and optical depth of a pixel. A wide vector holds
+ * SP_WIDE / 4 quads.
  */
 #ifndef SP_BASE_QUAD_H
 #define SP_BASE_QUAD_H

@@ -19,7 +19,7 @@ static bool is_same_point(const struct sp_transfer_function *a, uint32_t i,
     return p->value == q->value && (p->opacity > 0) == (q->opacity > 0);
 }
 
-/* Finds the values between the last point of the common start and the first point of the common
+/* Computes the values between the last point of the common start and the first point of the common
  * end. */
 static void compute_hull(struct sp_change *c, const struct sp_transfer *from,
                          const struct sp_transfer *to) {

@@ -78,7 +78,7 @@ static void evict_videos(struct drawing *d, uint64_t px) {
         drop_video(at);
 }
 
-/* Takes the memory of an encoder from the budget; frees other movies' encoders if it does not
+/* Acquires the memory of an encoder from the budget; frees other movies' encoders if it does not
  * suffice. */
 static bool acquire_memory(struct drawing *d, uint64_t bytes, struct sp_error *err) {
     struct sp_budget *budget = d->paths->options.budget;

@@ -197,7 +197,7 @@ static bool can_ever_fit(const struct srv_snapshot_queue *queue,
                    sp_image_format_info(snapshot->format)->name, needed, most);
 }
 
-/* Takes the memory of the entry's encoder if it and the pixels fit beside what others have. The
+/* Acquires the memory of the entry's encoder if it and the pixels fit beside what others have. The
  * next entry waits for its memory before any other is begun, so that small ones do not delay it for
  * ever. With the mutex held. */
 static bool acquire_memory(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry,

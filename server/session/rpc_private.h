@@ -46,8 +46,8 @@ bool srv_call_refuse(struct srv_call *call, enum proto_rpc_code code, const char
 /* Refuses members of the params that are not `known`, which ends with NULL. */
 bool srv_call_knows(struct srv_call *call, const char *const *known);
 
-/* Takes control for a method that changes the view. False with code and error: the participant may
- * not take control. */
+/* Acquires control for a method that changes the view. False with code and error: the participant
+ * may not take control. */
 bool srv_call_acquire_control(struct srv_call *call);
 
 srv_method_fn srv_call_time_play, srv_call_time_stop; /* play.c */

@@ -440,8 +440,8 @@ void srv_late_answers_free(struct srv_participant *participant);
 /* Call it after a participant left; it is no longer in the list. */
 void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
                        const struct srv_participant *participant, double now_ms);
-/* Takes control if the participant may have it and control is free. True if the participant holds
- * control. */
+/* Acquires control if the participant may have it and control is free. True if the participant
+ * holds control. */
 bool srv_control_acquire(struct srv_hub *hub, struct srv_participant *participant, double now_ms);
 /* Passes control on when --control-time is over; returns when that is next, INFINITY = never. */
 double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double now_ms);

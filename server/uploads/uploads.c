@@ -82,7 +82,8 @@ static struct srv_upload *unlink_upload(struct srv_uploads *uploads, struct srv_
     return upload;
 }
 
-/* Takes an upload and its companions out; returns them as a list. With the mutex held. */
+/* Removes an upload and its companion files from the table; returns them as a list. The caller
+ * holds the mutex. */
 static struct srv_upload *unlink_set(struct srv_uploads *uploads, struct srv_upload **at) {
     struct srv_upload *set = unlink_upload(uploads, at);
     set->next = NULL;

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splat-march: the truth for real scans. Renders one camera of a scene by brute force in double
- * precision: a cubic B-spline through all samples and its analytic gradient, many rays per pixel,
- * small steps. It shares no code with the renderer.
+ * splat-march: the truth for real scans. Renders one camera of a scene by brute force: a
+ * cubic B-spline through all samples and its analytic gradient, many rays per pixel, small steps.
+ * Coefficients are stored as float32; everything else is double. It shares no drawing code with the
+ * renderer.
  *
  *   samples ──► B-spline coefficients ──► per ray: value, gradient, transfer function, light
  *               (prefilter per axis)      ──► mean of the rays of each pixel ──► float32 RGB
@@ -53,9 +54,10 @@ static void prefilter(double *v, uint32_t count) {
     const double pole = sqrt(3) - 2;
     if (count < 2)
         return;
+    const uint32_t period = 2 * count - 2;
     double first = 0, power = 1;
-    for (uint32_t i = 0; i < count && fabs(power) > 1e-12; i++, power *= pole)
-        first += v[i] * power;
+    for (uint32_t i = 0; fabs(power) > 1e-12; i = (i + 1) % period, power *= pole)
+        first += v[i < count ? i : period - i] * power;
     v[0] = first;
     for (uint32_t i = 1; i < count; i++)
         v[i] += pole * v[i - 1];
@@ -70,10 +72,14 @@ static bool make_coefficients(struct field *f, const struct sp_volume_info *info
                               const void *voxels) {
     const uint32_t *n = f->dims;
     size_t count = (size_t)n[0] * n[1] * n[2];
-    double line[65536];
+    uint32_t longest = n[0] > n[1] ? n[0] : n[1];
+    longest = longest > n[2] ? longest : n[2];
+    double *line = malloc(longest * sizeof *line);
     f->coefficients = malloc(count * sizeof *f->coefficients);
-    if (!f->coefficients)
+    if (!line || !f->coefficients) {
+        free(line);
         return false;
+    }
     for (size_t i = 0; i < count; i++)
         f->coefficients[i] = (float)test_sample(voxels, info->type, i);
     const size_t stride[3] = { 1, n[0], (size_t)n[0] * n[1] };
@@ -87,6 +93,7 @@ static bool make_coefficients(struct field *f, const struct sp_volume_info *info
             for (uint32_t k = 0; k < n[a]; k++)
                 f->coefficients[i + k * stride[a]] = (float)line[k];
         }
+    free(line);
     return true;
 }
 

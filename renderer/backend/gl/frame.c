@@ -69,7 +69,7 @@ static bool get_lists(struct gl_frame *f, const struct sp_backend_job *job,
     return true;
 }
 
-/* Finds the first voxel of the brick that is nearest to the eye. Positions are relative to it, so
+/* Chooses the first voxel of the brick that is nearest to the eye. Positions are relative to it, so
  * that single precision suffices for voxels close to the eye. */
 static void choose_origin(const struct sp_ewa_frame *e, uint32_t origin[3]) {
     struct sp_mat3 step;

@@ -18,7 +18,7 @@ struct gl_layers {
     struct sp_cloud_cache clouds;
 };
 
-/* The inputs for the layers of a frame. */
+/* The job of a frame, and the memory and threads for its layers. */
 struct gl_layers_job {
     const struct sp_backend_job *job;
     uint64_t bytes_max; /* of the caches */

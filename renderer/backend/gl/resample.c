@@ -66,7 +66,7 @@ static bool add_axis(struct gl_resample_frame *f, const struct sp_resample_input
            add_passes(f, s, visible, err);
 }
 
-/* Finds the passes of all axes that have a share of the image. Without memory for an axis the
+/* Lists the passes of all axes that have a share of the image. Without memory for an axis the
  * others have its share. */
 static bool list_passes(struct gl_resample_frame *f, const struct sp_resample_input *input,
                         struct gl_state *s, struct sp_error *err) {

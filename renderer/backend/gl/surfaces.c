@@ -33,7 +33,7 @@ struct block {
     uint32_t corner[3], unused;
 };
 
-/* An entry of a tile, as in shaders/entries.glsl. */
+/* A block that a tile draws. shaders/entries.glsl declares the same struct. */
 struct entry {
     uint32_t block, before; /* points of the tile before it */
 };

@@ -330,7 +330,7 @@ static bool write_level(struct sp_brick_writer *w, struct sp_error *err) {
     return true;
 }
 
-/* Finds what the header says of the values, from the samples of the level that was written. */
+/* Measures what the header says of the values, from the samples of the level that was written. */
 static bool measure_values(struct sp_brick_writer *w, bool *is_projected, struct sp_error *err) {
     return w->array.is_vectors ||
            ((w->l > 0 ||

@@ -74,7 +74,7 @@ bool arrays_read_numbers(const struct arrays *a, const char *path, unsigned rank
  * so that missing samples can be NaN. */
 void arrays_use_default_fill(struct arrays *a);
 
-/* Finds the axes of the array, and from the attributes and coordinates the place of the grid and
+/* Reads the axes of the array, and from the attributes and coordinates the place of the grid and
  * the times. */
 bool arrays_read_axes(struct arrays *a, struct import_header *header, struct sp_error *err);
 
@@ -102,11 +102,11 @@ bool arrays_check_cells(const struct arrays *a, struct sp_error *err);
 /* Warns of coordinates that do not place the samples. */
 void arrays_warn_of_auxiliary(const struct arrays *a);
 
-/* Takes names and spacing of the dimensions from the attribute "axistags" of vigra, and names from
+/* Reads names and spacing of the dimensions from the attribute "axistags" of vigra, and names from
  * those of HDF5 images in colours. */
 void arrays_read_tags(struct arrays *a);
 
-/* Takes the size of a voxel from attributes, where there are no coordinates. */
+/* Reads the size of a voxel from attributes, where there are no coordinates. */
 void arrays_read_sizes(struct arrays *a, struct import_header *header);
 
 /* Sets the names of the samples, and lists the other fields of the file. */

@@ -48,7 +48,7 @@ std::vector<uint64_t> read_offsets(const pixels &p) {
     return offsets.size() == p.frames ? offsets : std::vector<uint64_t>();
 }
 
-/* Finds the fragments of each frame: one each, or else by the table of their offsets, or else by
+/* Lists the fragments of each frame: one each, or else by the table of their offsets, or else by
  * how the code of a frame begins. */
 void list_frames(pixels &p) {
     const size_t count = p.fragments->GetNumberOfFragments();

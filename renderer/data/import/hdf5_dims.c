@@ -85,7 +85,7 @@ static void read_own_labels(hid_t dataset, struct array_info *info) {
         memcpy(info->dims, labels, info->rank * sizeof labels[0]);
 }
 
-/* Takes the path of a scale, and its name where the dimension has no label. */
+/* Reads the path of a scale, and its name where the dimension has no label. */
 static void read_scale(hid_t file, const hobj_ref_t *reference, unsigned d,
                        struct array_info *info) {
     char path[ARRAY_NAME_BYTES], name[ARRAY_NAME_BYTES];

@@ -239,7 +239,7 @@ struct group {
     uint32_t near_index[NEAR + PADDING];
 };
 
-/* Finds a bound with at least k of the `count` squares: with exactly k if no others are equal to
+/* Computes a bound with at least k of the `count` squares: with exactly k if no others are equal to
  * the k-th. `high` is such a bound. */
 static float compute_bound(const float *squares, size_t count, unsigned k, float high) {
     float low = 0;

@@ -138,7 +138,7 @@ static void report(void *user, size_t points, unsigned worker) {
                                                          (double)done / (double)s->tree.count));
 }
 
-/* Finds the sizes of the points of the tree. Reports until `end`. */
+/* Measures the sizes of the points of the tree. Reports until `end`. */
 static bool measure_sizes(struct sizes *s, uint64_t end) {
     const struct import_nearest_visitor visitor = { set_size, report, s };
     s->begin = s->end + (uint64_t)(tree_share * (double)(end - s->end));

@@ -122,11 +122,11 @@ const char *nrrd_field_name(enum nrrd_field field);
 
 /* Shared by nrrd.c, nrrd_header.c, nrrd_keys.c, nrrd_kinds.c and nrrd_space.c. */
 
-/* Finds the roles of the axes. The type is known. */
+/* Reads the roles of the axes. The type is known. */
 bool nrrd_kinds_read(const struct import_file *file, struct nrrd_header *header,
                      struct sp_error *err);
 
-/* Takes a line "KEY:=VALUE" of another program. */
+/* Parses a line "KEY:=VALUE" of another program. */
 void nrrd_keys_parse(struct nrrd_header *header, char *line);
 
 /* Names the layers of a segmentation after their segments, or else "layer 1" and so on. */

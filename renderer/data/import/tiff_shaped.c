@@ -86,7 +86,7 @@ static unsigned list_parts(const struct tiff_page *page, enum part parts[PAGE_RA
     return count;
 }
 
-/* Finds the dimensions that form a page: the last ones, or else as many as have its samples. */
+/* Matches the dimensions that form a page: the last ones, or else as many as have its samples. */
 static bool match_page(struct shaped *s, struct sp_error *err) {
     const struct tiff_page *page = &s->tiff->pages[0];
     const uint64_t needed = (uint64_t)page->width * page->height * page->samples;

@@ -33,7 +33,7 @@ static bool is_readable(const struct image_grid *grid) {
            grid->dims[2] > 0;
 }
 
-/* Takes the grid that is wanted, or else the first one of scalars. */
+/* Chooses the grid that is wanted, or else the first one of scalars. */
 static bool choose_grid(struct vdb *v, struct import_header *header, struct sp_error *err) {
     struct image_grid grid;
     char why[SP_ERROR_TEXT];

@@ -24,7 +24,7 @@ struct placing { /* one array of one piece */
     uint64_t put;            /* tuples of this piece that are no ghosts */
 };
 
-/* Finds the box of a piece; cells lie between points. */
+/* Computes the box of a piece; cells lie between points. */
 static void compute_box(const struct vtk_volume *v, const struct vtk_piece *piece, uint32_t dims[3],
                         uint32_t at[3]) {
     for (int axis = 0; axis < 3; axis++) {

@@ -343,7 +343,7 @@ static bool place_array(struct xml *x, struct vtk_entry *e, const char *name) {
     return true;
 }
 
-/* Takes the time of the data set. */
+/* Parses the time of the data set. */
 static void parse_time(struct xml *x, const char *name, const char **attributes) {
     if (strcmp(name, "TimeValue") != 0 && strcmp(name, "TIME") != 0)
         return;

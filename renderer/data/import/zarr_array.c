@@ -196,7 +196,7 @@ static bool parse_v2(struct zarr_array *a, const struct zarr_node *node, struct 
            check_chunk(a, node, "/chunks", err);
 }
 
-/* Takes a transposition. One after another is of the dimensions that the first one has made. */
+/* Parses a transposition. One after another is of the dimensions that the first one has made. */
 static bool parse_order(struct zarr_array *a, const struct zarr_node *node, const json_t *order,
                         struct sp_error *err) {
     unsigned seen = 0, before[ZARR_RANK_MAX];

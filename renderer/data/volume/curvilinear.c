@@ -110,7 +110,7 @@ static void add_missing(const struct lattice *l, double edges[3][3]) {
     }
 }
 
-/* Finds the edges of the cell around a node and returns its determinant: 0 = flat. */
+/* Measures the edges of the cell around a node and returns its determinant: 0 = flat. */
 static double measure_cell(const struct lattice *l, const uint32_t at[3], double edges[3][3]) {
     double normal[3], box = 1;
     for (int axis = 0; axis < 3; axis++)

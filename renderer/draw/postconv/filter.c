@@ -39,7 +39,7 @@ static void make_wide_zoom(const struct sp_postconv_tables *tables,
     z->taps += extra;
 }
 
-/* Finds the blocks of samples that each block of pixels needs. */
+/* Computes the blocks of samples that each block of pixels needs. */
 static void compute_needs(struct sp_postconv_open_tile *t) {
     int scale = t->group.scale[0], reach = t->group.filter[0]->taps;
     for (int b = 0; b < POSTCONV_TILE / BLOCK; b++) {
@@ -49,7 +49,7 @@ static void compute_needs(struct sp_postconv_open_tile *t) {
     }
 }
 
-/* Finds the blocks of samples that matter to pixels [4·block, 4·block + 4) along an axis. */
+/* Computes the blocks of samples that matter to pixels [4·block, 4·block + 4) along an axis. */
 static void compute_span(const struct sp_postconv_group *g, int axis, int block, int span[2]) {
     float start = g->offset[axis] + (float)(block * BLOCK) * g->per_px[axis];
     float before = g->offset[axis] - g->low[axis];
@@ -57,7 +57,7 @@ static void compute_span(const struct sp_postconv_group *g, int axis, int block,
     span[1] = (int)(start + BLOCK * g->per_px[axis] + before) / BLOCK;
 }
 
-/* Finds the blocks of samples that matter to pixels that are not opaque. */
+/* Marks the blocks of samples that matter to pixels that are not opaque. */
 static void mark_wanted(struct sp_postconv_open_tile *t) {
     if (!t->has_dead)
         return;

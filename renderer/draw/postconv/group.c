@@ -80,7 +80,7 @@ static const float sharpest = 0.05f;
 static const float no_cross = 0.02f; /* a covariance below this share of the variance is ignored */
 static const float small_cross = 0.1f; /* up to this share the deposit alone corrects it */
 
-/* Finds filters for samples that are 2^scale px wide; false if there are none. */
+/* Chooses filters for samples that are 2^scale px wide; false if there are none. */
 static bool choose_filters(const struct sp_postconv *postconv, const float v[3],
                            struct sp_postconv_group *g) {
     const struct sp_postconv_filter *filters = postconv->tables->filters[postconv->exact];

@@ -100,7 +100,7 @@ static void compute_variance(const struct sp_ewa_frame *f, enum sp_filter_mode m
         v[i] *= *scale * w2;
 }
 
-/* Finds the pixels that a brick's voxels can reach; false if none is in the image. */
+/* Computes the pixels that a brick's voxels can reach; false if none is in the image. */
 static bool compute_box(const struct sp_postconv *postconv, const float size[3],
                         struct sp_postconv_brick *b) {
     const struct sp_ewa_frame *f = sp_postconv_ewa(postconv, b);
@@ -171,7 +171,8 @@ static float compute_peak(const struct sp_postconv_brick *b) {
 /* Consecutive layers are composited as one up to this depth. */
 static const float thin = 0.2f;
 
-/* Finds the largest depth of each slice of the brick along the axis, for the length of a ray in it.
+/* Computes the largest depth of each slice of the brick along the axis, for the length of a ray in
+ * it.
  */
 static void compute_depths(const struct prepare *p, struct sp_postconv_brick *b) {
     const struct sp_level *level = sp_postconv_level(p->postconv, b);

@@ -25,7 +25,7 @@ static inline void cut_rays(const struct sp_resample_open_tile *t,
     *end = sp_wide_select(is_outside, -far, *end);
 }
 
-/* Finds the unit vectors to the eye from SP_WIDE pixels whose centres are at (x, y). */
+/* Computes the unit vectors to the eye from SP_WIDE pixels whose centres are at (x, y). */
 static inline void compute_eye(const struct sp_resample *r, sp_wide x, sp_wide y,
                                sp_wide to_eye[3]) {
     const struct sp_camera_transform *camera = r->camera;

@@ -123,7 +123,7 @@ static inline struct sp_rays load_rays(const struct sp_resample_block *block, in
                              sp_wide_load(block->du + begin), sp_wide_load(block->dv + begin) };
 }
 
-/* Finds the values of the rays from pixel `begin` on, and the gradients along u and v. */
+/* Reads the values of the rays from pixel `begin` on, and the gradients along u and v. */
 static inline sp_wide read_slopes(const struct sp_resample_open_tile *t,
                                   struct sp_resample_block *block, const struct sp_rays *rays,
                                   int begin, int number) {
@@ -331,7 +331,7 @@ static void composite_around(const struct work *work, const struct interval *in)
     sp_resample_insert(work->t, work->block, &part);
 }
 
-/* Finds what the interval behind sheet `number` shows; light and result as above. */
+/* Computes what the interval behind sheet `number` shows; light and result as above. */
 static inline bool compute_interval(const struct sp_resample_open_tile *t,
                                     struct sp_resample_block *block, const float *light, int number,
                                     struct work *work) {

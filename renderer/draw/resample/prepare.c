@@ -310,7 +310,7 @@ bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample 
     return true;
 }
 
-/* Finds where sample 0 of the first channel lies. */
+/* Computes where sample 0 of the first channel lies. */
 static void compute_offset(struct sp_resample *r, const struct coordinates *own,
                            const struct sp_grid *first_grid) {
     struct coordinates first;

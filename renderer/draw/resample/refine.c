@@ -87,7 +87,7 @@ static inline bool pop_columns(uint64_t *units, int unit_bits, int *begin, int *
     return true;
 }
 
-/* Finds what each of the blocks of `need` sees at s. Gradients look half a sample farther, and
+/* Computes what each of the blocks of `need` sees at s. Gradients look half a sample farther, and
  * interpolation one refined sample. */
 static void compute_extents(const struct sp_resample_open_tile *t, uint64_t need, float s,
                             struct extents *extents) {
@@ -148,7 +148,7 @@ static void init_sheet(const struct sp_resample_open_tile *t, const struct regio
     }
 }
 
-/* Finds the units of each row of the sheet that blocks see, and those of the rows that are filtered
+/* Marks the units of each row of the sheet that blocks see, and those of the rows that are filtered
  * for it. */
 static void mark_needs(const struct sp_resample_open_tile *t, const struct extents *extents,
                        uint64_t need, const struct region *region) {

@@ -176,7 +176,7 @@ static uint64_t active_at(const struct sp_resample_open_tile *t, int n) {
     return t->scratch->active[i] & t->scratch->open[i / SAMPLES_REGION];
 }
 
-/* Finds which blocks the slabs of intervals first to last may still change. */
+/* Marks which blocks the slabs of intervals first to last may still change. */
 static void mark_open(const struct sp_resample_open_tile *t, int first, int last) {
     struct sp_resample_scratch *scratch = t->scratch;
     for (int n = first; n <= last; n++) {
@@ -386,7 +386,7 @@ static inline sp_wide halves_share(const struct sp_resample_open_tile *t,
     return sp_wide_clamp(share, 0, 1);
 }
 
-/* Finds those of the blocks that need a sheet per slice, and those that need half sheets. */
+/* Marks those of the blocks that need a sheet per slice, and those that need half sheets. */
 static void mark_steep(const struct sp_resample_open_tile *t, uint64_t blocks, uint64_t need[2]) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
     need[0] = need[1] = 0;

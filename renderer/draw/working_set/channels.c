@@ -51,7 +51,7 @@ static void finish(struct found *found) {
         sp_volume_unref(&found->volumes[i]);
 }
 
-/* Finds what the frame draws of each channel. */
+/* Chooses what the frame draws of each channel. */
 static bool choose_channels(const struct sp_frame_source_job *job,
                             struct sp_volume *const *channels, struct found *found,
                             struct sp_error *err) {

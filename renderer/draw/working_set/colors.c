@@ -30,10 +30,10 @@ static void compute_box(const struct sp_volume_info *drawn, struct sp_brick_need
     }
 }
 
-/* Finds the bricks around the samples that the frame shows, at their level or at the finest coarser
- * one for which the memory suffices. need->count is 0 if only the volume that was opened is coarse
- * enough. `level`: the level of the frame; the file may have another number for the same samples.
- * *steps: by how many levels the colours are coarser. False without memory. */
+/* Chooses the bricks around the samples that the frame shows, at their level or at the finest
+ * coarser one for which the memory suffices. need->count is 0 if only the volume that was opened is
+ * coarse enough. `level`: the level of the frame; the file may have another number for the same
+ * samples. *steps: by how many levels the colours are coarser. False without memory. */
 static bool choose_need(const struct sp_brick_store *store, const struct sp_volume_info *drawn,
                         unsigned level, struct sp_brick_need *need, unsigned *steps) {
     const struct sp_brick_file *file = sp_brick_store_file(store);

@@ -56,7 +56,7 @@ static double compute_reach(const struct sp_view *view) {
     return reach;
 }
 
-/* Finds by which values bricks may be left out. */
+/* Chooses by which values bricks may be left out. */
 static void choose_values(struct search *s) {
     const struct sp_view *view = s->view;
     bool has_function = false;

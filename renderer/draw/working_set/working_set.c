@@ -76,7 +76,7 @@ static bool shorten(const struct sp_working_set_job *job, struct sp_brick_need *
     return order && kept >= count / 4 + 1;
 }
 
-/* Finds the need of the finest level, from `level` on, that fits into a window. The bricks of all
+/* Chooses the need of the finest level, from `level` on, that fits into a window. The bricks of all
  * the volume are taken where they fit, so that turning it needs no others. False without memory. */
 static bool choose_need(const struct sp_working_set_job *job, struct sp_brick_need *need) {
     const struct sp_brick_file *file = sp_brick_store_file(job->store);

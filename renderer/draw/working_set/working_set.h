@@ -52,7 +52,7 @@ bool sp_working_set_needs_whole(const struct sp_view *view);
 /* True if a frame reads the vectors of the file. (need.c) */
 bool sp_working_set_needs_vectors(const struct sp_brick_file *file, const struct sp_view *view);
 
-/* Finds the bricks of a level that the view may show. need->count is 0 if the view shows no brick.
+/* Sets the bricks of a level that the view may show. need->count is 0 if the view shows no brick.
  * False if out of memory. (need.c) */
 bool sp_working_set_need(const struct sp_brick_file *file, const struct sp_view *view,
                          unsigned level, bool is_whole, struct sp_brick_need *need);

@@ -62,8 +62,8 @@ const PLACES = {
   placeholder: (element, text) => { element.placeholder = text; },
 };
 
-/** Writes texts into the elements of index.html. An element names its keys in data-text, data-title, data-placeholder and data-label (aria-label, or the
- * name of a group of options). `isWanted` chooses the keys; by default all keys whose texts are loaded. */
+/** Writes the texts of the current language into elements. PLACES lists the data attributes that hold their keys. `isWanted(key)` chooses the keys; by
+ * default those whose texts are loaded. */
 export function showTexts(root, isWanted = hasText) {
   for (const [name, set] of Object.entries(PLACES)) {
     for (const element of root.querySelectorAll(`[data-${name}]`)) if (isWanted(element.dataset[name])) set(element, t(element.dataset[name]));

@@ -74,7 +74,7 @@ export class Part {
   /** Announces a function of `app`, which the feature replaces. */
   call(name) { this.#app[name] = (...values) => this.ask(() => this.#app[name](...values)); }
 
-  /** Announces that the features need the notifications of a method: they hear those of the current stream when they are there. */
+  /** Announces that the features need the notifications of a method. After their installation they receive the notifications that the current stream has sent. */
   notifications(method) { this.methods.push(method); }
 
   /** Calls act() when the features are installed. */

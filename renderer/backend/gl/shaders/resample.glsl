@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Constants of resampled sheets (struct gl_resample_constants in resample_constants.h), coordinates, and the samples of a
-// mip level as 16-bit codes (draw/resample/curve.h). u, v and w are the axes of a tile; w leads from slice to slice.
+// Constants of resampled sheets (struct gl_resample_constants in resample_constants.h), coordinates, and functions
+// that read a sample of a mip level as a 16-bit code (draw/resample/curve.h). A tile has the axes u and v in its slices,
+// and w across them.
 
 // Samples of an axis, and rows of Places if they are not evenly spaced. EVEN: all axes are.
 struct Axis {

@@ -233,7 +233,7 @@ static void list_planes(struct cut *c) {
     }
 }
 
-/* Finds which bins have visible values. Those at both ends have all values beyond. */
+/* Marks which bins have visible values. Those at both ends have all values beyond. */
 static void mark_visible(struct cut *c, const struct sp_visible_ranges *visible) {
     const struct sp_cloud_tree *tree = c->tree;
     const double rounding = 0.01;

@@ -109,7 +109,7 @@ static bool classify(const struct sp_cloud_input *in, struct sp_cloud *cloud,
     return pieces || sp_arena_fail(in->arena, "elements", err);
 }
 
-/* Finds what gives the colours. */
+/* Sets the transfer function and the numbers that colour the points. */
 static void set_coloring(const struct sp_cloud_input *in, struct sp_cloud *cloud) {
     struct sp_coloring coloring;
     sp_coloring_init(&coloring, in->layer, &in->view->transfer_function, in->shown, in->colors);
@@ -166,7 +166,7 @@ static bool choose_streaks(const struct sp_cloud_input *in, struct sp_cloud_choi
     return choice->elements;
 }
 
-/* Finds the numbers that give the colours of merged points, if others than values do. */
+/* Chooses the numbers that give the colours of merged points, if others than values do. */
 static bool choose_colors(const struct sp_cloud_input *in, struct sp_cloud *cloud,
                           const struct sp_cloud_tree *tree, struct sp_error *err) {
     if (!sp_cloud_has_colors(cloud))

@@ -159,7 +159,7 @@ static inline void read_triangles(const struct sp_mesh *m, const int32_t *number
     }
 }
 
-/* Finds how much each corner counts on a ray: with v_k the way from the ray to corner k at the
+/* Computes how much each corner counts on a ray: with v_k the way from the ray to corner k at the
  * corner's depth, Σ share_k·v_k = 0. That holds for corners behind the eye as well. */
 static inline void compute_shares(const struct sp_mesh *m, const sp_wide ray[2],
                                   struct wide_triangle *t) {

@@ -54,8 +54,8 @@ static double middle(const struct sp_grid *grid, unsigned a, uint32_t i, int sid
     return at + 0.5 * side * sp_grid_local_spacing(grid, a, i);
 }
 
-/* Finds on which side of each slice the eye is. eye: its distance along the axis from sample 0, or
- * ±infinity; NAN = the rays are parallel to the slices. */
+/* Computes on which side of each slice the eye is. eye: its distance along the axis from sample 0,
+ * or ±infinity; NAN = the rays are parallel to the slices. */
 static void compute_needs(const struct sp_grid *grid, unsigned a, double eye, struct axis *axis) {
     axis->split = 0;
     for (uint32_t i = 0; i < grid->dims[a]; i++) {
