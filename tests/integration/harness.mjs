@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs the real daemon as a child process, with clients that wait for what they expect. Nothing here sleeps:
 // every wait is for an event, with a deadline.
+import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
 import net from 'node:net';
@@ -306,6 +307,18 @@ export class Raw {
     raw.socket.on('data', (data) => { raw.bytes = Buffer.concat([raw.bytes, data]); raw.#look(); });
     raw.socket.on('end', gone).on('close', gone).on('error', gone);
     await within(once(raw.socket, 'connect'), 'a TCP connection');
+    return raw;
+  }
+
+  // Sends the headers of a POST request. Resolves when the daemon has accepted them and waits for `length` bytes of body.
+  static async begin(daemon, target, length) {
+    const raw = await Raw.connect(daemon.port);
+    raw.write(`POST ${target} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\n`
+      + `Expect: 100-continue\r\nContent-Length: ${length}\r\n\r\n`);
+    const accepted = 'HTTP/1.1 100 Continue\r\n\r\n';
+    await raw.until(() => raw.bytes.length >= accepted.length, 'the request for the body');
+    assert.equal(raw.text(), accepted);
+    raw.bytes = Buffer.alloc(0);
     return raw;
   }
 

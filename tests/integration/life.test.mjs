@@ -177,14 +177,10 @@ for (const signal of ['SIGTERM', 'SIGINT']) {
     await daemon.loaded('engine');
     const stream = await daemon.stream();
     await stream.final(0);
-    const raw = await Raw.connect(daemon.port);
     const body = JSON.stringify({ volume: 'engine', size: [1000, 1000] });
-    raw.write(`POST /api/v1/render?format=png HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\n`
-      + `Content-Length: ${body.length + 1}\r\n\r\n${body}`);
-    // The request lacks its last byte until the daemon logs that it is shutting down.
-    await stream.call('ping');
-    const { json } = await daemon.json('/healthz');
-    assert.equal(json.status, 'ok');
+    const raw = await Raw.begin(daemon, '/api/v1/render?format=png', body.length + 1);
+    raw.write(body);
+    // The request lacks its last byte until the daemon has refused another one.
     daemon.kill(signal);
     await stream.note('server.draining');
     // A new request is refused at once, even before its body arrives.
@@ -227,9 +223,8 @@ test('failed starts and shutdowns under traffic have the documented exit status'
 test('a second signal ends the daemon at once', async () => {
   const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--drain-time', '500']);
   await daemon.loaded('engine');
-  const raw = await Raw.connect(daemon.port);
-  raw.write(`POST /api/v1/render HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\nContent-Length: 100\r\n\r\n{`);
-  await daemon.json('/healthz');
+  const raw = await Raw.begin(daemon, '/api/v1/render', 100);
+  raw.write('{');
   const stream = await daemon.stream();
   daemon.kill('SIGTERM');
   await stream.note('server.draining');
