@@ -219,18 +219,43 @@ static void axis_weights(const struct test_field *f, int a, double p, long base,
 #define WITH_AVX2
 #endif
 
+/* Sums the rows y to y + count - 1 of a plane. The sums of the rows do not depend on one another,
+ * so the processor adds to all of them at a time. */
+static inline __attribute__((always_inline)) void sum_rows(const struct test_field *f,
+                                                           const test_quad *first, int count,
+                                                           const double *w, test_quad *rows) {
+    size_t stride = index_of(f, 0, 1, 0) * (size_t)f->quads;
+    for (int i = 0; i < count; i++)
+        rows[i] = (test_quad){ 0 };
+    for (int x = 0; x < 2 * f->reach + 1; x++)
+        for (int i = 0; i < count; i++)
+            rows[i] += w[x] * first[(size_t)i * stride + (size_t)(x * f->quads)];
+}
+
 WITH_AVX2 static void sum_gaussians(const struct test_field *f, const test_quad *first,
                                     double w[3][TAPS_MAX], test_quad *sum) {
     int taps = 2 * f->reach + 1;
     test_quad all = { 0 };
     for (int z = 0; z < taps; z++) {
-        test_quad plane = { 0 };
-        for (int y = 0; y < taps; y++) {
+        test_quad plane = { 0 }, rows[7];
+        for (int y = 0; y < taps;) {
             const test_quad *v = first + index_of(f, 0, (size_t)y, (size_t)z) * (size_t)f->quads;
-            test_quad row = { 0 };
-            for (int x = 0; x < taps; x++)
-                row += w[0][x] * v[x * f->quads];
-            plane += w[1][y] * row;
+            int count = taps - y < 8 ? taps - y : 4;
+            switch (count) { /* constants, so that the compiler keeps the rows in registers */
+            case 4:
+                sum_rows(f, v, 4, w[0], rows);
+                break;
+            case 5:
+                sum_rows(f, v, 5, w[0], rows);
+                break;
+            case 7:
+                sum_rows(f, v, 7, w[0], rows);
+                break;
+            default:
+                sum_rows(f, v, count, w[0], rows);
+            }
+            for (int i = 0; i < count; i++)
+                plane += w[1][y++] * rows[i];
         }
         all += w[2][z] * plane;
     }
