@@ -425,8 +425,7 @@ def headers_cpp(o):
 
 
 def compiles(o, path, language):
-    standard = {'c': 'c17', 'c++': 'c++17'}[language]
-    command = [o.cc, f'-std={standard}', '-Wall', '-Wextra', '-Werror', '-fsyntax-only', '-x', language, '-I' + o.source,
+    command = [o.cc, f'-std={language}17', '-Wall', '-Wextra', '-Werror', '-fsyntax-only', '-x', language, '-I' + o.source,
                '-I' + os.path.join(o.source, 'renderer/include'), '-include', os.path.join(o.source, path), os.devnull]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -503,17 +502,18 @@ def unused(o):
 
 
 def glossary(o):
-    terms = [(re.compile(pattern, re.MULTILINE), scope, use) for pattern, scope, use in GLOSSARY]
-    for path in files(o.source, CODE + ('.glsl', '.md', '.txt', '.yaml', '.json', '.in')):
-        if path == 'tests/package-lock.json':
-            continue
-        text = '\n'.join(lines(o.source, path))
-        found = [(pattern, use) for pattern, scope, use in terms
-                 if (not scope or re.match(scope, path)) and pattern.search(text)]
-        for number, line in enumerate(text.split('\n') if found else (), 1):
-            for pattern, use in found:
+    terms = [(re.compile(pattern), scope, use) for pattern, scope, use in GLOSSARY]
+    paths = set(files(o.source, CODE + ('.glsl', '.md', '.txt', '.yaml', '.json', '.in'))) - {'tests/package-lock.json'}
+    # grep finds the few files to read: its compiled pattern takes a tenth of the time of Python's.
+    found = subprocess.run(['grep', '-lP', '|'.join(f'(?:{pattern})' for pattern, _, _ in GLOSSARY), '--', *paths], cwd=o.source,
+                           capture_output=True, text=True, check=False)
+    if found.returncode > 1:
+        yield found.stderr.strip()
+    for path in found.stdout.splitlines():
+        for number, line in enumerate(lines(o.source, path), 1):
+            for pattern, scope, use in terms:
                 hit = pattern.search(line)
-                if hit:
+                if hit and (not scope or re.match(scope, path)):
                     yield f'{path}:{number}: "{hit.group(0)}": {use}'
 
 
