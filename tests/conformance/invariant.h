@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Shared code of invariant_test.c and geometry_test.c, which render two views and compare the
- * images, on every backend and instruction set of this machine.
+ * images, on every backend of this machine.
  */
 #ifndef CONFORMANCE_INVARIANT_H
 #define CONFORMANCE_INVARIANT_H

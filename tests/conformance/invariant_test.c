@@ -2,7 +2,8 @@
  *
  * Settings that must not change the image, or must change it in a known way: threads, filters,
  * compositors, the order of classification, the format of the frame. Each test runs on every
- * backend and instruction set. geometry_test.c does the same for the geometry of the scene.
+ * backend, on the CPU with the scalar reference and with the best instruction set. geometry_test.c
+ * does the same for the geometry of the scene.
  */
 #include <setjmp.h>
 #include <stdarg.h>
