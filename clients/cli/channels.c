@@ -12,7 +12,8 @@
 
 static const double OPACITY_DEFAULT = 0.5;
 
-/* Colours of channels without one, in the order in which they are given: those of microscopists. */
+/* Colours for channels that name none, in the order of the options, as microscopists choose them.
+ */
 static const double palette[][3] = { { 0, 1, 0 }, { 1, 0, 1 }, { 0, 1, 1 }, { 1, 1, 0 },
                                      { 1, 0, 0 }, { 0, 0, 1 }, { 1, 1, 1 } };
 enum { PALETTE_COLORS = sizeof palette / sizeof palette[0] };

@@ -38,7 +38,8 @@ bool print_line(const proto_json *json, struct sp_error *err);
 /* Returns "/COLLECTION/NAME", allocated; NULL with *err set on failure. */
 char *collection_path(struct http *http, const char *collection, const char *name,
                       struct sp_error *err);
-/* Adds the layers of the options to those of the view (layers.c). False with *err set on failure.
+/* Adds the layers of the options to the layers of the view (layers.c). False with *err set on
+ * failure.
  */
 bool layers_apply(const struct options *options, struct http *http, proto_json **view,
                   struct sp_error *err);

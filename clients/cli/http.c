@@ -275,7 +275,7 @@ static bool refuse_transfer(const struct http *http, CURLcode code, const char *
     return sp_fail(err, SP_ERR_IO, http->base, "%s", *why ? why : curl_easy_strerror(code));
 }
 
-/* The body of a request, as it is read. */
+/* The body of a request, which curl reads piece by piece. */
 struct sent_body {
     int64_t offset, size;
     size_t (*read)(void *user, void *bytes, size_t size);

@@ -27,7 +27,7 @@ static struct sp_renderer *create_renderer(const struct options *options, struct
     return sp_renderer_create(&how, err);
 }
 
-/* The volumes of a frame: the view's own one, and those that layers name. */
+/* The volumes of a frame: the volume of the view, and the volumes that its layers name. */
 struct volumes {
     const struct options *options;
     struct sp_volume *own;

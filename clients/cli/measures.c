@@ -20,7 +20,7 @@ static void add_number(struct table *table, const proto_json *object, const char
         table_add(table, "-");
 }
 
-/* Adds what a part or a path has besides its value. */
+/* Adds the lengths, areas and counts that a part or a path has besides its value. */
 static void add_more(struct table *table, const proto_json *measure) {
     const char *unit = text_of(measure, "unit");
     const int unit_bytes = (int)strcspn(unit, "^");
@@ -58,7 +58,7 @@ static const struct listing measures = { "measures",
                                          1 << 3 | 1 << 5 | 1 << 6,
                                          add_measure };
 
-/* Writes the daemon's CSV as it is. */
+/* Writes the daemon's CSV unchanged. */
 static bool write_csv(const struct options *options, struct http *http, const char *path,
                       struct sp_error *err) {
     struct http_response response = { 0 };

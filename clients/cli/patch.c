@@ -82,7 +82,8 @@ static void set_camera(const struct options *options, proto_json **view) {
             set_member(view, "camera", names[i], proto_json_new_number(options->camera[i]));
 }
 
-/* A window in the view belongs to its projection; that of --projection has a window of its own. */
+/* A window in the view belongs to its projection, so --projection drops it; --window sets another.
+ */
 static void set_projection(const struct options *options, proto_json **view) {
     const double *center_width = options->window;
     const proto_json *old = proto_json_get(proto_json_get(*view, "compositing"), "window");

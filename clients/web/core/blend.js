@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Interpolates between two views a (u = 0) and b (u = 1), exactly as the daemon does for camera paths
 // (server/paths/blend.h). Numbers are linear, the camera moves on an arc about its target, directions turn, and transfer
-// functions are blended at every value. Names and lists of different lengths stay those of a until u = 1.
+// functions are blended at every value. Names, and lists of different lengths, come from a until u = 1.
 import { blendTransform } from './blend_transform.js';
 import { cameraFromRig, rigFromCamera } from './camera.js';
 import { dot, length, normalize, scale } from './vector.js';
@@ -113,7 +113,7 @@ const RULES = {
   quality: (a) => a,
 };
 
-/** Blends two views of one volume; the size is that of the first. */
+/** Blends two views of one volume; the size comes from the first. */
 export function blendViews(a, b, u) {
   if (u <= 0) return a;
   if (u >= 1) return { ...b, size: a.size };

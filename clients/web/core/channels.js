@@ -86,7 +86,7 @@ export function moveEnd(points, end, value, gap) {
   return moveWindow(points, end === 0 ? [value, Math.max(high, value + gap)] : [Math.min(low, value - gap), value], gap);
 }
 
-/** The colour of points: that of the last one. */
+/** The colour of points is the colour of the last point. */
 export const colorOf = (points) => points.at(-1).color;
 export const paint = (points, color) => points.map((p) => ({ ...p, color }));
 
@@ -101,7 +101,7 @@ export function fade(points, opacity) {
     : points.map((p, i) => ({ ...p, opacity: i === points.length - 1 ? held : 0 })));
 }
 
-/** The layers with channels: pairs {id, points}. Those beyond the limit of a view are left out. */
+/** Adds channels, pairs {id, points}, to the layers. Leaves out channels beyond the limit of a view. */
 export const addChannels = (layers, channels) => channels.reduce((list, { id, points }) => (
   isBelowLimit(list) ? [...list, { type: 'channel', visible: true, id, color: colorOf(points), points }] : list), layers);
 

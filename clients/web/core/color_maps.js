@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Perceptual colour maps, as 33 equally spaced colours each. The tables are those of d3-scale-chromatic 3.1.0 (ISC), which takes
-// blue-red from ColorBrewer (Apache-2.0) and turbo from Google (Apache-2.0); clients/web/LICENSES.md has the texts. Between the
-// colours the daemon interpolates linearly, at most 5/255 off the original.
+// Perceptual colour maps, as 33 equally spaced colours each. The tables come from d3-scale-chromatic 3.1.0 (ISC), which takes blue-red from
+// ColorBrewer (Apache-2.0) and turbo from Google (Apache-2.0); clients/web/LICENSES.md has the texts. Between the colours the daemon interpolates
+// linearly, at most 5/255 off the original.
 
 const TABLES = {
   viridis: '440154470d6048186a482374472d7b4537814240863e49893b528b375b8d33638d2f6b8e2c728e297a8e26828e23898e21918c1f988b1fa08822a785'
@@ -66,7 +66,7 @@ export function simplify(stops, tolerance = TOLERANCE) {
   return stops.filter((_, i) => kept.has(i));
 }
 
-/** The stops of {name, table, isReversed, steps}: `table` replaces the one of the name; steps = 0 gives a continuous map. */
+/** The stops of {name, table, isReversed, steps}: `table` replaces the table of this name; steps = 0 gives a continuous map. */
 export function stopsOf({ name, table = null, isReversed = false, steps = 0 }) {
   const own = table ?? tableOf(name);
   const stops = isReversed ? own.map(([t, color]) => [1 - t, color]).reverse() : own;

@@ -26,7 +26,7 @@ export function linkedCamera(camera, turn = same, from = null, to = null) {
   return made;
 }
 
-/** True if both volumes lie at the same place, so that world units are the natural link. `turn` leads from the world of a to that of b. */
+/** True if both volumes lie at the same place, so that world units are the natural link. `turn` leads from the world of a to the world of b. */
 export function isSamePlace(a, b, turn = same) {
   if (!a || !b) return true;
   const distance = length(subtract(turn(a.center), b.center));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The detail of a frame in percent of the full resolution along a side: half the size, or 2×2×2 voxels drawn as one, is 50.
-// frame: {width, height, isFinal, isIncomplete}; wanted: the requested [width, height]; coarse and bricks: those of stream.stats,
-// which may be slightly older than the frame; pixels: those of the screen, which may be more than the page requests.
+// frame: {width, height, isFinal, isIncomplete}; wanted: the requested [width, height]; coarse and bricks: from stream.stats, which may be slightly
+// older than the frame; pixels: of the screen, which may have more than the page requests.
 
 export function detailPercent(frame, wanted, coarse = 0, pixels = wanted, bricks = null) {
   const [width, height] = frame.isFinal ? wanted : [frame.width, frame.height];

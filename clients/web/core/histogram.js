@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a histogram tells: heights to draw, percentiles, peaks and thresholds. A histogram is {range: [low, high], counts}.
+// Computes from a histogram heights to draw, percentiles, peaks and thresholds. A histogram is {range: [low, high], counts}.
 
 const SPAN = 8e307; // a range of double precision would have an infinite width
 const holdRange = (range) => range.map((end) => Math.min(SPAN, Math.max(-SPAN, end)));

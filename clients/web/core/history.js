@@ -22,7 +22,8 @@ export class History {
     this.#gesture = null;
   }
 
-  /** Records a state. Those of one gesture, such as a drag, count as one; null = a gesture of its own. Drops what was undone. */
+  /** Records a state. The states of one gesture, such as a drag, count as one state; null = a gesture of its own. Drops the states that were undone.
+   */
   put(state, gesture = null) {
     const isMore = gesture !== null && gesture === this.#gesture && this.#at > 0;
     this.#states = [...this.#states.slice(0, isMore ? this.#at : this.#at + 1), state].slice(-MOST);

@@ -18,7 +18,8 @@ const kindOfType = (type) => KINDS[type] ?? 'grid';
 /** The kind of a volume of the list. */
 export const kindOf = (volume) => volume?.kind ?? 'grid';
 
-/** The kind of a view's volume. A guest, who gets no list of volumes, learns it from the layers: those without an id show the volume itself. */
+/** The kind of a view's volume. A guest, who gets no list of volumes, learns it from the layers: a layer without an id shows the volume of the view.
+ */
 export function kindOfView(view, volume) {
   if (volume) return kindOf(volume);
   const own = layersOf(view).find(({ id }) => id === '');
@@ -51,7 +52,7 @@ function elementsText(volume) {
   return kind === 'grid' || !volume.elements ? '' : t(`kinds.${kind}.count`, { count: countText(volume) });
 }
 
-/** What a volume consists of, for the list of volumes: "256 × 256 × 110 · uint8", or "20 000 Gaussians". */
+/** The text about the samples or elements of a volume, for the list of volumes: "256 × 256 × 110 · uint8", or "20 000 Gaussians". */
 export const contentsText = (volume) => elementsText(volume) || [(volume.whole ?? volume).dims?.join(' × '), volume.type].filter(Boolean).join(' · ');
 
 const digits = (value) => numberText(Number(Number(value).toPrecision(6)));

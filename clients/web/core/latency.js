@@ -46,7 +46,7 @@ export class LatencyMeter {
 const QUEUE_LONG_MS = 250;
 /** Reasons of stream.policy that the user can do something about, the most important first. */
 const REDUCTIONS = ['bandwidth', 'shared_time', 'time', 'video_pixels'];
-/** Those that lower the detail, not only the quality of the encoding. */
+/** The reasons that lower the detail, not only the quality of the encoding. */
 const DETAIL = new Set(['shared_time', 'time']);
 
 /** What takes the largest part of the latency: 'network', 'renderer' or 'browser', with its ms. */

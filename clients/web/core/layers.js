@@ -33,10 +33,10 @@ const ELEMENTS = Object.freeze({
 /** True for a layer of points, Gaussians or triangles. */
 export const isOfElements = ({ type }) => Object.hasOwn(ELEMENTS, type);
 
-/** The layers of a view; those of an old daemon are the volume alone. */
+/** The layers of a view. The view of an old daemon has none and shows the volume alone. */
 export const layersOf = (view) => view?.layers ?? [VOLUME];
 
-/** The ids of the volumes that a view names: its own, and those of its layers. */
+/** The ids of the volumes that a view names: the volume of the view, and the volumes of its layers. */
 export const volumesOf = (view) => [view.volume, ...layersOf(view).flatMap(({ id, color_by: colors }) => [id, colors === MAGNITUDE ? '' : colors])].filter(Boolean);
 
 /** True if the image shows the volume itself. */

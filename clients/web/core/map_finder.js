@@ -33,7 +33,7 @@ function rangeOf(points, stops) {
   return found.includes(undefined) ? null : [found[0], found.at(-1)];
 }
 
-/** The points without those that only carry a colour: at a stop, on the line between their neighbours. */
+/** Leaves out the points that only carry a colour: they lie at a stop, on the line between their neighbours. */
 function opacityPoints(points, stops, [low, high]) {
   const isStop = ({ value }) => stops.some(([t]) => Math.abs(low + t * (high - low) - value) <= PLACE * (high - low));
   const kept = [...points];

@@ -23,7 +23,7 @@ function resultText(item) {
   return lacksUnit(item) ? withUnit(text, '') : text;
 }
 
-/** The unit of lengths of a part or a path, from that of its value. */
+/** The unit of lengths of a part or a path, from the unit of its value. */
 const lengthUnit = ({ unit }) => (unit ?? '').replace(/\^\d$/, '');
 
 /** A length or an area beside the value of a part or a path, with its unit. */

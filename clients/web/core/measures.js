@@ -202,7 +202,7 @@ export function valueText({ value, unit }, none, digits = 4) {
   return name === '°' ? `${shortNumber(value, digits)}°` : `${shortNumber(value, digits)} ${name}`.trim();
 }
 
-/** The unit of the value of this kind in a volume; what the daemon answers, too. */
+/** The unit of the value of this kind of measurement in a volume. The daemon answers with the same unit. */
 export function unitOf(kind, volume) {
   const unit = volume?.unit;
   if (kind === 'marker') return valueUnit(volume);

@@ -46,7 +46,7 @@ export function look(rig, frame, yaw, pitch) {
   return { ...rig, orientation, target: subtract(eye, scale(rotate(orientation, [0, 0, 1]), rig.distance)) };
 }
 
-/** Moves eye and target by [right, up, ahead] world units; up is that of the frame. */
+/** Moves eye and target by [right, up, ahead] world units, where `up` goes along frame.up. */
 export function walk(rig, frame, [right, up, ahead]) {
   const step = add(rotate(rig.orientation, [right, 0, -ahead]), scale(frame.up, up));
   return { ...rig, target: add(rig.target, step) };

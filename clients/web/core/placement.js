@@ -47,7 +47,7 @@ export function placementOf(matrix, center = [0, 0, 0]) {
   return { move: move.map(round), turn: [x, y, z].map((angle) => round(angle / DEGREE)), scale: round(scale) };
 }
 
-/** True if two matrices are the same but for rounding; `size` is that of the elements. */
+/** True if two matrices are the same but for rounding; `size` is the extent of the elements. */
 export const isSameMatrix = (a, b, size = 1) => a.every((part, i) => Math.abs(part - b[i]) <= 1e-6 * (i % 4 === 3 ? Math.max(size, Math.abs(part)) : Math.max(1, Math.abs(part))));
 
 /** The placement that puts what lies in a sphere {center, radius} into another one, without turning it. */

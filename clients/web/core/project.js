@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // From world to screen and back, exactly as the daemon renders: fov_y is the vertical angle, `height` the vertical extent of an
-// orthographic picture, both centred on the line of sight. Rigs and viewports are those of camera.js.
+// orthographic picture, both centred on the line of sight. camera.js describes rigs and viewports.
 import { cameraFromRig } from './camera.js';
 import { add, dot, rotate, scale, subtract } from './vector.js';
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Waits for a volume that the daemon loads.
 
-/** Resolves to a volume of the list as soon as it is ready; rejects with the daemon's reason if it cannot be, or if it is closed before. */
+/** Resolves to a volume of the list as soon as it is ready; rejects with the daemon's reason if loading fails, or if the volume is closed before. */
 export function whenReady(connection, id) {
   return new Promise((resolve, reject) => {
     let isKnown = false;

@@ -243,7 +243,7 @@ export const mainAxis = (v) => v.reduce((best, part, i) => (Math.abs(part) > Mat
 
 const NEAR_AXIS = Math.cos(70 * Math.PI / 180);
 
-/** The anatomical letters of a direction: those of the axes within 70° of it, the nearest first, such as "RA". */
+/** The anatomical letters of a direction, such as "RA": the letters of the axes within 70° of it, the nearest first. */
 export function directionName(anatomy, v) {
   const size = length(v);
   const parts = v.map((part) => Number((part / size).toFixed(6))); // equal parts keep the order of the axes

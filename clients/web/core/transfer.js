@@ -108,7 +108,7 @@ export function stretchAll(state, from, to) {
   };
 }
 
-/** The points of the daemon: those of the user with the colours of `stops` [[t, [r, g, b]], …] over `range`. */
+/** The points for the daemon: the points of the user with the colours of `stops` [[t, [r, g, b]], …] over `range`. */
 export function merge(points, stops, range, gap) {
   const span = Math.max(range[1] - range[0], gap);
   const colors = stops.map(([t, color]) => ({ value: range[0] + t * span, color }));
@@ -126,7 +126,7 @@ export function merge(points, stops, range, gap) {
 /** Without points that do not lie above the one before, which rounding or a limit made equal. */
 const rising = (points, key) => points.filter((p, i) => i === 0 || p[key] > points[i - 1][key]);
 
-/** Points with values that can be edited. Those beyond meet at the limit, and the first of them stays. */
+/** Points with values that can be edited. Values beyond the limit become the limit, and only the first of these points stays. */
 export const within = (points) => rising(points.map((p) => ({ ...p, value: hold(p.value, -VALUE_MAX, VALUE_MAX) })), 'value');
 
 /** Points with as many digits as the daemon keeps. */

@@ -138,8 +138,8 @@ function readParaview(map) {
 }
 
 /**
- * Presets of ParaView have values from 0 to 1, which ParaView stretches over the data. Does the same for a volume with these values;
- * null: the values of the file are those of the volume.
+ * Presets of ParaView have values from 0 to 1, which ParaView stretches over the data. Stretches them over the range of a volume; null: the file
+ * already has values of the volume.
  */
 export function stretch({ isNormalized = false, points }, [low, high]) {
   if (!isNormalized || (low >= 0 && high <= 1) || !(high > low)) return null;

@@ -15,7 +15,7 @@ export const unitAlong = (volume, axis) => unitName(axis === 2 && volume?.vertic
 /** The number of the file at a coordinate, rounded to a thousandth of `extent` [world unit]. */
 export const roundedAlong = (volume, axis, world, extent) => roundCoordinate(ownFrom(volume, axis, world), Math.abs(ownFrom(volume, axis, extent)));
 
-/** Three numbers with one unit, or with that of z behind the one of x and y: {numbers: '1 × 2', unit: 'mm'}, {numbers: '1 × 2 degrees × 3', unit: 'hPa'}. */
+/** Three numbers with one unit, or with the unit of x and y and then the unit of z: {numbers: '1 × 2', unit: 'mm'}, {numbers: '1 × 2 degrees × 3', unit: 'hPa'}. */
 function join(volume, [x, y, z], separator) {
   const [flat, unit] = [0, 2].map((axis) => unitAlong(volume, axis));
   const xy = `${x}${separator}${y}`;

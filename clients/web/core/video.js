@@ -11,7 +11,7 @@ const CODECS = new Map([
 ]);
 const FAILURES_MAX = 3;
 
-/** The video formats that this browser decodes, the one with the smallest frames first; empty without WebCodecs. */
+/** The video formats that this browser decodes, ordered by the size of their frames, the smallest first; empty without WebCodecs. */
 export async function videoFormats(VideoDecoder) {
   const names = [];
   if (!VideoDecoder) return names;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names of volumes that tell them apart. The name is that of the file, so files of two folders may share it.
+// Names of volumes that tell them apart. A volume has the name of its file, so files of two folders may share a name.
 
 export const nameOf = (volume) => volume.name || volume.id;
 
-/** What follows the file in a source, and says how the file is read, as `words`: "unit=µm". A name may have a question mark, too. */
+/** The end of a source, which says how the file is read; `words` = "unit=µm". The name of a file may also have a question mark. */
 const QUERY = /\?(?<words>(?:as|unit|field|vectors|series)=.*)$/;
 const folderOf = (source = '') => {
   const file = source.replace(QUERY, '');
@@ -19,7 +19,7 @@ export function placeOf(volume, volumes) {
   return found?.(volume.source) ?? volume.id;
 }
 
-/** The volumes whose names, ids or sources have all words of a filter: {open: ready ones first, then those that load; failed}. */
+/** The volumes whose names, ids or sources have all words of a filter: {open: ready volumes, then volumes that are being loaded; failed}. */
 export function grouped(volumes, filter = '') {
   const words = filter.toLowerCase().split(/\s+/).filter(Boolean);
   const found = volumes.filter(({ name = '', id, source = '' }) => {

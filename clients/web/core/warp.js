@@ -13,7 +13,7 @@ const DEPTH_RATIO_MAX = 3;
 const FADE_MAX = 0.15; // of the shorter side
 const FADE_PER_PX = 2;
 
-/** Returns the homography from the picture of rig `from` to that of rig `to`, or null if no useful one exists. */
+/** Returns the homography from the picture of rig `from` to the picture of rig `to`, or null if no useful one exists. */
 export function homography(from, to, viewport) {
   if (from.projection !== to.projection) return null;
   const { position } = cameraFromRig(to);

@@ -3,7 +3,7 @@
 import { overlayPlacement } from '../../core/capture.js';
 import { byId } from '../controls/dom.js';
 
-/** What a drawing without the style sheets of the page needs. */
+/** The properties that a drawing needs once it is outside of the page and its style sheets. */
 const PROPERTIES = ['fill', 'fill-opacity', 'stroke', 'stroke-opacity', 'stroke-width', 'stroke-dasharray', 'stroke-linecap',
   'stroke-linejoin', 'opacity', 'display', 'visibility', 'paint-order', 'font-family', 'font-size', 'font-weight', 'letter-spacing',
   'text-anchor', 'dominant-baseline'];
@@ -69,7 +69,8 @@ export function drawScaleBar(context, [right, bottom]) {
   context.restore();
 }
 
-/** Draws the colour bar of the page, if it shows one, as far from this lower right corner of the scale bar as it is in the page. */
+/** Draws the colour bar, if the page has one, at the same distance from the scale bar as in the page. [right, bottom]: the corner of the scale bar.
+ */
 export function drawColorBar(context, [right, bottom]) {
   const root = byId('color-bar');
   if (!isShown(root)) return;

@@ -84,7 +84,7 @@ export class Viewer extends Emitter {
   get kind() { return kindOfView(this.#view, this.volume); }
   /** What has a meaning for the picture, see offersOf(). */
   get offers() { return offersOf(this.kind, this.#view); }
-  /** The box {center, half} of the volume as far as it is known; null without a view. */
+  /** The box {center, half} of the volume, from what is known of the volume so far; null without a view. */
   get box() { return this.#box; }
   /** The length of the diagonal of the volume. */
   get extent() { return 2 * length(this.#box?.half.map(length) ?? [1, 0, 0]); }
@@ -314,7 +314,7 @@ export class Viewer extends Emitter {
       this.#part = { key, part };
       return part;
     } catch {
-      return null; // the whole volume is a good answer, too
+      return null; // the caller then uses the whole volume
     }
   }
 

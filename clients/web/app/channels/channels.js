@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The section "Channels": the volume and other volumes on its grid in one picture, each with a colour and a window of its own. Channels are
-// layers of the view (layers.js), so undo and redo are those of the layers.
+// The section "Channels": the volume and other volumes on its grid in one picture, each with a colour and a window of its own. Channels are layers of
+// the view (layers.js), so the undo and redo of layers serve them.
 import {
   channelSources, channelsLeft, colorOf, colorsFor, isRgb, moveEnd, paint, rampOf, shownTogether, signalWindow, whyNoChannels, windowOf, windowsFor,
 } from '../../core/channels.js';
@@ -49,7 +49,7 @@ class Channels {
     return { ...channel, extent, gap: leastGap(extent) };
   }
 
-  /** The volume, whose points are those of the transfer function. */
+  /** The volume of the view as a channel: its points are the points of the transfer function. */
   #own() {
     const { layers, transfer, viewer } = this.#app;
     const { points, map } = transfer.state;
@@ -119,7 +119,7 @@ class Channels {
     return isStill ? ids.filter((id) => id && !layers.list.some((layer) => isChannel(layer) && layer.id === id)) : [];
   }
 
-  /** Adds channels; with isAll, the volume gets a colour of its own, too. */
+  /** Adds channels. With isAll, the volume of the view also gets a colour of its own. */
   async add(sources, isAll) {
     const { layers, transfer, viewer } = this.#app;
     const shown = this.#view.volume;

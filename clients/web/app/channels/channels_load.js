@@ -5,7 +5,7 @@ import { whenReady } from '../../core/ready.js';
 export class ChannelVolumes {
   #app; #changed;
   #loading = new Map(); // by field: the id, null until the daemon has answered
-  #done = 0; // of those that were begun together
+  #done = 0; // of the loads that began together
   #known = new Map(); // by id: {range, histogram, window}, or null until the daemon has answered
 
   /** changed() is called when there is more to show. */

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What panel and handles of clipping share: the box, and the list of planes with those that are switched off, which the view does not hold.
+// The state that the panel and the handles of clipping share: the box, and all planes. The view has only the planes that are switched on.
 import { Emitter } from '../../core/emitter.js';
 import {
   PLANES_MAX, WHOLE, anchorOf, axisOf, axisPlane, depthOf, faceCoordinate, fractionAt, planeAt, planesOn, reconcile, sight,

@@ -235,7 +235,7 @@ class Compare {
     return volume?.dims ? sphereAround(volumeBox(volume)) : null;
   }
 
-  /** From the world of A's volume to that of B's. */
+  /** The turn from the world of A's volume to the world of B's volume. */
   #turn([a, b]) {
     return turnBetween(anatomyOf(this.#volume(a)), anatomyOf(this.#volume(b)));
   }

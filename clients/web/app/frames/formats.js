@@ -11,7 +11,7 @@ export function install(app) {
   const { storage, notice, frames, report } = app;
   const moving = byId('moving');
   const lossless = byId('lossless');
-  let videos = []; // what this browser decodes, and the daemon has as far as it is known
+  let videos = []; // formats that this browser decodes and that, once it has answered, the daemon has
   const nameOf = (choice) => t(`moving.${choice}`);
   const formatOf = (choice) => (choice === AUTO ? ['jpeg', ...CHEAPEST_FIRST.filter((name) => videos.includes(name))] : [choice, 'jpeg']);
   const isKnown = videoFormats(window.VideoDecoder).then((names) => {

@@ -22,7 +22,7 @@ export class Screen {
     this.#measure(null);
   }
 
-  /** Ends the measuring; the canvas stays as it is. */
+  /** Ends the measuring; the canvas does not change. */
   destroy() {
     this.#observer.disconnect();
   }

@@ -58,7 +58,7 @@ export class Layers {
   get range() { return this.#app.transfer.range; }
   get isEditable() { return this.#app.transfer.isEditable; }
 
-  /** Rounds a value to a fine step within a range: that of all values, or the visible one. */
+  /** Rounds a value to a fine step of a range: the range of all values, or the visible range. */
   round(value, range = this.range) { return roundValue(value, range); }
 
   /** What is called "Surface 2". */
@@ -87,7 +87,7 @@ export class Layers {
 
   get mayOpen() { return this.#app.mayOpen; }
 
-  /** The name of the values of a volume, or that of the volume if they have none. */
+  /** The name of the values of a volume; if they have no name, the name of the volume. */
   fieldName(id) { return this.volumeOf({ id })?.fields?.[0]?.name || this.volumeName(id); }
 
   /** Loads another field of the volume that a layer shows; use(id) gets the volume of the field as soon as it is ready. */
@@ -189,7 +189,8 @@ export class Layers {
   /** The volumes whose elements a layer can show. */
   get sources() { return this.#app.connection.volumes.filter((volume) => volume.state === 'ready' && kindOf(volume) !== 'grid'); }
 
-  /** Shows the elements of a volume: in a new layer, or in that of an index. They are moved into the picture if their coordinates are elsewhere. */
+  /** Shows the elements of a volume in a new layer or, with `index`, in an existing one. Moves them into the picture if their coordinates are
+   * elsewhere. */
   addVolume(volume, time, index = null) {
     const { viewer, notice } = this.#app;
     const type = layerTypeOf(kindOf(volume));

@@ -18,7 +18,7 @@ export class ColorByRow {
   #index = -1;
   #shown = '';
 
-  /** id: that of the control in the page. */
+  /** id: the id of the control in the page. */
   constructor(layers, id) {
     this.#layers = layers;
     this.#select = make('select', { id });

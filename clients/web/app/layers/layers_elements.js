@@ -86,7 +86,7 @@ class ElementsDetails {
     this.set({ transform: placement === UNMOVED ? [...IDENTITY] : matrixOf(placement, this.#center) }, time);
   }
 
-  /** The fields keep what the user put into them as long as it is the matrix of the view. */
+  /** Finds the placement of the layer. The numbers that the user typed stay while they give the matrix of the view. */
   #findPlacement() {
     const { transform, id } = this.layer;
     const center = this.#center;

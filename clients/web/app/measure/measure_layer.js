@@ -31,7 +31,7 @@ function widthOf(text) {
   return widths.get(text);
 }
 
-/** The elements of one <g> by key; those that a drawing does not use are removed. Labels lie above all lines. */
+/** The elements of one <g> by key. A drawing removes the elements that it does not use. Labels lie above all lines. */
 class Sheet {
   #lines = svg('g'); #texts = svg('g'); #top = svg('g'); #known = new Map(); #used = new Set(); #labels = []; #dots = [];
   /** Of the picture, px. */

@@ -103,7 +103,7 @@ class Paths {
     this.#plan();
   }
 
-  /** Known paths keep their places; new ones come first, those in progress at the top. */
+  /** Takes the list of paths. Known paths keep their order. New paths come before them, sorted by state: paths in progress first. */
   #take(paths) {
     const found = new Map(paths.map((path) => [path.id, path]));
     const rank = ({ state }) => (RANK.includes(state) ? RANK.indexOf(state) : RANK.length);

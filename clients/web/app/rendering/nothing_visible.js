@@ -3,7 +3,7 @@
 import { isGrey } from '../../core/projection.js';
 import { t } from '../../core/text.js';
 
-/** Shows `text` as the message `id` if nothing is visible; isLate() → true once the state is no longer the one that is asked about. */
+/** Shows `text` as the message `id` if nothing is visible; isLate() → true once the state has changed since the call. */
 export async function tellIfNothing({ prompts, transfer, viewer }, { id, text, isLate }) {
   if (isGrey(viewer.view)) return; // it does not use the transfer function
   const part = await viewer.visiblePart();

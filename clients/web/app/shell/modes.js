@@ -9,8 +9,8 @@
 //   key         a key on the page; true if the mode used it
 //   cancel      the drag ended without a result: a second finger came, or the mode ends; undo what down() began
 //   wheel       true if the mode used it; otherwise the wheel zooms
-// A mode that works on slices (pane.js), too, has `panes` with down, move, up, hover, double, cancel and cursor; they get the pane as third
-// argument, and `at` in px of that pane. `isForPanes` means that it works there alone.
+// A mode that also works on slices (pane.js) has `panes` with down, move, up, hover, double, cancel and cursor; they get the pane as third argument,
+// and `at` in px of that pane. `isForPanes` means that it works there alone.
 //
 // A mode takes the focus to the picture or to a pane, so that its keys work. When it ends, what had the focus gets it back, unless the pointer
 // was used in between.
@@ -81,7 +81,7 @@ export class Modes extends Emitter {
     this.emit('change', name);
   }
 
-  /** The elements in which a mode works: the picture and the panes, those that are visible. */
+  /** The visible elements in which a mode works: the picture and the panes. */
   #homesOf(mode) {
     return [...(mode.isForPanes ? [] : [this.#surface]), ...(mode.panes ? document.querySelectorAll('.pane-body canvas.slice') : [])]
       .filter((element) => element.checkVisibility());

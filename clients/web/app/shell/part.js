@@ -7,7 +7,7 @@ import { byId, make, showTexts } from '../controls/dom.js';
 /** The build replaces it in the page and in each part: a part of another build has other names for what it imports. */
 const BUILD = 'BUILD_OF_THE_PAGE';
 const PATIENCE_MS = 300; // of a user who pressed a button, until the page says that it loads
-const sheets = new Map(); // name → Promise: those that load or apply
+const sheets = new Map(); // name → Promise: sheets that are being loaded or apply
 
 /** Loads a file of style/; resolves when it applies. */
 function loadSheet(name) {
@@ -59,7 +59,7 @@ export class Part {
     this.fold(options.id);
   }
 
-  /** Announces what a fold of the panel contains. */
+  /** Registers a fold of the panel: its contents are loaded when it opens. */
   fold(id) {
     const fold = byId(id);
     const note = make('div', { class: 'part-note', role: 'status' });
@@ -83,7 +83,7 @@ export class Part {
     else this.#waiting.push(act);
   }
 
-  /** Does what the user asked of a feature as soon as it is there; says that it loads, or why it cannot. */
+  /** Runs act() as soon as the feature is loaded; tells the user that it is being loaded, or why it cannot be. */
   async ask(act = () => {}) {
     const { prompts } = this.#app;
     const id = this.#id;

@@ -21,7 +21,7 @@ class Head {
     header.addEventListener('pointermove', (event) => this.#start?.id === event.pointerId && this.#move(event, header));
     header.addEventListener('pointerup', (event) => this.#start?.id === event.pointerId && this.#up(event));
     header.addEventListener('pointercancel', () => this.#end(this.#panel.height));
-    header.addEventListener('lostpointercapture', ({ target }) => target === header && this.#end(this.#panel.height)); // not that of a child
+    header.addEventListener('lostpointercapture', ({ target }) => target === header && this.#end(this.#panel.height)); // not the event of a child
   }
 
   /** Only the sheet at the bottom has a head that forbids scrolling. */

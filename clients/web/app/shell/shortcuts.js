@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keys of the page. A key works everywhere but in fields and dialogs; the list of controls shows those that have a label.
+// Keys of the page. A key works everywhere but in fields and dialogs. The list of controls shows the keys that have a label.
 import { isOffered, make } from '../controls/dom.js';
 
 const FIELDS = 'input, select, textarea, dialog';

@@ -20,7 +20,7 @@ const WHEEL_STEP = 0.0015;
 const NOTCH = 40; // px of wheel per slice
 const EDGES = ['left', 'right', 'top', 'bottom'];
 
-/** What a channel adds to a slice: its colours, as bright as its points are opaque. */
+/** The light that a channel adds to a slice: its colours, as bright as its points are opaque. */
 function lightOf({ points, slice }) {
   const [low, high] = windowOf(points);
   const stops = points.map(({ value, color, opacity }) => [value, color.map((part) => part * Math.min(1, opacity / OPACITY))]);
@@ -176,7 +176,7 @@ export class Pane {
     return { query, key: `${this.#slices.volumeKey}?${new URLSearchParams(query)}` };
   }
 
-  /** Slices of one volume: the one that is shown and its key, the key of the one that was asked for last, and why that failed. */
+  /** Loads slices of one volume. Holds the slice on the screen and its key, the key of the newest request, and the reason if this request failed. */
   #makeSource() {
     const source = { slice: null, shownKey: null, key: '', error: null, loader: null };
     const take = (change) => {
@@ -348,7 +348,7 @@ export class Pane {
   #tell() {
     if (!this.plane) return;
     const world = this.#hovered ? this.toWorld(...this.#hovered) : this.#slices.position;
-    // An orthogonal slice has no values between samples, so the place is that of the sample. All panes then tell the same.
+    // An orthogonal slice has no values between samples, so the place is the nearest sample. All panes then tell the same.
     const isInside = this.valueAt(world) !== null;
     const place = this.plane.axis !== null && isInside ? this.#slices.grid.nearest(world) : world;
     const value = this.valueAt(place);

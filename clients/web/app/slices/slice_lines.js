@@ -57,7 +57,7 @@ export class SliceLines {
     group.replaceChildren(...parts);
   }
 
-  /** What a drag at a place of a pane takes: a handle or the line of the oblique plane; null = the crosshair. type: of the pointer. */
+  /** Finds what a drag that begins at `at` moves: a handle or the line of the oblique plane; null = the crosshair. type: of the pointer. */
   grab(pane, at, type) {
     const kind = Number(type === 'touch');
     const handles = this.#handles(pane, (world) => pane.toPane(world));

@@ -9,7 +9,7 @@ import { byId, setText } from '../controls/dom.js';
 import { themeColor } from '../shell/theme.js';
 
 const INK = 0.6; // lifts rare bins, which are the edges
-const FACTOR_MAX = 0.999; // what a curve draws for 1
+const FACTOR_MAX = 0.999; // the height at which a curve draws the factor 1
 const parse = (color) => {
   const context = new OffscreenCanvas(1, 1).getContext('2d');
   context.fillStyle = color;

@@ -80,7 +80,7 @@ class Transfer {
   get steps() { return this.#history.steps; }
   get histogram() { return this.#histogram; }
   get isEditable() { return this.#viewer.canControl && this.state !== null; }
-  /** The range of values of the volume, as far as it is known. */
+  /** The range of values of the volume: of its histogram once it is loaded, before that of its description. */
   get range() {
     const range = this.#histogram?.range ?? this.#viewer.volume?.range;
     if (range && range[1] - range[0] >= EXTENT_MIN && range[1] - range[0] <= VALUE_MAX) return range;
@@ -231,7 +231,7 @@ class Transfer {
     this.plan();
   }
 
-  /** The colours of the map become those of points. */
+  /** Gives the colours of the map to the points, and drops the map. */
   endMap(time) {
     if (this.isEditable) this.edit({ points: withoutMap(this.points), map: null }, { time });
   }

@@ -8,7 +8,7 @@ import { saidOfLink } from '../session/people.js';
 const THUMBNAIL = [240, 160]; // px: twice the size on the page
 const SHOWN_MAX = 60;
 
-/** Renders thumbnails one after another, and only those of cards that were seen. */
+/** Renders thumbnails one after another, and only for cards that the user has scrolled to. */
 class Thumbnails {
   #app; #observer;
   #waiting = [];

@@ -51,7 +51,7 @@ class Readings {
     this.#as.value = this.#unit.value = '';
   }
 
-  /** What a file was read as, for its row. */
+  /** The text about how a file was read the last time, for its row. */
   about(source) {
     const { as, unit } = this.#known.get(source) ?? {};
     return [as && t(`open.as.${as}`), unit].filter(Boolean).join(' · ');
@@ -63,7 +63,7 @@ class Readings {
     return cleanUnit(typed) ? '' : typed;
   }
 
-  /** The source with the choice of the dialog, or else the one of last time. */
+  /** Adds the choice of the dialog to the source, or else the choice of the last time. */
   apply(source) {
     const known = this.#known.get(source) ?? { as: '', unit: '' };
     const as = this.#as.value === 'file' ? '' : this.#as.value || known.as;
@@ -102,7 +102,7 @@ function aboutSeries({ modality, images, size, bytes }) {
 
 const isDicom = ({ format }) => format === 'DICOM';
 
-/** What a search of sub-folders says besides its finds. */
+/** The text of a search of sub-folders besides its results. */
 function aboutSearch({ isRunning = false, complaint = '', entries = [], unread = 0, cut }) {
   if (complaint) return t('open.find.failed', { reason: complaint });
   if (isRunning) return t('open.find.running');
@@ -111,7 +111,7 @@ function aboutSearch({ isRunning = false, complaint = '', entries = [], unread =
   return [cut && t(`open.find.cut.${cut}`, { count: entries.length }), unread > 0 && skipped].filter(Boolean).join(' ');
 }
 
-/** Searches of sub-folders, one at a time: of those asked for meanwhile the last one. */
+/** Searches sub-folders, one search at a time. Of the searches requested meanwhile, only the last one runs. */
 class Search {
   #api; #show;
   #wanted = null; // {folder, text}

@@ -90,7 +90,7 @@ class Uploads {
     this.#list = byId('uploads');
   }
 
-  /** Sends files, or continues what an earlier page began with the same file. use: see app.openVolume(). */
+  /** Sends files, or continues an upload that an earlier page began with the same file. use: see app.openVolume(). */
   async take(files, use) {
     const wanted = this.#wanted;
     this.#wanted = null;
@@ -254,7 +254,7 @@ class Uploads {
   }
 }
 
-/** The files that were dropped, with those of folders. */
+/** The dropped files, and the files in dropped folders. */
 async function filesOf(transfer) {
   const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean); // before the first await
   const files = [...transfer.files];
