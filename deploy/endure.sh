@@ -72,8 +72,8 @@ note() {
     [[ $6 == 0 ]] || failed+=("$1 $2")
 }
 
-# fuzz_target NAME SECONDS: mutates the corpus on all cores, then adds the inputs that reach new code to it. The corpus of
-# `files` stays as it is: it holds sound files, and the replay checks that they load.
+# fuzz_target NAME SECONDS: mutates the corpus on all cores, then adds the inputs that reach new code to it. The corpus
+# of `files` does not change: it holds sound files, and the replay checks that they load.
 fuzz_target() {
     local name=$1 seconds=$2 begun=$SECONDS corpus=$root/tests/fuzz/corpus/$1 found=$out/fuzz/$1 program=$root/build/asan/tests/fuzz_$1
     local words=() status=0 runs into=$corpus cpu cpu_begun

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Limits on what a client may send. The limits of the view's fields are in sp/view.h.
+ * Limits on what a client may send. sp/view.h has the limits of the fields of a view.
  */
 #ifndef PROTO_LIMITS_H
 #define PROTO_LIMITS_H

@@ -222,7 +222,7 @@ void proto_measure_note(const struct sp_measure *measure, const struct proto_mea
              coarse[0] && (unit[0] || outside[0]) ? "; " : "", coarse);
 }
 
-/* Sets what a part or a path has besides its value. */
+/* Sets the lengths, areas and counts that a part or a path has besides its value. */
 static void set_part(proto_json **json, const struct sp_measure *measure,
                      const struct sp_measure_result *result) {
     if (result->has_value && measure->kind == SP_MEASURE_PATH)
@@ -351,7 +351,7 @@ static bool copy_string(const proto_json *json, const char *key, char *out, size
     return true;
 }
 
-/* Reads what a part or a path has besides its value. */
+/* Reads the lengths, areas and counts that a part or a path has besides its value. */
 static bool read_part(const proto_json *json, const struct sp_measure *geometry,
                       struct sp_measure_result *result) {
     int64_t samples;

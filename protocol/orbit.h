@@ -32,8 +32,8 @@ struct proto_orbit {
 /* Returns the orbit of a valid camera. */
 struct proto_orbit proto_orbit_of(const struct sp_camera *camera, const struct sp_camera *defaults);
 
-/* Sets position and up of *camera from the orbit around its target. Without roll and below the
- * poles, up is that of the default camera. */
+/* Sets position and up of *camera from the orbit around its target. Without roll, `up` comes from
+ * the default camera unless the position is a pole. */
 void proto_orbit_place(const struct proto_orbit *orbit, const struct sp_camera *defaults,
                        struct sp_camera *camera);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The instruction sets that this machine can run, out of those that kernels are compiled for. A set
- * counts if the processor supports it and the operating system saves its registers.
+ * The instruction sets that kernels are compiled for and this machine can run. A set counts if the
+ * processor supports it and the operating system saves its registers.
  */
 #ifndef SP_BASE_CPU_FEATURES_H
 #define SP_BASE_CPU_FEATURES_H

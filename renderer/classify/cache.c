@@ -32,9 +32,9 @@ static struct sp_classify_slot *find_exact(struct sp_classify_cache *cache,
 
 /* How well the cached slots fit a transfer function that has no slot of its own. */
 struct match {
-    struct sp_classify_slot *serving; /* its list can be used as it is; NULL = none */
+    struct sp_classify_slot *serving; /* its list serves unchanged; NULL = none */
     struct sp_classify_slot
-        *nearest; /* the one whose list differs least; NULL = none can be compared */
+        *nearest; /* the slot whose list differs least; NULL = none can be compared */
     uint64_t serving_excess, differs, visible; /* voxels */
 };
 

@@ -339,7 +339,8 @@ static bool fill_cells(struct sp_level *level, const struct sp_volume *volume,
     return sp_reach_fill(level, volume, job, level->cells, err);
 }
 
-/* Allocates the ranges of the bricks and copies those that the source has. *measures: it has none.
+/* Allocates the ranges of the bricks and copies the ranges of the source. *measures: the source has
+ * none, so the caller measures them.
  */
 static bool init_ranges(struct sp_level *level, const struct sp_level *from, bool *measures,
                         struct sp_error *err) {

@@ -79,7 +79,7 @@ struct merge {
     const struct sp_classify_job *job;
 };
 
-/* Size of a fine voxel along an axis over that of the coarse one that it is part of. */
+/* Size of a fine voxel along an axis, divided by the size of the coarse voxel that contains it. */
 static float size_share(const struct merge *m, unsigned axis, uint32_t i) {
     return (float)(sp_grid_local_spacing(&m->fine->grid, axis, i) /
                    sp_grid_local_spacing(&m->coarse->grid, axis, i / 2));

@@ -171,8 +171,8 @@ static void fill_table(struct sp_transfer *t, const struct sp_transfer *like) {
     }
 }
 
-/* What samples may be: of a volume that is larger than memory, anything. Its range is that of the
- * file, which is not trusted, or that of a coarse level. */
+/* Fills in the limits of the samples. Samples of a volume that is larger than memory may have any
+ * value: its range comes from the file, which is not trusted, or from a coarse level. */
 static void fill_limits(const struct sp_volume_info *info, double limits[2]) {
     static const double ends[][2] = { [SP_UINT8] = { 0, UINT8_MAX },
                                       [SP_INT8] = { INT8_MIN, INT8_MAX },

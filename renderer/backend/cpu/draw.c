@@ -161,7 +161,7 @@ static bool has_layer(const struct sp_view *view, enum sp_layer_type type) {
     return false;
 }
 
-/* Does the view need what a cache holds? */
+/* True if frames of the view use the cache. */
 static bool needs_cache(const struct sp_view *view, enum cpu_cache cache) {
     bool is_resampled = sp_resample_draws(view), has_volume = sp_layers_have_volume(view);
     switch (cache) {

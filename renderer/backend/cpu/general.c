@@ -95,7 +95,8 @@ static void prefetch_run(const struct draw *d, const struct sp_run *run) {
     }
 }
 
-/* Drops those of the `n` new records from `from` on that lie only behind opaque tiles. */
+/* Keeps the seen records of the `n` new ones from `from` on: drops records that lie only behind
+ * opaque tiles. */
 static void keep_seen(struct draw *d, struct block *block, size_t from, uint32_t n) {
     const struct sp_splats *r = &d->records;
     size_t to = from;

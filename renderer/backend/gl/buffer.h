@@ -40,8 +40,8 @@ bool gl_buffer_stays_mapped(enum gl_usage usage);
  * enough. Waits for the GPU. */
 void gl_buffer_write(const struct gl_buffer *buffer, const void *data, uint64_t bytes);
 
-/* Writes `bytes` from byte `at` on; the rest stays as it is. Does not wait: no command of a frame
- * in flight may use these bytes. */
+/* Writes `bytes` from byte `at` on and leaves all other bytes unchanged. Does not wait: no command
+ * of a frame in flight may use these bytes. */
 void gl_buffer_update(const struct gl_buffer *buffer, uint64_t at, const void *data,
                       uint64_t bytes);
 

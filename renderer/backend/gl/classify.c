@@ -182,8 +182,8 @@ static bool run_count(const struct gl_classify *c, uint32_t bricks, const atomic
     return ok;
 }
 
-/* Sets the uniforms for what a list contains and which classes it has per entry. list NULL = no
- * list is written. */
+/* Sets the uniforms of a pass: how it finds visible voxels, and which classes the list has per
+ * entry. list NULL = the pass writes no list. */
 static void set_list(uint32_t way, uint32_t intervals, const struct sp_level *level,
                      const struct gl_visible_list *list) {
     uint32_t classes = level->transfer.tf.order == SP_TF_POST ? VALUES : COLORS;

@@ -92,8 +92,8 @@ static void choose_origin(const struct sp_ewa_frame *e, uint32_t origin[3]) {
 }
 
 /* Writes the constants of Chen's eq. 7: R·u2 of the smallest and largest kernel times the
- * thresholds, and the low-pass filter. For a level that is small enough, kernels are those of the
- * finest level. */
+ * thresholds, and the low-pass filter. Levels that are small enough use the kernels of the finest
+ * level. */
 static void write_adaptive(struct gl_part *to, const struct gl_frame *f, const struct sp_view *view,
                            const struct sp_ewa_frame *e, unsigned level, bool is_enlarged) {
     struct sp_adaptive adaptive;

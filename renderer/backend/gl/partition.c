@@ -184,8 +184,8 @@ bool gl_partition_sheets(struct gl_partition *partition, const struct gl_partiti
     return true;
 }
 
-/* Finds the layers, counted from the eye, that kernels of a brick may lie in: those of the sphere
- * around it, and one more on each side for rounding. */
+/* Bounds the layers, counted from the eye, in which kernels of a brick may lie: the layers that
+ * meet the sphere around the brick, and one more on each side for rounding. */
 static void bound_distances(const struct gl_partition_depth *depth, struct gl_item *item) {
     const struct sp_camera_transform *camera = depth->camera;
     struct sp_vec3 away = sp_vec3_sub(item->centre, camera->eye);

@@ -365,7 +365,7 @@ static bool update(struct gl_residency *residency, struct gl_visible_list *list,
     return trim(residency, "the visible voxels take", 0, err);
 }
 
-/* What a frame needs of the level besides the buffers; borrowed. */
+/* Describes the level for a frame: everything but the buffers. The pointers are borrowed. */
 static void describe(struct gl_visible_list *list, const struct sp_level *level) {
     list->grid = level->grid;
     memcpy(list->bricks, level->visible.bricks, sizeof list->bricks);

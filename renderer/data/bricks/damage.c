@@ -21,7 +21,7 @@ void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint
     }
 }
 
-/* Number of the first brick of a level among those of all levels. */
+/* Number of the first brick of a level among the bricks of all levels. */
 static uint64_t first_of(const struct sp_brick_store *store, unsigned level) {
     const struct sp_brick_header *header = sp_brick_file_header(store->file);
     uint64_t first = 0;

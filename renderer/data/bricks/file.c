@@ -322,7 +322,7 @@ static bool grow(struct sp_brick_scratch *scratch, size_t size, const char *titl
     return true;
 }
 
-/* Reads what an entry packs: `size` bytes, of brick `number` of a level. */
+/* Unpacks the `size` bytes of an entry: brick `number` of a level. */
 static bool unpack(const struct sp_brick_file *file, const struct sp_brick_entry *entry,
                    unsigned level, uint64_t number, struct sp_brick_scratch *scratch, void *out,
                    size_t size, struct sp_error *err) {

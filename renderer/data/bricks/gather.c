@@ -47,7 +47,7 @@ static bool intersect(const uint32_t first[3], const uint32_t size[3], const uin
     return true;
 }
 
-/* Copies what a chunk has of brick i of the box, from `first` and `size` of the chunk. */
+/* Copies the samples that a chunk shares with brick i of the box. first, size: of the chunk. */
 static void copy_overlap(const struct gather *g, const char *chunk, const uint32_t first[3],
                          const uint32_t size[3], uint64_t i) {
     const struct sp_brick_place place = sp_brick_place(g->job->box, g->level, g->sample, i);
@@ -142,7 +142,7 @@ static void gather_chunk(struct gather *g, const uint32_t place[3], unsigned wor
     }
 }
 
-/* The place of a chunk, which is number `i` of those that meet the box. */
+/* Computes the place of the chunk with number `i` among the chunks that meet the box. */
 static void compute_place(const struct gather *g, size_t i, uint32_t place[3]) {
     for (int a = 0; a < 3; a++) {
         const size_t count = g->end[a] - g->first_chunk[a];

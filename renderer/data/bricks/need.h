@@ -12,7 +12,7 @@
 enum {
     BRICK_HIDDEN, /* shows nothing */
     BRICK_COARSE, /* may show something; a coarser level will do */
-    BRICK_WANTED  /* from here on: it is read, and those with the largest numbers are read first */
+    BRICK_WANTED  /* from here on: it is read; larger numbers are read first */
 };
 
 enum { BRICK_BATCH = 16 }; /* bricks or chunks that a thread reads until progress is told */

@@ -94,8 +94,8 @@ static bool check_base(const struct sp_brick_store *store, const char *source,
                    bytes, most);
 }
 
-/* Chooses the base, and halves the budget until it is granted: that of the base, and of windows
- * unless their memory is shared. */
+/* Chooses the base level, and halves the budget until it is granted. The budget is for the base
+ * and, unless windows share memory, for windows. */
 static bool reserve(struct sp_brick_store *store, const char *source,
                     const struct sp_load_options *options, struct sp_error *err) {
     for (;; store->budget /= 2) {
@@ -167,7 +167,8 @@ static void estimate_limits(struct sp_volume_info *info, const void *samples) {
     info->whole.limits[1] = fmin(range.most + beyond, DBL_MAX);
 }
 
-/* A file knows its range and content; of chunks they are those of the volume that is opened. */
+/* Makes the volume of the base. A brick file stores its limits and content; for chunks, both come
+ * from the samples of the base. */
 static struct sp_volume *adopt(const struct sp_brick_store *store, struct sp_volume_info *info,
                                void *samples, uint64_t bytes, struct sp_error *err) {
     const float(*vectors)[3] = sp_brick_store_vectors(store, &store->base_need, samples);

@@ -25,7 +25,7 @@ size_t sp_brick_places_count(const struct sp_brick_header *header) {
     return count;
 }
 
-/* Fills the places of a level from those of the finer one. */
+/* Fills the places of a level from the places of the finer level. */
 static void coarsen(const struct sp_brick_level *finer, int axis, struct sp_brick_level *level,
                     double *places) {
     sp_grid_coarsen(finer->places[axis], finer->dims[axis], places);

@@ -45,7 +45,7 @@ static double *place_axis(const struct sp_brick_header *header, unsigned l, int 
     grid->coordinates[a] = NULL;
     if (!places)
         return numbers;
-    if (count == 1) { /* the only sample is as wide as it is among the others */
+    if (count == 1) { /* the only sample: it keeps the width that it has among its neighbours */
         grid->spacing[a] = sp_brick_distance(header, l, a, first + 0.5) -
                            sp_brick_distance(header, l, a, first - 0.5);
         return numbers;
@@ -115,8 +115,8 @@ static struct sp_brick_store_window *find_window(struct sp_brick_store *store,
     return NULL;
 }
 
-/* With the mutex held: a chunk of the window could not be read, and it is time to read it again:
- * the network may work now. A damaged file stays as it is. */
+/* With the mutex held: true if a chunk of the window could not be read and it is time to try again:
+ * the network may work now. A damaged file is not read again. */
 static bool is_due(const struct sp_brick_store *store, const struct sp_brick_store_window *w) {
     return w->lost_count > 0 && sp_brick_file_chunks(store->file) &&
            sp_clock_ms() - w->read_ms >= store->retry_ms;
@@ -233,7 +233,7 @@ static struct sp_brick_store_window *find_coarser(struct sp_brick_store *store,
     return w;
 }
 
-/* With the mutex held: what a frame shows until its window is there. */
+/* With the mutex held: chooses what a frame shows until its window is read. */
 static void choose_fallback(struct sp_brick_store *store, const struct sp_brick_need *need,
                             struct sp_brick_window *out) {
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {

@@ -352,7 +352,7 @@ static bool write_array(struct sp_brick_writer *w, struct sp_error *err) {
     return true;
 }
 
-/* Writes the levels of the samples, then those of the vectors. */
+/* Writes the levels of the samples, then the levels of the vectors. */
 static bool write_arrays(struct sp_brick_writer *w, struct sp_error *err) {
     const struct sp_volume_info *info = &w->header.info;
     const size_t sample = sp_type_size(info->type);

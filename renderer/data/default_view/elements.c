@@ -119,7 +119,7 @@ static double size_of_points(const struct sp_elements *e, float *sizes) {
     if (n == 0)
         return 1;
     qsort(sizes, n, sizeof *sizes, compare);
-    const double even = 0.6; /* points at random have 0.8, those of a lattice 1 */
+    const double even = 0.6; /* median over nearly the largest: 0.8 at random, 1 in a lattice */
     const double usual = (double)sizes[n / 2] / (double)sizes[n - 1 - n / 20] / even;
     return usual < 1 ? fmax(0.1, usual * usual) : 1; /* the range of the field */
 }

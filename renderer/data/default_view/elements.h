@@ -13,8 +13,8 @@
  *   gaussians   as most trained scenes are stored: y points down, the front to −z
  *   mesh        y up, the front to +z
  *
- * Of points and Gaussians, the few that lie far away do not count. The camera stays as it is if
- * there is nothing to see or memory is short. */
+ * Of points and Gaussians, the few that lie far away do not count. If there is nothing to see or
+ * memory is short, the camera does not change. */
 void sp_default_elements(const struct sp_volume *volume, struct sp_view *view);
 
 #endif

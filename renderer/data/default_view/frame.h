@@ -8,8 +8,8 @@
 #include "data/default_view/orient.h"
 #include "sp/view.h"
 
-/* Sets position, target, up and height for camera->fov_y. The camera stays as it is if nothing is
- * visible or memory is short. */
+/* Sets position, target, up and height for camera->fov_y. If nothing is visible or memory is short,
+ * the camera does not change. */
 void sp_default_frame(const struct sp_default_samples *samples,
                       const double extinction[SP_FIRST_BINS],
                       const struct sp_default_orientation *orientation, struct sp_camera *camera);

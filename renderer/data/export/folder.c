@@ -58,7 +58,8 @@ static void remove_folder(const char *path) {
     nftw(path, remove_entry, FOLDERS_OPEN, FTW_DEPTH | FTW_PHYS);
 }
 
-/* Gives the folder its name. An older folder gets that of the new one, and is removed. */
+/* Gives the folder its name. An older folder exchanges its name with the new folder and is then
+ * removed. */
 static bool name_folder(const char *part, const char *out, struct sp_error *err) {
     if (!sp_export_check_folder(out, err)) /* it may have changed meanwhile */
         return false;

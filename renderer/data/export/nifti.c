@@ -18,7 +18,7 @@ enum {
     NAME_BYTES = 16,
     INTENT_LABEL = 1002
 };
-/* The world is that of the scanner; or of something else that the file does not name. */
+/* The world: the scanner's, or an aligned one, which the file does not name. */
 enum { FORM_NONE = 0, FORM_SCANNER = 1, FORM_ALIGNED = 2 };
 enum kind { INT8, INT16, INT32, INT64, FLOAT32, FLOAT64 };
 
@@ -105,7 +105,7 @@ static void put_one(struct header *h, size_t at, enum kind kind, double number) 
     put(h, at, kind, &number, 1);
 }
 
-/* The unit of NIfTI and its length in that of the volume. */
+/* Chooses the unit of the file. *factor: the unit of the volume, measured in it. */
 static bool choose_unit(const struct sp_export_job *job, int *code, double *factor,
                         struct sp_error *err) {
     static const struct {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * OpenVDB, version 224: one grid of float, a fog volume with background 0. Active are all
- * voxels other than 0, and the first and the last one, so that the box of active voxels is that of
- * the volume. The tree is that of OpenVDB's FloatGrid:
+ * OpenVDB, version 224: one grid of float, a fog volume with background 0. Active are all voxels
+ * other than 0, and the first and the last one, so that the box of active voxels is the box of the
+ * volume. The tree is that of OpenVDB's FloatGrid:
  *
  *   root ─► inner nodes of 4096³ ─► inner nodes of 128³ (blocks) ─► leaves of 8³ voxels
  *

@@ -20,7 +20,7 @@ enum {
     VDB_BLOCK_VOXELS = VDB_BLOCK * VDB_BLOCK * VDB_BLOCK,
 };
 
-/* The samples of the volume in a temporary file, block after block. The order of blocks is that of
+/* The samples of the volume in a temporary file, block after block. Blocks lie in the order of
  * OpenVDB: axis 0 slowest. In a block axis 0 is fastest, as in the volume, and samples outside are
  * 0. */
 struct sp_vdb_blocks {

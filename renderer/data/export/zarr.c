@@ -149,7 +149,7 @@ static bool write_means(struct writer *w, struct sp_error *err) {
     return true;
 }
 
-/* Makes the folder of the strip's chunks, and that of its slab before. */
+/* Makes the folder of the strip's slab, and in it the folder of the strip's chunks. */
 static bool make_folders(const struct writer *w, struct sp_error *err) {
     char path[48];
     snprintf(path, sizeof path, "%u/%u", w->l, w->at[1]);

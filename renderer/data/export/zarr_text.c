@@ -63,7 +63,7 @@ bool sp_zarr_image_init(struct sp_zarr_image *image, const struct sp_export_job 
             is_last = is_last && level->dims[a] <= ZARR_CHUNK;
         }
         for (int a = 0; a < 3 && !is_last; a++) {
-            /* A coarse sample lies in the middle of those that it replaces. */
+            /* A coarse sample lies in the middle of the fine samples that it replaces. */
             const bool is_halved = level->dims[a] > 1;
             level[1].dims[a] = (level->dims[a] + 1) / 2;
             level[1].spacing[a] = level->spacing[a] * (is_halved ? 2 : 1);

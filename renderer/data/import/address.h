@@ -16,7 +16,7 @@ enum { SP_HOST_BYTES = 256, SP_ADDRESS_BYTES = 2048 };
 struct sp_address {
     bool is_secure; /* https */
     char host[SP_HOST_BYTES];
-    unsigned port; /* that of the scheme if the address has none */
+    unsigned port; /* the default of the scheme if the address has none */
 };
 
 /* True if the source begins with "http://" or "https://". */

@@ -14,7 +14,7 @@ const uint FRAGMENT_WORDS = 5u, FRAGMENT_COUNT_BITS = 5u;
 uint fragment_at, fragment_count; // of the pixel: its first word, how many
 uint next_fragment;               // the first one that is not composited
 
-// `planes`: words before those of the pixels.
+// Opens the fragments of a pixel. `planes`: words before the words of the pixels.
 void open_fragments(uint planes, uint pixel, uint pixels) {
     uint own = fragment_words[planes + pixel];
     fragment_count = own & ((1u << FRAGMENT_COUNT_BITS) - 1u);

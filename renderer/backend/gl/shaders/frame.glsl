@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Constants of a frame: struct gl_constants of frame.h. Lengths in cells (splat/ewa.h).
 
-// One level of the volume, as it is or enlarged (splat/detail.h).
+// One level of the volume, in its own size or enlarged (splat/detail.h).
 struct Part {
     vec4 step[3];   // rows of C; u of the voxel `origin`
     vec4 kernel[3]; // rows of K; adaptive: R·u2 of the smallest kernel · c_min, of the largest · c_max, r_h [px]

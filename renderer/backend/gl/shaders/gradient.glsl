@@ -55,7 +55,7 @@ float log1p(float x) {
     return abs(x) < 0.05 ? x * (1.0 - x * (0.5 - x * (1.0 / 3.0 - x * (0.25 - 0.2 * x)))) : log(1.0 + x);
 }
 
-// The depth whose opacity is `scale` times that of `depth`.
+// The depth whose opacity is `scale` times the opacity of `depth`.
 float scale_depth(float depth, float scale) {
     if (scale < 1.0)
         return scale > 0.0 ? -log1p(scale * expm1(-depth)) : 0.0;

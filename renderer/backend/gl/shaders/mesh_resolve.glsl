@@ -80,7 +80,7 @@ vec3 compute_shares(vec3 u[3], vec2 ray) {
     return total > 0.5 ? share / total : vec3(1.0 / 3.0);
 }
 
-// The unit normal in world space; that of the plane where the vertices have none; 0 if there is none.
+// The unit normal in world space: of the vertices, or else of the plane of the triangle; 0 if both have none.
 vec3 compute_normal(vec3 u[3], vec3 own) {
     const float TINY = 1e-30, HUGE = 1e30;
     vec3 world = vec3(dot(turn[0].xyz, own), dot(turn[1].xyz, own), dot(turn[2].xyz, own)), plane = cross(u[1] - u[0], u[2] - u[0]);

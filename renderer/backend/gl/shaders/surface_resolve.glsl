@@ -102,8 +102,8 @@ vec2 spend_rays(uint place, float share) {
     return taken;
 }
 
-// Lets rays cross a sheet: those that are on its near side, then those of unknown place. Where they are fewer than the sheet
-// covers, a sheet before it is missing, and others cross. Returns the light that the sheet hides.
+// Lets rays cross a sheet: first rays on its near side, then rays of unknown place. If these are fewer than the sheet covers, a
+// sheet before it is missing, and other rays cross. Returns the light that the sheet hides.
 float cross_sheet(uint side, float coverage) {
     vec2 crossing = spend_rays(side, coverage);
     crossing += spend_rays(UNKNOWN, coverage - crossing.x);

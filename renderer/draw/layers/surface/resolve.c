@@ -182,8 +182,8 @@ static void resolve_row(const struct sp_surface *s, const struct sp_surface_shee
 
 enum { ROWS = 2 * SURFACE_SHEETS };
 
-/* Sorts the sheets of a pixel by depth. Of two at nearly the same depth, as at an edge, the one
- * that is seen from outside comes first. Returns their number. */
+/* Sorts the sheets of a pixel by depth. Of two sheets at nearly the same depth, as at an edge, the
+ * sheet that shows its outside comes first. Returns their number. */
 static int sort_sheets(const struct resolved rows[ROWS], int x, int order[ROWS]) {
     const float nearly = 0.3f; /* cells */
     float depths[ROWS];
@@ -222,8 +222,8 @@ static void move_rays(struct rays *from, float share, struct rays *to) {
     to->light += moved.light;
 }
 
-/* Lets rays cross a sheet: those that are on its near side, then those of unknown place. Where they
- * are fewer than the sheet covers, a sheet before it is missing, and others cross. Returns the
+/* Lets rays cross a sheet: first rays on its near side, then rays of unknown place. If these are
+ * fewer than the sheet covers, a sheet before it is missing, and other rays cross. Returns the
  * light that the sheet hides. */
 static float cross_sheet(struct rays rays[PLACES], int side, float coverage, float opacity) {
     struct rays *far = &rays[!side], crossing = { 0, 0 };

@@ -8,8 +8,8 @@
 layout(local_size_x = TILE, local_size_y = TILE) in;
 layout(std430, binding = 2) readonly buffer Totals { uint totals[]; };
 layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
-// By pixel: transmittance and premultiplied colour. After those of all pixels: two per pixel for `sum` of the layer that
-// the last pass or batch left open; the y of the second is the number of fragments that were composited.
+// By pixel: transmittance and premultiplied colour. Behind the values of all pixels: two more per pixel for `sum` of the layer
+// that the last pass or batch left open; the y of the second is the number of fragments that were composited.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 
 layout(location = 1) uniform uvec3 batch; // width of the image [px], capacity in pairs, pairs of a tile in a pass
@@ -66,7 +66,8 @@ void classify() {
 void classify() {}
 #endif
 
-// Composites more matter behind what a pixel shows so far. pixel: its transmittance and colour. amount: optical depth and colour.
+// Composites more matter behind the matter that the pixel has so far. pixel: its transmittance and colour. amount: optical depth
+// and colour.
 vec4 add_behind(vec4 pixel, vec4 amount) {
     vec2 a = attenuate(amount.x);
     return vec4(pixel.x * a.y, pixel.yzw + a.x * pixel.x * amount.yzw);

@@ -6,8 +6,8 @@
 
 layout(local_size_x = TILE, local_size_y = TILE) in;
 layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
-// By pixel of the band, then again by pixel, …, between dispatches: the samples of the sheet (inverse | triangle), those of the
-// sheet before, what light each sample lets through, and the parts that are shown.
+// By pixel of the band, then again by pixel, …, between dispatches: the samples of the sheet (inverse | triangle), the samples of
+// the sheet before, the light that each sample lets through, and the visible parts.
 layout(std430, binding = 4) buffer State { uvec4 state[]; };
 layout(std430, binding = 6) readonly buffer Totals { uint totals[]; };
 
@@ -38,7 +38,7 @@ struct Triangle {
 };
 
 shared Triangle staged[STAGED];
-shared uint wanted[STAGED / 32u]; // bits of those that were set up
+shared uint wanted[STAGED / 32u]; // bits of the staged triangles that were set up
 shared bool is_live;              // some pixel may show a triangle
 
 vec2 at, corner; // the pixel's centre in the tile, the tile's corner in the image [px]
@@ -156,7 +156,7 @@ float inverse_of(uint s) {
                                        floatBitsToUint(inverse[3]), s)[s % 4u]);
 }
 
-// 1 for those of four samples that are in `samples`.
+// For each of four samples 1 if it is in the set `samples`, else 0.
 vec4 mask_four(uint samples, int q) {
     return vec4((uvec4(samples) >> (uvec4(0, 1, 2, 3) + 4u * uint(q))) & 1u);
 }
@@ -167,7 +167,7 @@ vec3 sum_four(uint samples, int q) {
     return vec3(dot(mask, RIGHT[q]), dot(mask, DOWN[q]), dot(mask, mix(vec4(0), inverse[q], equal(mask, vec4(1)))));
 }
 
-// What a part of some opacity hides of the light of four samples.
+// The light of four samples that a part with this opacity hides.
 float hide_four(uint samples, float opacity, int q) {
     vec4 hidden = mask_four(samples, q) * light[q] * opacity;
     light[q] -= hidden;

@@ -24,12 +24,13 @@ layout(location = 2) uniform ivec3 part;  // sheets per slice of the pass; 1 = i
 layout(location = 3) uniform float axis_share; // share of the image that slices along the pass's axis have
 
 const uint PIXELS = TILE * TILE;
-// Samples around those that are refined; words of these. Less shared memory lets a GPU run more groups at the same time.
+// RAW: samples in shared memory, which surround the refined ones. REFINED: words of the refined samples. Less shared memory lets
+// a GPU run more groups at the same time.
 const int RAW = 320, REFINED = 340;
 const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1, SLABS = INTERVALS / REGION + 2;
 const uint REGIONS_MAX = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
-const float NONE_BELOW = 512.0; // codes below it are those of samples that are not finite
+const float NONE_BELOW = 512.0; // lower codes stand for samples that are not finite
 const int COLORS = 1024;
 const float TAP0 = 150.0 / 256.0, TAP1 = -25.0 / 256.0, TAP2 = 3.0 / 256.0;
 
@@ -51,7 +52,7 @@ vec2 at;    // the pixel's centre
 vec4 ray;   // u, v, du, dv
 bool is_live; // some pixel of the block was not opaque at the last sheet
 float begin, end, ray_length; // s inside all half spaces; length per slice
-float pass_share;             // share of the pixel that the pass has, of those with slices along its axis
+float pass_share;             // share of the pixel that belongs to the pass, of the shares for each axis of slices
 
 // The square of the block at `corner` px.
 Square find_square(uvec2 corner) {

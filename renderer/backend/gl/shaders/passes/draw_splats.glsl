@@ -25,7 +25,7 @@ vec2 at; // the pixel's centre [px]
 bool is_inside;
 vec4 pixel; // transmittance; ALONE: premultiplied colour
 #if !ALONE
-Fragment open_one; // splats still join it, `depth` is that of the first; alpha 0 = there is none
+Fragment open_one; // splats still join it; `depth` is the depth of its first splat; alpha 0 = there is none
 float depth_sum;   // of its splats, times their opacities
 float wall;        // splats behind this depth do not join it
 const float WALL = 0.1; // SP_VOXEL_WALL
@@ -102,7 +102,7 @@ void close_fragment() {
     depth_sum = 0.0;
 }
 
-// Finds the fragment of another layer that divides splats from that of the open fragment.
+// Sets the wall: the depth of the nearest dense fragment of another layer behind the open fragment.
 void update_wall() {
     wall = 3.0e38;
     for (uint i = merged_count; i > 0u && merged[i - 1u].depth > open_one.depth; i--)

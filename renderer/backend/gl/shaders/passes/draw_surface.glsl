@@ -104,7 +104,7 @@ uint tile_word(uint i) {
     return surface_words[i];
 }
 
-// Of two sheets at nearly the same depth, as at an edge, the one that is seen from outside comes first.
+// Orders sheets by depth. Of two sheets at nearly the same depth, as at an edge, the sheet that shows its outside comes first.
 float order_of(Resolved sheet) {
     return sheet.depth + (sheet.side == OUTSIDE ? 0.0 : 0.3);
 }

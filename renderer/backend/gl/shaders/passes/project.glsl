@@ -319,7 +319,8 @@ uvec2 write_splat(uint at, Outline o, Amount a, uvec2 range) {
     return bound_tiles(o.box.xy, o.box.zw, range);
 }
 
-// Computes what an entry adds at the centre of its footprint; `gain` times the depth of its class. False: nothing.
+// Computes the amount that an entry adds at the centre of its footprint: `gain` times the depth of its class. False: it adds
+// nothing.
 bool measure(uint entry, uint word, vec3 u, float gain, out Amount a) {
     uint gradient = gradient_of(entry);
     vec4 kind = classify(entry, word, gradient);
