@@ -40,8 +40,9 @@ static int find_path(const struct arrays *a, unsigned d, const char *path) {
     return -1;
 }
 
-/* Finds the array of the coordinates of a dimension: the one that the file names, or else that of
- * its name in the group of the array or in one above; −1 = there is none. */
+/* Finds the array of the coordinates of a dimension: the array that the file names, or else an
+ * array with the name of the dimension in the group of the data or in a group above; −1 = there is
+ * none. */
 static int find_array(const struct arrays *a, unsigned d) {
     char path[2 * ARRAY_NAME_BYTES], group[ARRAY_NAME_BYTES];
     if (*a->info.scales[d])

@@ -48,9 +48,9 @@ bool import_axes_is_channel(const char *name) {
     return import_axes_is_one_of(name, channels);
 }
 
-/* True if the last dimension must be that of channels: a few, where all others of space are longer,
- * and the one in the place of channels has too many. An image in colours, and the 5 to 9 numbers of
- * a tensor, count only if the others are much longer. */
+/* True if the last dimension must hold channels: it is short, all dimensions of space are longer,
+ * and the dimension in the usual place of channels is too long. An image in colours, and the 5 to 9
+ * numbers of a tensor, count only if the others are much longer. */
 static bool has_channels_last(unsigned rank, const uint64_t *shape) {
     const uint64_t parts = rank >= 3 && rank <= 5 ? shape[rank - 1] : 0;
     const unsigned first = rank == 5; /* behind the time */

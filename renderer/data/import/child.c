@@ -31,7 +31,8 @@ bool sp_import_find_program(const char *name, const char *given, char path[PATH_
     return true;
 }
 
-/* Moves a descriptor above those of the child, so that placing one does not overwrite another. */
+/* Moves a descriptor above the numbers that the child uses, so that placing one does not overwrite
+ * another. */
 static int raise_fd(int fd) {
     int high = fcntl(fd, F_DUPFD_CLOEXEC, 10);
     int error = errno;

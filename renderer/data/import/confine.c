@@ -123,7 +123,7 @@ static bool enter(struct walk *w) {
     return w->fd >= 0 || fail_with(errno == ENOTDIR || errno == ELOOP ? ESTALE : errno);
 }
 
-/* Puts what a link says before the part to resolve. */
+/* Follows a link: puts its target before the part of the path that is still to be resolved. */
 static bool follow(struct walk *w, int link, const char *rest) {
     enum { LINKS_MAX = 40 }; /* as Linux */
     char target[PATH_MAX], left[2 * PATH_MAX];

@@ -161,7 +161,7 @@ static int axis_of(const char *name, char unit[SP_UNIT_BYTES]) {
     return unit[0] || !open[0] ? (int)(axis - axes) : -1;
 }
 
-/* The unit of x is that of all. */
+/* All axes get the unit of x. */
 static void apply_units(struct csv *c, char units[3][SP_UNIT_BYTES]) {
     const struct sp_unit *of_x = sp_unit_find(units[0]);
     bool are_alike = true, are_known = of_x != NULL;

@@ -62,9 +62,9 @@ struct dicom_frame {      /* what a file says about one of its images */
     bool is_placed;       /* the file gives the position and the directions */
     double position[3];   /* of the first pixel, in the patient: left, posterior, superior [mm] */
     double along[2][3];   /* directions of a row and of a column, unit length */
-    double spacing[3];    /* between columns, rows and slices or frames [mm]; 0 = not known; that of
-                             slices is negative where they go against the normal */
-    bool has_regions;     /* the spacing is that of a region of ultrasound, and others differ */
+    double spacing[3];    /* between columns, rows and slices or frames [mm]; 0 = not known; the
+                             spacing of slices is negative where they go against the normal */
+    bool has_regions;     /* the spacing comes from one region of ultrasound, and others differ */
     bool is_turned_wrong; /* the file gives a position, but its directions are none */
     bool is_ratio;        /* only the ratio of the spacings of pixels is known: they have no unit */
     bool is_spaced;       /* the distance between slices is given, not only their thickness */
@@ -77,7 +77,7 @@ struct dicom_frame {      /* what a file says about one of its images */
     uint32_t segment;                               /* its label; 0 = this is no segmentation */
     char stack[20]; /* frames of other stacks are other volumes; "" = not known */
     char unit[32];  /* of the values after slope and intercept; "" = not known */
-    double slot;    /* not placed: its number in the stack; those of one slot share a place */
+    double slot;    /* not placed: its number in the stack; frames with one number share a place */
     long instance;  /* number in the series; 0 = not known */
 };
 
@@ -108,7 +108,7 @@ struct dicom_image {  /* what a file says about its images */
     uint32_t columns, rows, frames; /* columns 0 = the file has no image */
     bool has_empty_image;           /* the file has pixels, but columns or rows are 0 */
     unsigned channels;              /* numbers per pixel */
-    unsigned bytes, bits;           /* per number: in memory, and those that are used */
+    unsigned bytes, bits;           /* per number: in memory, and used */
     unsigned high_bit;              /* the highest of the bits that are used */
     bool is_signed, is_float;
     bool is_bits;    /* one bit per pixel, without a gap between rows or frames */

@@ -20,7 +20,7 @@ struct dicom_source {
     struct dicom_image image; /* of the first file of the volume */
 };
 
-/* True if the first bytes are those of a DICOM file. */
+/* True if a file that begins with these bytes is DICOM. */
 bool dicom_is_file(const uint8_t *start, size_t size);
 
 /* True for the usual endings of the names of DICOM files. */

@@ -104,7 +104,7 @@ static bool fail_unknown(const struct dicom_source *source, const struct dicom_s
                    text);
 }
 
-/* The largest stack, or that of the series which the source names. */
+/* Chooses the largest stack of the series that the source names, or else of all series. */
 static bool choose_largest(const struct dicom_source *source, const struct dicom_scan *scan,
                            uint32_t *chosen, struct sp_error *err) {
     const char *wanted = source->file->selection.series;
@@ -138,7 +138,7 @@ static bool choose(const struct dicom_source *source, const struct dicom_scan *s
 
 /* Warnings. */
 
-/* Of the folder, or of those that ?series= fits equally well. */
+/* Warns that the folder has other series, or others that ?series= fits equally well. */
 static void warn_of_series(const struct dicom_source *source, const struct dicom_scan *scan,
                            uint32_t chosen) {
     enum { REST = 110 }; /* bytes of the sentences without the names */

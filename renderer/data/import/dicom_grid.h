@@ -12,8 +12,8 @@
 bool dicom_grid_fill(const struct dicom_slices *slices, const struct dicom_source *source,
                      struct import_header *header, double **places, struct sp_error *err);
 
-/* Says that images of one place, which become fields or steps, lie beside each other, as those of
- * two knees. The slices are sorted. */
+/* Warns if images of one place, which become fields or steps, lie beside each other, as the images
+ * of two knees do. The slices are sorted. */
 void dicom_grid_warn_of_sides(const struct dicom_slices *slices, const struct dicom_source *source);
 
 #endif

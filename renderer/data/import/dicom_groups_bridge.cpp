@@ -118,7 +118,8 @@ numbers region_scale(const gdcm::DataSet &region) {
     return is_length && is_known ? numbers{ across, down } : numbers();
 }
 
-/* That of the first region which has one. `is_mixed`: other regions have another one, or none. */
+/* The scale of the first region that has one. *is_mixed: other regions have another scale, or none.
+ */
 numbers regions_scale(const gdcm::DataSet &set, bool *is_mixed) {
     const auto regions = dicom_sequence(set, 0x0018, 0x6011);
     const size_t count = regions ? regions->GetNumberOfItems() : 0;
@@ -230,7 +231,8 @@ bool is_hounsfield(const groups &in, const std::string &modality, const std::str
     return modality == "CT" && !is_overview && (type == "HU" || !is_derived);
 }
 
-/* Rescaled values, or else those of the real world, or else those of the file. */
+/* Fills in how stored numbers become values: by the dose, the rescaling, or the mapping to the real
+ * world, in this order; without them values equal the stored numbers. */
 void fill_values(const groups &in, dicom_frame &frame) {
     const std::string modality = dicom_text(in.file, 0x0008, 0x0060);
     const gdcm::DataSet own = in.lookup(0x0028, 0x9145);

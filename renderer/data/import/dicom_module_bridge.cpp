@@ -159,7 +159,7 @@ static bool has_world_table(const gdcm::DataSet &set) {
     return false;
 }
 
-/* What a reader of the values or lengths must know. */
+/* The warning about the values or lengths of the file; "" = none. */
 static const char *note_of(const gdcm::DataSet &set, const dicom_image &image) {
     const bool has_spacing =
         !dicom_text(set, 0x0028, 0x0030).empty() || !dicom_text(set, 0x0018, 0x2010).empty();

@@ -35,7 +35,7 @@ bool dicom_samples_type(const struct dicom_source *source, const struct dicom_im
 bool dicom_samples_check(const struct dicom_image *image, int fd, char why[SP_ERROR_TEXT]);
 
 /* Opens a file of the folder; "" is the file that was opened. Its image must have the size and the
- * channels of that of the source. */
+ * channels of the source's image. */
 bool dicom_samples_open(struct dicom_samples *samples, const struct dicom_source *source,
                         const char *name, struct sp_error *err);
 

@@ -51,7 +51,8 @@ static bool is_same_geometry(const struct dicom_frame *a, const struct dicom_fra
                               is_same_direction(a->along[1], b->along[1])));
 }
 
-/* Frames of a film, a dose or a segmentation make no stack with those of other files. */
+/* True if images of other files may join the stack of this image. Frames of a film, a dose or a
+ * segmentation never join frames of other files. */
 static bool is_joinable(const struct dicom_image *image) {
     return image->frames == 1 || (image->has_places && image->series[0]);
 }
@@ -91,7 +92,8 @@ static void number_series(struct dicom_scan *scan, uint32_t *order) {
     }
 }
 
-/* The stack of an image among those of its series, the newest first; NONE = it begins one. */
+/* Finds the stack of an image among the stacks of its series, the newest first; NONE = the image
+ * begins a stack. */
 static uint32_t find_stack(const struct dicom_scan *scan, const struct dicom_image *image,
                            uint32_t newest) {
     for (uint32_t n = newest; n != NONE; n = scan->stacks[n].next)

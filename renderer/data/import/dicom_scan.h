@@ -29,7 +29,7 @@ struct dicom_found {
 
 struct dicom_stack {
     uint32_t first;  /* of its images */
-    uint32_t next;   /* the one of the same series before it; UINT32_MAX = none */
+    uint32_t next;   /* the stack of the same series before it; UINT32_MAX = none */
     uint32_t frames; /* of all its files */
     bool is_main;    /* the largest stack of its series */
     uint64_t samples, bytes;
@@ -67,8 +67,8 @@ static inline const struct dicom_image *dicom_scan_image(const struct dicom_scan
     return &scan->images[scan->stacks[stack].first].image;
 }
 
-/* The larger one of two stacks: the one that has more images, or else more samples, or else comes
- * first by the number of its series. */
+/* The larger of two stacks: it has more images, or else more samples, or else comes first by the
+ * number of its series. */
 uint32_t dicom_scan_larger(const struct dicom_scan *scan, uint32_t a, uint32_t b);
 
 #endif

@@ -53,12 +53,13 @@ void dicom_slices_keep(struct dicom_slices *slices,
                        bool (*is_kept)(const struct dicom_slice *slice, const void *user),
                        const void *user);
 
-/* Numbers the different texts of the slices in the keys: in the order of the alphabet, directions
- * in that of the list. Keys that have a number keep it. False if there is no memory. */
+/* Numbers the different texts of the slices in the keys: texts in the order of the alphabet,
+ * directions in the order of the list. Keys that have a number keep it. False if there is no
+ * memory. */
 bool dicom_slices_rank(struct dicom_slices *slices);
 
-/* Sorts the slices by their places, and those of one place by their keys and numbers, and finds the
- * planes, with those of has_gaps. False if there is no memory. */
+/* Sorts the slices by their places, and slices of one place by their keys and numbers. Finds the
+ * planes, also the missing ones if has_gaps. False if there is no memory. */
 bool dicom_slices_sort(struct dicom_slices *slices);
 
 /* What messages call a slice: the name of its file, or the number of its frame. */

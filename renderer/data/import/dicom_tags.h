@@ -55,8 +55,8 @@ gdcm::DataSet dicom_item(const gdcm::DataSet &set, uint16_t group, uint16_t elem
  * not UTF-8 is taken for Latin 1, which most other files have. */
 void dicom_copy(char *out, size_t capacity, const std::string &text);
 
-/* A text of the file as UTF-8, by the SpecificCharacterSet of the file; as it is, if it is not in
- * this set (dicom_text_bridge.cpp). */
+/* A text of the file as UTF-8, converted from the SpecificCharacterSet of the file; unchanged if it
+ * is not valid there (dicom_text_bridge.cpp). */
 std::string dicom_words(const gdcm::DataSet &file, const std::string &text);
 
 /* What a file without functional groups does not give of its place. */
@@ -149,7 +149,8 @@ bool dicom_refuse_syntax(const char *path, char *why, size_t capacity);
 /* True if a frame of JPEG, JPEG-LS or JPEG 2000 begins here. */
 bool dicom_begins_frame(const char *code, size_t size);
 
-/* Compares the colours of the header with those of the code of a frame; see open_pixels(). */
+/* Compares the colours that the header names with the colours of a frame's code; see open_pixels().
+ */
 void dicom_check_colors(const std::vector<uint8_t> &code, dicom_image *image);
 
 /* The functions of struct dicom_bridge_functions that unpack pixels. */

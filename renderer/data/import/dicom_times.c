@@ -49,7 +49,7 @@ static void finish(struct times *t) {
     free(t->count);
 }
 
-/* A key whose values are those of the times: as many as the fullest place has slices. */
+/* A key gives the times if it has as many values as the fullest place has slices. */
 
 struct by_key {
     const struct dicom_slice *items;
@@ -153,7 +153,7 @@ static int64_t find_opened(const struct times *t, const struct dicom_source *sou
     return -1;
 }
 
-/* True if images remain, among them the one that was opened. */
+/* True if this rule leaves images, among them the image that was opened. */
 static bool try_rule(struct times *t, int64_t opened) {
     return count_full(t, t->rule == DROP_PLANES) > 0 &&
            (opened < 0 || is_complete(&t->slices->items[opened], t));

@@ -132,7 +132,7 @@ static void warn(struct import_warnings *warnings, const struct sp_elements *e, 
 /* Points without a size that are all at one place: their neighbours tell none. */
 static void warn_of_one_place(struct import_warnings *warnings, const struct sp_elements *points) {
     const float *first = points->positions[0];
-    uint32_t count = 0; /* those that are not finite come last */
+    uint32_t count = 0; /* positions that are not finite come last */
     for (; count < points->shape.count && isfinite(points->positions[count][0]) &&
            isfinite(points->positions[count][1]) && isfinite(points->positions[count][2]);
          count++)

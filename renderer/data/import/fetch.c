@@ -145,7 +145,7 @@ static bool follow(struct fetch *f, char address[SP_ADDRESS_BYTES * 4],
     return true;
 }
 
-/* What an error of the transfer means. */
+/* Explains an error of the transfer in the reply. */
 static void explain(const struct fetch *f, CURLcode code, struct remote_reply *reply) {
     char text[SP_ERROR_TEXT];
     const char *host = f->address.host, *detail = f->why[0] ? f->why : curl_easy_strerror(code);

@@ -7,7 +7,7 @@
  *   sub-folders ─► DICOM (dicom.c)
  *
  * Names that begin with a dot and files of no known format, such as a text beside images, are
- * passed over. What a file contains counts more than its name.
+ * passed over. The contents of a file count more than its name.
  */
 #include "data/import/folder.h"
 
@@ -126,7 +126,7 @@ static bool open_as_dicom(struct folder *f, struct import_header *header, struct
     return f->reader != NULL;
 }
 
-/* Opens a file, with those that are numbered like it. */
+/* Opens a file, together with the files that are numbered like it. */
 static bool open_as_file(struct folder *f, const struct import_file *folder, const char *name,
                          struct import_header *header, struct sp_error *err) {
     uint8_t start[IMPORT_START_BYTES];

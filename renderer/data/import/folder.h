@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The names in a folder, in the order of the numbers in them. Hidden names, those that begin with a
- * dot, are left out.
+ * The names in a folder, in the order of the numbers in them. Leaves out hidden names, which begin
+ * with a dot.
  */
 #ifndef SP_IMPORT_FOLDER_H
 #define SP_IMPORT_FOLDER_H

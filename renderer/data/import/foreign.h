@@ -15,7 +15,7 @@
 bool import_foreign_check(const uint8_t *start, size_t size, const char *title,
                           struct sp_error *err);
 
-/* Fails if the name is that of samples whose header is another file; else returns true. */
+/* Fails if a file with this name holds samples whose header is another file; else returns true. */
 bool import_foreign_check_name(const char *title, struct sp_error *err);
 
 #endif

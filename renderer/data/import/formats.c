@@ -44,7 +44,8 @@ const struct import_format *import_format_find(const uint8_t *start, size_t size
         import_fail(err, SP_ERR_FORMAT, title, 0, NULL, "the file is empty");
         return NULL;
     }
-    /* What a file has counts more than its name; but several formats may be packed with gzip. */
+    /* The contents of a file count more than its name; but files of several formats may be packed
+     * with gzip. */
     const bool is_gzip = size >= 2 && start[0] == 0x1f && start[1] == 0x8b;
     const struct import_format *found = find_format(start, size, "");
     if (!found && is_gzip)

@@ -64,8 +64,8 @@ static void warn_of_values(const struct arrays *a) {
                     unit);
 }
 
-/* The numbers of the axes are in the order of the labels: that of the dimensions, or for the order
- * of Fortran the reverse. */
+/* Places the grid. The numbers of the axes have the order of the labels: the order of the
+ * dimensions, or its reverse if dataOrder is Fortran's. */
 static void place_mesh(const struct arrays *a, struct import_header *header) {
     double spacing[IMPORT_RANK_MAX], offset[IMPORT_RANK_MAX] = { 0 };
     double position[IMPORT_RANK_MAX] = { 0 }, meters[IMPORT_RANK_MAX];

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The arrays of an HDF5 file: data sets, their other names, links, and the one that NeXus names.
+ * Lists the arrays of an HDF5 file: data sets, their other names, links, and the array that NeXus
+ * names.
  */
 #ifndef SP_IMPORT_HDF5_LIST_H
 #define SP_IMPORT_HDF5_LIST_H

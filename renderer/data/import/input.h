@@ -12,7 +12,7 @@ struct sp_import_input {
     int fds[2]; /* for sp_import_child_start(); −1 = not open */
     unsigned count;
     struct sp_import_child fetch;
-    char folder[PATH_MAX]; /* resolved: the folder itself, or that of the file */
+    char folder[PATH_MAX]; /* resolved: the folder itself, or the folder of the file */
 };
 
 /* Opens the file of a place, or starts splat-fetch, which lies beside the program `importer`, for

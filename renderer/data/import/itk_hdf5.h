@@ -11,7 +11,7 @@
 #define ITK_HDF5_VOXELS "/ITKImage/0/VoxelData"
 
 /* After arrays_choose(): names the dimensions, of which the last may have the components of each
- * voxel. Does nothing if the chosen array is not that of ITK. */
+ * voxel. Does nothing if ITK did not write the chosen array. */
 void itk_hdf5_name_dimensions(struct arrays *a);
 
 /* After arrays_fill_header(): spacing, origin, direction [mm, LPS] and the times. */

@@ -21,7 +21,7 @@
 #include "data/import/mesh_text.h"
 #include "data/import/module.h"
 
-enum { FILES_MAX = 32 }; /* the file itself and those that it names */
+enum { FILES_MAX = 32 }; /* the file itself and the files that it names */
 
 struct mesh {
     const struct import_file *file;

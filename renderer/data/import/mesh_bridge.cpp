@@ -61,7 +61,7 @@ class Stream : public Assimp::IOStream {
     size_t at_ = 0;
 };
 
-// The file itself, and those that mesh.c finds for it.
+// The file itself, and the files that mesh.c finds for it.
 class Files : public Assimp::IOSystem {
   public:
     Files(const mesh_bytes &own, std::string name, mesh_bridge_find *find, void *user)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A mesh while it is read, in as little memory as possible: vertices that are equal become one, and
- * those without a normal get the mean of the triangles around them.
+ * A mesh while it is read, in as little memory as possible: equal vertices become one, and a vertex
+ * without a normal gets the mean normal of the triangles around it.
  *
  *   init ─► vertex, triangle … ─► finish ─► arrays
  */

@@ -286,7 +286,8 @@ static bool parse_geometry(const struct parsing *p) {
     const char *unit = p->values[UNIT] ? p->values[UNIT] : "";
     snprintf(p->header->unit, sizeof p->header->unit, "%s",
              *unit && strcmp(unit, "?") != 0 ? unit : "mm");
-    /* The letters name the axes of the samples. The world of a patient is always that of DICOM. */
+    /* The letters name the axes of the samples. The world of a patient always has the axes of
+     * DICOM. */
     if (p->values[ANATOMY] && strlen(p->values[ANATOMY]) == 3 &&
         sp_anatomy_is_valid(p->values[ANATOMY]))
         import_header_set_anatomy(p->header, "LPS");
@@ -331,8 +332,8 @@ static bool find_number(const struct parsing *p, struct import_number *number) {
         value ? value : "");
 }
 
-/* MetaIO's long has 4 bytes. Programs that wrote that of their machine may have used 8, which the
- * size of a file tells. Of packed or text samples it does not. */
+/* MetaIO's long has 4 bytes. Programs that wrote the long of their machine may have used 8, which
+ * the size of the file tells unless the samples are packed or text. */
 static void widen_long(const struct parsing *p, uint64_t bytes) {
     const char *type = p->values[ELEMENT_TYPE];
     const struct import_samples *s = p->samples;

@@ -110,7 +110,8 @@ static bool probe(const uint8_t *start, size_t size, const char *title) {
 #define REFUSE(code, at, field, ...)                                                               \
     import_fail(p->err, code, p->file->title, at, field, __VA_ARGS__)
 
-/* The byte order is that of the machine stamp, or else the one in which the header makes sense. */
+/* Takes the byte order of the machine stamp, or else the other one if only that gives a valid
+ * header. */
 static bool detect_order(struct parsing *p) {
     for (int i = 0; i < 2; i++) {
         p->is_big = i == 0 ? p->bytes[MACHINE] == 0x11 : !p->is_big;
@@ -203,8 +204,8 @@ static int32_t flags_of(const struct parsing *p) {
     return whole_at(p, STAMP) == IMOD_STAMP ? whole_at(p, FLAGS) : 0;
 }
 
-/* The origin of IMOD is where the world begins, seen from the first sample: the negative of that of
- * MRC2014, unless a flag or the version says otherwise. */
+/* True if the origin is IMOD's, which is the negative of the origin of MRC2014: the place of the
+ * world's origin, seen from the first sample. A flag or the version may say otherwise. */
 static bool is_origin_of_imod(const struct parsing *p) {
     return whole_at(p, STAMP) == IMOD_STAMP && (flags_of(p) & ORIGIN_OF_MRC) == 0 &&
            whole_at(p, VERSION) < MRC_2014;

@@ -22,7 +22,7 @@ struct range {
     float low[3], high[3];
 };
 
-/* While a tree is built: the ranges of one level, and those of the next one. */
+/* While a tree is built: the ranges of one level and of the next one. */
 struct build {
     struct import_nearest_tree *tree;
     struct range ranges[2][1 << LEVELS];
@@ -310,7 +310,7 @@ static void add_candidates(struct group *g, size_t begin, size_t end) {
     }
 }
 
-/* Adds those of a range at the given squared distance. */
+/* Collects candidates from a range, whose box has the given squared distance. */
 static void collect(struct group *g, size_t node, size_t begin, size_t end, float square) {
     if (end - begin <= LEAF) {
         if (g->count <= NEAR)

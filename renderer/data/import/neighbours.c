@@ -31,7 +31,8 @@ struct sizes {
     double least;       /* spacing of points that have no neighbours */
     atomic_bool shares; /* some have a neighbour at their place */
     bool is_separate;   /* these have left the tree */
-    /* Points after those of the tree that are at the place of one of them. */
+    /* Points that lie at the place of a point of the tree; they come after all points of the tree.
+     */
     size_t twin_count;
     uint32_t *places; /* [twin_count] the point of the tree; owned */
     uint32_t *copies; /* [tree.count] points at its place besides; owned */

@@ -45,7 +45,8 @@ static bool add_variable(struct netcdf *c, int group, int id, const char *path) 
     return snprintf(v->name, sizeof v->name, "%s%.*s", path, NC_MAX_NAME, name) > 0;
 }
 
-/* Lists the variables of a group, then those of the groups in it. `path` ends with '/' or is "". */
+/* Lists the variables of a group, then the variables of the groups in it. `path` ends with '/' or
+ * is "". */
 static bool list_group(struct netcdf *c, int group, const char *path, unsigned depth) {
     int count = 0;
     char below[ARRAY_NAME_BYTES], name[NC_MAX_NAME + 1];

@@ -40,8 +40,8 @@ bool nifti_is_header(const uint8_t start[4]);
 bool nifti_header_read(const struct import_file *file, struct nifti_fields *fields,
                        struct sp_error *err);
 
-/* Places the grid, whose dims are known. The world is that of the scanner or of an atlas, with the
- * axes right, anterior and superior; or not known. Warns of what contradicts itself. */
+/* Places the grid, whose dims are known. The world belongs to the scanner or to an atlas, with the
+ * axes right, anterior and superior; or it is not known. Warns of what contradicts itself. */
 void nifti_place(const struct import_file *file, const struct nifti_fields *fields,
                  struct import_header *header);
 

@@ -294,8 +294,8 @@ static uint64_t chosen_of(const struct parsing *p, unsigned axis, unsigned compo
                                                           : 0;
 }
 
-/* Components of an axis before the spatial ones alternate in the file; those of a later axis follow
- * one another. */
+/* Components along an axis before the spatial axes alternate in the file; along a later axis they
+ * follow one another. */
 static bool choose_blocks(const struct parsing *p, unsigned component) {
     const struct nrrd_header *h = p->text;
     struct import_samples *s = p->samples;

@@ -15,7 +15,7 @@
 enum { NRRD_TEXT_MAX = 1 << 20, NRRD_VALUE_MAX = IMPORT_PATTERN_MAX }; /* bytes */
 enum { NRRD_AXES_MAX = 6, NRRD_SEGMENTS_MAX = 1024, NRRD_LAYERS_MAX = 64 };
 
-/* The order is that of the table in nrrd_header.c. */
+/* The table in nrrd_header.c has the same order. */
 enum nrrd_field {
     NRRD_TYPE,
     NRRD_DIMENSION,
@@ -61,8 +61,8 @@ enum nrrd_role { /* of an axis */
                  NRRD_SINGLE,    /* one sample, without a meaning */
 };
 
-/* Of a segmentation by 3D Slicer. Segments of one layer share its numbers; those of several layers
- * may overlap. */
+/* Of a segmentation by 3D Slicer. Segments of one layer share its numbers; segments of several
+ * layers may overlap. */
 struct nrrd_segments {
     bool are_there;
     const char *names[NRRD_SEGMENTS_MAX]; /* in the text of the header; NULL = none */

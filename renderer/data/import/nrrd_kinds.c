@@ -133,7 +133,7 @@ static bool is_first_apart(const struct nrrd_header *h) {
 }
 
 /* Of four axes without another role, the first one is time if it has no place in space, else the
- * last one. Of three, a short first one without a place is that of the components. */
+ * last one. Of three axes, a short first one without a place holds the components. */
 static void assign_time(const struct import_file *file, struct nrrd_header *h) {
     enum { COLORS_MAX = 4 };
     unsigned axis = 0, last = h->dimension - 1;
@@ -186,7 +186,7 @@ static void name_layers(struct nrrd_header *h) {
     h->names = h->segments.layer_list;
 }
 
-/* What an axis without a place in space means. */
+/* The meaning of an axis without a place in space. */
 static enum import_as as_of(enum nrrd_role role) {
     return role == NRRD_TIME        ? IMPORT_AS_TIME
            : role == NRRD_VECTOR    ? IMPORT_AS_VECTORS
@@ -202,7 +202,8 @@ static enum nrrd_role role_of(enum import_as as) {
                                      : NRRD_COMPONENT;
 }
 
-/* The source may say what such an axis is: that of the components, or else that of the steps. */
+/* Applies the choice of the source about an axis outside of space: the axis of the components or,
+ * without one, the axis of the steps. */
 static bool apply_choice(const struct import_file *file, struct nrrd_header *h,
                          struct sp_error *err) {
     struct import_header header = { .used_as = false };

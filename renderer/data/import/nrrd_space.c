@@ -12,7 +12,7 @@
 
 #define REFUSE(code, field, ...) NRRD_FAIL(err, code, file, h, field, __VA_ARGS__)
 
-/* True if the axis is one of the volume, not that of the components of vectors or of time steps. */
+/* True for an axis of the volume; false for the axes of components and of time steps. */
 static bool is_spatial(const struct nrrd_header *h, unsigned axis) {
     return axis >= h->first && axis < h->first + h->axes;
 }
@@ -85,7 +85,8 @@ static bool parse_vector(const char **text, unsigned count, double *out) {
     return true;
 }
 
-/* Of a space of four dimensions, the last one is that of the time or the components alone. */
+/* Splits a space of four dimensions: the last dimension belongs to the axis of time or of
+ * components alone. */
 static bool split_space(const struct import_file *file, struct nrrd_header *h,
                         struct sp_error *err) {
     for (unsigned axis = 0; h->space == 4 && axis < h->dimension; axis++) {

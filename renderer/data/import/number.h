@@ -12,7 +12,7 @@ enum { IMPORT_NUMBER_BYTES = 16 }; /* of the largest number */
 
 struct import_number import_number_of(enum sp_type type);
 
-/* What a format calls a number: its code, or its name. */
+/* The code or the name of a type of number in a format. */
 struct import_number_entry {
     const char *name;
     int code;

@@ -91,7 +91,7 @@ struct search {
     struct import_numbers *numbers;
     const char *name;
     bool has[IMPORT_NUMBER_OTHER + 1]; /* numbers that vary have this meaning */
-    bool is_fixed_slice;               /* a number that does not vary is that of a slice */
+    bool is_fixed_slice;               /* a number that does not vary counts slices */
     unsigned unknown;
     int alone; /* this number is different in all files; −1 = none is */
 };

@@ -15,7 +15,7 @@
 #include "data/import/numbered.h"
 
 /* A folder outside of the root is not listed; opening it says so. `name`: the part of the path
- * after the folder; NULL = the path is that of the folder. */
+ * after the folder; NULL = the path is a folder. */
 static bool may_list(const struct sp_import_place *p, const char *name) {
     char path[PATH_MAX], real[PATH_MAX];
     snprintf(path, sizeof path, "%.*s", name ? (int)(name - p->path) : (int)strlen(p->path),
@@ -94,7 +94,7 @@ static bool resolve_folder(struct sp_import_place *p, struct sp_error *err) {
     return true;
 }
 
-/* Replaces a path whose name has a '*' for each number by that of the first such file. */
+/* Replaces a path whose name has a '*' for each number by the path of the first such file. */
 static bool pick_numbered(struct sp_import_place *p, char *name, struct sp_error *err) {
     struct import_names files = { .count = 0 };
     char source[PATH_MAX];
@@ -152,7 +152,7 @@ static bool resolve_root(struct sp_import_place *p, struct sp_error *err) {
     if (root)
         return realpath(root, p->root) ||
                sp_fail(err, SP_ERR_IO, root, "cannot resolve this folder: %s", strerror(errno));
-    /* The folder, or that of the file, after links are resolved. */
+    /* The folder, or the folder of the file, after links are resolved. */
     if (!realpath(p->path, p->root)) {
         if (errno == ENOENT || errno == ENOTDIR)
             return sp_fail_missing(err, p->path);

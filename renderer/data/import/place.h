@@ -21,9 +21,9 @@ struct sp_import_place {
     bool is_folder;            /* `path` is a folder */
 };
 
-/* Fills in everything from `path`. Without `root`, it is the folder itself, or that of the
- * file; of an array in a Zarr hierarchy the folder of the outermost group. Fails for a folder of
- * chunks. */
+/* Fills in everything from `path`. Without `root`, the root is the folder itself, or the folder of
+ * the file; for an array in a Zarr hierarchy it is the folder of the outermost group. Fails for a
+ * folder of chunks. */
 bool sp_import_place_resolve(struct sp_import_place *place, const char *root, struct sp_error *err);
 
 #endif

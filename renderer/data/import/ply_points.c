@@ -25,7 +25,8 @@ static bool matches(const struct ply *ply) {
            ply_column(ply, vertex, "x") >= 0;
 }
 
-/* The largest whole number that a colour can have. Those of floating point tell by their values. */
+/* The largest whole number that a colour can have; 0 = its values decide, as those of floating
+ * point do. */
 static double color_most(const struct ply_property *color) {
     double low, high;
     if (!import_number_is_whole(color->number))

@@ -12,7 +12,7 @@ struct import_columns {
     int scalar;      /* -1 = none: 1 */
     int color[3];    /* red, green and blue; the first is -1 if they are not shown */
     int variance[6]; /* xx, xy, yy, xz, yz, zz; the first is -1 if the table does not have all */
-    int volume;      /* -1 = none: that of the cell of a grid with such a kernel */
+    int volume;      /* -1 = none: of the cell of a grid whose kernel has this variance */
     struct import_shift *shift; /* of the positions; NULL = none */
 };
 

@@ -97,7 +97,7 @@ static uint64_t plain_skip(const struct import_samples *s) {
     return is_packed || s->from_end ? 0 : s->skip_bytes;
 }
 
-/* Bytes that are decoded and dropped. Those of raw samples are skipped in the file. */
+/* Bytes that are decoded and dropped; 0 for raw samples, which are skipped in the file. */
 static uint64_t decoded_skip(const struct import_samples *s) {
     return s->encoding == IMPORT_RAW ? 0 : s->skip_bytes - plain_skip(s) + s->before_bytes;
 }

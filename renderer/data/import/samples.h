@@ -40,8 +40,8 @@ struct import_samples {
 void import_samples_finish(struct import_samples *samples);
 
 /* Restricts the samples to one of `blocks` equal blocks, such as time steps, that follow one
- * another in one file or in all files. Call it once, when the files are known and `bytes` is that
- * of one block. False if a file holds neither whole blocks nor a whole part of one. */
+ * another in one file or in all files. Call it once, when the files are known and `bytes` is the
+ * size of one block. False if a file holds neither whole blocks nor a whole part of one. */
 bool import_samples_choose_block(struct import_samples *samples, uint64_t blocks, uint64_t block);
 
 /* Adds a data file; false when out of memory. */

@@ -37,7 +37,7 @@ static inline float import_shift_put(struct import_shift *shift, int axis, doubl
 
 /* True if the positions must be read once more, with another offset: they were rounded, and the
  * steps of float32 there are not small against the distances of `count` elements. The positions lie
- * `stride` bytes apart; those that are not finite do not count. */
+ * `stride` bytes apart; positions that are not finite do not count. */
 bool import_shift_choose(struct import_shift *shift, const void *positions, size_t stride,
                          size_t count);
 

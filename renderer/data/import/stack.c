@@ -45,8 +45,8 @@ static bool is_slice_alone(const struct stack *s) {
     return s->file->selection.as == IMPORT_AS_SLICE;
 }
 
-/* Lists the numbered files. Theirs is the step and the meaning of the numbers, if some are those of
- * times or channels. */
+/* Lists the numbered files. Some numbers in the names may count times or channels: then they give
+ * the steps and their meaning. */
 static bool list_files(struct stack *s, struct sp_error *err) {
     const enum import_as as = s->file->selection.as;
     char pattern[NAME_MAX + 1];
@@ -114,7 +114,8 @@ static void describe(const struct import_header *header, char *out, size_t size)
              header->grid.spacing[1], header->unit[0] ? " " : "", header->unit);
 }
 
-/* A file beside the one that was asked for is damaged. */
+/* Adds to the error about another file of the stack how to open the requested file alone. Returns
+ * false. */
 static bool offer_slice(const struct stack *s, struct sp_error *err) {
     const size_t used = err ? strlen(err->text) : 0;
     if (err)
@@ -123,7 +124,7 @@ static bool offer_slice(const struct stack *s, struct sp_error *err) {
     return false;
 }
 
-/* Leaves out the files that differ from the one that was asked for, with a warning. */
+/* Keeps the files whose images are like the requested one; warns about the others. */
 static bool keep_alike(struct stack *s, struct sp_error *err) {
     struct slice slice;
     struct import_header header;
@@ -249,7 +250,7 @@ static bool choose_files(struct stack *s, struct import_header *header, struct s
     return ok;
 }
 
-/* Some names tell another meaning than that of slices. */
+/* Warns if the names suggest that the files are not slices. */
 static void warn_doubtful(const struct stack *s) {
     if (s->numbers.is_doubtful && !import_as_is_axis(s->file->selection.as))
         import_warn(s->file->warnings,

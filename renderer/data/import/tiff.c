@@ -274,7 +274,7 @@ static bool choose(struct tiff *t, struct import_header *header, struct sp_error
     return true;
 }
 
-/* Without a distance of slices, it is that of columns. */
+/* Sets the place of the grid. Without a distance of slices, they are as far apart as columns. */
 static void set_place(const struct tiff *t, struct import_header *header) {
     const struct tiff_planes *p = &t->planes;
     struct sp_grid *grid = &header->grid;
@@ -374,7 +374,7 @@ struct reading {
     size_t row_bytes;                    /* in the file */
     size_t row_numbers;                  /* per row of a plane */
     uint8_t *rows;                       /* owned: a band of rows as in the file */
-    void *numbers;                       /* owned: the numbers of a row; NULL = those of `rows` */
+    void *numbers;                       /* owned: the numbers of a row; NULL = in `rows` */
     char *out;                           /* the samples of a page */
     struct sp_error *err;
 };

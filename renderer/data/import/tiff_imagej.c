@@ -75,7 +75,7 @@ static bool find_unit(const struct imagej *j, const char *key, char out[SP_UNIT_
     return true;
 }
 
-/* The unit of y or z may be another than that of x. */
+/* Converts y or z, whose unit may differ from the unit of x. */
 static void convert_axis(const struct imagej *j, int axis, const char *key) {
     char own[SP_UNIT_BYTES];
     if (find_unit(j, key, own))

@@ -139,8 +139,8 @@ static void parse_pixels(struct ome *o, const char **list) {
         p->names = calloc(p->channels, sizeof *p->names);
 }
 
-/* The time of a step is that of its first plane, if the file gives no interval. Times that do not
- * rise, or that some steps lack, are dropped in finish(). */
+/* If the file gives no interval, a step has the time of its first plane. Times that do not rise, or
+ * that some steps lack, are dropped in finish(). */
 static void parse_plane(struct ome *o, const char **list) {
     struct tiff_planes *p = o->planes;
     const char *time = attribute(list, "DeltaT"), *unit = attribute(list, "DeltaTUnit");
@@ -158,7 +158,7 @@ static void parse_plane(struct ome *o, const char **list) {
     snprintf(p->time_unit, sizeof p->time_unit, "%.31s", unit ? unit : "s");
 }
 
-/* The height of a slice is that of its first plane. */
+/* A slice has the height of its first plane. */
 static void parse_height(struct ome *o, const char **list) {
     const struct tiff_planes *p = o->planes;
     const char *height = attribute(list, "PositionZ"), *unit = attribute(list, "PositionZUnit");
@@ -177,7 +177,7 @@ static void parse_height(struct ome *o, const char **list) {
 }
 
 /* Without PhysicalSizeZ, the heights of the slices give their distance, if they are even and have a
- * unit of length; that of "reference frame" is unknown. */
+ * unit of length; "reference frame" is none. */
 static void compute_distance(struct ome *o) {
     struct tiff_planes *p = o->planes;
     const struct sp_unit *unit = sp_unit_find(o->height_unit);

@@ -103,7 +103,7 @@ bool tiff_planes_choose(struct tiff_planes *p, const struct import_file *file, u
         return true;
     }
     if (as == IMPORT_AS_TIME && from != &p->steps)
-        forget_times(p); /* those of the other axis are none of this one */
+        forget_times(p); /* the times belong to the other axis */
     if (as == IMPORT_AS_RGB || from != &p->channels) {
         free(p->names);
         p->names = NULL;

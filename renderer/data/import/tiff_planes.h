@@ -49,8 +49,7 @@ bool tiff_planes_allocate(struct tiff_planes *planes, const struct import_file *
                           struct sp_error *err);
 void tiff_planes_finish(struct tiff_planes *planes);
 
-/* Fills the planes from the descriptions and tags of the file. `description` is that of the first
- * page. */
+/* Fills the planes from the descriptions and tags of the file. `description`: of the first page. */
 bool tiff_layout_parse(struct tiff_planes *planes, const struct tiff_file *tiff,
                        const char *description, struct sp_error *err);
 
@@ -59,7 +58,7 @@ bool tiff_layout_parse(struct tiff_planes *planes, const struct tiff_file *tiff,
 void tiff_layout_place(struct tiff_planes *planes, const struct tiff_file *tiff,
                        const char *description);
 
-/* Converts the spacing along an axis from `unit` to that of the planes. Warns if it cannot, and
+/* Converts the spacing along an axis from `unit` to the unit of the planes. Warns if it cannot, and
  * keeps the number. */
 void tiff_planes_convert(struct tiff_planes *planes, const struct import_file *file, int axis,
                          const char *unit);

@@ -29,7 +29,7 @@ enum vtk_cell_kind { VTK_VERTS, VTK_LINES, VTK_POLYS, VTK_STRIPS, VTK_CELL_KINDS
 
 struct vtk_cells {
     uint64_t count;          /* 0 = none */
-    struct vtk_array points; /* of all cells, one after another; count 0 = that of the last end */
+    struct vtk_array points; /* of all cells, one after another; count 0 = the last end */
     struct vtk_array ends;   /* where each cell ends; without a type: each begins with its count */
     bool starts_at_0;        /* the first end is preceded by a 0, where the first cell begins */
     uint64_t at;             /* byte of the file, for errors; 0 = not seen */
@@ -39,7 +39,7 @@ struct vtk_mesh {
     struct import_mesh_parts parts; /* owned */
 };
 
-/* What an array belongs to. */
+/* The part of the data set that an array belongs to. */
 enum vtk_home {
     VTK_OF_POINTS,
     VTK_OF_CELLS,

@@ -89,8 +89,9 @@ static bool is_wanted(const struct names *n, const struct vtk_entry *e) {
     return is_vectors(e) && strcmp(name, file->vectors) == 0;
 }
 
-/* Points or cells: those that have what the source names, and otherwise points, if they have
- * anything. Names of cells may be given without their ending if points have no such array. */
+/* Chooses points or cells: whichever has the field that the source names, and otherwise points, if
+ * they have any field. Names of cells may be given without their ending if points have no such
+ * array. */
 static enum vtk_home choose_home(struct names *n) {
     const struct vtk_volume *v = n->v;
     const bool is_named = *v->file->field || *v->file->vectors;
@@ -123,7 +124,7 @@ static unsigned rank_samples(const struct names *n, const struct vtk_entry *e,
     return e->components == 1 ? (is_usual ? 4 : e->role == VTK_IDS ? 2 : 3) : is_vectors(e) ? 0 : 1;
 }
 
-/* The same for vectors: best are those that the source names, or that give the field. */
+/* The same for vectors: the best are named by the source, or the field is computed from them. */
 static unsigned rank_vectors(const struct names *n, const struct vtk_entry *e) {
     const struct import_file *file = n->v->file;
     char name[SP_FIELD_BYTES];

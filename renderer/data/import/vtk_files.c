@@ -53,7 +53,7 @@ static bool read_block(struct vtk_volume *v, const struct vtk_xml_names *names,
     return ok;
 }
 
-/* Reads the file, and those that it names. */
+/* Reads the file, and the files that it names. */
 static bool parse(struct vtk_volume *v, struct sp_error *err) {
     struct vtk_xml_names names = { .is_parallel = false };
     bool ok = vtk_xml_read(v, 0, &names, err);

@@ -355,7 +355,7 @@ static bool read_range(struct reading *r, struct zarr_chunks *chunks, const uint
     return true;
 }
 
-/* Shard by shard, because the index of a shard is read whole and only that of the last one is kept.
+/* Reads shard by shard, because the index of a shard is read whole and only the last index is kept.
  * Without shards, each chunk counts as one. */
 static bool read_chunks(struct reading *r, struct zarr_chunks *chunks,
                         const struct import_progress *progress, struct sp_error *err) {

@@ -43,8 +43,8 @@ static bool reserve(struct zarr_chunks *c, int buffer, size_t size, const char *
                                            "out of memory for a chunk of %zu bytes", size);
 }
 
-/* What a packed chunk may have: codecs enlarge little what they cannot pack, and filters may make
- * numbers of larger types. */
+/* The largest number of bytes of a packed chunk: codecs enlarge little what they cannot pack, and
+ * filters may make numbers of larger types. */
 static size_t packed_max(const struct zarr_array *a) {
     size_t most = a->number.size;
     for (unsigned i = 0; i < a->codec_count; i++)
@@ -188,7 +188,7 @@ static bool unpack(struct zarr_chunks *c, const struct zarr_step *step, size_t c
 
 /* Numbers. */
 
-/* Copies numbers from their order in a chunk to the one of the dimensions. */
+/* Copies numbers from their order in a chunk to the order of the dimensions. */
 static void arrange(const struct zarr_array *a, const char *from, char *out) {
     const size_t size = a->number.size;
     size_t strides[ZARR_RANK_MAX], step = size;

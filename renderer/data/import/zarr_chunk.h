@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Reads one chunk of a Zarr array: key ─► object, or part of a shard ─► unpacked ─► numbers. Memory
- * is that of one chunk, unpacked and packed.
+ * Reads one chunk of a Zarr array: key ─► object, or part of a shard ─► unpacked ─► numbers. Needs
+ * memory for one chunk, unpacked and packed.
  */
 #ifndef SP_IMPORT_ZARR_CHUNK_H
 #define SP_IMPORT_ZARR_CHUNK_H

@@ -70,7 +70,7 @@ static bool visit(void *to, const char *name) {
     return v->fields->has_memory && v->fields->count < FIELDS_MAX;
 }
 
-/* Arrays of a group come before those of the groups in it. */
+/* Arrays of a group come before the arrays of the groups in it. */
 static int by_name(const void *a, const void *b) {
     const char *const one = (*(struct field *const *)a)->name;
     const char *const two = (*(struct field *const *)b)->name;
@@ -216,8 +216,8 @@ static bool number_of(const json_t *json, double *value) {
            (text && (zarr_special_number(text, value) || from_base64(text, value)));
 }
 
-/* xarray stores the _FillValue of v2 as that of the array. Other writers of v2 set 0 there, which
- * is a sample unless the numbers are packed. */
+/* xarray stores _FillValue in Zarr v2 as the fill value of the array. Other writers of v2 set 0
+ * there, which is a sample unless the numbers are packed. */
 static const json_t *fill_of(const struct zarr_fields *f, unsigned n) {
     const struct field *field = f->fields[n];
     const bool is_packed = json_object_get(field->attributes, "scale_factor") ||

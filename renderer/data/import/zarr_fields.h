@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The arrays of a Zarr hierarchy without OME metadata, as array_reader.h sees those of other files:
- * those of a group and of the groups in it, or one array alone. xarray writes the conventions of CF
- * into their attributes.
+ * The arrays of a Zarr hierarchy without OME metadata, as array_reader.h sees the arrays of other
+ * files: all arrays of a group and of the groups in it, or one array alone. xarray writes the
+ * conventions of CF into their attributes.
  */
 #ifndef SP_IMPORT_ZARR_FIELDS_H
 #define SP_IMPORT_ZARR_FIELDS_H

@@ -13,7 +13,7 @@
 /* What one multiscale image says about its axes. */
 struct axes {
     unsigned rank;
-    double factor[ZARR_RANK_MAX]; /* of the unit of each axis, to that of x */
+    double factor[ZARR_RANK_MAX]; /* from the unit of each axis to the unit of x */
 };
 
 static const char *text_of(const json_t *object, const char *key) {
@@ -23,7 +23,7 @@ static const char *text_of(const json_t *object, const char *key) {
 
 /* Units. */
 
-/* The unit of x is that of the image; other axes are converted to it. */
+/* The image has the unit of x; other axes are converted to it. */
 static void set_units(struct zarr_image *image, struct axes *axes,
                       const char *const names[ZARR_RANK_MAX]) {
     const struct sp_unit *of_x =
@@ -375,7 +375,7 @@ bool zarr_image_choose(struct zarr_image *image, const struct import_file *file,
                        import_as_name(file->selection.as), ZARR_CHANNELS_MAX);
     image->channels = (uint32_t)count;
     image->steps = image->axes.time < 0 ? 1 : shape[image->axes.time];
-    image->interval = 0; /* that of the other axis is none of this one */
+    image->interval = 0; /* the interval belongs to the other axis */
     image->name_count = 0;
     if (!reserve_names(image, image->channels))
         return sp_fail(err, SP_ERR_MEMORY, file->title, "out of memory for channels");

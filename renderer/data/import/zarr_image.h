@@ -31,7 +31,7 @@ struct zarr_image {
     char anatomy[4];               /* where x, y and z point to, in any handedness; "" = unknown */
     char (*names)[SP_FIELD_BYTES]; /* owned: of the channels; "" = none */
     unsigned name_count;           /* of channels */
-    bool are_labels;               /* the numbers are those of objects */
+    bool are_labels;               /* the numbers name objects */
     bool is_plain;                 /* there is no metadata of OME: nothing else is set */
 };
 
