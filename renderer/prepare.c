@@ -86,7 +86,7 @@ static struct sp_volume *prepare_volume(struct sp_renderer_frame *f, struct sp_v
     return edited;
 }
 
-/* Decides what the view of the frame leaves open; `view` is the one that the caller gave. */
+/* Completes the view of the frame, where the caller's `view` leaves a choice open. */
 static void complete_view(const struct sp_renderer *r, struct sp_renderer_frame *f,
                           const struct sp_view *view) {
     const bool has_blocks = sp_volume_blocks(f->job.volume) != NULL;

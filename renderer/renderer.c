@@ -122,7 +122,7 @@ struct composing {
     const struct sp_renderer_frame *whole;
 };
 
-/* Adds the statistics of a part to those of the whole frame. */
+/* Adds the statistics of a part to the statistics of the whole frame. */
 static void add_stats(struct sp_frame_stats *to, const struct sp_frame_stats *part) {
     const struct sp_frame_stats sum = *to;
     *to = *part;

@@ -304,7 +304,8 @@ static bool check_channel(const struct sp_layer *layer, const char *place, struc
            check_points(layer->points, layer->point_count, place, err);
 }
 
-/* Each channel shows another volume, and parts of one volume are not those of the others. */
+/* Channels must show different volumes. With channels no part may be cut away, because the volumes
+ * have different parts. */
 static bool check_channels(const struct sp_view *view, struct sp_error *err) {
     char place[32];
     for (uint32_t i = 0; i < view->layer_count; i++)
@@ -517,7 +518,7 @@ bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
            check_choice(view->level_of_detail, SP_LOD_OFF, "/quality/level_of_detail", err);
 }
 
-/* What a layer needs that the volume lacks; NULL = nothing. */
+/* Finds what the volume lacks and the layer needs; NULL = nothing. */
 static const char *find_missing(const struct sp_layer *layer, const struct sp_volume_info *info) {
     const bool is_grid = info->elements.kind == SP_KIND_GRID;
     switch (layer->type) {

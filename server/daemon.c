@@ -53,7 +53,7 @@ struct srv_daemon {
     struct srv_work_queue *disk;
     struct srv_work_queue *measuring; /* parts of volumes */
     struct srv_work_queue *sampling;  /* slices, regions, profiles and markers */
-    struct srv_work_queue *picking;   /* what an image shows at a point */
+    struct srv_work_queue *picking;   /* picks: the object at a point of an image */
     struct srv_work_queue *listing;   /* series of folders */
     struct srv_work_queue *searching; /* the data folder */
     struct srv_uploads *uploads;      /* NULL = --upload-bytes is 0 */

@@ -123,7 +123,7 @@ static double bisect(const double c[4], double low, double high) {
     return 0.5 * (low + high);
 }
 
-/* Adds a crossing behind those that are not farther away. */
+/* Adds a crossing behind all crossings that are not farther away. */
 static void add(struct sp_crossings *self, double t, const struct sp_layer *layer) {
     uint32_t at = self->count++;
     for (; at > 0 && self->found[at - 1].t > t; at--)

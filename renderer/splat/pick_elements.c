@@ -105,7 +105,7 @@ static void compute_footprint(const struct picking *p, uint32_t i, double size, 
 /* True if the kernel of an element may reach the ray within `cutoff` standard deviations. */
 static bool is_near(const struct picking *p, uint32_t i, double size, double lowpass,
                     double cutoff) {
-    const double slack = 2; /* the footprint is that of the centre, not of the ray */
+    const double slack = 2; /* the footprint belongs to the centre, not to the ray */
     const float *e = p->elements->factors[i], *at = p->elements->positions[i];
     const double position[3] = { (double)at[0], (double)at[1], (double)at[2] };
     const struct sp_vec3 away = sp_vec3_sub(sp_vec3_from(position), p->from);
@@ -129,7 +129,7 @@ static bool add_at(const struct picking *p, double u2, double depth, double valu
     return add_event(p->events, t, depth, value);
 }
 
-/* The optical depth of a point is that of its volume, spread by the footprint (splat/ewa.h). */
+/* A point has the optical depth of its volume, spread by the footprint (splat/ewa.h). */
 static bool pick_points(const struct picking *p) {
     const struct sp_filter *filter = &p->input->view->filter;
     const struct sp_transfer_function *tf = &p->input->view->transfer_function;

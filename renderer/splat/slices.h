@@ -30,8 +30,8 @@ void sp_slices_sort(const struct sp_camera_transform *camera, const struct sp_gr
 
 /* Returns the layer, counted front to back, of slice `slice` of a mip level. A slice of a coarser
  * level has the layer of the slice of the finest level that contains its centre; if the centre lies
- * between two slices, the one with the larger index. layers[count]: layer by slice of the finest
- * level. */
+ * between two slices, of the slice with the larger index. layers[count]: layer by slice of the
+ * finest level. */
 static inline uint32_t sp_slices_layer(const uint32_t *layers, uint32_t count, unsigned level,
                                        uint32_t slice) {
     uint64_t centre = ((uint64_t)slice << level) + (level ? UINT64_C(1) << (level - 1) : 0);

@@ -62,8 +62,8 @@ static const struct entry *find_name(const struct srv_tokens *tokens, const char
     return NULL;
 }
 
-/* Returns a reference to the counters of this name: those of the current list, or new ones. The
- * caller holds the mutex. */
+/* Returns a reference to the counters of this name: the counters of the current list, or new ones.
+ * The caller holds the mutex. */
 static struct srv_token_use *use_of(struct srv_tokens *tokens, const char *name) {
     const struct entry *found = find_name(tokens, name);
     struct srv_token_use *use = found ? found->use : calloc(1, sizeof *use);

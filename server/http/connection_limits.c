@@ -44,7 +44,7 @@ int64_t srv_descriptors_fit(const struct srv_config *config) {
 
 /* Rate per host. */
 
-/* Returns the entry of the host, or the entry to replace: the one whose quota is full soonest. */
+/* Returns the entry of the host, or the entry to replace: its quota is full before all others. */
 static size_t find_host(const struct srv_host_rate *rate, const struct sockaddr *host) {
     size_t least = 0;
     for (size_t i = 0; i < SRV_RATE_HOSTS; i++) {

@@ -20,7 +20,7 @@ bool srv_cors_allows(const char *list, const char *origin);
 
 /* True if a page of `origin` may open a stream on `host`, the Host header. Without an Origin header
  * the client is not a browser, and may. Otherwise the scheme must be http or https, and host and
- * port must be equal; the default port is that of the scheme. */
+ * port must be equal; a missing port is the default of the scheme. */
 bool srv_cors_is_same_origin(const char *origin, const char *host);
 
 #endif

@@ -66,7 +66,7 @@ struct srv_request {
  * (RFC 9110, 5.3). The text lives as long as the request. */
 const char *srv_request_header(const struct srv_request *request, const char *name);
 const char *srv_request_query(const struct srv_request *request, const char *key);
-/* Returns the bearer token, or else that of ?token=; NULL = none. */
+/* Returns the bearer token, or else the token of ?token=; NULL = none. */
 const char *srv_request_token(const struct srv_request *request);
 
 /* Writes the name and the quota of the token; without a token the name is empty. */

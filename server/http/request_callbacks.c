@@ -142,7 +142,7 @@ static enum MHD_Result on_headers(struct srv_request *request, const char *versi
     return MHD_YES;
 }
 
-/* Stores the bytes. Discards those of a refused body and those past body_max. */
+/* Stores the bytes. Discards the bytes of a refused body, and bytes past body_max. */
 static enum MHD_Result on_body(struct srv_request *request, const char *bytes, size_t *size) {
     size_t limit = (size_t)request->app->config->body_size, take = *size;
     if (request->upload_body && !request->is_refused) {

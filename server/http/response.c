@@ -41,7 +41,7 @@ void srv_cors_reply_preflight(struct srv_reply *reply, unsigned allowed) {
     srv_reply_header(reply, "Access-Control-Max-Age", "600");
 }
 
-/* Replaces the body by a compressed one. False if it stays as it is. */
+/* Replaces the body by a compressed one. False if the body does not change. */
 static bool compress(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
     const char *accepted = srv_request_header(request, "Accept-Encoding");

@@ -129,7 +129,7 @@ static void run_measure(struct srv_work *work) {
     srv_request_complete(request);
 }
 
-/* A use of the time step that a session shows, or of the one that the volume was opened with. */
+/* Acquires the time step that a session shows, or else the step that the volume was opened with. */
 static struct srv_volume *acquire(struct srv_catalog *catalog, const char *id,
                                   const proto_json *session_view, struct sp_error *err) {
     struct srv_volume *volume = srv_catalog_acquire(catalog, id, err);

@@ -124,7 +124,7 @@ struct render { /* one suspended request */
     enum sp_image_format format;
     char etag[ETAG_BYTES];
     const char *caching; /* constant */
-    bool is_kept;        /* the view is a saved one, or that of a session */
+    bool is_kept;        /* the view is a saved view, or the view of a session */
 };
 
 /* Answers the error of a view. A request for a view that the daemon keeps does not name its
@@ -174,7 +174,7 @@ static void reply_image(struct srv_request *request, const struct srv_snapshot_r
     srv_reply_chunked_body(request, &request->reply, result->size, &body);
 }
 
-/* Tells what an image shows of a volume that is larger than memory; 0 of others. */
+/* Sets the headers about the bricks that an image shows; they are 0 if the volume is in memory. */
 static void set_bricks(struct srv_reply *reply, const struct sp_frame_bricks *bricks) {
     const bool is_complete = sp_frame_bricks_is_complete(bricks);
     srv_reply_header(reply, "X-Complete", "%s", is_complete ? "true" : "false");

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The volumes that the view of a session names: the one that it shows, and those of its layers.
- * So a client that has nothing but a join token knows what the host knows of them, and nothing of
- * other volumes.
+ * The volumes that the view of a session names: the volume that it shows, and the volumes of its
+ * layers. So a client that has nothing but a join token knows what the host knows of them, and
+ * nothing of other volumes.
  */
 #include <stdio.h>
 #include <string.h>

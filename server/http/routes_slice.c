@@ -27,7 +27,7 @@ struct slice_request {
     struct sp_slice slice;
     struct sp_volume_info info; /* of the volume, as of the level */
     struct sp_volume *volume;   /* borrowed */
-    struct sp_volume *samples;  /* of it, those of the slice; a reference */
+    struct sp_volume *samples;  /* the part of `volume` that the slice needs; a reference */
     unsigned level, got;        /* asked for; of the samples */
     const char *id;             /* of the volume; it needs no escapes, see srv_source_is_id() */
     const proto_json *session;  /* the view of the session; NULL = the volume's default view */
@@ -147,7 +147,8 @@ static bool write_image(const struct slice_request *wanted, struct srv_reply *re
     return ok;
 }
 
-/* Finds the slice, of the volume's own samples or of those of the level that it asks for. */
+/* Resolves the slice in the volume's own samples, or in the samples of the level that it asks for.
+ */
 static bool resolve(struct slice_request *wanted, struct sp_volume_info *info,
                     struct sp_error *err) {
     const struct srv_slice_query *query = &wanted->query;

@@ -12,8 +12,8 @@ enum srv_slice_format { SRV_SLICE_PNG, SRV_SLICE_JPEG, SRV_SLICE_RAW };
 struct srv_slice_query {
     bool is_oblique;
     bool has_level;
-    uint32_t level; /* whose samples an orthogonal slice has; not has_level: those of the volume */
-    uint32_t axis, index;        /* orthogonal */
+    uint32_t level;       /* of an orthogonal slice's samples; without has_level: of the volume's */
+    uint32_t axis, index; /* orthogonal */
     struct sp_slice_plane plane; /* oblique */
     double window[2];            /* centre, width > 0; {0, 0} = the volume's */
     enum srv_slice_format format;

@@ -69,7 +69,7 @@ static void shake(struct srv_tls *tls, struct srv_tls_connection *c, double now_
     }
 }
 
-/* True if the first byte is that of an HTTP request line. Checked once, before the handshake. */
+/* True if an HTTP request line begins with the first byte. Checked once, before the handshake. */
 static bool is_plain_http(const struct srv_tls_connection *c) {
     uint8_t first = 0;
     return recv(c->sides[SRV_TLS_CLIENT].fd, &first, 1, MSG_PEEK) == 1 && first >= 'A' &&
@@ -108,7 +108,7 @@ static void on_event(struct srv_tls *tls, struct srv_tls_connection *c, double n
 
 /* The list. */
 
-/* Frees dead connections, and those that the relay has finished. */
+/* Frees dead connections, and connections that the relay has finished. */
 static void reap(struct srv_tls *tls) {
     for (struct srv_tls_connection **link = &tls->list; *link;) {
         struct srv_tls_connection *c = *link;

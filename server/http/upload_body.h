@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The body of PATCH /uploads/{id}: it goes to the disk in blocks, and its size has no limit but
- * that of the upload.
+ * The body of PATCH /uploads/{id}: it goes to the disk in blocks, and only the size of the upload
+ * limits it.
  *
  *   HTTP thread: bytes ─► block ──full: suspend──► disk thread: checksum, write ──resume──► …
  *
@@ -19,7 +19,7 @@ struct srv_upload_body;
 bool srv_upload_body_is_for(const struct srv_route *route);
 /* Checks the headers and begins to write. False: the reply is a problem document. */
 bool srv_upload_body_open(struct srv_request *request);
-/* Takes bytes; *size becomes the number of those that are left for the next call. May suspend the
+/* Takes bytes; *size becomes the number of bytes that are left for the next call. May suspend the
  * request. */
 void srv_upload_body_append(struct srv_request *request, const char *bytes, size_t *size);
 /* The request ends, before or after its answer. Accepts a request without such a body. */

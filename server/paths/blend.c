@@ -352,7 +352,7 @@ static void mix_elements(const struct sp_layer *a, const struct sp_layer *b, dou
     srv_blend_transform(a->transform, b->transform, u, out->transform);
 }
 
-/* Points are mixed one by one if both channels have the same number of them; else they are those of
+/* Points are mixed one by one if both channels have the same number of them; else they come from
  * `a`. */
 static void mix_channel(const struct sp_layer *a, const struct sp_layer *b, double u,
                         struct sp_layer *out) {

@@ -328,7 +328,8 @@ static bool encode_frame(struct drawing *d, const struct sp_frame *frame, struct
     return ok;
 }
 
-/* The same with the memory of an image's encoder; that of a movie has its own. */
+/* Encodes a frame with memory for the encoder of an image; the encoder of a movie already has its
+ * own. */
 static bool write_frame(struct drawing *d, const struct sp_frame *frame, struct sp_error *err) {
     const struct srv_path_output *output = &d->path->output;
     const uint32_t size[2] = { frame->width, frame->height };

@@ -43,8 +43,8 @@ bool srv_folder_publish(const struct srv_folder *folder, const char *id, const c
                         const char *name, struct sp_error *err);
 /* Opens a file for reading; the caller closes the descriptor. −1: SP_ERR_NOT_FOUND, SP_ERR_BUDGET
  * (too many open files, or the disk cannot be read), SP_ERR_IO: it is damaged; its seal is missing
- * or tells another size. *size is that of the bytes before the seal. `must_have_seal` false: files
- * of earlier versions have none. */
+ * or tells another size. *size counts the bytes before the seal. `must_have_seal` false: files of
+ * earlier versions have none. */
 int srv_folder_open_file(const struct srv_folder *folder, const char *id, const char *name,
                          bool must_have_seal, uint64_t *size, struct sp_error *err);
 /* Reads the size of a file with its seal. False: there is no such file. */

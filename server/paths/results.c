@@ -8,7 +8,7 @@
 #include "paths/paths_private.h"
 #include "sp/log.h"
 
-/* Copies what a request for results needs. */
+/* Copies the state of the path for a request for results. */
 static bool look_up(struct srv_paths *paths, const char *id, struct srv_path *copy,
                     struct sp_error *err) {
     pthread_mutex_lock(&paths->mutex);

@@ -164,7 +164,8 @@ static void add_state(const char *name, const struct stat *st, uint64_t state[2]
     state[1] += one.low;
 }
 
-/* The state of a file; of a folder, and of a pattern of names, that of all files in it. */
+/* Reads the state of a file; for a folder, or a pattern of names, the state of all files in the
+ * folder. */
 static void read_state(const char *source, uint64_t state[2]) {
     char path[PATH_MAX];
     struct stat st;

@@ -6,7 +6,7 @@
  * its folder, so that a source is converted again after a change.
  *
  * --cache-size limits the size of all files together. When they exceed it, the least recently used
- * ones are removed, except those that a daemon has open, which their locks tell (bricks/store.h).
+ * files are removed. Files that a daemon has open stay: their locks tell (bricks/store.h).
  */
 #ifndef SRV_RENDER_BRICK_CACHE_H
 #define SRV_RENDER_BRICK_CACHE_H

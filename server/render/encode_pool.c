@@ -12,12 +12,12 @@
 
 enum {
     WAITING_MAX = 2, /* frames of one worker that wait before it begins no other */
-    /* Each worker may have WAITING_MAX frames in the queue, those that it has begun by then, and
-     * the session frames that are slow to encode. */
+    /* Each worker may have WAITING_MAX frames in the queue. Frames that it had begun by then, and
+     * the session frames that are slow to encode, come on top. */
     QUEUE_MAX = SRV_WORKERS * WAITING_MAX + SP_IN_FLIGHT_MAX + SRV_SLOW_ENCODE_JOBS
 };
 
-/* An image that is encoded in stripes, by its own thread and by those that help it. */
+/* An image that its own thread and helping threads encode in stripes. */
 struct striped_image {
     unsigned count, taken, finished; /* stripes */
     sp_stripe_fn *encode_stripe;

@@ -219,7 +219,7 @@ static const char *find_line(const char *text, const char *key) {
     return NULL;
 }
 
-/* The C names of types, as NRRD and VTK use them, with those of the protocol. */
+/* The C names of types, as NRRD and VTK use them, with the names of the protocol. */
 static const struct {
     const char *word, *type;
 } types[] = {
@@ -252,7 +252,7 @@ static uint32_t number_at(const char *bytes) {
     return le32toh(number);
 }
 
-/* The places are those of renderer/data/bricks/format.c. */
+/* renderer/data/bricks/format.c has the same places. */
 static void look_at_bricks(const char *text, size_t size, struct srv_format_peek *peek) {
     enum { VERSION_AT = 8, TYPE_AT = 20, DIMS_AT = 28, END = DIMS_AT + 12 };
     if (size < END || memcmp(text, "SPBRICK\n", VERSION_AT) != 0 ||

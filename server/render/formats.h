@@ -19,14 +19,14 @@ const char *srv_format_of(const char *name);
  * folder is meant. A constant, so it is safe as a part of a path. */
 const char *srv_format_extension(const char *name);
 /* True for a format, as srv_format_of() names it, whose numbered files are the steps of a time
- * series; those of others are the slices of one volume. */
+ * series. In other formats numbered files are the slices of one volume. */
 bool srv_format_has_steps(const char *format);
 enum { SRV_FORMAT_LIST = 768 };
 /* True if a name has no extension, or one without letters: so do many DICOM files, "IM0001" or
  * "1.2.840.113619.2". Their first bytes tell. */
 bool srv_format_has_no_extension(const char *name);
 enum { SRV_FORMAT_DICOM = 132 }; /* bytes for the next function */
-/* True if these first bytes of a file are those of DICOM, with a preamble. */
+/* True if a file that begins with these bytes is DICOM with a preamble. */
 bool srv_format_is_dicom(const char *bytes, size_t size);
 /* Writes the extensions of all files for a person: ".nrrd, .nhdr, … or .glb". */
 void srv_format_list(char list[SRV_FORMAT_LIST]);

@@ -6,7 +6,7 @@
  *   interactive worker  ██████████ · ██████ · ████████████    a frame of 300 ms
  *   preemption worker             █        █                  frames of 5 ms, 30 per second
  *
- * Only frames of the CPU backend can be paused (sp_renderer_info.can_pause); those of a GPU are
+ * Only frames of the CPU backend can be paused (sp_renderer_info.can_pause); frames of a GPU are
  * short. The worker's renderer is created for its first frame. It caches data of the volume on its
  * own, beside what the interactive worker's renderer caches.
  */

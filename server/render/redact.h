@@ -9,7 +9,7 @@
 #include <stddef.h>
 
 /* Removes a folder from a text: "FOLDER/a" becomes "a", and FOLDER alone becomes `as`. A name that
- * merely begins with FOLDER stays as it is. The result is cut to `size` bytes. folder NULL or "/":
+ * merely begins with FOLDER does not change. The result is cut to `size` bytes. folder NULL or "/":
  * copies the text. */
 void srv_redact_folder(const char *folder, const char *as, const char *text, char *out,
                        size_t size);

@@ -363,7 +363,7 @@ static void append(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *
         cancel_if_it_yields(queue);
 }
 
-/* Replaces the use of the volume by that of the view's time step; NULL when out of memory. */
+/* Acquires the view's time step in place of the volume that was opened; NULL when out of memory. */
 static void *acquire_step(struct srv_catalog *catalog, const struct srv_snapshot *snapshot) {
     struct srv_volume *step = srv_catalog_step(catalog, snapshot->volume, snapshot->view.time.step);
     srv_catalog_release(catalog, snapshot->volume);

@@ -83,7 +83,7 @@ static char *resolve_series(const char *path, const char *pointer, const char *d
     return key;
 }
 
-/* Resolves a path whose name may have a '*': that of a file of this very name, or else a series. */
+/* Resolves a path whose name may have a '*': to a file with this very name, or else to a series. */
 static char *resolve_name(const char *path, const char *pointer, const char *data,
                           struct sp_error *err) {
     const char *slash = strrchr(path, '/');

@@ -116,7 +116,7 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     return demand;
 }
 
-/* What a participant wants now. */
+/* The frame that a participant requests now. */
 static struct srv_frame_request request_of(const struct srv_schedule *schedule,
                                            const struct srv_session *s,
                                            const struct srv_participant *p, double now_ms) {
@@ -196,7 +196,8 @@ static bool gets_frames(const struct srv_session *s, double now_ms) {
     return plan->jobs > 0 || plan->wants_frame || gets_moving_frames(s, now_ms);
 }
 
-/* Counts the sessions that get frames now, and those of each owner (struct srv_schedule). */
+/* Counts the sessions that get frames now, their owners, and the sessions of each owner (struct
+ * srv_schedule). */
 static void count_owners(struct srv_schedule *schedule, double now_ms) {
     schedule->sharing = 0;
     schedule->owners = 0;
@@ -265,8 +266,8 @@ static bool may_preempt(const struct srv_schedule *schedule, const struct srv_ch
                                running->drawn_ms);
 }
 
-/* Chooses the participant of a session; of those that may preempt `running`, if that is not NULL.
- * When all are idle the session's clock moves on to the last end. */
+/* Chooses the participant of a session. If `running` is not NULL, only among participants that may
+ * preempt it. When all are idle the session's clock moves on to the last end. */
 static bool choose_participant(struct srv_schedule *schedule, struct srv_session *s, double now_ms,
                                const struct srv_running_job *running, struct srv_choice *choice,
                                struct srv_candidate *candidate, double *wait_ms) {

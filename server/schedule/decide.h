@@ -92,7 +92,7 @@ struct srv_decision {
 /* Returns the session to draw next. Only candidates of the highest rank count; first frames do not
  * move the clock past the others. A session is
  * eligible if its virtual start is not later than the mean. The eligible session with the earliest
- * deadline is next; for refinements, the one with the smallest virtual start. */
+ * deadline is next; for refinements, the session with the smallest virtual start. */
 struct srv_decision srv_decide_session(const struct srv_candidate *candidates, int count,
                                        double clock_ms);
 
@@ -112,8 +112,8 @@ double srv_decide_quiet_ms(bool has_motion, double last_motion_ms, double now_ms
  * was drawn. A job that takes longer than expected counts as half done. */
 bool srv_decide_is_short(double expected_ms, double running_ms, double drawn_ms);
 
-/* Returns the candidate that preempts the running job: the one with the earliest deadline among
- * those that are not ahead of it (lead_ms). Lowers *wait_ms to the time until another one may
+/* Returns the candidate that preempts the running job: of the candidates that are not ahead of it
+ * (lead_ms), it has the earliest deadline. Lowers *wait_ms to the time until another one may
  * preempt. */
 int srv_decide_preemption(const struct srv_candidate *candidates, int count, double *wait_ms);
 

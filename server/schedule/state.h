@@ -47,9 +47,9 @@ struct srv_cold_start { /* the view's versions since which work is done that is 
 struct srv_session_schedule {
     bool is_busy; /* in the list of busy sessions */
     struct srv_session *next_busy;
-    unsigned jobs, slow_jobs;        /* in progress; those of them that are slow to encode */
+    unsigned jobs, slow_jobs;        /* in progress; of them, slow to encode */
     uint64_t newest_order;           /* of its newest job */
-    double newest_ms;                /* when that was made */
+    double newest_ms;                /* when the newest job was made */
     double moved_ms;                 /* when its last moving frame began; 0 = never */
     struct srv_fair_account account; /* by the scheduler's clock */
     uint64_t owner;                  /* equal for sessions of one owner */
@@ -109,8 +109,8 @@ struct srv_choice srv_choose_short(struct srv_schedule *schedule,
                                    double *wait_ms);
 /* True if some participant gets a frame of a moving view now or within SRV_QUIET_MS. */
 bool srv_has_motion(const struct srv_schedule *schedule);
-/* What a millisecond costs the session: owners have equal shares of the time, and the sessions of
- * one owner equal parts of its share. 1 if each owner has as many. */
+/* The price of a millisecond for the session: owners have equal shares of the time, and the
+ * sessions of one owner equal parts of its share. 1 if each owner has as many. */
 double srv_session_price(const struct srv_schedule *schedule, const struct srv_session *session);
 /* Returns the part of its session's time that a participant has if all want frames. */
 double srv_participant_portion(const struct srv_session *session,

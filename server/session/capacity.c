@@ -9,7 +9,7 @@
 #include "session/session.h"
 
 struct use {              /* of --sessions by one owner */
-    unsigned own, guests; /* guests: those of `own` that join tokens made */
+    unsigned own, guests; /* guests: sessions among `own` that join tokens made */
 };
 
 static bool is_of(const struct srv_session *session, const char *owner) {
@@ -57,7 +57,8 @@ static int compare_owners(const void *a, const void *b) {
     return strcmp((*x)->identity.owner.name, (*y)->identity.owner.name);
 }
 
-/* The same of another owner: of the one with the most sessions, which are more than `least`. */
+/* Returns the same of another owner: the owner with the most sessions, if these are more than
+ * `least`. */
 static struct srv_session *find_others(const struct srv_hub *hub, const char *owner,
                                        unsigned least) {
     struct srv_session *found = NULL, **sorted = malloc(hub->active.count * sizeof *sorted);

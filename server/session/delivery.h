@@ -32,7 +32,7 @@ struct srv_frame_target { /* one participant that gets the frame */
     int quality;
     enum sp_chroma chroma; /* of a JPEG; never AUTO */
     bool final;            /* full detail in the granted quality: no other frame follows */
-    bool is_guest;         /* joined with another token than that of the session's owner */
+    bool is_guest;         /* joined with another token than the session's owner */
 };
 
 /* Puts an encoded image into the outbox of the target. The caller sets size, times, codec and

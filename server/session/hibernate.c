@@ -29,7 +29,7 @@
 struct srv_hibernated_owner { /* a token that has hibernated sessions */
     struct srv_hibernated_owner *next;
     char name[SRV_TOKEN_NAME_BYTES]; /* "" = sessions without an owner */
-    unsigned count, guests;          /* guests: those of `count` that join tokens made */
+    unsigned count, guests;          /* guests: sessions among `count` that join tokens made */
 };
 
 struct srv_hibernated_session {
@@ -226,8 +226,8 @@ static void unlink_hibernated(struct srv_hub *hub, struct srv_hibernated_session
     free(entry);
 }
 
-/* The session to end when there are too many, of the owner with the most: one of a guest before
- * the others, and of these the one that was unused for the longest time. */
+/* Finds the session to end when there are too many. It belongs to the owner with the most: first
+ * sessions of guests, and among them the session that was unused for the longest time. */
 static struct srv_hibernated_session *find_surplus(const struct srv_hub *hub) {
     const struct srv_hibernated_owner *most = hub->hibernated.owners;
     struct srv_hibernated_session *found = NULL;

@@ -172,7 +172,8 @@ bool srv_hub_hibernate(struct srv_hub *hub, struct srv_session *session, const c
     return true;
 }
 
-/* Ends an unused session; or hibernates it, as soon as it is saved and there is memory. */
+/* Ends an unused session, or hibernates it once it is saved; tries again later if memory is short.
+ */
 static void retire(struct srv_hub *hub, struct srv_session *session, double now_ms) {
     char why[64];
     snprintf(why, sizeof why, "no client joined for %.0f s (--session-time)",

@@ -57,7 +57,7 @@ static bool choose_id(struct srv_measure_edit *edit, const char *id,
     return true;
 }
 
-/* Fills in edit->made: a copy of the one that exists, or a new one. */
+/* Fills in edit->made: a copy of the existing measurement, or a new one. */
 static bool begin(struct srv_measure_edit *edit, const char *id, bool is_named,
                   const proto_json *body, struct sp_error *err) {
     const struct srv_measure_item *item = srv_measures_find(&edit->session->measures, id);

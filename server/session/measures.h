@@ -54,7 +54,7 @@ struct srv_measures { /* all zero = none */
 
 /* Returns the item, NULL = there is none with this id. Valid until the next change. */
 struct srv_measure_item *srv_measures_find(const struct srv_measures *measures, const char *id);
-/* Adds a measurement, or replaces the one with its id. SP_ERR_QUOTA over SRV_MEASURES_MAX,
+/* Adds a measurement, or replaces the measurement with its id. SP_ERR_QUOTA over SRV_MEASURES_MAX,
  * SP_ERR_MEMORY. */
 bool srv_measures_put(struct srv_measures *measures, const struct proto_measure *measure,
                       struct sp_error *err);

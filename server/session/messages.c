@@ -90,8 +90,8 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     return proto_rpc_notification("stream.stats", params, size);
 }
 
-/* A join token that may only watch tells of the volumes of its session, and of the one that was
- * closed while the session showed it. */
+/* True if the participant may learn about the volume. A watcher with a join token learns only about
+ * volumes that the view names, and about the volume that was closed while the session showed it. */
 static bool may_learn_of(const struct srv_participant *p, const char *id) {
     return p->identity.role != SRV_ROLE_VIEW || p->identity.token[0] ||
            srv_hub_view_names(&p->session->shared.view, id) ||

@@ -18,7 +18,7 @@ static const char *const palette[] = { "#56b4e9", "#e69f00", "#009e73", "#f0e442
                                        "#cc79a7", "#d55e00", "#3d8ee0", "#cccccc" };
 enum { COLORS = sizeof palette / sizeof *palette };
 
-/* Returns the first colour of those that the fewest participants have. */
+/* Returns the colour that the fewest participants have; of several, the first. */
 static unsigned free_color(const struct srv_session *session) {
     unsigned uses[COLORS] = { 0 }, best = 0;
     for (const struct srv_participant *p = session->participants; p; p = p->next)

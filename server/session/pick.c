@@ -15,8 +15,8 @@ enum { PICKS_MAX = 64 }; /* that wait */
 /* Elements that are tested for picks also count; each takes some nanoseconds. */
 #define PICKED_ELEMENTS_PER_SECOND 25e6
 
-/* Reads the size of the image that the point belongs to. The size of the stream may be that of a
- * window before it changed. */
+/* Reads the size of the image that the point belongs to. The stream may still have the size that
+ * the client's window had before. */
 static bool read_image_size(struct srv_call *call, uint32_t size[2]) {
     const proto_json *value = proto_json_get(call->params, "size");
     int64_t side;

@@ -15,7 +15,7 @@
  *
  * A busy client is no slow network: ack_delay.h keeps its wait out of the rate. While all frames
  * have one size the two look alike, until the first smaller or larger one tells them apart: the
- * steps here are such frames, and so are those of a view at rest.
+ * smaller frames of the steps here do, and so do the frames of a view at rest.
  */
 #ifndef SRV_SESSION_RATE_CONTROL_H
 #define SRV_SESSION_RATE_CONTROL_H

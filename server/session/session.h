@@ -326,7 +326,7 @@ void srv_hub_ended(struct srv_hub *hub, const char *id);
 /* Adds notifications, 0 = only that there is something to send. */
 void srv_hub_notify(struct srv_hub *hub, struct srv_participant *participant,
                     unsigned notifications);
-/* To all participants except the one with the id `except`; 0 = to all. */
+/* The same for all participants except the participant with the id `except`; 0 = for all. */
 void srv_hub_notify_others(struct srv_hub *hub, struct srv_session *session, uint64_t except,
                            unsigned notifications);
 /* Counts a dropped frame, unless the daemon is shutting down. */
@@ -365,7 +365,7 @@ bool srv_play_moves(const struct srv_session *session);
 double srv_play_due_ms(const struct srv_session *session);
 /* True if the view changes by itself. */
 bool srv_play_is_on(const struct srv_session *session);
-/* Sets the phase of a copy of the view to that of now. */
+/* Sets the phase of a copy of the view to the phase at `now_ms`. */
 void srv_play_place(const struct srv_session *session, double now_ms, struct sp_view *view);
 /* Gives a view that is due its next version, which is not saved. */
 void srv_play_advance(struct srv_hub *hub, struct srv_session *session, double now_ms);

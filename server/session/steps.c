@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The time steps that a session shows: of its volume, and of the others that its layers name. Until
- * those of the view are loaded, frames show the loaded ones that are nearest to them, in moving
- * detail, and none of them is final.
+ * the steps of the view are loaded, frames show the nearest loaded steps, in moving detail, and
+ * none of these frames is final.
  */
 #include <string.h>
 
@@ -40,8 +40,9 @@ void srv_steps_release(struct srv_hub *hub, struct srv_session *session) {
         source->release(source->user, shared->others[--shared->other_count]);
 }
 
-/* The memory is full: frames show the step that is always loaded, and the memory of the one that
- * they showed serves the steps of the view. False if that has been done. */
+/* Called when the memory is full. Frames now show the step that is always loaded, so that the steps
+ * of the view can have the memory of the step that frames showed until now. False if this was done
+ * already. */
 static bool free_memory(struct srv_hub *hub, struct srv_session *session) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct srv_view_state *shared = &session->shared;

@@ -25,7 +25,7 @@ void srv_database_close(struct srv_database **database);
 /* Puts every row into the table. False: SP_ERR_IO, SP_ERR_FORMAT, SP_ERR_MEMORY. */
 bool srv_database_read(struct srv_database *database, struct srv_table *table,
                        struct sp_error *err);
-/* True if the files are still those that were opened, or written last: not deleted, replaced or
+/* True if the files are still the files that were opened, or written last: not deleted, replaced or
  * truncated, and not written by another program. If not, call srv_database_rewrite(). */
 bool srv_database_is_intact(struct srv_database *database);
 /* Writes all changes in one transaction: all of them or, on failure, none. SP_ERR_IO also if the

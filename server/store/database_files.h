@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The files of an open database, by their names: whether they are still those that were opened.
+ * The files of an open database, by their names: whether they are still the files that were opened.
  * SQLite itself goes on to write into a file that was deleted or replaced. Functions are for one
  * thread at a time, and none opens the database: closing it again would drop SQLite's locks.
  */

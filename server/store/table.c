@@ -73,7 +73,7 @@ static struct record *find_record(const struct srv_table *table, enum srv_kind k
     return r;
 }
 
-/* Doubles the number of buckets. Without memory the table stays as it is, only slower. */
+/* Doubles the number of buckets. Without memory the table does not change and becomes slower. */
 static void grow(struct srv_table *table) {
     struct record **larger = calloc(table->bucket_count * 2, sizeof *larger);
     if (!larger)

@@ -93,7 +93,7 @@ bool srv_uploads_add(struct srv_uploads *uploads, const struct srv_upload_reques
 /* SP_ERR_NOT_FOUND. */
 bool srv_uploads_get(struct srv_uploads *uploads, const char *id, const char *by, double now_ms,
                      struct srv_upload_info *info, struct sp_error *err);
-/* Gets upload i of those that `by` may see, in the order of adding; false past the end. */
+/* Gets upload i of the uploads that `by` may see, in the order of adding; false past the end. */
 bool srv_uploads_at(struct srv_uploads *uploads, unsigned i, const char *by, double now_ms,
                     struct srv_upload_info *info);
 /* Removes an upload, a header with its companions; the disk thread removes the files.

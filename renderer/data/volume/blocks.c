@@ -34,7 +34,7 @@ static void copy(const void *from, size_t stride, size_t size, size_t n, void *o
 /* Coarse samples that a run of a block lies between, at most: they are no closer than its own. */
 enum { LINE = SP_BLOCK_SIDE + 2 };
 
-/* Integers are rounded; values lie between those of samples. */
+/* Integers are rounded; interpolated values lie between the values of samples. */
 #define NARROW(T)                                                                                  \
     for (size_t i = 0; i < n; i++)                                                                 \
     ((T *)out)[i] = (T)((T)0.5f > 0 ? x[i] : (T)-1 > 0 ? x[i] + 0.5 : floor(x[i] + 0.5))

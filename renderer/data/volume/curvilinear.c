@@ -160,7 +160,7 @@ uint64_t sp_curvilinear_finish(const struct sp_elements *points, uint64_t first,
         compute_node(dims, i, at);
         double det = sign * measure_cell(&l, at, edges);
         set_cell(&l, at, (const double(*)[3])edges, det, points, first + i);
-        folded += det <= 0; /* not those that are NaN */
+        folded += det <= 0; /* NaN does not count */
         if (!(det > 0))
             points->values[first + i] = NAN;
     }

@@ -140,7 +140,8 @@ static bool drop_extreme(struct measure *m, int side, struct sp_volume_info *inf
     return true;
 }
 
-/* The range of all samples, and of those that stand for data; the histogram of the latter. */
+/* Measures the range of all samples, the range of samples that stand for data, and the histogram of
+ * the latter. */
 static void measure_values(struct measure *m, struct sp_volume_info *info) {
     double low = INFINITY, high = -INFINITY;
     uint64_t finite = 0;

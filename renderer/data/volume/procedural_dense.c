@@ -15,8 +15,8 @@ static uint64_t mix(uint64_t z) { /* the output function of Steele et al., Split
 
 /* Turbulence.
  * A periodic scalar field: a sum u of waves with random directions and phases, whose amplitudes
- * fall as those of Kolmogorov's spectrum, k^(-11/6). The value is (1 + sin u)/2. Every size shows
- * the same waves.
+ * fall as k^(-11/6), which gives Kolmogorov's spectrum. The value is (1 + sin u)/2. Every size
+ * shows the same waves.
  */
 enum { OCTAVES = 4, WAVES_PER_OCTAVE = 12, WAVES = OCTAVES * WAVES_PER_OCTAVE };
 

@@ -9,7 +9,7 @@
 
 #include "data/volume/procedural.h"
 
-/* The outermost gaps are cosh(GRADE), about 10, times those in the middle. */
+/* The outermost gaps are cosh(GRADE), about 10, times as wide as the gaps in the middle. */
 #define GRADE 3.0
 
 /* Sample i of n along each axis, in [-1,1]. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What projections of a volume show: rays through some samples, along the three axes of the grid
- * and, for means, along the four diagonals of its box. A mean is that of the part of a ray inside
- * the volume, so an object at an edge fills the rays that only touch the volume there.
+ * The numbers that projections of a volume show: rays through some samples, along the three axes of
+ * the grid and, for means, along the four diagonals of its box. A mean counts only the part of a
+ * ray inside the volume, so an object at an edge fills the rays that only touch the volume there.
  *
  *   samples ─► per ray: maximum, mean, sum ─► per direction: percentiles ─► one for all directions
  *

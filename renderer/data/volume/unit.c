@@ -5,7 +5,7 @@
 #include <string.h>
 #include <strings.h>
 
-/* The first of several names of a unit is that of OME-Zarr. */
+/* If a unit has several names, OME-Zarr uses the first. */
 static const struct sp_unit units[] = {
     { "femtometer", "fm", 1e-15 },
     { "picometer", "pm", 1e-12 },

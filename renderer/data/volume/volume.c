@@ -29,7 +29,7 @@ struct sp_volume {
     double *numbers;
     struct memory *samples;
     const struct sp_blocks *blocks; /* in that memory; NULL = it is an array of samples */
-    struct memory *vector_memory;   /* the same, or that of the original; NULL = no vectors */
+    struct memory *vector_memory;   /* the same, or of the original; NULL = no vectors */
     const float (*vectors)[3];
     struct sp_elements elements;
     const struct sp_volume *original; /* only compared; NULL = not derived */

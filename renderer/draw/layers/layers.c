@@ -5,7 +5,7 @@
 
 #include "draw/layers/surface/merge.h"
 
-/* What a worker needs. */
+/* The memory of one worker. */
 struct sp_layers_worker {
     struct sp_fragment_tile tile;
     struct sp_surface_scratch surface;
@@ -39,7 +39,7 @@ void sp_layers_channel_view(const struct sp_view *view, uint32_t layer,
     out->compositing.center = out->compositing.width = out->compositing.zero = NAN;
 }
 
-/* What the caches other than that of `type` leave. */
+/* The memory that the other caches leave for the cache of `type`. */
 static uint64_t bytes_for(const struct sp_layers_input *from, enum sp_layer_type type) {
     uint64_t used = 0;
     if (type != SP_LAYER_SURFACE)

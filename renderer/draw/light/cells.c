@@ -194,8 +194,8 @@ static float clip_depth(const struct sp_light_cells *c, const uint32_t cell[3], 
     return depth > 0 ? -log1pf(compute_kept(c, cell) * expm1f(-depth)) : 0;
 }
 
-/* The depths of a row of cells. Light that passes beside matter in a cell counts: the depth is that
- * of the mean transmittance of the columns of positions, for each axis. */
+/* The depths of a row of cells. Light that passes beside matter in a cell counts: for each axis,
+ * the depth comes from the mean transmittance of the columns of positions. */
 static void join_cells(const struct worker *w, uint32_t row, float *out) {
     const struct sp_light_cells *c = w->c;
     const unsigned n = c->per_cell;

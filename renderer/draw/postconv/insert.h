@@ -4,8 +4,8 @@
  * draw/footprints/insert.h, a fragment divides the sheet that contains it: each part has its share
  * of the optical depth, by length.
  *
- *   place of a fragment   l + s: in layer l, s of it lies in front, s in [0, 1); layers are those
- *                         that are composited, and may be several slices
+ *   place of a fragment   l + s: in layer l, a share s in [0, 1) of it lies in front; each layer is
+ *                         composited as one, and may be several slices
  */
 #ifndef SP_POSTCONV_INSERT_H
 #define SP_POSTCONV_INSERT_H

@@ -152,7 +152,7 @@ struct sp_postconv {
     struct sp_postconv_scratch *scratch; /* by worker */
 };
 
-/* What a worker needs for one tile. */
+/* The memory of a worker for one tile. */
 struct sp_postconv_scratch {
     float (*grid)[POSTCONV_PITCH][4]; /* [POSTCONV_GRID]: deposits; all zero between layers */
     _Alignas(64) float skew[POSTCONV_GRID][POSTCONV_PITCH][4]; /* after the diagonal filter; same */
@@ -207,7 +207,7 @@ bool sp_postconv_group_init(const struct sp_postconv *postconv,
 int sp_postconv_group_fits(const struct sp_postconv_group *group,
                            const struct sp_postconv_brick *brick, const float range[2]);
 
-/* What a frame is made from. */
+/* The input of a frame. */
 struct sp_postconv_input {
     const struct sp_view *view;
     struct sp_frame *frame;

@@ -8,7 +8,7 @@
 #include "frame/resolve.h"
 #include "splat/exp2.h"
 
-/* Below it a code is that of samples that are not finite. */
+/* Lower codes stand for samples that are not finite. */
 static const float none_below = 0.5f * (CURVE_CODE_NONE + CURVE_CODE_MIN);
 
 /* The interval behind a sheet. */

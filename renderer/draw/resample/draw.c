@@ -42,7 +42,8 @@ static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch
     return !arena->failed;
 }
 
-/* Allocates what the workers need for all channels; returns that of the first one. NULL: no memory.
+/* Allocates the memory of the workers for all channels; returns the memory for the first one. NULL:
+ * out of memory.
  */
 static struct sp_resample_scratch *allocate_all(const struct sp_resample_input *input,
                                                 struct sp_resample *r) {
@@ -124,8 +125,8 @@ static bool turn_all(const struct sp_resample_input *input, struct sp_resample *
     return true;
 }
 
-/* Draws the image of another axis and mixes it into the frame. Without memory for it the frame
- * stays as it is. */
+/* Draws the image of another axis and mixes it into the frame. Without memory for it, the frame
+ * does not change. */
 static bool add_axis(const struct sp_resample_input *input, struct sp_resample *r, int axis,
                      struct sp_resample_scratch *scratch, double share, struct sp_error *err) {
     struct sp_frame second = *input->frame;

@@ -26,7 +26,7 @@ enum sp_samples_kind { SAMPLES_MEANS, SAMPLES_MAXIMA, SAMPLES_MINIMA, SAMPLES_KI
 struct sp_samples_cache {
     struct sp_samples_slot {
         struct sp_slot base;
-        /* All kinds share level 0, which is the one of SAMPLES_MEANS. */
+        /* All kinds share level 0 of SAMPLES_MEANS. */
         struct sp_samples levels[SAMPLES_KINDS][SAMPLES_LEVELS];
     } slots[SAMPLES_SLOTS];
     uint64_t clock, begun; /* slots used after `begun` are not replaced */

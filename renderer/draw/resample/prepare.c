@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a frame needs before its pixels are drawn, the same for all backends: the mip level, sample
- * coordinates, the volume's faces and clipping planes as half spaces, the metric.
+ * Prepares a frame before its pixels are drawn, in the same way for all backends: the mip level,
+ * sample coordinates, the volume's faces and clipping planes as half spaces, the metric.
  */
 #include "draw/resample/prepare.h"
 
@@ -321,7 +321,7 @@ static void compute_offset(struct sp_resample *r, const struct coordinates *own,
     memcpy(r->offset, at.v, sizeof r->offset);
 }
 
-/* Prepares a channel at a mip level; first: that of the first one, NULL = it is this one. */
+/* Prepares a channel at a mip level. first: the first channel; NULL = this is the first. */
 static bool prepare(const struct sp_resample_input *input, const struct sp_resample *first,
                     const struct sp_grid *first_grid, unsigned level, struct sp_resample *r,
                     struct sp_error *err) {
@@ -376,8 +376,9 @@ static double compute_width(const struct sp_resample_input *input) {
     return cbrt(spacing[0]) * cbrt(spacing[1]) * cbrt(spacing[2]);
 }
 
-/* The level at which a channel's samples are as far apart as those of the others: windows of
- * volumes that are larger than memory may have coarser samples than volumes in memory. */
+/* The level at which a channel's samples are as far apart as the samples of the other channels:
+ * windows of volumes that are larger than memory may have coarser samples than volumes in memory.
+ */
 static unsigned common_level(const struct sp_resample_input *input, double width) {
     const double level = log2(width / compute_width(input));
     return (unsigned)fmin(fmax(round(level), 0), SAMPLES_LEVELS - 1);

@@ -59,8 +59,8 @@ static double compute_steepness(const struct sp_resample *r, double x, double y,
     return fmax(sqrt(square) / fabs(direction[axis]), slant(r, direction, axis));
 }
 
-/* Steepness is a convex function, so it is largest at a corner, and hardly below twice that of the
- * centre minus that of the opposite corner. */
+/* Steepness is a convex function, so it is largest at a corner, and hardly below twice its value at
+ * the centre minus its value at the opposite corner. */
 static int choose_sheets(const struct sp_resample *r, const struct sp_resample_rays *rays,
                          const int place[4]) {
     double x = rays->centre[0] - r->camera->centre[0], y = rays->centre[1] - r->camera->centre[1];

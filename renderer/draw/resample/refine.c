@@ -70,8 +70,8 @@ static inline sp_wide_short halfway(const sp_wide_short x[TAPS], bool has_none) 
     return has_none ? between_known(x) : between(x);
 }
 
-/* Takes the first columns from a set of units: those of neighbouring units, and of units that the
- * last vector of them reaches. */
+/* Takes the first columns from a set of units: the columns of neighbouring units, and of units that
+ * the last vector of columns reaches. */
 static inline bool pop_columns(uint64_t *units, int unit_bits, int *begin, int *end) {
     const int step = SP_WIDE >> unit_bits > 1 ? SP_WIDE >> unit_bits : 1;
     if (!*units)
@@ -148,8 +148,8 @@ static void init_sheet(const struct sp_resample_open_tile *t, const struct regio
     }
 }
 
-/* Marks the units of each row of the sheet that blocks see, and those of the rows that are filtered
- * for it. */
+/* Marks the units that blocks see in each row of the sheet, and the units of the rows that are
+ * filtered for it. */
 static void mark_needs(const struct sp_resample_open_tile *t, const struct extents *extents,
                        uint64_t need, const struct region *region) {
     uint64_t *seen = t->scratch->seen, *around = t->scratch->around;
@@ -181,8 +181,8 @@ static void open_rows(const struct sp_resample_open_tile *t, const struct region
     memset(rows->filled, 0, (size_t)count * sizeof *rows->filled);
 }
 
-/* The rows of a slice. Those of six slices are kept where sheets between slices need them: they
- * hold what blocks see of all these sheets. */
+/* The rows of a slice. Where sheets between slices need them, the rows of six slices are kept: they
+ * hold all units that blocks see of these sheets. */
 static struct sp_resample_rows *rows_of(const struct sp_resample_open_tile *t,
                                         const struct region *sheet, int slice) {
     struct sp_resample_rows *rows = &t->scratch->rows[t->sheets_per_slice == 1 ? 0 : slice % TAPS];

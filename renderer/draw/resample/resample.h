@@ -162,7 +162,7 @@ struct sp_resample_rows {
     int origin[2];    /* slice sample at the start */
 };
 
-/* What a worker needs for one tile of a channel. */
+/* The memory of a worker for one tile of a channel. */
 struct sp_resample_scratch {
     struct sp_resample_scratch *next; /* of the next channel */
     struct sp_resample_block blocks[RESAMPLE_BLOCKS];

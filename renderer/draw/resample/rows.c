@@ -42,8 +42,8 @@ static inline void write_narrow(const struct sp_rows_scaling *s, sp_wide_short x
     sp_wide_short_store(out, x + s->start);
 }
 
-/* Writes codes above CURVE_CODE_MIN, which may lie beyond those of the curve. Values that are not
- * finite, or stand for missing data, have CURVE_CODE_NONE. */
+/* Writes codes in [CURVE_CODE_MIN, CURVE_CODE_MAX], which may lie beyond the codes of the curve.
+ * Values that are not finite, or stand for missing data, have CURVE_CODE_NONE. */
 static inline void write_codes(sp_wide code, sp_wide_mask is_finite, uint16_t *out) {
     const sp_wide low = sp_wide_all(CURVE_CODE_MIN), high = sp_wide_all(CURVE_CODE_MAX);
     code = sp_wide_min(sp_wide_max(code + (CURVE_CODE_MIN + 0.5f), low), high);

@@ -90,7 +90,7 @@ static float look_for_most(const struct sp_resample_open_tile *t, const struct s
     return (float)fmin(fmax((double)sign * code + rounding, -beyond), beyond);
 }
 
-/* Finds what each of the blocks sees of a slab. Returns those that see any of it. */
+/* Bounds the regions of a slab that each of the blocks sees. Returns the blocks that see any. */
 static uint64_t bound_regions(const struct sp_resample_open_tile *t, const struct slab *slab,
                               uint64_t blocks, struct regions *regions) {
     const struct sp_resample_bounds *bounds = &t->scratch->bounds;
@@ -190,7 +190,8 @@ static void mark_open(const struct sp_resample_open_tile *t, int first, int last
     }
 }
 
-/* Blocks that need sheet n: those of the two intervals before it and of the two behind it. */
+/* Blocks that need sheet n: they are active in one of the two intervals before it or of the two
+ * behind it. */
 static uint64_t need_of(const struct sp_resample_open_tile *t, int n) {
     return t->alive &
            (active_at(t, n - 2) | active_at(t, n - 1) | active_at(t, n) | active_at(t, n + 1));
@@ -227,7 +228,7 @@ static bool draw_batch(const struct sp_resample_open_tile *t,
                                  : sp_resample_integrate(t, batches, b);
 }
 
-/* The first sheet of the batch from which a maximum or minimum begins: that of the slab that
+/* The sheet of the batch from which a maximum or minimum begins: it belongs to the slab that
  * promises the blocks most. Once it is drawn, the others can seldom change a block. */
 static int choose_start(const struct sp_resample_open_tile *t) {
     const struct sp_resample_scratch *scratch = t->scratch;
@@ -294,8 +295,8 @@ static void draw_sheets(struct sp_resample_open_tile *t) {
         draw_batches(t, begin, begin, start - 1);
 }
 
-/* Does the memory hold what a set of blocks sees of a sheet? The extent of straight rays is largest
- * at one of their ends. Sets the unit of columns. */
+/* True if the memory holds the part of a sheet that a set of blocks sees. The extent of straight
+ * rays is largest at one of their ends. Sets the unit of columns. */
 static bool fits(struct sp_resample_open_tile *t, uint64_t set) {
     const struct sp_resample_bounds *bounds = &t->scratch->bounds;
     float margin = t->map[2] ? 3 * t->map[2]->widest : 3; /* sheets are read beyond the span */
@@ -386,7 +387,8 @@ static inline sp_wide halves_share(const struct sp_resample_open_tile *t,
     return sp_wide_clamp(share, 0, 1);
 }
 
-/* Marks those of the blocks that need a sheet per slice, and those that need half sheets. */
+/* Marks the blocks that need a sheet per slice in need[0], and the blocks that need half sheets in
+ * need[1]. */
 static void mark_steep(const struct sp_resample_open_tile *t, uint64_t blocks, uint64_t need[2]) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
     need[0] = need[1] = 0;
@@ -422,7 +424,7 @@ static void finish_fragments(const struct sp_resample_open_tile *t, uint64_t blo
     }
 }
 
-/* Mixes a block's pixels with those that were put aside. */
+/* Mixes a block's pixels with the pixels that were put aside. */
 static void mix_aside(const struct sp_resample_open_tile *t, int b) {
     struct sp_resample_block *block = &t->scratch->blocks[b];
     float *to[4] = { block->light, block->color[0], block->color[1], block->color[2] };

@@ -2,7 +2,7 @@
  *
  * Which intervals between slices the transfer function may show. A surface is thinner than a
  * region, so most of its regions have intervals that show nothing. Regions that show nothing at
- * all, and those that show everything, need only their own range.
+ * all, and regions that show everything, need only their own range.
  */
 #include "draw/resample/visible.h"
 
@@ -87,7 +87,7 @@ static void set_place(const struct sp_samples *s, const uint32_t region[3], stru
     for (int i = 0; i < PLANES; i++)                                                               \
     row[i] = (float)((const type *)from->samples)[line + at[i]]
 
-/* Reads a row of samples. Those that are not finite become NaN. */
+/* Reads a row of samples. Samples that are not finite become NaN. */
 static void read_row(const struct place *from, size_t line, const size_t at[PLANES],
                      float row[ROW]) {
     switch (from->type) {
@@ -155,8 +155,8 @@ static inline bytes least_of(bytes a, bytes b) {
     return (a & is_less) | (b & ~is_less);
 }
 
-/* The range of eight samples of one byte: themselves, and their complements, whose minimum is that
- * of their maximum. Flipping makes signed samples rise like unsigned ones. */
+/* The range of eight samples of one byte: the samples, and their complements, whose minimum is the
+ * complement of the maximum. Flipping makes signed samples rise like unsigned ones. */
 static inline bytes read_bytes(const uint8_t *from, uint64_t flip) {
     uint64_t x;
     memcpy(&x, from, sizeof x);

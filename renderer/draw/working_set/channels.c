@@ -102,7 +102,7 @@ static bool choose_common(struct sp_volume *volume, const struct sp_frame_source
     return true;
 }
 
-/* Adds the bricks of a channel to those of the frame. */
+/* Adds the bricks of a channel to the bricks of the frame. */
 static void add_bricks(const struct sp_frame_bricks *from, struct sp_frame_bricks *to) {
     to->is_incomplete |= from->is_incomplete;
     to->is_being_read |= from->is_being_read;

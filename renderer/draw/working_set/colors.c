@@ -72,7 +72,8 @@ static bool is_cancelled(void *user) {
     return options->cancel && atomic_load_explicit(options->cancel, memory_order_relaxed);
 }
 
-/* Replaces a volume by its samples around those that the frame shows. */
+/* Replaces a volume that is larger than memory by its part around the samples that the frame shows.
+ */
 static bool replace(struct sp_volume **colors, const struct sp_render_options *options,
                     unsigned level, struct sp_frame_source *drawn, struct sp_error *err) {
     struct sp_brick_store *store = sp_brick_store_of(*colors);

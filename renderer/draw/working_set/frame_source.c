@@ -54,8 +54,8 @@ static bool may_read_blocks(const struct sp_view *v) {
     return (is_sheet && order == SP_TF_POST) || sp_view_has_default_filter(v);
 }
 
-/* How long the frame waits for bricks [ms]. It has nothing else to draw at a coarser level than
- * that of the volume that was opened, and few bytes are read then. */
+/* How long the frame waits for bricks [ms]. At a level coarser than the base it has nothing else to
+ * draw, and few bytes are read then. */
 static double wait_for(const struct sp_render_options *options, bool is_coarse) {
     return is_coarse || options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0);
 }

@@ -146,7 +146,7 @@ static double measure_opacity(const struct sp_transfer_function *tf, double low,
 }
 
 /* The importance as a number of struct sp_brick_need: 1024 of them per power of two. Seen bricks
- * have those of the upper half. */
+ * have numbers of the upper half. */
 static uint16_t to_number(double importance, bool is_seen) {
     enum { HALF = 1 << 15, PER_OCTAVE = 1 << 10 };
     const double number = HALF - 1 + PER_OCTAVE * log2(importance); /* of 1: the largest one */

@@ -6,9 +6,9 @@
  *
  *   world(column, row) = origin + column · step[0] + row · step[1]       pixel centres
  *
- * The volume reaches half a gap beyond its outermost samples. In this margin the value is that of
- * the outermost sample. Outside the volume, and where one of the eight samples is not finite, the
- * value is NaN.
+ * The volume reaches half a gap beyond its outermost samples. In this margin the value equals the
+ * outermost sample. Outside the volume, and where one of the eight samples is not finite, the value
+ * is NaN.
  */
 #ifndef SP_SLICE_H
 #define SP_SLICE_H

@@ -186,7 +186,7 @@ enum sp_layer_type {
 enum { SP_LAYER_TYPES = SP_LAYER_CHANNEL + 1 };
 /* How the low-pass filter of 0.3 px² changes a Gaussian. */
 enum sp_convention {
-    SP_CONVENTION_INRIA,     /* wider, opacity as it is (Kerbl et al. 2023) */
+    SP_CONVENTION_INRIA,     /* wider, with the same opacity (Kerbl et al. 2023) */
     SP_CONVENTION_NORMALISED /* wider, and more transparent by the same factor (Yu et al. 2024) */
 };
 #define SP_COLOR_BY_LENGTH "magnitude" /* struct sp_layer: color_by */
@@ -216,8 +216,8 @@ struct sp_layer { /* "/layers/0" */
      * kernels of the volume, infinity (JSON "inf") = discs [infinity] */
     double flatness;
     /* shell: thresholds of a voxel's opacity over the reference length, [0, 1], low <= high. A
-     * voxel is in the shell if its opacity is at least `low`, and that of one of its six neighbours
-     * is below `high`. [0.05, 0.95] */
+     * voxel is in the shell if its opacity is at least `low` and the opacity of one of its six
+     * neighbours is below `high`. [0.05, 0.95] */
     double low, high;
     enum sp_shell_detail detail; /* shell [high] */
     /* vectors: the transfer function colours samples or points, and streaks lie along their
@@ -370,7 +370,7 @@ static inline bool sp_compositing_is_projection(enum sp_compositing mode) {
 }
 
 /* Computes centre and width of the window of the view's projection. A number that is set in
- * `compositing` is used as it is. A number that is NaN is chosen for the volume:
+ * `compositing` is used unchanged. A number that is NaN is chosen for the volume:
  *
  *   maximum, mean   the numbers of nearly all rays through the volume (sp_projected)
  *   sum             from 0 to the upper end of those numbers; times the root mean square of

@@ -12,7 +12,7 @@
 #include "data/volume/volume.h"
 #include "inspect/edit/apply.h"
 
-/* What an edited volume depends on. */
+/* The input that an edited volume depends on. */
 struct key {
     double empty;
     uint32_t count, unused;

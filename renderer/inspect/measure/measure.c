@@ -144,8 +144,8 @@ static double area_of(const struct sp_measure *measure) {
     return measure->kind == SP_MEASURE_ELLIPSE ? product * 3.14159265358979323846 : product;
 }
 
-/* The statistics of a profile are those of its default samples. Samples outside of the volume have
- * no value and do not count. */
+/* The statistics of a profile count its default samples. Samples outside of the volume have no
+ * value and do not count. */
 static void profile_statistics(const struct sp_volume *volume, const struct sp_measure *profile,
                                struct sp_statistics *statistics) {
     struct sp_interpolator interpolator;

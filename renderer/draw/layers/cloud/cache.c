@@ -41,7 +41,7 @@ uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volu
            sp_slots_bytes(&numbers, cache->colors, volume);
 }
 
-/* About what a tree takes while it is made: an order, places of 16 bytes, and a node per three
+/* About the memory of a tree while it is made: an order, places of 16 bytes, and a node per three
  * points. */
 static uint64_t expected_bytes(uint32_t points) {
     return (uint64_t)points * (4 + 16 + sizeof(struct sp_cloud_node) / 3);

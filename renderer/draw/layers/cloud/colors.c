@@ -19,7 +19,7 @@ struct merging {
     const struct sp_interrupt *interrupt;
     float *numbers;
     uint32_t count;
-    uint32_t *cells;  /* [count], those of level TOP and leaves above, in the order of the tree */
+    uint32_t *cells;  /* [count]: cells of level TOP and leaves above, in the order of the tree */
     struct sum *sums; /* [count] */
     uint32_t next;    /* of `sums`, to be read */
 };

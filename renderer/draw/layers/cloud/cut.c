@@ -88,7 +88,8 @@ static bool is_small(const struct cut *c, const struct sp_cloud_node *node) {
     return side * scale <= c->pixels * (u2 - diagonal * side);
 }
 
-/* True if the merged point is drawn, and not what is inside. That of one point is the same. */
+/* True if the merged point is drawn instead of the points inside the cell. A cell of one point is
+ * always drawn so. */
 static bool is_whole(const struct cut *c, const struct sp_cloud_node *node) {
     return (node->cell.is_leaf && node->cell.count == 1) || is_small(c, node);
 }

@@ -40,7 +40,7 @@ static inline void read_gaussians(const struct sp_elements *e, const uint32_t *e
     to->opacity = sp_wide_gather(e->opacities, at);
 }
 
-/* Those that the clip planes keep. */
+/* The lanes whose centres the clip planes keep. */
 static inline sp_wide_mask mask_kept(const struct sp_clip_frame *clip, const sp_wide u[3]) {
     sp_wide_mask kept = sp_wide_first(SP_WIDE);
     for (uint32_t i = 0; i < clip->count; i++) {
@@ -51,8 +51,8 @@ static inline sp_wide_mask mask_kept(const struct sp_clip_frame *clip, const sp_
     return kept;
 }
 
-/* Outlines of trained Gaussians, which end where their opacity does. `opacity` becomes that of the
- * centre. */
+/* Outlines of trained Gaussians, which end where their opacity does. `opacity` becomes the opacity
+ * at the centre. */
 static inline sp_wide_mask outline_trained(const struct sp_cloud *cloud,
                                            const struct sp_ewa_frame *f, struct sp_places *p,
                                            sp_wide *opacity, struct sp_outlines *o) {

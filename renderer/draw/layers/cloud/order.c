@@ -30,7 +30,7 @@ struct sort {
     const struct sp_interrupt *interrupt;
     struct sp_cloud_record *records; /* by element of the choice; NULL = none */
     sp_voxel_set_up_fn *set_up;      /* NULL = splats are set up later */
-    struct sp_voxel_record *splats;  /* those of a block begin at its first element; NULL = none */
+    struct sp_voxel_record *splats;  /* a block's begin at its first element; NULL = none */
     float *depths;                   /* by element of the choice, or splat; infinity = not seen */
     struct block *blocks;
     float low, scale; /* key = (depth − low)·scale */

@@ -96,8 +96,8 @@ static inline void locate(const struct sp_cloud *cloud, const struct lanes *lane
     sp_cloud_place(cloud, position, factor, p);
 }
 
-/* Makes kernels the parts of them: u is that of the part, and the kernel, K·ξ of a standard normal
- * ξ, keeps the directions of ξ that have no depth and a little of the one that has. */
+/* Reduces kernels to their parts: u moves to the part. The kernel, K·ξ of a standard normal ξ,
+ * keeps the directions of ξ without depth, and a little of the direction with depth. */
 static inline void reduce_to_parts(const struct sp_cloud *cloud, const struct lanes *lanes,
                                    struct sp_places *p) {
     sp_wide n[3], square = sp_wide_all(1e-30f);

@@ -195,7 +195,7 @@ static void prefetch(const struct merging *m, const struct sp_cloud_cell *leaf) 
     }
 }
 
-/* Cells come after those that they are inside of. */
+/* A cell comes after the cell that contains it. */
 static void merge_parts(void *user, size_t begin, size_t end, unsigned worker) {
     const struct merging *m = user;
     (void)worker;

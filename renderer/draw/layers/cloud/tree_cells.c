@@ -163,8 +163,8 @@ static bool add_part(struct build *b, uint32_t cell, uint32_t level) {
     return true;
 }
 
-/* Makes the cells inside `cell`, whose points have the keys from `key` on, `rest` levels above
- * those that are sorted. */
+/* Makes the cells inside `cell`, whose points have the keys from `key` on. The sorted cells lie
+ * `rest` levels below. */
 static bool make_top(struct build *b, uint32_t cell, uint32_t level, const uint32_t *starts,
                      uint32_t base, uint32_t key, uint32_t rest) {
     const struct sp_cloud_cell own = b->top.cells[cell];
@@ -233,8 +233,8 @@ static void sort_octants(struct worker *w, struct item *items, uint32_t count, u
     memcpy(items, w->moved, count * sizeof *items);
 }
 
-/* Divides a cell that the thread has made, the one of `root` or inside. Recurses at most LEVELS
- * deep. */
+/* Divides a cell that the thread has made: the cell of `root` or a cell inside it. Recurses at most
+ * LEVELS deep. */
 static void divide(struct build *b, struct worker *w, uint32_t root, uint32_t cell,
                    uint32_t level) {
     const struct sp_cloud_cell own = w->made.cells[cell];

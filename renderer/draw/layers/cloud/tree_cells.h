@@ -32,7 +32,7 @@ struct sp_cloud_part {
 
 struct sp_cloud_cells {
     struct sp_cloud_cell *cells; /* [count]; the first one has all points */
-    uint32_t *order;             /* points, leaf by leaf, without those that cannot be drawn */
+    uint32_t *order;             /* points that can be drawn, leaf by leaf */
     struct sp_cloud_part *parts;
     uint32_t count, part_count;
     uint32_t top_count; /* cells above the parts and their roots, which come first */

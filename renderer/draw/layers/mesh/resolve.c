@@ -32,8 +32,8 @@ static inline void add_part(const struct sp_mesh *m, const float *inverse, int32
     parts->depth[at] = m->is_perspective ? 1 / mean : -mean;
 }
 
-/* Samples of other triangles join the first parts, each the one whose depth is nearest. Returns
- * those whose depth is not near any. */
+/* Samples of other triangles join the first parts: each joins the part with the nearest depth.
+ * Returns the samples that are near no part. */
 static inline unsigned join_parts(const struct sp_mesh *m, const float *inverse, unsigned left,
                                   unsigned joined[SHADED]) {
     unsigned taken[SHADED] = { 0 };
@@ -183,7 +183,7 @@ static inline void compute_shares(const struct sp_mesh *m, const sp_wide ray[2],
         t->share[k] = sp_wide_select(is_known, t->share[k] / total, third);
 }
 
-/* The unit normal in world space; that of the plane where the vertices have none. */
+/* The unit normal in world space: of the vertices, or else of the plane of the triangle. */
 static inline void compute_normal(const struct sp_mesh *m, const struct wide_triangle *t,
                                   sp_wide world[3]) {
     const sp_wide tiny = sp_wide_all(1e-30f), huge = sp_wide_all(1e30f);
@@ -282,8 +282,8 @@ static inline void close_group(struct group *g, struct sp_fragment_tile *tile, i
     *g = (struct group){ .hidden = 0 };
 }
 
-/* What a part hides of the light that still comes through its samples; `light` is NULL if they are
- * in no other part. */
+/* The light that a part hides of the light that still comes through its samples; `light` is NULL if
+ * no other part has them. */
 static inline float hide(float *light, unsigned samples, float alpha) {
     float hidden = 0;
     if (!light)

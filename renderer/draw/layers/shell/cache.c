@@ -68,7 +68,7 @@ static bool start_masks(struct sp_shell_slot *slot, const struct sp_shell_slot *
     return true;
 }
 
-/* What an update of a slot needs. */
+/* The input of an update of a slot. */
 struct update {
     struct sp_transfer transfer; /* the new one */
     struct sp_shell_states from, to;

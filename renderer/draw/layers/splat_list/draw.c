@@ -13,7 +13,7 @@ enum {
     ENTRIES_MIN = 1 << 19
 };
 
-/* What an opaque voxel leaves of the light behind its cell: nothing that counts. */
+/* The optical depth of an opaque voxel: no light from behind its cell counts. */
 static const double opaque_depth = 8;
 
 static bool fail_cancelled(struct sp_error *err) {

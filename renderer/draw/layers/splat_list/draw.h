@@ -20,7 +20,7 @@ struct sp_voxel_source {
     struct sp_voxel_order order; /* elements that the camera may see, front to back */
     sp_voxel_set_up_fn *set_up;
     const void *from;
-    uint32_t count;     /* all elements, also the ones that the camera cannot see */
+    uint32_t count;     /* all elements, also elements that the camera cannot see */
     unsigned mip_level; /* at which it is drawn */
 };
 

@@ -95,7 +95,8 @@ static inline void shade(const struct sp_voxel_frame *frame, const struct sp_pla
 }
 
 /* The standard deviations that decide the length of streaks along unit vectors d of the world
- * [cells]: that of the kernel of a mean cell, times how much longer the cell is along d. */
+ * [cells]: the deviation of the kernel of a mean cell, times how much longer the cell is along d.
+ */
 static inline sp_wide compute_deviations(const struct sp_voxel_frame *frame,
                                          const struct lanes *lanes, const sp_wide d[3]) {
     const float(*to_grid)[3] = frame->streaks.to_grid;

@@ -82,7 +82,7 @@ static inline struct cells compute_cells(const struct sp_voxel_tile *tile,
     return (struct cells){ x0 / 4, y0 / CELL_ROWS, x1 / 4, y1 / CELL_ROWS };
 }
 
-/* Those of the cells that let light through, as bits of a word of tile->open, which has eight rows.
+/* The cells of `c` that let light through, as bits of a word of tile->open, which has eight rows.
  */
 static inline uint64_t mask_open_cells(const struct sp_voxel_tile *tile, const struct cells *c,
                                        int word) {

@@ -62,7 +62,8 @@ static struct sp_surface_volume *get_ranges(struct sp_surface_cache *cache,
     return slot;
 }
 
-/* Makes the points; finer: those of level 0, NULL = extracts them. */
+/* Makes the points of a level. finer: the points of level 0 to merge; NULL = extracts points from
+ * the volume. */
 static bool make_points(const struct sp_surface_cache *cache,
                         const struct sp_surface_cache_job *job,
                         const struct sp_surface_volume *volume,

@@ -46,7 +46,7 @@ static void init_frame(struct sp_surface *s, const struct sp_surface_input *inpu
     for (int i = 0; i < 9 && sign < 0; i++)
         s->facing[i / 3][i % 3] *= -1;
     s->reach = s->frame.radius * s->frame.sigma * (float)sqrt(largest);
-    /* Discs of merged points are as those that they stand for, together. */
+    /* A disc of a merged point bends as much as the discs that it stands for do together. */
     s->bend = bend * s->frame.sigma * s->frame.sigma / SURFACE_BEND_STEPS;
     if (input->is_enlarged)
         s->bend *= (float)(growth * growth);
