@@ -27,13 +27,14 @@ static uint8_t byte_at(size_t i) {
     return input.size ? input.bytes[i % input.size] : 0;
 }
 
-static void *open_file(const struct array_place *place, char *why, size_t capacity) {
+static void *open_file(const struct array_place *place, struct sp_error *err) {
     int fd = open(place->path, O_RDONLY | O_CLOEXEC);
     const ssize_t got = fd >= 0 ? pread(fd, input.bytes, sizeof input.bytes, 1) : -1;
     if (fd >= 0)
         close(fd);
     input.size = got > 0 ? (size_t)got : 0;
-    snprintf(why, capacity, "too short");
+    if (!input.size)
+        sp_fail(err, SP_ERR_FORMAT, "", "too short");
     return input.size ? &input : NULL;
 }
 
@@ -85,12 +86,11 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
 }
 
 static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64_t *count,
-                     void *out, char *why, size_t capacity) {
+                     void *out, struct sp_error *err) {
     struct array_info info;
     uint64_t bytes;
-    snprintf(why, capacity, "damaged");
     if (!describe(file, n, &info) || byte_at(n) == 255)
-        return false;
+        return sp_fail(err, SP_ERR_FORMAT, "", "damaged");
     bytes = info.number.size;
     for (unsigned d = 0; d < info.rank; d++) {
         if (start[d] + count[d] > info.shape[d])

@@ -66,18 +66,17 @@ static const struct dicom_image usual = {
                .slope = 1 },
 };
 
-static bool describe(const char *path, struct dicom_image *image, char *why, size_t capacity) {
-    bool *const flags[] = { &image->is_signed,    &image->is_float,       &image->is_bits,
-                            &image->is_planar,    &image->is_packed,      &image->is_swapped,
-                            &image->is_labels,    &image->is_in_patient,  &image->has_number,
-                            &image->is_directory, &image->is_tiled,       &image->has_places,
-                            &image->is_mosaic,    &image->has_labels,     &image->has_words,
-                            &image->is_foreign,   &image->has_empty_image };
+static bool describe(const char *path, struct dicom_image *image, struct sp_error *err) {
+    bool *const flags[] = { &image->is_signed,      &image->is_float,      &image->is_bits,
+                            &image->is_planar,      &image->is_packed,     &image->is_swapped,
+                            &image->is_labels,      &image->is_in_patient, &image->has_number,
+                            &image->is_directory,   &image->is_tiled,      &image->has_places,
+                            &image->is_mosaic,      &image->has_labels,    &image->has_words,
+                            &image->has_empty_image };
     unsigned char bytes[sizeof *image] = { 0 };
     *image = usual;
-    snprintf(why, capacity, "too short");
     if (read_file(path, bytes, sizeof bytes) == 0)
-        return false;
+        return sp_fail(err, SP_ERR_FORMAT, "", "too short");
     for (size_t i = 0; i < sizeof bytes; i++)
         ((unsigned char *)image)[i] ^= bytes[i];
     image->id[sizeof image->id - 1] = 0;
@@ -97,11 +96,11 @@ static bool describe(const char *path, struct dicom_image *image, char *why, siz
 }
 
 /* The bytes behind those of the image change the frames, which are three places of two times. */
-static bool describe_frames(const char *path, struct dicom_frame *frames, uint32_t count, char *why,
-                            size_t capacity) {
+static bool describe_frames(const char *path, struct dicom_frame *frames, uint32_t count,
+                            struct sp_error *err) {
     struct dicom_image image;
     int fd = open(path, O_RDONLY | O_CLOEXEC);
-    bool ok = describe(path, &image, why, capacity);
+    bool ok = describe(path, &image, err);
     for (uint32_t i = 0; ok && i < count; i++) {
         unsigned char bytes[sizeof *frames] = { 0 };
         frames[i] = image.first;
@@ -118,33 +117,31 @@ static bool describe_frames(const char *path, struct dicom_frame *frames, uint32
     return ok;
 }
 
-static void *open_pixels(const char *path, struct dicom_image *image, char *why, size_t capacity) {
+static void *open_pixels(const char *path, struct dicom_image *image, struct sp_error *err) {
+    char *pixels = strdup(path);
     (void)image;
-    snprintf(why, capacity, "out of memory");
-    return strdup(path);
+    if (!pixels)
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    return pixels;
 }
 
-static bool read_frame(void *pixels, uint32_t frame, void *out, size_t size, char *why,
-                       size_t capacity) {
-    snprintf(why, capacity, "too short");
+static bool read_frame(void *pixels, uint32_t frame, void *out, size_t size, struct sp_error *err) {
     memset(out, 0, size);
     (void)frame;
-    return read_file(pixels, out, size) > 0;
+    return read_file(pixels, out, size) > 0 || sp_fail(err, SP_ERR_FORMAT, "", "too short");
 }
 
 static void close_pixels(void *pixels) {
     free(pixels);
 }
 
-static bool read_palette(const char *path, struct dicom_palette *palette, char *why,
-                         size_t capacity) {
+static bool read_palette(const char *path, struct dicom_palette *palette, struct sp_error *err) {
     uint16_t numbers[2] = { 0 };
-    snprintf(why, capacity, "too short");
     read_file(path, numbers, sizeof numbers);
     palette->first = numbers[0];
     palette->count = numbers[1] + 1u;
     palette->colors = calloc(palette->count, 3);
-    return palette->colors != NULL;
+    return palette->colors || sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
 }
 
 /* In place of module.c. */

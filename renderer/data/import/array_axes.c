@@ -84,15 +84,13 @@ static void unwrap(double *values, uint64_t count, double turn) {
 static bool read_values(const struct arrays *a, int n, unsigned d, struct coordinates *c) {
     struct array_info info;
     struct import_conversion conversion;
-    char why[SP_ERROR_TEXT];
     const uint64_t start[IMPORT_RANK_MAX] = { 0 }, count[IMPORT_RANK_MAX] = { a->info.shape[d] };
     if (count[0] > SP_DIM_MAX || !a->call->describe(a->handle, (unsigned)n, &info))
         return true; /* without coordinates */
     void *numbers = malloc(count[0] * info.number.size);
     c->values = malloc(count[0] * sizeof *c->values);
     const bool ok = numbers && c->values;
-    bool is_sound =
-        ok && a->call->read(a->handle, (unsigned)n, start, count, numbers, why, sizeof why);
+    bool is_sound = ok && a->call->read(a->handle, (unsigned)n, start, count, numbers, NULL);
     if (is_sound) {
         arrays_read_packing(a, (unsigned)n, &info, &conversion);
         conversion.type = SP_FLOAT64;

@@ -61,15 +61,16 @@ struct array_place {
 };
 
 struct array_functions {
-    /* NULL on failure, with the reason in `why` (`capacity` bytes). The place must stay valid until
-     * close(). */
-    void *(*open)(const struct array_place *place, char *why, size_t capacity);
+    /* NULL on failure, with *err set but for its place. The place of the file must stay valid
+     * until close(). */
+    void *(*open)(const struct array_place *place, struct sp_error *err);
     void (*close)(void *file);
     /* Describes array n, from 0. False if there is none. */
     bool (*describe)(void *file, unsigned n, struct array_info *info);
-    /* Reads a box of array n, the last dimension fastest, in native byte order. */
+    /* Reads a box of array n, the last dimension fastest, in native byte order. False with *err set
+     * but for its place. */
     bool (*read)(void *file, unsigned n, const uint64_t *start, const uint64_t *count, void *out,
-                 char *why, size_t capacity);
+                 struct sp_error *err);
     /* Reads an attribute of array n as at most `most` numbers; returns how many. */
     size_t (*numbers)(void *file, unsigned n, const char *attribute, double *out, size_t most);
     /* Reads an attribute as text, cut to `capacity` bytes with its 0; "" if there is none. */

@@ -127,7 +127,7 @@ void arrays_use_default_fill(struct arrays *a) {
 bool arrays_read_numbers(const struct arrays *a, const char *path, unsigned rank, unsigned side,
                          double *out) {
     const unsigned count = rank == 1 ? side : side * side;
-    char why[SP_ERROR_TEXT], bytes[ARRAYS_SIDE_MAX * ARRAYS_SIDE_MAX * IMPORT_NUMBER_BYTES];
+    char bytes[ARRAYS_SIDE_MAX * ARRAYS_SIDE_MAX * IMPORT_NUMBER_BYTES];
     const uint64_t start[IMPORT_RANK_MAX] = { 0 };
     struct array_info info;
     for (unsigned n = 0; a->call->describe(a->handle, n, &info); n++) {
@@ -136,7 +136,7 @@ bool arrays_read_numbers(const struct arrays *a, const char *path, unsigned rank
         if (!info.is_number || info.rank != rank || info.shape[0] != side ||
             info.shape[rank - 1] != side)
             return false;
-        bool ok = a->call->read(a->handle, n, start, info.shape, bytes, why, sizeof why);
+        bool ok = a->call->read(a->handle, n, start, info.shape, bytes, NULL);
         for (unsigned i = 0; ok && i < count; i++) {
             out[i] = import_widen(bytes + i * info.number.size, info.number);
             ok = isfinite(out[i]);

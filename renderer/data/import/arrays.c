@@ -121,7 +121,7 @@ struct box {
 static bool read_box(struct reading *r, const struct box *box, struct sp_error *err) {
     const struct arrays *a = r->arrays;
     uint64_t start[IMPORT_RANK_MAX] = { 0 }, count[IMPORT_RANK_MAX], at = 0;
-    char why[SP_ERROR_TEXT] = "";
+    struct sp_error why;
     for (unsigned d = 0; d < a->info.rank; d++)
         count[d] = 1;
     if (a->axes.channel >= 0)
@@ -133,8 +133,8 @@ static bool read_box(struct reading *r, const struct box *box, struct sp_error *
         count[r->order[i]] = box->size[i];
         at += box->first[i] * r->strides[i];
     }
-    if (!a->call->read(a->handle, a->chosen, start, count, r->numbers, why, sizeof why))
-        return arrays_fail(a, err, SP_ERR_FORMAT, "%s", why);
+    if (!a->call->read(a->handle, a->chosen, start, count, r->numbers, &why))
+        return arrays_fail(a, err, why.code, "%s", why.text);
     const unsigned last = r->count - 1;
     const uint64_t rows[2] = { r->count > 2 ? box->size[0] : 1,
                                r->count > 1 ? box->size[last - 1] : 1 };
@@ -266,7 +266,7 @@ static bool open_arrays(struct arrays *a, const struct import_file *file,
                         struct import_header *header, struct sp_error *err) {
     a->file = file;
     a->title = file->title;
-    char why[SP_ERROR_TEXT] = "";
+    struct sp_error why;
     a->call = a->is_netcdf ? import_module_load(a->file, NETCDF_BRIDGE_MODULE, NETCDF_BRIDGE_SYMBOL,
                                                 "NetCDF", "libnetcdf19", err)
                            : import_module_load(a->file, HDF5_BRIDGE_MODULE, HDF5_BRIDGE_SYMBOL,
@@ -278,9 +278,9 @@ static bool open_arrays(struct arrays *a, const struct import_file *file,
     a->place = (struct array_place){
         .path = a->path, .folder = a->file->folder, .find = find_source, .user = a
     };
-    a->handle = a->call->open(&a->place, why, sizeof why);
+    a->handle = a->call->open(&a->place, &why);
     if (!a->handle)
-        return sp_fail(err, SP_ERR_FORMAT, a->file->title, "%s", why);
+        return sp_fail(err, why.code, a->file->title, "%s", why.text);
     struct imaris *imaris;
     if (!imaris_open(a, &imaris, err) || !arrays_choose(a, err))
         return false;

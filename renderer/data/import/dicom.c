@@ -36,28 +36,26 @@ static bool probe(const uint8_t *start, size_t size, const char *title) {
  * complete. */
 static bool open_source(struct dicom_source *source, struct sp_error *err) {
     const struct import_file *file = source->file;
-    char why[SP_ERROR_TEXT] = "";
+    const struct dicom_image *image = &source->image;
+    struct sp_error why;
     source->call = import_module_load(file, DICOM_BRIDGE_MODULE, DICOM_BRIDGE_SYMBOL, "GDCM",
                                       "libgdcm3.0", err);
     if (!source->call)
         return false;
     if (file->is_folder)
         return true;
-    bool ok = dicom_describe(source, file->fd, &source->image, why);
+    bool ok = dicom_describe(source, file->fd, &source->image, &why);
     source->is_named = ok && !source->image.is_directory;
-    if (source->is_named && source->image.columns == 0)
-        snprintf(
-            why, sizeof why,
-            source->image.has_empty_image
+    if (source->is_named && image->columns == 0)
+        ok = sp_fail(
+            &why, SP_ERR_FORMAT, "",
+            image->has_empty_image
                 ? "the image has no pixels: Rows or Columns is 0 (modality %s); export it again"
                 : "the file has no image (modality %s); open the series that it belongs to",
-            *source->image.modality ? source->image.modality : "not known");
-    if (source->is_named)
-        ok = source->image.columns > 0 && dicom_samples_check(&source->image, file->fd, why);
-    const struct dicom_image *image = &source->image;
-    const bool is_unknown = image->is_foreign || image->colors == DICOM_OTHER_COLORS ||
-                            image->is_tiled || (image->is_mosaic && image->tiles == 0);
-    return ok || dicom_fail(source, is_unknown ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT, "", why, err);
+            *image->modality ? image->modality : "not known");
+    else if (source->is_named)
+        ok = dicom_samples_check(image, file->fd, &why);
+    return ok || dicom_fail(source, why.code, "", why.text, err);
 }
 
 /* Lists the frames of the file, and of other files that make one stack with it. */

@@ -11,6 +11,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "sp/status.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -102,7 +104,6 @@ struct dicom_image {  /* what a file says about its images */
     bool has_number;
     long number;       /* of the series in its study */
     bool is_directory; /* the file is a DICOMDIR */
-    bool is_foreign;   /* not damaged, but packed in a way that is not supported */
     char modality[20];
     char description[68];           /* of the series, UTF-8 */
     uint32_t columns, rows, frames; /* columns 0 = the file has no image */
@@ -143,21 +144,19 @@ struct dicom_palette {
 };
 
 struct dicom_bridge_functions {
-    /* Reads everything but the pixels. False with the reason in `why` (`capacity` bytes). */
-    bool (*describe)(const char *path, struct dicom_image *image, char *why, size_t capacity);
+    /* Reads everything but the pixels. Functions that fail set *err but for its place. */
+    bool (*describe)(const char *path, struct dicom_image *image, struct sp_error *err);
     /* Describes `count` frames. */
-    bool (*describe_frames)(const char *path, struct dicom_frame *frames, uint32_t count, char *why,
-                            size_t capacity);
-    /* Opens compressed pixels. NULL with the reason in `why`. If their code has other colours than
+    bool (*describe_frames)(const char *path, struct dicom_frame *frames, uint32_t count,
+                            struct sp_error *err);
+    /* Opens compressed pixels. NULL on failure. If their code has other colours than
      * *image says, corrects image->colors, and says so in image->note, which otherwise stays. */
-    void *(*open_pixels)(const char *path, struct dicom_image *image, char *why, size_t capacity);
+    void *(*open_pixels)(const char *path, struct dicom_image *image, struct sp_error *err);
     /* Unpacks one frame into `size` bytes, in native byte order, with the channels of a pixel side
      * by side. */
-    bool (*read_frame)(void *pixels, uint32_t frame, void *out, size_t size, char *why,
-                       size_t capacity);
+    bool (*read_frame)(void *pixels, uint32_t frame, void *out, size_t size, struct sp_error *err);
     void (*close_pixels)(void *pixels);
-    bool (*read_palette)(const char *path, struct dicom_palette *palette, char *why,
-                         size_t capacity);
+    bool (*read_palette)(const char *path, struct dicom_palette *palette, struct sp_error *err);
 };
 
 #define DICOM_BRIDGE_MODULE "splat-import-dicom.so"

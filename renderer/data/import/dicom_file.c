@@ -60,8 +60,8 @@ void dicom_close(const struct dicom_source *source, int fd) {
 
 /* The path refers to the file however it is renamed meanwhile. */
 bool dicom_describe(const struct dicom_source *source, int fd, struct dicom_image *image,
-                    char why[SP_ERROR_TEXT]) {
+                    struct sp_error *err) {
     char path[40];
     snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
-    return source->call->describe(path, image, why, SP_ERROR_TEXT);
+    return source->call->describe(path, image, err);
 }

@@ -35,9 +35,9 @@ bool dicom_fail(const struct dicom_source *source, enum sp_code code, const char
 int dicom_open(const struct dicom_source *source, const char *name, struct sp_error *err);
 void dicom_close(const struct dicom_source *source, int fd);
 
-/* Reads what the file says about its image. */
+/* Reads what the file says about its image. Leaves the place of *err to the caller. */
 bool dicom_describe(const struct dicom_source *source, int fd, struct dicom_image *image,
-                    char why[SP_ERROR_TEXT]);
+                    struct sp_error *err);
 
 /* Numbers rise, before NaN, so that the order is total. */
 static inline int dicom_compare_numbers(double a, double b) {

@@ -112,14 +112,15 @@ static bool fail_memory(const struct dicom_source *source, struct sp_error *err)
 
 static bool describe_frames(const struct dicom_source *source, const char *name,
                             struct dicom_frame *frames, uint32_t count, struct sp_error *err) {
-    char path[40], why[SP_ERROR_TEXT];
+    char path[40];
+    struct sp_error why;
     const int fd = dicom_open(source, name, err);
     if (fd < 0)
         return false;
     snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
-    const bool ok = source->call->describe_frames(path, frames, count, why, sizeof why);
+    const bool ok = source->call->describe_frames(path, frames, count, &why);
     dicom_close(source, fd);
-    return ok || dicom_fail(source, SP_ERR_FORMAT, name, why, err);
+    return ok || dicom_fail(source, why.code, name, why.text, err);
 }
 
 static bool check_count(const struct dicom_source *source, const char *name, uint64_t count,

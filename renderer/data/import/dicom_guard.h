@@ -7,14 +7,14 @@
 #ifndef SP_IMPORT_DICOM_GUARD_H
 #define SP_IMPORT_DICOM_GUARD_H
 
-#include <cstddef>
+#include "sp/status.h"
 
-/* Returns run(user), or false with a reason in `why` if GDCM gave up. */
-bool dicom_survive(bool (*run)(void *user), void *user, char *why, size_t capacity);
+/* Returns run(user), or false with *err set if GDCM gave up. */
+bool dicom_survive(bool (*run)(void *user), void *user, sp_error *err);
 
-template <typename Call> bool dicom_guard(Call call, char *why, size_t capacity) {
+template <typename Call> bool dicom_guard(Call call, sp_error *err) {
     return dicom_survive([](void *user) -> bool { return (*static_cast<Call *>(user))(); }, &call,
-                         why, capacity);
+                         err);
 }
 
 #endif

@@ -3,7 +3,6 @@
 
 #include <csetjmp>
 #include <csignal>
-#include <cstdio>
 
 static sigjmp_buf way_out;
 
@@ -17,7 +16,7 @@ static void leave(int) {
 static const int signals[] = { SIGABRT, SIGSEGV, SIGFPE, SIGILL };
 enum { SIGNALS = sizeof signals / sizeof *signals };
 
-bool dicom_survive(bool (*run)(void *user), void *user, char *why, size_t capacity) {
+bool dicom_survive(bool (*run)(void *user), void *user, sp_error *err) {
     static char stack[1 << 16]; /* the own one may be full: data sets lie in each other */
     stack_t own_stack = {}, stack_before = {};
     struct sigaction own = {}, before[SIGNALS] = {};
@@ -32,7 +31,7 @@ bool dicom_survive(bool (*run)(void *user), void *user, char *why, size_t capaci
     if (sigsetjmp(way_out, 1) == 0)
         ok = run(user);
     else
-        snprintf(why, capacity, "the file is cut off or damaged");
+        sp_fail(err, SP_ERR_FORMAT, "", "the file is cut off or damaged");
     for (int i = 0; i < SIGNALS; i++)
         sigaction(signals[i], &before[i], nullptr);
     sigaltstack(&stack_before, nullptr);

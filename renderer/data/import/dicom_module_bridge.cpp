@@ -11,9 +11,10 @@
 
 #include "data/import/dicom_guard.h"
 #include "data/import/dicom_tags.h"
+#include "data/import/exception.h"
 
-static void explain(char *why, size_t capacity, const char *text) {
-    snprintf(why, capacity, "%s", text);
+bool dicom_explain(sp_error *err, const char *text) {
+    return sp_fail(err, SP_ERR_FORMAT, "", "%s", text);
 }
 
 static unsigned whole(double number, unsigned otherwise) {
@@ -185,18 +186,15 @@ static const char *note_of(const gdcm::DataSet &set, const dicom_image &image) {
     return "";
 }
 
-static bool describe(const char *path, dicom_image *image, char *why, size_t capacity) try {
+static bool describe(const char *path, dicom_image *image, sp_error *err) try {
     gdcm::Trace::WarningOff();
     gdcm::Trace::ErrorOff();
     gdcm::Reader reader;
     *image = dicom_image();
-    image->is_foreign = dicom_refuse_syntax(path, why, capacity);
-    if (image->is_foreign)
+    if (dicom_refuse_syntax(path, err))
         return false;
-    if (!read_header(path, reader, image)) {
-        explain(why, capacity, "this is no DICOM file, or it is damaged");
-        return false;
-    }
+    if (!read_header(path, reader, image))
+        return dicom_explain(err, "this is no DICOM file, or it is damaged");
     const gdcm::DataSet &set = reader.GetFile().GetDataSet();
     dicom_copy(image->series, sizeof image->series, dicom_text(set, 0x0020, 0x000e));
     dicom_copy(image->patient, sizeof image->patient, dicom_text(set, 0x0010, 0x0020));
@@ -236,18 +234,15 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
                         (image->tiles > 0 || !dicom_item(one, 0x0020, 0x9113).IsEmpty());
     return true;
 } catch (const std::exception &e) {
-    explain(why, capacity, e.what());
-    return false;
+    return import_fail_caught(err, e, dicom_explain);
 }
 
-static bool describe_frames(const char *path, dicom_frame *frames, uint32_t count, char *why,
-                            size_t capacity) try {
+static bool describe_frames(const char *path, dicom_frame *frames, uint32_t count,
+                            sp_error *err) try {
     gdcm::Reader reader;
     dicom_image image = dicom_image();
-    if (!read_header(path, reader, &image)) {
-        explain(why, capacity, "this is no DICOM file, or it is damaged");
-        return false;
-    }
+    if (!read_header(path, reader, &image))
+        return dicom_explain(err, "this is no DICOM file, or it is damaged");
     const gdcm::DataSet &set = reader.GetFile().GetDataSet();
     image.frames = 1;
     image.columns = whole(dicom_value<uint16_t>(set, 0x0028, 0x0011), 0);
@@ -259,36 +254,29 @@ static bool describe_frames(const char *path, dicom_frame *frames, uint32_t coun
     dicom_fill_frames(set, image, frames, count);
     return true;
 } catch (const std::exception &e) {
-    explain(why, capacity, e.what());
-    return false;
+    return import_fail_caught(err, e, dicom_explain);
 }
 
-static bool guarded_describe(const char *path, dicom_image *image, char *why, size_t capacity) {
-    return dicom_guard([=] { return describe(path, image, why, capacity); }, why, capacity);
+static bool guarded_describe(const char *path, dicom_image *image, sp_error *err) {
+    return dicom_guard([=] { return describe(path, image, err); }, err);
 }
 
-static bool guarded_frames(const char *path, dicom_frame *frames, uint32_t count, char *why,
-                           size_t capacity) {
-    return dicom_guard([=] { return describe_frames(path, frames, count, why, capacity); }, why,
-                       capacity);
+static bool guarded_frames(const char *path, dicom_frame *frames, uint32_t count, sp_error *err) {
+    return dicom_guard([=] { return describe_frames(path, frames, count, err); }, err);
 }
 
-static void *guarded_open(const char *path, dicom_image *image, char *why, size_t capacity) {
+static void *guarded_open(const char *path, dicom_image *image, sp_error *err) {
     void *pixels = nullptr;
-    dicom_guard([&] { return (pixels = dicom_open_pixels(path, image, why, capacity)) != nullptr; },
-                why, capacity);
+    dicom_guard([&] { return (pixels = dicom_open_pixels(path, image, err)) != nullptr; }, err);
     return pixels;
 }
 
-static bool guarded_read(void *pixels, uint32_t frame, void *out, size_t size, char *why,
-                         size_t capacity) {
-    return dicom_guard([=] { return dicom_read_frame(pixels, frame, out, size, why, capacity); },
-                       why, capacity);
+static bool guarded_read(void *pixels, uint32_t frame, void *out, size_t size, sp_error *err) {
+    return dicom_guard([=] { return dicom_read_frame(pixels, frame, out, size, err); }, err);
 }
 
-static bool guarded_palette(const char *path, dicom_palette *palette, char *why, size_t capacity) {
-    return dicom_guard([=] { return dicom_read_palette(path, palette, why, capacity); }, why,
-                       capacity);
+static bool guarded_palette(const char *path, dicom_palette *palette, sp_error *err) {
+    return dicom_guard([=] { return dicom_read_palette(path, palette, err); }, err);
 }
 
 extern "C" __attribute__((visibility("default")))

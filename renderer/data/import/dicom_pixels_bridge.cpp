@@ -15,6 +15,7 @@
 #include <gdcmSequenceOfFragments.h>
 
 #include "data/import/dicom_tags.h"
+#include "data/import/exception.h"
 
 namespace {
 
@@ -28,11 +29,6 @@ struct pixels {
     unsigned columns = 0, rows = 0, frames = 0, planar = 0;
     std::vector<char> all; /* unpacked frames, where they cannot be unpacked one by one */
 };
-
-bool explain(char *why, size_t capacity, const char *text) {
-    snprintf(why, capacity, "%s", text);
-    return false;
-}
 
 /* Places of the frames in bytes from the first fragment on, of 4 bytes each behind the fragments'
  * own head, or of 8 bytes each in an element of their own. Empty if there is no such table. */
@@ -83,11 +79,11 @@ std::vector<uint8_t> code_of(const pixels &p, uint32_t frame) {
     return code;
 }
 
-bool unpack(const gdcm::Image &image, void *out, size_t size, char *why, size_t capacity) {
+bool unpack(const gdcm::Image &image, void *out, size_t size, sp_error *err) {
     if (image.GetBufferLength() != size)
-        return explain(why, capacity, "the file has another number of pixels than its header says");
+        return dicom_explain(err, "the file has another number of pixels than its header says");
     return image.GetBuffer(static_cast<char *>(out)) ||
-           explain(why, capacity, "the pixels cannot be unpacked: they are cut off or damaged");
+           dicom_explain(err, "the pixels cannot be unpacked: they are cut off or damaged");
 }
 
 /* A segment of RLE: runs of bytes (PS3.5, annex G.3.1). Returns how many bytes it has. */
@@ -106,15 +102,14 @@ size_t unpack_runs(const uint8_t *at, const uint8_t *end, uint8_t *out, size_t c
 
 /* Colours of several bytes in RLE, of which GDCM 3.0 mixes up the bytes: one segment for each byte
  * of each channel, the highest byte first. */
-bool unpack_rle(const pixels &p, uint32_t frame, char *out, size_t size, char *why,
-                size_t capacity) {
+bool unpack_rle(const pixels &p, uint32_t frame, char *out, size_t size, sp_error *err) {
     enum { HEADER = 64, SEGMENTS_MAX = 15 };
     const std::vector<uint8_t> bytes = code_of(p, frame);
     const size_t channels = p.format.GetSamplesPerPixel(), wide = p.format.GetBitsAllocated() / 8;
     const size_t segments = channels * wide, count = size / segments;
     uint32_t at[SEGMENTS_MAX + 1];
     if (bytes.size() < HEADER || segments > SEGMENTS_MAX)
-        return explain(why, capacity, "the pixels cannot be unpacked: they are cut off or damaged");
+        return dicom_explain(err, "the pixels cannot be unpacked: they are cut off or damaged");
     memcpy(at, bytes.data(), HEADER); /* their number, then where each begins */
     for (size_t n = 0; n < segments; n++) {
         const size_t begin = at[n + 1], end = n + 1 < segments ? at[n + 2] : bytes.size();
@@ -122,8 +117,7 @@ bool unpack_rle(const pixels &p, uint32_t frame, char *out, size_t size, char *w
         if (at[0] != segments || begin > end || end > bytes.size() ||
             unpack_runs(bytes.data() + begin, bytes.data() + end,
                         reinterpret_cast<uint8_t *>(out) + to, count, segments) != count)
-            return explain(why, capacity,
-                           "the pixels cannot be unpacked: they are cut off or damaged");
+            return dicom_explain(err, "the pixels cannot be unpacked: they are cut off or damaged");
     }
     return true;
 }
@@ -135,8 +129,7 @@ bool is_wide_rle(const pixels &p) {
 }
 
 /* An image of one frame. */
-bool unpack_frame(const pixels &p, uint32_t frame, void *out, size_t size, char *why,
-                  size_t capacity) {
+bool unpack_frame(const pixels &p, uint32_t frame, void *out, size_t size, sp_error *err) {
     gdcm::SmartPointer<gdcm::SequenceOfFragments> own = new gdcm::SequenceOfFragments;
     for (size_t i = p.first[frame]; i < p.first[frame + 1]; i++)
         own->AddFragment(p.fragments->GetFragment(i));
@@ -152,7 +145,7 @@ bool unpack_frame(const pixels &p, uint32_t frame, void *out, size_t size, char 
     image.SetPlanarConfiguration(0); /* the code says how it orders the channels, and GDCM knows */
     image.SetTransferSyntax(p.reader.GetFile().GetHeader().GetDataSetTransferSyntax());
     image.SetDataElement(element);
-    return unpack(image, out, size, why, capacity);
+    return unpack(image, out, size, err);
 }
 
 /* Puts the channels of each pixel side by side. */
@@ -165,16 +158,16 @@ void interleave(const pixels &p, const char *planes, char *out) {
 }
 
 /* All frames at once, which are then kept. */
-bool unpack_all(pixels &p, size_t size, char *why, size_t capacity) {
+bool unpack_all(pixels &p, size_t size, sp_error *err) {
     gdcm::ImageReader reader;
     reader.SetFileName(p.path.c_str());
     if (!reader.Read())
-        return explain(why, capacity,
-                       "the pixels are damaged, or packed in a way that is not supported");
+        return dicom_explain(err,
+                             "the pixels are damaged, or packed in a way that is not supported");
     if (p.fragments)
         reader.GetImage().SetPlanarConfiguration(0); /* as in unpack_frame() */
     std::vector<char> all(size * p.frames), frame(size);
-    if (!unpack(reader.GetImage(), all.data(), all.size(), why, capacity))
+    if (!unpack(reader.GetImage(), all.data(), all.size(), err))
         return false;
     for (size_t n = 0; n < p.frames && p.planar == 1 && !p.fragments; n++) {
         interleave(p, all.data() + n * size, frame.data());
@@ -186,13 +179,13 @@ bool unpack_all(pixels &p, size_t size, char *why, size_t capacity) {
 
 } // namespace
 
-void *dicom_open_pixels(const char *path, dicom_image *image, char *why, size_t capacity) try {
+void *dicom_open_pixels(const char *path, dicom_image *image, sp_error *err) try {
     auto p = std::make_unique<pixels>();
     std::ifstream stream(path, std::ios::binary);
     p->path = path;
     p->reader.SetStream(stream);
     if (!p->reader.Read()) {
-        explain(why, capacity, "the pixels are damaged, or packed in a way that is not supported");
+        dicom_explain(err, "the pixels are damaged, or packed in a way that is not supported");
         return nullptr;
     }
     const gdcm::File &file = p->reader.GetFile();
@@ -212,27 +205,26 @@ void *dicom_open_pixels(const char *path, dicom_image *image, char *why, size_t 
         dicom_check_colors(code_of(*p, 0), image);
     return p.release();
 } catch (const std::exception &e) {
-    explain(why, capacity, e.what());
+    import_fail_caught(err, e, dicom_explain);
     return nullptr;
 }
 
-bool dicom_read_frame(void *opened, uint32_t frame, void *out, size_t size, char *why,
-                      size_t capacity) try {
+bool dicom_read_frame(void *opened, uint32_t frame, void *out, size_t size, sp_error *err) try {
     pixels &p = *static_cast<pixels *>(opened);
     if (frame >= p.frames)
-        return explain(why, capacity, "the file has fewer frames than its header says");
+        return dicom_explain(err, "the file has fewer frames than its header says");
     if (!p.first.empty() && is_wide_rle(p))
-        return unpack_rle(p, frame, static_cast<char *>(out), size, why, capacity);
+        return unpack_rle(p, frame, static_cast<char *>(out), size, err);
     if (!p.first.empty())
-        return unpack_frame(p, frame, out, size, why, capacity);
-    if (p.all.empty() && !unpack_all(p, size, why, capacity))
+        return unpack_frame(p, frame, out, size, err);
+    if (p.all.empty() && !unpack_all(p, size, err))
         return false;
     if (p.all.size() < (frame + size_t{ 1 }) * size)
-        return explain(why, capacity, "the file has fewer frames than its header says");
+        return dicom_explain(err, "the file has fewer frames than its header says");
     memcpy(out, p.all.data() + frame * size, size);
     return true;
 } catch (const std::exception &e) {
-    return explain(why, capacity, e.what());
+    return import_fail_caught(err, e, dicom_explain);
 }
 
 void dicom_close_pixels(void *opened) {
@@ -265,21 +257,21 @@ static bool read_table(const gdcm::DataSet &set, uint16_t channel, dicom_palette
     return true;
 }
 
-bool dicom_read_palette(const char *path, dicom_palette *palette, char *why, size_t capacity) try {
+bool dicom_read_palette(const char *path, dicom_palette *palette, sp_error *err) try {
     gdcm::Reader reader;
     std::ifstream stream(path, std::ios::binary);
     reader.SetStream(stream);
     *palette = dicom_palette();
     if (!reader.ReadUpToTag({ 0x7fe0, 0x0010 }, { { 0x7fe0, 0x0010 } }))
-        return explain(why, capacity, "this is no DICOM file, or it is damaged");
+        return dicom_explain(err, "this is no DICOM file, or it is damaged");
     for (uint16_t channel = 0; channel < 3; channel++)
         if (!read_table(reader.GetFile().GetDataSet(), channel, palette)) {
             free(palette->colors);
             palette->colors = nullptr;
-            return explain(why, capacity,
-                           "the palette is missing, cut off, or of a kind that is not supported");
+            return dicom_explain(
+                err, "the palette is missing, cut off, or of a kind that is not supported");
         }
     return true;
 } catch (const std::exception &e) {
-    return explain(why, capacity, e.what());
+    return import_fail_caught(err, e, dicom_explain);
 }

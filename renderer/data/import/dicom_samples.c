@@ -86,19 +86,18 @@ static uint64_t frame_bytes(const struct dicom_image *image) {
 
 /* Packed pixels are a list of fragments, each a tag and a length, up to a delimiter. */
 static bool check_packed(const struct dicom_image *image, int fd, uint64_t size,
-                         char why[SP_ERROR_TEXT]) {
+                         struct sp_error *err) {
     uint64_t at = image->pixels_at;
     uint8_t item[8];
-    snprintf(why, SP_ERROR_TEXT, "the packed pixels have no end: the file is cut off");
     while (at + sizeof item <= size && pread(fd, item, sizeof item, (off_t)at) == sizeof item) {
         const uint64_t length = item[4] | item[5] << 8 | item[6] << 16 | (uint64_t)item[7] << 24;
         if (memcmp(item, "\xfe\xff\xdd\xe0", 4) == 0)
             return true;
         if (memcmp(item, "\xfe\xff\x00\xe0", 4) != 0)
-            return false;
+            break;
         at += sizeof item + length;
     }
-    return false;
+    return sp_fail(err, SP_ERR_FORMAT, "", "the packed pixels have no end: the file is cut off");
 }
 
 /* The image as the file stores it. */
@@ -112,42 +111,38 @@ static struct dicom_image stored_of(const struct dicom_image *image) {
     return stored;
 }
 
-static bool refuse_tiles(const struct dicom_image *image, char why[SP_ERROR_TEXT]) {
+static bool refuse_tiles(const struct dicom_image *image, struct sp_error *err) {
     char size[48] = "";
-    if (image->planes > 1) {
-        snprintf(why, SP_ERROR_TEXT,
-                 "%u frames of one tile of a slide, such as planes of focus, are not supported; "
-                 "export them as a TIFF stack",
-                 image->planes);
-        return false;
-    }
+    if (image->planes > 1)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, "",
+                       "%u frames of one tile of a slide, such as planes of focus, are not "
+                       "supported; export them as a TIFF stack",
+                       image->planes);
     if (image->tiled[0] >= 1 && image->tiled[1] >= 1)
         snprintf(size, sizeof size, " of %.0f x %.0f px", image->tiled[0], image->tiled[1]);
-    snprintf(why, SP_ERROR_TEXT,
-             "%" PRIu32 " tiles of a whole-slide image%s are not joined; export the part of "
-             "interest as TIFF, PNG or JPEG",
-             image->frames, size);
-    return false;
+    return sp_fail(err, SP_ERR_UNSUPPORTED, "",
+                   "%" PRIu32 " tiles of a whole-slide image%s are not joined; export the part of "
+                   "interest as TIFF, PNG or JPEG",
+                   image->frames, size);
 }
 
-static bool refuse_mosaic(char why[SP_ERROR_TEXT]) {
-    snprintf(why, SP_ERROR_TEXT,
-             "a mosaic whose number of slices (NumberOfImagesInMosaic) is missing or does not fit "
-             "its size; convert it with dcm2niix");
-    return false;
+static bool refuse_mosaic(struct sp_error *err) {
+    return sp_fail(
+        err, SP_ERR_UNSUPPORTED, "",
+        "a mosaic whose number of slices (NumberOfImagesInMosaic) is missing or does not fit "
+        "its size; convert it with dcm2niix");
 }
 
-static bool refuse_colors(const struct dicom_image *image, char why[SP_ERROR_TEXT]) {
-    snprintf(
-        why, SP_ERROR_TEXT,
+static bool refuse_colors(const struct dicom_image *image, struct sp_error *err) {
+    return sp_fail(
+        err, SP_ERR_UNSUPPORTED, "",
         "colours of the kind %.19s (PhotometricInterpretation) are not supported; supported are "
         "RGB, YBR_FULL, YBR_FULL_422, YBR_RCT, YBR_ICT and PALETTE COLOR; convert the file to "
         "RGB",
         image->color_name);
-    return false;
 }
 
-bool dicom_samples_check(const struct dicom_image *described, int fd, char why[SP_ERROR_TEXT]) {
+bool dicom_samples_check(const struct dicom_image *described, int fd, struct sp_error *err) {
     const struct dicom_image stored = stored_of(described), *image = &stored;
     const uint64_t needed = image->is_bits ? (pixels_of(image) * image->frames + 7) / 8
                                            : frame_bytes(image) * image->frames;
@@ -155,26 +150,25 @@ bool dicom_samples_check(const struct dicom_image *described, int fd, char why[S
     const uint64_t size = fstat(fd, &st) == 0 ? (uint64_t)st.st_size : 0;
     const uint64_t has = image->pixels_at < size ? size - image->pixels_at : 0;
     if (image->is_tiled)
-        return refuse_tiles(image, why);
+        return refuse_tiles(image, err);
     if (image->is_mosaic && image->tiles == 0)
-        return refuse_mosaic(why);
+        return refuse_mosaic(err);
     if (image->colors == DICOM_OTHER_COLORS)
-        return refuse_colors(image, why);
+        return refuse_colors(image, err);
     if (image->is_packed)
-        return image->pixels_at == 0 || check_packed(image, fd, size, why);
-    snprintf(why, SP_ERROR_TEXT, "the file has no pixels");
+        return image->pixels_at == 0 || check_packed(image, fd, size, err);
     if (image->pixels_at == 0)
-        return false;
-    snprintf(why, SP_ERROR_TEXT,
-             "the pixels need %" PRIu64 " bytes, the file has %" PRIu64 ": the file is cut off",
-             needed, has);
+        return sp_fail(err, SP_ERR_FORMAT, "", "the file has no pixels");
     if (has < needed)
-        return false;
-    snprintf(why, SP_ERROR_TEXT,
-             "the pixels need %" PRIu64 " bytes, the element has %" PRIu64
-             ": the size or the number of frames is wrong",
-             needed, image->pixels_bytes);
-    return image->pixels_bytes >= needed;
+        return sp_fail(err, SP_ERR_FORMAT, "",
+                       "the pixels need %" PRIu64 " bytes, the file has %" PRIu64
+                       ": the file is cut off",
+                       needed, has);
+    return image->pixels_bytes >= needed ||
+           sp_fail(err, SP_ERR_FORMAT, "",
+                   "the pixels need %" PRIu64 " bytes, the element has %" PRIu64
+                   ": the size or the number of frames is wrong",
+                   needed, image->pixels_bytes);
 }
 
 /* The list of slices comes from an earlier look at the file. */
@@ -183,24 +177,31 @@ static bool is_like(const struct dicom_image *a, const struct dicom_image *b) {
            a->colors == b->colors;
 }
 
-static bool fail(const struct dicom_samples *s, const char *why, struct sp_error *err) {
-    return dicom_fail(s->source, SP_ERR_FORMAT, s->name, why, err);
+static bool fail(const struct dicom_samples *s, const char *text, struct sp_error *err) {
+    return dicom_fail(s->source, SP_ERR_FORMAT, s->name, text, err);
+}
+
+/* Adds the place to an error. */
+static bool fail_with(const struct dicom_samples *s, const struct sp_error *why,
+                      struct sp_error *err) {
+    return dicom_fail(s->source, why->code, s->name, why->text, err);
 }
 
 bool dicom_samples_open(struct dicom_samples *s, const struct dicom_source *source,
                         const char *name, struct sp_error *err) {
-    char path[40], why[SP_ERROR_TEXT] = "";
+    char path[40];
+    struct sp_error why;
     *s = (struct dicom_samples){ .source = source, .name = name };
     s->fd = dicom_open(source, name, err);
     if (s->fd < 0)
         return false;
     snprintf(path, sizeof path, "/proc/self/fd/%d", s->fd);
-    if (!dicom_describe(source, s->fd, &s->image, why))
-        return fail(s, why, err);
+    if (!dicom_describe(source, s->fd, &s->image, &why))
+        return fail_with(s, &why, err);
     if (!is_like(&s->image, &source->image))
         return fail(s, "the pixels differ in type or size from those of the other slices", err);
-    if (!dicom_samples_check(&s->image, s->fd, why))
-        return fail(s, why, err);
+    if (!dicom_samples_check(&s->image, s->fd, &why))
+        return fail_with(s, &why, err);
     if (!dicom_samples_type(source, &s->image, name, &s->number, &s->channels, err))
         return false;
     s->tiles = s->image.is_mosaic ? s->image.tiles : 0;
@@ -209,19 +210,18 @@ bool dicom_samples_open(struct dicom_samples *s, const struct dicom_source *sour
     s->raw = malloc(s->raw_bytes + 2);
     if (!s->raw)
         return sp_fail(err, SP_ERR_MEMORY, source->file->title, "out of memory for a frame");
-    if (s->image.colors == DICOM_PALETTE &&
-        !source->call->read_palette(path, &s->palette, why, sizeof why))
-        return fail(s, why, err);
+    if (s->image.colors == DICOM_PALETTE && !source->call->read_palette(path, &s->palette, &why))
+        return fail_with(s, &why, err);
     if (s->palette.is_rounded)
         import_warn(source->file->warnings,
                     "The palette has colours of 16 bits; they were rounded to 8 bits.");
     if (!s->image.is_packed)
         return true;
     s->image.note[0] = 0; /* that of the header is told elsewhere */
-    s->packed = source->call->open_pixels(path, &s->image, why, sizeof why);
+    s->packed = source->call->open_pixels(path, &s->image, &why);
     if (s->image.note[0])
         import_warn(source->file->warnings, "%s", s->image.note);
-    return s->packed || fail(s, why, err);
+    return s->packed || fail_with(s, &why, err);
 }
 
 void dicom_samples_close(struct dicom_samples *s) {
@@ -346,12 +346,11 @@ static bool read_numbers(struct dicom_samples *s, uint32_t frame, uint8_t *to,
     const struct dicom_image *image = &s->image;
     const size_t count = pixels_of(image) * image->channels;
     const unsigned unused = image->high_bit + 1 - image->bits;
-    char why[SP_ERROR_TEXT];
+    struct sp_error why;
     unsigned first_bit;
     if (s->packed) {
-        if (!s->source->call->read_frame(s->packed, frame, to, count * image->bytes, why,
-                                         sizeof why))
-            return fail(s, why, err);
+        if (!s->source->call->read_frame(s->packed, frame, to, count * image->bytes, &why))
+            return fail_with(s, &why, err);
         clean_bits(image, to, count, 0);
         return true;
     }

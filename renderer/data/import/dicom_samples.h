@@ -31,8 +31,9 @@ bool dicom_samples_type(const struct dicom_source *source, const struct dicom_im
                         struct sp_error *err);
 
 /* Checks that the pixels of an open file are not cut off, not tiles of a larger image or of a
- * mosaic of unknown size, and not colours of a kind that is not supported. */
-bool dicom_samples_check(const struct dicom_image *image, int fd, char why[SP_ERROR_TEXT]);
+ * mosaic of unknown size, and not colours of a kind that is not supported. Leaves the place of *err
+ * to the caller. */
+bool dicom_samples_check(const struct dicom_image *image, int fd, struct sp_error *err);
 
 /* Opens a file of the folder; "" is the file that was opened. Its image must have the size and the
  * channels of the source's image. */

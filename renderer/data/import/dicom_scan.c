@@ -300,44 +300,43 @@ static bool is_opened(const struct dicom_source *source, int fd) {
 enum verdict { IS_IMAGE, IS_OTHER, IS_DAMAGED, IS_DOUBTFUL };
 
 static enum verdict judge(const struct dicom_source *source, const char *name, int fd,
-                          struct dicom_image *image, char why[SP_ERROR_TEXT]) {
+                          struct dicom_image *image, struct sp_error *err) {
     uint8_t start[DICOM_PREFIX];
     const ssize_t got = pread(fd, start, sizeof start, 0);
     if (got <= 0) {
-        snprintf(why, SP_ERROR_TEXT, "the file is empty");
+        sp_fail(err, SP_ERR_FORMAT, "", "the file is empty");
         return dicom_has_ending(name) ? IS_DAMAGED : IS_DOUBTFUL;
     }
     if (!dicom_is_file(start, (size_t)got) && !dicom_has_ending(name)) {
-        snprintf(why, SP_ERROR_TEXT, "this is no DICOM file, or it is damaged");
+        sp_fail(err, SP_ERR_FORMAT, "", "this is no DICOM file, or it is damaged");
         return IS_DOUBTFUL;
     }
-    if (!dicom_describe(source, fd, image, why))
+    if (!dicom_describe(source, fd, image, err))
         return IS_DAMAGED;
     if (image->columns == 0)
         return IS_OTHER;
-    return dicom_samples_check(image, fd, why) ? IS_IMAGE : IS_DAMAGED;
+    return dicom_samples_check(image, fd, err) ? IS_IMAGE : IS_DAMAGED;
 }
 
 /* Adds a file of the folder to the images or the damaged files. A file that has neither the bytes
  * nor the name of a DICOM file comes to the doubts, with the reason. */
 static bool add_file(const struct dicom_source *source, const char *name, struct dicom_scan *scan,
                      struct import_names *doubts) {
-    char why[SP_ERROR_TEXT];
     struct dicom_image image;
-    struct sp_error ignored;
+    struct sp_error why;
     bool ok = true;
-    int fd = dicom_open(source, name, &ignored);
+    int fd = dicom_open(source, name, &why);
     if (fd < 0)
         return true;
     if (is_opened(source, fd)) {
         ok = !source->is_named || name_first(scan, name);
     } else {
-        switch (judge(source, name, fd, &image, why)) {
+        switch (judge(source, name, fd, &image, &why)) {
         case IS_IMAGE:
             ok = add_image(scan, name, fd, &image);
             break;
         case IS_DAMAGED:
-            ok = add_damaged(scan, name, why);
+            ok = add_damaged(scan, name, why.text);
             break;
         case IS_DOUBTFUL:
             ok = doubts->count == DOUBTS_MAX || import_names_append(doubts, name);

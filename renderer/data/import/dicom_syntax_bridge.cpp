@@ -75,17 +75,18 @@ std::string read_syntax(const char *path) {
 
 } // namespace
 
-bool dicom_refuse_syntax(const char *path, char *why, size_t capacity) {
+bool dicom_refuse_syntax(const char *path, sp_error *err) {
     const std::string uid = read_syntax(path);
     for (const auto &one : refused) {
         if (uid != one.uid && uid.rfind(one.uid + std::string("."), 0) != 0)
             continue;
-        snprintf(why, capacity, "%s is not supported; %s", one.name, one.remedy);
+        sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s is not supported; %s", one.name, one.remedy);
         return true;
     }
     if (uid.empty() || uid.find_first_not_of("0123456789.") != std::string::npos ||
         gdcm::TransferSyntax::GetTSType(uid.c_str()) != gdcm::TransferSyntax::TS_END)
         return false;
-    snprintf(why, capacity, "the transfer syntax %.64s is not known; %s", uid.c_str(), with_writer);
+    sp_fail(err, SP_ERR_UNSUPPORTED, "", "the transfer syntax %.64s is not known; %s", uid.c_str(),
+            with_writer);
     return true;
 }

@@ -140,9 +140,12 @@ void dicom_describe_mosaic(const gdcm::DataSet &set, dicom_image *image);
 void dicom_place_tile(const gdcm::DataSet &set, const dicom_image &image, uint32_t index,
                       dicom_frame &frame);
 
-/* True, with the reason and a remedy, if the file is packed in a way that GDCM does not know
- * (dicom_syntax_bridge.cpp). */
-bool dicom_refuse_syntax(const char *path, char *why, size_t capacity);
+/* Fills *err and returns false. */
+bool dicom_explain(sp_error *err, const char *text);
+
+/* True, with the reason and a remedy in *err, if the file is packed in a way that GDCM does not
+ * know (dicom_syntax_bridge.cpp). */
+bool dicom_refuse_syntax(const char *path, sp_error *err);
 
 /* What the code of packed pixels says (dicom_stream_bridge.cpp). */
 
@@ -154,10 +157,9 @@ bool dicom_begins_frame(const char *code, size_t size);
 void dicom_check_colors(const std::vector<uint8_t> &code, dicom_image *image);
 
 /* The functions of struct dicom_bridge_functions that unpack pixels. */
-void *dicom_open_pixels(const char *path, dicom_image *image, char *why, size_t capacity);
-bool dicom_read_frame(void *pixels, uint32_t frame, void *out, size_t size, char *why,
-                      size_t capacity);
+void *dicom_open_pixels(const char *path, dicom_image *image, sp_error *err);
+bool dicom_read_frame(void *pixels, uint32_t frame, void *out, size_t size, sp_error *err);
 void dicom_close_pixels(void *pixels);
-bool dicom_read_palette(const char *path, dicom_palette *palette, char *why, size_t capacity);
+bool dicom_read_palette(const char *path, dicom_palette *palette, sp_error *err);
 
 #endif

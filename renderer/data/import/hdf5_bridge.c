@@ -51,12 +51,12 @@ static void close_file(void *file) {
     H5close();
 }
 
-static void *open_file(const struct array_place *place, char *why, size_t capacity) {
+static void *open_file(const struct array_place *place, struct sp_error *err) {
     struct hdf5 *h = calloc(1, sizeof *h);
-    snprintf(why, capacity,
-             h ? "HDF5 cannot open the file: it is damaged or cut off" : "out of memory");
-    if (!h)
+    if (!h) {
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
         return NULL;
+    }
     setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1); /* the sandbox allows no locks */
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     H5PLset_loading_state(0);
@@ -66,6 +66,7 @@ static void *open_file(const struct array_place *place, char *why, size_t capaci
     if (h->file >= 0 && hdf5_list_fill(&h->list, h->file))
         return h;
     close_file(h);
+    sp_fail(err, SP_ERR_FORMAT, "", "HDF5 cannot open the file: it is damaged or cut off");
     return NULL;
 }
 
@@ -290,12 +291,10 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
     return true;
 }
 
-static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64_t *count,
-                     void *out, char *why, size_t capacity) {
-    struct hdf5 *h = file;
+static bool read_chosen(struct hdf5 *h, unsigned n, const uint64_t *start, const uint64_t *count,
+                        void *out) {
     struct import_number number;
     hsize_t first[IMPORT_RANK_MAX], size[IMPORT_RANK_MAX];
-    snprintf(why, capacity, "HDF5 cannot read the numbers: they are damaged or cut off");
     if (!use(h, n))
         return false;
     hid_t type = H5Dget_type(h->dataset), space = H5Dget_space(h->dataset), memory = -1;
@@ -314,6 +313,13 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
     hdf5_close(space);
     hdf5_close(type);
     return ok;
+}
+
+static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64_t *count,
+                     void *out, struct sp_error *err) {
+    return read_chosen(file, n, start, count, out) ||
+           sp_fail(err, SP_ERR_FORMAT, "",
+                   "HDF5 cannot read the numbers: they are damaged or cut off");
 }
 
 static size_t numbers_of(hid_t object, const char *name, double *out, size_t most) {

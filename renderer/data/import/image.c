@@ -62,7 +62,8 @@ static bool open_image(void *reader, const struct import_file *file, struct impo
                        struct sp_error *err) {
     struct image *m = reader;
     m->file = file;
-    char path[40], why[SP_ERROR_TEXT];
+    char path[40];
+    struct sp_error why;
     uint8_t start[8] = { 0 };
     const ssize_t got = pread(m->file->fd, start, sizeof start, 0);
     const char *format = got > 0 ? format_of(start, (size_t)got) : NULL;
@@ -75,9 +76,9 @@ static bool open_image(void *reader, const struct import_file *file, struct impo
         return false;
     /* Opens by descriptor, because the name may refer to another file by now. */
     snprintf(path, sizeof path, "/proc/self/fd/%d", m->file->fd);
-    m->bridge = m->call->open(path, format, why, sizeof why);
-    if (!m->bridge || m->call->page(m->bridge, 0, &m->page, why, sizeof why) != 1)
-        return sp_fail(err, SP_ERR_FORMAT, m->file->title, "%s", why);
+    m->bridge = m->call->open(path, format, &why);
+    if (!m->bridge || m->call->page(m->bridge, 0, &m->page, &why) != 1)
+        return sp_fail(err, why.code, m->file->title, "%s", why.text);
     return set_type(m, header, err);
 }
 
@@ -94,11 +95,11 @@ static bool read_image(void *reader, void *voxels, float (*vectors)[3],
     const bool is_copy = import_conversion_is_copy(&m->conversion);
     void *pixels =
         is_copy ? voxels : malloc(count * (size_t)m->page.channels * (size_t)m->page.bytes);
-    char why[SP_ERROR_TEXT];
+    struct sp_error why;
     (void)vectors;
     bool ok = pixels || sp_fail(err, SP_ERR_MEMORY, m->file->title, "out of memory for an image");
-    if (ok && !m->call->read(m->bridge, 0, pixels, why, sizeof why))
-        ok = sp_fail(err, SP_ERR_FORMAT, m->file->title, "%s", why);
+    if (ok && !m->call->read(m->bridge, 0, pixels, &why))
+        ok = sp_fail(err, why.code, m->file->title, "%s", why.text);
     if (ok && !is_copy)
         import_conversion_put(&m->conversion, pixels, count, voxels);
     if (!is_copy)

@@ -11,40 +11,41 @@
 
 #include <OpenImageIO/imageio.h>
 
+#include "data/import/exception.h"
+
 struct image_bridge {
     std::unique_ptr<OIIO::ImageInput> input;
 };
 
-static void explain(char *why, size_t capacity, const std::string &text) {
-    /* The caller explains an empty one. A damaged file can make a library quote gigabytes. */
-    std::string line = text.substr(0, capacity);
+static bool explain(sp_error *err, const char *text) {
+    /* main.c explains an empty one. A damaged file can make a library quote gigabytes. */
+    std::string line(text, strnlen(text, SP_ERROR_TEXT));
     for (char &c : line)
         if (static_cast<unsigned char>(c) < 0x20)
             c = ' ';
     static const char intro[] =
         "OpenImageIO cannot read it, most likely because it is cut off or damaged: ";
-    snprintf(why, capacity, "%s%s", line.empty() ? "" : intro, line.c_str());
+    return sp_fail(err, SP_ERR_FORMAT, "", "%s%s", line.empty() ? "" : intro, line.c_str());
 }
 
-static image_bridge *open_file(const char *path, const char *format, char *why,
-                               size_t capacity) try {
+static image_bridge *open_file(const char *path, const char *format, sp_error *err) try {
     OIIO::attribute("threads", 1);
     OIIO::attribute("exr_threads", -1);
     auto bridge = std::make_unique<image_bridge>();
     bridge->input = OIIO::ImageInput::create(format);
     if (!bridge->input) {
-        explain(why, capacity, OIIO::geterror());
+        explain(err, OIIO::geterror().c_str());
         return nullptr;
     }
     OIIO::ImageSpec spec, how;
     how.attribute("oiio:UnassociatedAlpha", 1); /* the numbers of the file */
     if (!bridge->input->open(path, spec, how)) {
-        explain(why, capacity, bridge->input->geterror());
+        explain(err, bridge->input->geterror().c_str());
         return nullptr;
     }
     return bridge.release();
 } catch (const std::exception &e) {
-    explain(why, capacity, e.what());
+    import_fail_caught(err, e, explain);
     return nullptr;
 }
 
@@ -52,11 +53,10 @@ static void close_file(image_bridge *bridge) {
     delete bridge;
 }
 
-static int describe_page(image_bridge *bridge, int n, image_page *page, char *why,
-                         size_t capacity) try {
+static int describe_page(image_bridge *bridge, int n, image_page *page, sp_error *err) try {
     if (!bridge->input->seek_subimage(n, 0)) {
         std::string text = bridge->input->geterror();
-        explain(why, capacity, text);
+        explain(err, text.c_str());
         return text.empty() ? 0 : -1;
     }
     const OIIO::ImageSpec &spec = bridge->input->spec();
@@ -69,32 +69,29 @@ static int describe_page(image_bridge *bridge, int n, image_page *page, char *wh
     page->is_signed = spec.format.is_signed();
     return 1;
 } catch (const std::exception &e) {
-    explain(why, capacity, e.what());
+    import_fail_caught(err, e, explain);
     return -1;
 }
 
 /* OpenImageIO reports some failures with a result of true. */
-static bool check(OIIO::ImageInput &input, bool ok, char *why, size_t capacity) {
+static bool check(OIIO::ImageInput &input, bool ok, sp_error *err) {
     if (ok && !input.has_error())
         return true;
-    explain(why, capacity, input.geterror());
-    return false;
+    return explain(err, input.geterror().c_str());
 }
 
-static bool read_page(image_bridge *bridge, int n, void *out, char *why, size_t capacity) try {
+static bool read_page(image_bridge *bridge, int n, void *out, sp_error *err) try {
     OIIO::ImageInput &input = *bridge->input;
     const bool ok = input.seek_subimage(n, 0) &&
                     input.read_image(n, 0, 0, input.spec().nchannels, input.spec().format, out);
-    return check(input, ok, why, capacity);
+    return check(input, ok, err);
 } catch (const std::exception &e) {
-    explain(why, capacity, e.what());
-    return false;
+    return import_fail_caught(err, e, explain);
 }
 
-static int describe_grid(image_bridge *bridge, int n, image_grid *grid, char *why,
-                         size_t capacity) try {
+static int describe_grid(image_bridge *bridge, int n, image_grid *grid, sp_error *err) try {
     if (!bridge->input->seek_subimage(n, 0)) {
-        explain(why, capacity, bridge->input->geterror());
+        explain(err, bridge->input->geterror().c_str());
         return 0; /* OpenImageIO also gives a reason beyond the last grid */
     }
     const OIIO::ImageSpec &spec = bridge->input->spec();
@@ -118,7 +115,7 @@ static int describe_grid(image_bridge *bridge, int n, image_grid *grid, char *wh
             grid->rows[row][column] = static_cast<double>(matrix[4 * row + column]);
     return 1;
 } catch (const std::exception &e) {
-    explain(why, capacity, e.what());
+    import_fail_caught(err, e, explain);
     return -1;
 }
 
@@ -148,8 +145,7 @@ static size_t copy_slab(const OIIO::ImageSpec &spec, const char *slab, int z, in
 }
 
 static bool read_voxels(image_bridge *bridge, int n, void *out,
-                        void (*report)(void *user, size_t done), void *user, char *why,
-                        size_t capacity) try {
+                        void (*report)(void *user, size_t done), void *user, sp_error *err) try {
     OIIO::ImageInput &input = *bridge->input;
     bool ok = input.seek_subimage(n, 0);
     const OIIO::ImageSpec &spec = input.spec();
@@ -164,10 +160,9 @@ static bool read_voxels(image_bridge *bridge, int n, void *out,
             done += copy_slab(spec, slab.data(), z, slices, static_cast<char *>(out));
         report(user, done);
     }
-    return check(input, ok, why, capacity);
+    return check(input, ok, err);
 } catch (const std::exception &e) {
-    explain(why, capacity, e.what());
-    return false;
+    return import_fail_caught(err, e, explain);
 }
 
 /* The module's only symbol. */

@@ -11,6 +11,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "sp/status.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -36,23 +38,20 @@ struct image_grid {
 struct image_bridge;
 
 struct image_bridge_functions {
-    /* Opens a file of the format "png", "jpeg" or "openvdb". NULL on failure, with the reason in
-     * `why` (`capacity` bytes). */
-    struct image_bridge *(*open)(const char *path, const char *format, char *why, size_t capacity);
+    /* Opens a file of the format "png", "jpeg" or "openvdb". NULL on failure, with *err set but
+     * for its place. */
+    struct image_bridge *(*open)(const char *path, const char *format, struct sp_error *err);
     void (*close)(struct image_bridge *bridge);
-    /* Describes page n, from 0. Returns 1, 0 if there is no such page, or -1 with the reason in
-     * `why`. */
-    int (*page)(struct image_bridge *bridge, int n, struct image_page *page, char *why,
-                size_t capacity);
+    /* Describes page n, from 0. Returns 1, 0 if there is no such page, or -1 with *err set. */
+    int (*page)(struct image_bridge *bridge, int n, struct image_page *page, struct sp_error *err);
     /* Reads the samples of page n into width · height · channels · bytes of memory. */
-    bool (*read)(struct image_bridge *bridge, int n, void *out, char *why, size_t capacity);
+    bool (*read)(struct image_bridge *bridge, int n, void *out, struct sp_error *err);
     /* Describes grid n of an OpenVDB file, from 0. As page(). */
-    int (*grid)(struct image_bridge *bridge, int n, struct image_grid *grid, char *why,
-                size_t capacity);
+    int (*grid)(struct image_bridge *bridge, int n, struct image_grid *grid, struct sp_error *err);
     /* Reads the voxels of the box of grid n, x fastest, of one channel. `report` gets how many
      * voxels are done. */
     bool (*voxels)(struct image_bridge *bridge, int n, void *out,
-                   void (*report)(void *user, size_t done), void *user, char *why, size_t capacity);
+                   void (*report)(void *user, size_t done), void *user, struct sp_error *err);
 };
 
 #define IMAGE_BRIDGE_MODULE "splat-import-image.so"

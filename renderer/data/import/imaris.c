@@ -111,7 +111,7 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
 }
 
 static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64_t *count,
-                     void *out, char *why, size_t capacity) {
+                     void *out, struct sp_error *err) {
     const struct imaris *m = file;
     const size_t bytes =
         (size_t)(count[2] * count[3] * count[4]) * m->info.number.size; /* of one array */
@@ -119,8 +119,7 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
     for (uint64_t t = start[0]; t < start[0] + count[0]; t++)
         for (uint64_t c = start[1]; c < start[1] + count[1]; c++) {
             const int array = m->arrays[t * m->channels + c];
-            if (!m->call->read(m->handle, (unsigned)array, start + 2, count + 2, out, why,
-                               capacity))
+            if (!m->call->read(m->handle, (unsigned)array, start + 2, count + 2, out, err))
                 return false;
             out = (char *)out + bytes;
         }

@@ -68,11 +68,6 @@ static int say_error(const struct sp_error *err) {
         snprintf(error->text, sizeof error->text,
                  "the library that reads this format tells no cause; the file may be damaged, cut "
                  "off, or of a kind that it does not read");
-    if (strcmp(error->text, "std::bad_alloc") == 0) {
-        error->code = SP_ERR_MEMORY;
-        snprintf(error->text, sizeof error->text,
-                 "out of memory: reading may take 1 GiB beside the samples");
-    }
     import_hide_descriptors(error->text);
     import_hide_descriptors(error->place);
     say(&message);

@@ -170,13 +170,13 @@ static bool copy_mesh(struct mesh *m, struct sp_error *err) {
 
 /* Why assimp has refused a file. True if the file is valid and only empty. */
 static bool explain(const struct mesh *m, const char *extension, const struct mesh_bytes *bytes,
-                    const char *why, struct sp_error *err) {
+                    const struct sp_error *why, struct sp_error *err) {
     bool is_empty = false;
     if (strcmp(extension, "stl") == 0 && !import_stl_explain(m->file, bytes, &is_empty, err))
         return false;
     if (strcmp(extension, "obj") == 0 && !import_obj_explain(m->file, bytes, &is_empty, err))
         return false;
-    return is_empty || fail(err, SP_ERR_FORMAT, m, why);
+    return is_empty || fail(err, why->code, m, why->text);
 }
 
 /* Unmaps files from number `first` on. */
@@ -193,15 +193,16 @@ static bool read_all(struct mesh *m, const char *extension, const struct mesh_by
     const struct mesh_word *word = import_mesh_text_word(extension, bytes);
     struct import_shift *shift = m->file->shift;
     struct mesh_bytes source = *bytes;
-    char why[SP_ERROR_TEXT], *text = NULL;
+    struct sp_error why;
+    char *text = NULL;
     m->call = import_module_load(m->file, MESH_BRIDGE_MODULE, MESH_BRIDGE_SYMBOL, "assimp",
                                  "libassimp5", err);
     bool ok = m->call != NULL;
     if (shift && word)
         shift->is_rounded = true; /* as far as assimp tells */
     while (ok) {
-        m->bridge = m->call->open(&source, extension, find_file, m, why, sizeof why);
-        ok = m->bridge ? copy_mesh(m, err) : explain(m, extension, bytes, why, err);
+        m->bridge = m->call->open(&source, extension, find_file, m, &why);
+        ok = m->bridge ? copy_mesh(m, err) : explain(m, extension, bytes, &why, err);
         if (!ok || !word || !import_mesh_parts_shift(&m->parts, shift))
             break;
         import_mesh_parts_free(&m->parts);

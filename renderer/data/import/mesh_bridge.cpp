@@ -21,6 +21,8 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
+#include "data/import/exception.h"
+
 namespace {
 
 // A file in memory.
@@ -106,11 +108,22 @@ struct mesh_bridge {
     bool is_linear = false; // colours
 };
 
-static void explain(char *why, size_t capacity, const char *text) {
-    snprintf(why, capacity, "%s", text ? text : "");
-    for (char *c = why; *c; c++)
+// assimp makes a text of each exception, so only this handler learns that an allocation failed.
+static bool is_exhausted;
+
+static void note_exhaustion() {
+    is_exhausted = true;
+    throw std::bad_alloc();
+}
+
+static bool explain(sp_error *err, const char *text) {
+    if (is_exhausted)
+        return import_fail_memory(err);
+    sp_fail(err, SP_ERR_FORMAT, "", "%s", text ? text : "");
+    for (char *c = err->text; *c; c++)
         if (static_cast<unsigned char>(*c) < 0x20)
             *c = ' ';
+    return false;
 }
 
 // Leaves one reader: no other one looks at the file. There are two of glTF; the last one reads
@@ -130,7 +143,9 @@ static void choose_reader(Assimp::Importer &importer, const char *extension) {
 }
 
 static mesh_bridge *open_mesh(const mesh_bytes *bytes, const char *extension,
-                              mesh_bridge_find *find, void *user, char *why, size_t capacity) try {
+                              mesh_bridge_find *find, void *user, sp_error *err) try {
+    is_exhausted = false;
+    std::set_new_handler(note_exhaustion);
     auto bridge = std::make_unique<mesh_bridge>();
     Assimp::Importer &importer = bridge->importer;
     const bool is_stl = strcmp(extension, "stl") == 0;
@@ -151,12 +166,12 @@ static mesh_bridge *open_mesh(const mesh_bytes *bytes, const char *extension,
         importer.ReadFile(name, validate | aiProcess_RemoveComponent | aiProcess_Triangulate |
                                     aiProcess_PreTransformVertices | aiProcess_SortByPType);
     if (!bridge->scene) {
-        explain(why, capacity, importer.GetErrorString());
+        explain(err, importer.GetErrorString());
         return nullptr;
     }
     return bridge.release();
 } catch (const std::exception &e) {
-    explain(why, capacity, e.what());
+    explain(err, e.what());
     return nullptr;
 }
 

@@ -11,6 +11,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "sp/status.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -38,10 +40,10 @@ struct mesh_bridge_part {
 struct mesh_bridge;
 
 struct mesh_bridge_functions {
-    /* Reads a mesh. `extension` is "stl", "obj", "gltf" or "glb". NULL on failure, with the reason
-     * in `why` (`capacity` bytes). */
+    /* Reads a mesh. `extension` is "stl", "obj", "gltf" or "glb". NULL on failure, with *err set
+     * but for its place. */
     struct mesh_bridge *(*open)(const struct mesh_bytes *bytes, const char *extension,
-                                mesh_bridge_find *find, void *user, char *why, size_t capacity);
+                                mesh_bridge_find *find, void *user, struct sp_error *err);
     void (*close)(struct mesh_bridge *bridge);
     /* Describes part n, from 0; false if there is none. A part may be empty. */
     bool (*part)(const struct mesh_bridge *bridge, unsigned n, struct mesh_bridge_part *part);

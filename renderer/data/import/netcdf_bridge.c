@@ -67,20 +67,22 @@ static bool list_group(struct netcdf *c, int group, const char *path, unsigned d
     return ok;
 }
 
-static void *open_file(const struct array_place *place, char *why, size_t capacity) {
+static void *open_file(const struct array_place *place, struct sp_error *err) {
     struct netcdf *c = calloc(1, sizeof *c);
-    snprintf(why, capacity, "out of memory");
-    if (!c)
+    if (!c) {
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
         return NULL;
+    }
     setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1); /* the sandbox allows no locks */
     int status = nc_open(place->path, NC_NOWRITE, &c->id);
     if (status == NC_NOERR) {
         if (list_group(c, c->id, "", 0))
             return c;
         close_file(c);
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
         return NULL;
     }
-    snprintf(why, capacity, "NetCDF cannot open the file: %s", nc_strerror(status));
+    sp_fail(err, SP_ERR_FORMAT, "", "NetCDF cannot open the file: %s", nc_strerror(status));
     free(c);
     return NULL;
 }
@@ -173,12 +175,13 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
 }
 
 static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64_t *count,
-                     void *out, char *why, size_t capacity) {
+                     void *out, struct sp_error *err) {
     const struct netcdf *c = file;
     struct array_info info;
     size_t first[IMPORT_RANK_MAX], size[IMPORT_RANK_MAX];
     if (!describe(file, n, &info) || !info.is_number)
-        return false;
+        return sp_fail(err, SP_ERR_FORMAT, "", "NetCDF cannot read the numbers: %s",
+                       nc_strerror(NC_EBADTYPE));
     struct variable *v = &c->variables[n];
     if (info.chunk[0] && !v->has_cache)
         nc_set_var_chunk_cache(v->group, v->id, CACHE_BYTES, CACHE_SLOTS, 1);
@@ -188,11 +191,12 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
         size[d] = (size_t)count[d];
     }
     const int status = nc_get_vara(v->group, v->id, first, size, out);
-    snprintf(why, capacity, "NetCDF cannot read the numbers: %s%s", nc_strerror(status),
-             status == NC_EFILTER || status == NC_ENOFILTER
-                 ? "; write them with zlib, as nccopy -d 4 does"
-                 : "");
-    return status == NC_NOERR;
+    return status == NC_NOERR ||
+           sp_fail(err, SP_ERR_FORMAT, "", "NetCDF cannot read the numbers: %s%s",
+                   nc_strerror(status),
+                   status == NC_EFILTER || status == NC_ENOFILTER
+                       ? "; write them with zlib, as nccopy -d 4 does"
+                       : "");
 }
 
 static struct variable place_of(const struct netcdf *c, unsigned n) {

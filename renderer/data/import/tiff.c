@@ -346,7 +346,7 @@ static bool open_tiff(void *reader, const struct import_file *file, struct impor
                       struct sp_error *err) {
     struct tiff *t = reader;
     t->file = file;
-    char why[SP_ERROR_TEXT];
+    struct sp_error why;
     if (!tiff_file_open(&t->pages, t->file, err))
         return false;
     char *description = tiff_tag_text(&t->pages, &t->pages.pages[0], TAG_DESCRIPTION);
@@ -361,8 +361,8 @@ static bool open_tiff(void *reader, const struct import_file *file, struct impor
     if (!ok || !(t->call = import_module_load(t->file, TIFF_BRIDGE_MODULE, TIFF_BRIDGE_SYMBOL,
                                               "libtiff", "libtiff6", err)))
         return false;
-    t->bridge = t->call->open(t->file->fd, why, sizeof why);
-    return t->bridge || tiff_fail(&t->pages, 0, err, SP_ERR_FORMAT, "%s", why);
+    t->bridge = t->call->open(t->file->fd, &why);
+    return t->bridge || tiff_fail(&t->pages, 0, err, why.code, "%s", why.text);
 }
 
 /* Reading. */
@@ -436,7 +436,7 @@ static bool read_page(struct reading *r, uint32_t entry, uint32_t band, uint8_t 
     const struct tiff *t = r->tiff;
     const uint32_t n = tiff_planes_page(&t->planes, entry);
     const unsigned sample = t->planes.split ? entry % t->planes.split : t->sample;
-    char why[SP_ERROR_TEXT];
+    struct sp_error why;
     r->plane = t->page.planes > 1 ? sample : 0;
     r->conversion.component = r->conversion.components > 1 ? sample : 0;
     for (uint32_t y = 0; y < t->page.height; y += band) {
@@ -445,8 +445,8 @@ static bool read_page(struct reading *r, uint32_t entry, uint32_t band, uint8_t 
             if (!read_hidden(r, n, y, count))
                 return false;
         } else if (!t->call->rows(t->bridge, t->pages.pages[n].at, r->plane, y, count, r->row_bytes,
-                                  r->rows, why, sizeof why)) {
-            return tiff_fail(&t->pages, n, r->err, SP_ERR_FORMAT, "%s", why);
+                                  r->rows, &why)) {
+            return tiff_fail(&t->pages, n, r->err, why.code, "%s", why.text);
         }
         for (uint32_t row = 0; row < count; row++)
             put_row(r, r->rows + row * r->row_bytes, y + row, indices);

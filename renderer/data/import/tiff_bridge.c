@@ -71,9 +71,9 @@ __attribute__((format(printf, 3, 0))) static void note_warning(thandle_t handle,
     }
 }
 
-static bool fail(const struct tiff_bridge *b, const char *what, char *why, size_t capacity) {
-    snprintf(why, capacity, "%s: %s", what, b->why[0] ? b->why : "the data is damaged");
-    return false;
+static bool fail(const struct tiff_bridge *b, const char *what, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_FORMAT, "", "%s: %s", what,
+                   b->why[0] ? b->why : "the data is damaged");
 }
 
 static void close_file(struct tiff_bridge *b) {
@@ -83,12 +83,13 @@ static void close_file(struct tiff_bridge *b) {
     free(b);
 }
 
-static struct tiff_bridge *open_file(int fd, char *why, size_t capacity) {
+static struct tiff_bridge *open_file(int fd, struct sp_error *err) {
     struct tiff_bridge *b = calloc(1, sizeof *b);
     struct stat st;
-    snprintf(why, capacity, "out of memory");
-    if (!b)
+    if (!b) {
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
         return NULL;
+    }
     b->fd = fd;
     b->size = fstat(fd, &st) == 0 ? (uint64_t)st.st_size : 0;
     TIFFSetWarningHandler(NULL);
@@ -100,12 +101,12 @@ static struct tiff_bridge *open_file(int fd, char *why, size_t capacity) {
                              size_of, NULL, NULL);
     if (b->tiff)
         return b;
-    fail(b, "the file cannot be opened", why, capacity);
+    fail(b, "the file cannot be opened", err);
     close_file(b);
     return NULL;
 }
 
-static bool explain_codec(unsigned compression, char *why, size_t capacity) {
+static bool explain_codec(unsigned compression, struct sp_error *err) {
     static const struct {
         unsigned compression;
         const char *name;
@@ -125,23 +126,22 @@ static bool explain_codec(unsigned compression, char *why, size_t capacity) {
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (known[i].compression == compression)
             name = known[i].name;
-    snprintf(why, capacity,
-             "compression %u (%s) is not supported; save the file with deflate or LZW", compression,
-             name);
-    return false;
+    return sp_fail(err, SP_ERR_FORMAT, "",
+                   "compression %u (%s) is not supported; save the file with deflate or LZW",
+                   compression, name);
 }
 
-static bool use_page(struct tiff_bridge *b, uint64_t page, char *why, size_t capacity) {
+static bool use_page(struct tiff_bridge *b, uint64_t page, struct sp_error *err) {
     uint16_t compression = COMPRESSION_NONE, photometric = 0;
     if (b->page == page)
         return true;
     b->page = 0;
     if (!TIFFSetSubDirectory(b->tiff, page))
-        return fail(b, "the directory of a page cannot be read", why, capacity);
+        return fail(b, "the directory of a page cannot be read", err);
     TIFFGetFieldDefaulted(b->tiff, TIFFTAG_COMPRESSION, &compression);
     TIFFGetFieldDefaulted(b->tiff, TIFFTAG_PHOTOMETRIC, &photometric);
     if (!TIFFIsCODECConfigured(compression))
-        return explain_codec(compression, why, capacity);
+        return explain_codec(compression, err);
     if (compression == COMPRESSION_JPEG && photometric == PHOTOMETRIC_YCBCR)
         TIFFSetField(b->tiff, TIFFTAG_JPEGCOLORMODE, JPEGCOLORMODE_RGB);
     b->page = page;
@@ -211,14 +211,14 @@ static bool read_tiles(struct tiff_bridge *b, unsigned plane, uint32_t first, ui
 }
 
 static bool read_rows(struct tiff_bridge *b, uint64_t page, unsigned plane, uint32_t first,
-                      uint32_t count, size_t row_bytes, void *out, char *why, size_t capacity) {
+                      uint32_t count, size_t row_bytes, void *out, struct sp_error *err) {
     b->why[0] = 0;
     b->is_damaged = false;
-    if (!use_page(b, page, why, capacity))
+    if (!use_page(b, page, err))
         return false;
     const bool ok = TIFFIsTiled(b->tiff) ? read_tiles(b, plane, first, count, row_bytes, out)
                                          : read_strips(b, plane, first, count, row_bytes, out);
-    return (ok && !b->is_damaged) || fail(b, "the samples cannot be unpacked", why, capacity);
+    return (ok && !b->is_damaged) || fail(b, "the samples cannot be unpacked", err);
 }
 
 /* The module's only symbol. */

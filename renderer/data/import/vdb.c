@@ -36,11 +36,10 @@ static bool is_readable(const struct image_grid *grid) {
 /* Chooses the grid that is wanted, or else the first one of scalars. */
 static bool choose_grid(struct vdb *v, struct import_header *header, struct sp_error *err) {
     struct image_grid grid;
-    char why[SP_ERROR_TEXT];
+    struct sp_error why;
     int status = 1;
     v->number = -1;
-    for (int n = 0;
-         n < GRIDS_MAX && (status = v->call->grid(v->bridge, n, &grid, why, sizeof why)) > 0; n++) {
+    for (int n = 0; n < GRIDS_MAX && (status = v->call->grid(v->bridge, n, &grid, &why)) > 0; n++) {
         if (!is_readable(&grid))
             continue;
         const bool is_wanted = strcmp(grid.name, v->file->field) == 0;
@@ -54,7 +53,7 @@ static bool choose_grid(struct vdb *v, struct import_header *header, struct sp_e
         v->number = n;
     }
     if (status < 0)
-        return sp_fail(err, SP_ERR_FORMAT, v->file->title, "%s", why);
+        return sp_fail(err, why.code, v->file->title, "%s", why.text);
     if (v->number < 0)
         return sp_fail(err, SP_ERR_UNSUPPORTED, v->file->title,
                        "the file has no grid of float or double that has active voxels; grids of "
@@ -92,16 +91,17 @@ static bool open_vdb(void *reader, const struct import_file *file, struct import
                      struct sp_error *err) {
     struct vdb *v = reader;
     v->file = file;
-    char path[40], why[SP_ERROR_TEXT];
+    char path[40];
+    struct sp_error why;
     v->call = import_module_load(v->file, IMAGE_BRIDGE_MODULE, IMAGE_BRIDGE_SYMBOL, "OpenImageIO",
                                  "libopenimageio2.4", err);
     if (!v->call)
         return false;
     /* Opens by descriptor, because the name may refer to another file by now. */
     snprintf(path, sizeof path, "/proc/self/fd/%d", v->file->fd);
-    v->bridge = v->call->open(path, "openvdb", why, sizeof why);
+    v->bridge = v->call->open(path, "openvdb", &why);
     if (!v->bridge)
-        return sp_fail(err, SP_ERR_FORMAT, v->file->title, "%s", why);
+        return sp_fail(err, why.code, v->file->title, "%s", why.text);
     return choose_grid(v, header, err) && place(v, header, err);
 }
 
@@ -125,10 +125,10 @@ static bool read_vdb(void *reader, void *voxels, float (*vectors)[3],
                      const struct import_progress *progress, struct sp_error *err) {
     struct vdb *v = reader;
     struct reading r = { progress, v->grid.is_double ? sizeof(double) : sizeof(float) };
-    char why[SP_ERROR_TEXT];
+    struct sp_error why;
     (void)vectors;
-    return v->call->voxels(v->bridge, v->number, voxels, report, &r, why, sizeof why) ||
-           sp_fail(err, SP_ERR_FORMAT, v->file->title, "%s", why);
+    return v->call->voxels(v->bridge, v->number, voxels, report, &r, &why) ||
+           sp_fail(err, why.code, v->file->title, "%s", why.text);
 }
 
 const struct import_format import_vdb = { .name = "OpenVDB",

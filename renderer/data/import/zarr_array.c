@@ -160,11 +160,11 @@ static bool check_chunk(struct zarr_array *a, const struct zarr_node *node, cons
 
 static bool add_codec(struct zarr_array *a, const struct zarr_node *node, const char *name,
                       const json_t *settings, const char *pointer, struct sp_error *err) {
-    char why[SP_ERROR_TEXT];
+    struct sp_error why;
     struct zarr_step step;
     bool is_nothing;
-    if (!zarr_step_parse(&step, name, settings, &is_nothing, why, sizeof why))
-        return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, pointer, "%s", why);
+    if (!zarr_step_parse(&step, name, settings, &is_nothing, &why))
+        return zarr_node_fail(node, err, why.code, pointer, "%s", why.text);
     if (a->codec_count == ZARR_CODECS_MAX)
         return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, pointer, "has more than %d codecs",
                               ZARR_CODECS_MAX);

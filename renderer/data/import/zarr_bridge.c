@@ -2,37 +2,31 @@
 #include "data/import/zarr_bridge.h"
 
 #include <blosc.h>
-#include <stdio.h>
 #include <zstd.h>
 
 static bool unpack_blosc(const void *in, size_t size, void *out, size_t capacity, size_t *got,
-                         char *why, size_t why_size) {
-    if (blosc_cbuffer_validate(in, size, got) < 0) {
-        snprintf(why, why_size, "the Blosc data is damaged or cut off");
-        return false;
-    }
-    if (*got > capacity) {
-        snprintf(why, why_size, "the Blosc data unpacks to %zu bytes; the chunk has %zu", *got,
-                 capacity);
-        return false;
-    }
+                         struct sp_error *err) {
+    if (blosc_cbuffer_validate(in, size, got) < 0)
+        return sp_fail(err, SP_ERR_FORMAT, "", "the Blosc data is damaged or cut off");
+    if (*got > capacity)
+        return sp_fail(err, SP_ERR_FORMAT, "",
+                       "the Blosc data unpacks to %zu bytes; the chunk has %zu", *got, capacity);
     const int n = blosc_decompress_ctx(in, out, capacity, 1);
     if (n < 0 || (size_t)n != *got) {
         const char *name = blosc_cbuffer_complib(in);
-        snprintf(why, why_size, "the Blosc data cannot be unpacked; its compressor is %s",
-                 name ? name : "unknown");
-        return false;
+        return sp_fail(err, SP_ERR_FORMAT, "",
+                       "the Blosc data cannot be unpacked; its compressor is %s",
+                       name ? name : "unknown");
     }
     return true;
 }
 
 static bool unpack_zstd(const void *in, size_t size, void *out, size_t capacity, size_t *got,
-                        char *why, size_t why_size) {
+                        struct sp_error *err) {
     *got = ZSTD_decompress(out, capacity, in, size);
-    if (!ZSTD_isError(*got))
-        return true;
-    snprintf(why, why_size, "the Zstandard data is damaged: %s", ZSTD_getErrorName(*got));
-    return false;
+    return !ZSTD_isError(*got) ||
+           sp_fail(err, SP_ERR_FORMAT, "", "the Zstandard data is damaged: %s",
+                   ZSTD_getErrorName(*got));
 }
 
 __attribute__((visibility("default")))

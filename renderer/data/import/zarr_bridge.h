@@ -9,13 +9,15 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "sp/status.h"
+
 struct zarr_bridge_functions {
-    /* Unpack `size` bytes into at most `capacity` bytes. False with the reason in `why` (`why_size`
-     * bytes). One thread. */
-    bool (*blosc)(const void *in, size_t size, void *out, size_t capacity, size_t *got, char *why,
-                  size_t why_size);
-    bool (*zstd)(const void *in, size_t size, void *out, size_t capacity, size_t *got, char *why,
-                 size_t why_size);
+    /* Unpack `size` bytes into at most `capacity` bytes. False with *err set but for its place. One
+     * thread. */
+    bool (*blosc)(const void *in, size_t size, void *out, size_t capacity, size_t *got,
+                  struct sp_error *err);
+    bool (*zstd)(const void *in, size_t size, void *out, size_t capacity, size_t *got,
+                 struct sp_error *err);
 };
 
 #define ZARR_BRIDGE_MODULE "splat-import-zarr.so"

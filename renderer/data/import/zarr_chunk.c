@@ -166,7 +166,7 @@ static bool load_bridge(struct zarr_chunks *c, enum zarr_codec codec, struct sp_
 /* Undoes one codec: from one buffer into the other. */
 static bool unpack(struct zarr_chunks *c, const struct zarr_step *step, size_t capacity,
                    const char *key, struct bytes *bytes, struct sp_error *err) {
-    char why[SP_ERROR_TEXT] = "";
+    struct sp_error why;
     const enum zarr_codec codec = step->codec;
     const void *in = c->buffers[bytes->buffer];
     const int to = 1 - bytes->buffer;
@@ -177,13 +177,13 @@ static bool unpack(struct zarr_chunks *c, const struct zarr_step *step, size_t c
     if (!reserve(c, to, capacity, key, err))
         return false;
     if (codec == ZARR_BLOSC)
-        ok = c->call->blosc(in, bytes->size, c->buffers[to], capacity, &got, why, sizeof why);
+        ok = c->call->blosc(in, bytes->size, c->buffers[to], capacity, &got, &why);
     else if (codec == ZARR_ZSTD)
-        ok = c->call->zstd(in, bytes->size, c->buffers[to], capacity, &got, why, sizeof why);
+        ok = c->call->zstd(in, bytes->size, c->buffers[to], capacity, &got, &why);
     else
-        ok = zarr_step_undo(step, in, bytes->size, c->buffers[to], capacity, &got, why, sizeof why);
+        ok = zarr_step_undo(step, in, bytes->size, c->buffers[to], capacity, &got, &why);
     *bytes = (struct bytes){ .buffer = to, .size = got };
-    return ok || zarr_fail(c->store, err, SP_ERR_FORMAT, key, "", "%s", why);
+    return ok || zarr_fail(c->store, err, why.code, key, "", "%s", why.text);
 }
 
 /* Numbers. */

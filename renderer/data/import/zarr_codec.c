@@ -99,7 +99,7 @@ static bool parse_settings(struct zarr_step *step, const json_t *settings) {
 }
 
 bool zarr_step_parse(struct zarr_step *step, const char *name, const json_t *settings,
-                     bool *is_nothing, char *why, size_t capacity) {
+                     bool *is_nothing, struct sp_error *err) {
     *step = (struct zarr_step){ .codec = ZARR_BLOSC };
     const char *own = name && strncmp(name, "numcodecs.", 10) == 0 ? name + 10 : name;
     *is_nothing = own && strcmp(own, "bitround") == 0;
@@ -108,17 +108,15 @@ bool zarr_step_parse(struct zarr_step *step, const char *name, const json_t *set
     for (size_t i = 0; own && i < sizeof known / sizeof *known; i++)
         if (strcmp(own, known[i].name) == 0) {
             step->codec = known[i].codec;
-            if (parse_settings(step, settings))
-                return true;
-            snprintf(why, capacity, "the settings of the codec \"%.40s\" are not supported here",
-                     name);
-            return false;
+            return parse_settings(step, settings) ||
+                   sp_fail(err, SP_ERR_UNSUPPORTED, "",
+                           "the settings of the codec \"%.40s\" are not supported here", name);
         }
-    snprintf(why, capacity,
-             "the codec or filter \"%.40s\" is not supported here; write the array with blosc, "
-             "zstd, gzip, zlib, lz4, bz2 or lzma",
-             name ? name : "?");
-    return false;
+    return sp_fail(
+        err, SP_ERR_UNSUPPORTED, "",
+        "the codec or filter \"%.40s\" is not supported here; write the array with blosc, "
+        "zstd, gzip, zlib, lz4, bz2 or lzma",
+        name ? name : "?");
 }
 
 /* Checksums. */
@@ -147,7 +145,7 @@ bool zarr_is_sound(const void *bytes, size_t size) {
 
 /* Takes the bytes without their checksum. */
 static bool strip_checksum(enum zarr_codec codec, const uint8_t *in, size_t size, void *out,
-                           size_t capacity, size_t *got, char *why, size_t why_size) {
+                           size_t capacity, size_t *got, struct sp_error *err) {
     const bool is_end = codec == ZARR_CRC32C;
     bool ok = size >= 4 && size - 4 <= capacity;
     if (ok && codec == ZARR_CRC32C)
@@ -159,70 +157,69 @@ static bool strip_checksum(enum zarr_codec codec, const uint8_t *in, size_t size
         *got = size - 4;
         memcpy(out, in + (is_end ? 0 : 4), *got);
     }
-    snprintf(why, why_size, "the checksum is wrong: the data is damaged");
-    return ok;
+    return ok || sp_fail(err, SP_ERR_FORMAT, "", "the checksum is wrong: the data is damaged");
 }
 
 /* Compressors. */
 
 static bool inflate_all(const void *in, size_t size, void *out, size_t capacity, size_t *got,
-                        char *why, size_t why_size) {
+                        struct sp_error *err) {
     z_stream z = { .next_in = (Bytef *)(uintptr_t)in, .avail_in = (uInt)size };
-    snprintf(why, why_size, "out of memory while unpacking");
     if (inflateInit2(&z, 15 + 32) != Z_OK) /* 32 allows the wrappers of gzip and zlib */
-        return false;
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory while unpacking");
     z.next_out = out;
     z.avail_out = (uInt)capacity;
     const int status = inflate(&z, Z_FINISH);
     *got = z.total_out;
-    snprintf(why, why_size, "the gzip or zlib data is %s",
-             status == Z_BUF_ERROR && z.avail_out == 0 ? "longer than its chunk"
-             : status == Z_BUF_ERROR                   ? "cut off"
-             : z.msg                                   ? z.msg
-                                                       : "damaged");
     inflateEnd(&z);
-    return status == Z_STREAM_END;
+    return status == Z_STREAM_END ||
+           sp_fail(err, SP_ERR_FORMAT, "", "the gzip or zlib data is %s",
+                   status == Z_BUF_ERROR && z.avail_out == 0 ? "longer than its chunk"
+                   : status == Z_BUF_ERROR                   ? "cut off"
+                   : z.msg                                   ? z.msg
+                                                             : "damaged");
 }
 
 /* numcodecs writes the size before the block. */
 static bool unpack_lz4(const uint8_t *in, size_t size, void *out, size_t capacity, size_t *got,
-                       char *why, size_t why_size) {
+                       struct sp_error *err) {
     const int n =
         size > 4 && capacity <= LZ4_MAX_INPUT_SIZE
             ? LZ4_decompress_safe((const char *)in + 4, out, (int)(size - 4), (int)capacity)
             : -1;
     *got = n < 0 ? 0 : (size_t)n;
-    snprintf(why, why_size, "the LZ4 data is damaged or longer than its chunk");
-    return n >= 0 && zarr_little(in, 4) == *got;
+    return (n >= 0 && zarr_little(in, 4) == *got) ||
+           sp_fail(err, SP_ERR_FORMAT, "", "the LZ4 data is damaged or longer than its chunk");
 }
 
 static bool unpack_bz2(const void *in, size_t size, void *out, size_t capacity, size_t *got,
-                       char *why, size_t why_size) {
+                       struct sp_error *err) {
     unsigned length = (unsigned)capacity;
     const int status =
         BZ2_bzBuffToBuffDecompress(out, &length, (char *)(uintptr_t)in, (unsigned)size, 0, 0);
     *got = length;
-    snprintf(why, why_size, "the bzip2 data is damaged or longer than its chunk");
-    return status == BZ_OK;
+    return status == BZ_OK ||
+           sp_fail(err, SP_ERR_FORMAT, "", "the bzip2 data is damaged or longer than its chunk");
 }
 
 static bool unpack_lzma(const void *in, size_t size, void *out, size_t capacity, size_t *got,
-                        char *why, size_t why_size) {
+                        struct sp_error *err) {
     uint64_t limit = LZMA_MEMORY;
     size_t at = 0;
     *got = 0;
-    snprintf(why, why_size, "the LZMA data is damaged or longer than its chunk");
-    return lzma_stream_buffer_decode(&limit, 0, NULL, in, &at, size, out, got, capacity) == LZMA_OK;
+    return lzma_stream_buffer_decode(&limit, 0, NULL, in, &at, size, out, got, capacity) ==
+               LZMA_OK ||
+           sp_fail(err, SP_ERR_FORMAT, "", "the LZMA data is damaged or longer than its chunk");
 }
 
 /* Filters. */
 
 static bool unshuffle(size_t element, const uint8_t *in, size_t size, uint8_t *out, size_t capacity,
-                      size_t *got, char *why, size_t why_size) {
+                      size_t *got, struct sp_error *err) {
     const size_t count = size / element;
-    snprintf(why, why_size, "the shuffled bytes are no whole numbers, or longer than their chunk");
     if (size % element != 0 || size > capacity)
-        return false;
+        return sp_fail(err, SP_ERR_FORMAT, "",
+                       "the shuffled bytes are no whole numbers, or longer than their chunk");
     for (size_t i = 0; i < count; i++)
         for (size_t b = 0; b < element; b++)
             out[i * element + b] = in[b * count + i];
@@ -266,14 +263,13 @@ static void set_value(double value, struct import_number number, uint8_t *out) {
 }
 
 static bool undo_numbers(const struct zarr_step *s, const uint8_t *in, size_t size, uint8_t *out,
-                         size_t capacity, size_t *got, char *why, size_t why_size) {
+                         size_t capacity, size_t *got, struct sp_error *err) {
     const size_t count = size / s->encoded.size;
     const bool are_whole = import_number_is_whole(s->decoded) && import_number_is_whole(s->encoded);
     uint8_t one[IMPORT_NUMBER_BYTES], sum[IMPORT_NUMBER_BYTES] = { 0 };
     uint64_t total = 0;
-    snprintf(why, why_size, "the filtered numbers do not fill their chunk");
     if (size % s->encoded.size != 0 || count > capacity / s->decoded.size)
-        return false;
+        return sp_fail(err, SP_ERR_FORMAT, "", "the filtered numbers do not fill their chunk");
     *got = count * s->decoded.size;
     for (size_t i = 0; i < count; i++, out += s->decoded.size) {
         load(in + i * s->encoded.size, s->encoded, s->is_encoded_big, one);
@@ -296,25 +292,25 @@ static bool undo_numbers(const struct zarr_step *s, const uint8_t *in, size_t si
 }
 
 bool zarr_step_undo(const struct zarr_step *step, const void *in, size_t size, void *out,
-                    size_t capacity, size_t *got, char *why, size_t why_size) {
+                    size_t capacity, size_t *got, struct sp_error *err) {
     switch (step->codec) {
     case ZARR_LZ4:
-        return unpack_lz4(in, size, out, capacity, got, why, why_size);
+        return unpack_lz4(in, size, out, capacity, got, err);
     case ZARR_BZ2:
-        return unpack_bz2(in, size, out, capacity, got, why, why_size);
+        return unpack_bz2(in, size, out, capacity, got, err);
     case ZARR_LZMA:
-        return unpack_lzma(in, size, out, capacity, got, why, why_size);
+        return unpack_lzma(in, size, out, capacity, got, err);
     case ZARR_CRC32C:
     case ZARR_CRC32:
     case ZARR_ADLER32:
-        return strip_checksum(step->codec, in, size, out, capacity, got, why, why_size);
+        return strip_checksum(step->codec, in, size, out, capacity, got, err);
     case ZARR_SHUFFLE:
-        return unshuffle(step->element, in, size, out, capacity, got, why, why_size);
+        return unshuffle(step->element, in, size, out, capacity, got, err);
     case ZARR_DELTA:
     case ZARR_SCALE:
     case ZARR_CAST:
-        return undo_numbers(step, in, size, out, capacity, got, why, why_size);
+        return undo_numbers(step, in, size, out, capacity, got, err);
     default:
-        return inflate_all(in, size, out, capacity, got, why, why_size);
+        return inflate_all(in, size, out, capacity, got, err);
     }
 }

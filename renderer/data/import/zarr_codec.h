@@ -39,16 +39,17 @@ struct zarr_step {
 
 /* Reads the description of a codec by its name in v2 ("id") or v3; "numcodecs." may stand before
  * it. `number`: the type of the array. A filter that loses digits only when it packs has no step:
- * *is_nothing is set. False with the reason in `why` if it is not supported. */
+ * *is_nothing is set. SP_ERR_UNSUPPORTED, without a place. */
 bool zarr_step_parse(struct zarr_step *step, const char *name, const json_t *settings,
-                     bool *is_nothing, char *why, size_t capacity);
+                     bool *is_nothing, struct sp_error *err);
 
 /* The type of v2 and of numpy, "<f8". False if it is none of numbers. */
 bool zarr_number_parse(const char *text, struct import_number *number, bool *is_big_endian);
 
-/* Undoes a step other than BLOSC and ZSTD. *got is at most `capacity`. False with the reason. */
+/* Undoes a step other than BLOSC and ZSTD. *got is at most `capacity`. SP_ERR_FORMAT,
+ * SP_ERR_MEMORY, without a place. */
 bool zarr_step_undo(const struct zarr_step *step, const void *in, size_t size, void *out,
-                    size_t capacity, size_t *got, char *why, size_t why_size);
+                    size_t capacity, size_t *got, struct sp_error *err);
 
 /* True if a checksum CRC32C follows the first size − 4 bytes. */
 bool zarr_is_sound(const void *bytes, size_t size);

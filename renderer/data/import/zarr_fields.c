@@ -157,24 +157,22 @@ static bool describe(void *file, unsigned n, struct array_info *info) {
 
 /* Reads coordinates: arrays of one dimension. */
 static bool read_line(void *file, unsigned n, const uint64_t *start, const uint64_t *count,
-                      void *out, char *why, size_t capacity) {
+                      void *out, struct sp_error *err) {
     struct zarr_fields *f = file;
     const struct zarr_array *a = &f->fields[n]->array;
-    struct sp_error err = { .text = "out of memory for a chunk" };
     const size_t size = a->number.size;
     char *chunk = a->rank == 1 ? malloc(a->chunk_bytes) : NULL;
-    bool ok = chunk;
+    bool ok = chunk || sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a chunk");
     for (uint64_t i = start[0], part; ok && i < start[0] + count[0]; i += part) {
         const uint64_t at[ZARR_RANK_MAX] = { i / a->chunk[0] }, left = start[0] + count[0] - i;
         part = a->chunk[0] - i % a->chunk[0];
         part = part < left ? part : left;
-        ok = zarr_chunk_read(&f->chunks, a, at, chunk, &err) != ZARR_FAILED;
+        ok = zarr_chunk_read(&f->chunks, a, at, chunk, err) != ZARR_FAILED;
         if (ok)
             memcpy((char *)out + (i - start[0]) * size, chunk + i % a->chunk[0] * size,
                    part * size);
     }
     free(chunk);
-    snprintf(why, capacity, "%s", err.text);
     return ok;
 }
 

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/sanitized.h"
 #include "unit/data/import/support.h"
 
 static const float corners[5][3] = {
@@ -379,6 +380,23 @@ static void files_that_lie_are_refused(void **state) {
     load_error("noise.obj", SP_ERR_FORMAT, "noise.obj", "");
 }
 
+/* 2.4 GB of zeros, of which the file has one vertex. */
+static void memory_that_runs_out_is_told(void **state) {
+    (void)state;
+    if (TEST_SANITIZED)
+        skip(); /* the memory of the process has no limit */
+    write_text("huge.gltf",
+               "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+               "\"nodes\":[{\"mesh\":0}],\"meshes\":[{\"primitives\":[{\"attributes\":"
+               "{\"POSITION\":0}}]}],\"buffers\":[{\"byteLength\":12,\"uri\":"
+               "\"data:application/octet-stream;base64,AAAAAAAAAAAAAAAA\"}],"
+               "\"bufferViews\":[{\"buffer\":0,\"byteLength\":12}],"
+               "\"accessors\":[{\"componentType\":5126,\"count\":200000000,\"type\":\"VEC3\","
+               "\"sparse\":{\"count\":1,\"indices\":{\"bufferView\":0,\"componentType\":5125},"
+               "\"values\":{\"bufferView\":0}}}]}");
+    load_error("huge.gltf", SP_ERR_MEMORY, "huge.gltf", "1 GiB");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = { cmocka_unit_test(stl_is_read),
                                         cmocka_unit_test(stl_gets_normals),
@@ -390,6 +408,7 @@ int main(void) {
                                         cmocka_unit_test(odd_stl_files_are_read),
                                         cmocka_unit_test(files_without_triangles_are_empty),
                                         cmocka_unit_test(nested_gltf_is_refused),
-                                        cmocka_unit_test(files_that_lie_are_refused) };
+                                        cmocka_unit_test(files_that_lie_are_refused),
+                                        cmocka_unit_test(memory_that_runs_out_is_told) };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
