@@ -103,7 +103,7 @@ static void print_memory(const struct srv_request *request, FILE *out) {
                        "or that are cached");
     fprintf(out, "splatd_memory_bytes{kind=\"voxels\"} %" PRIu64 "\n", used);
     print_frame_memory(request->app->frame_memory, out);
-    gauge(out, "splatd_window_bytes",
+    gauge(out, "splatd_subvolume_bytes",
           "Samples of brick files in memory, bytes; they share what --memory has left",
           (double)brick_bytes);
     gauge(out, "splatd_memory_budget_bytes", "Limit of --memory", (double)budget);

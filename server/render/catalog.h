@@ -140,8 +140,8 @@ bool srv_catalog_find(struct srv_catalog *catalog, const char *id,
 const char *srv_catalog_data(const struct srv_catalog *catalog);
 /* True if remote volumes of some hosts may be loaded. Constant. */
 bool srv_catalog_allows_hosts(const struct srv_catalog *catalog);
-/* Gets the bytes of the memory budget: used (without windows of brick files), the limit, and the
- * bytes of these windows. */
+/* Gets the bytes of the memory budget: used (without subvolumes of brick files), the limit, and the
+ * bytes of these subvolumes. */
 void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget,
                         uint64_t *brick_bytes);
 

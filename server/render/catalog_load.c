@@ -203,7 +203,7 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
                                        .progress = progress,
                                        .user = &own,
                                        .is_finest = catalog->options.cache != NULL,
-                                       .windows = catalog->brick_memory,
+                                       .subvolumes = catalog->brick_memory,
                                        .root = entry->confined ? catalog->data : NULL,
                                        .allowed_hosts = catalog->options.allowed_hosts,
                                        .importer = catalog->options.importer,

@@ -67,7 +67,7 @@ struct srv_catalog {
     pthread_cond_t changed;      /* there is something to load, or stop */
     struct srv_volume *entries;  /* in the order of adding */
     unsigned count;
-    uint64_t used_bytes; /* of the budget, without windows: srv_catalog_acquire_bytes() */
+    uint64_t used_bytes; /* of the budget, without subvolumes: srv_catalog_acquire_bytes() */
     struct sp_brick_memory *brick_memory; /* of brick files: what the budget has left */
     uint64_t requests;                    /* how often a time step was asked for */
     bool stop;
@@ -86,7 +86,7 @@ static inline const struct srv_volume *srv_catalog_entry_of(const struct srv_vol
 struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id);
 
 /* Returns the bytes that loads may take. If a brick file is open, an eighth of the budget is
- * reserved for windows of brick files; a load takes the rest from the windows. With the mutex
+ * reserved for subvolumes of brick files; a load takes the rest from the subvolumes. With the mutex
  * held. */
 uint64_t srv_catalog_free_bytes(struct srv_catalog *catalog);
 /* Acquires bytes of the budget for an entry or a step, or releases all its bytes. With the mutex

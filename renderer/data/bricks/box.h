@@ -53,7 +53,7 @@ void sp_brick_blocks_release(void *blocks, size_t bytes);
 void *sp_brick_map(size_t bytes, struct sp_error *err);
 void sp_brick_unmap(void *samples, size_t bytes);
 
-/* Returns the bytes of memory that a window of the need takes, including the ranges that frames
+/* Returns the bytes of memory that a subvolume of the need takes, including the ranges that frames
  * compute from it. In an array, a row of bricks takes no memory if none of its bricks is wanted and
  * all its values are 0. */
 uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need);

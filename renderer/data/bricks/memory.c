@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The memory that the windows of several stores share.
+ * The memory that the subvolumes of several stores share.
  */
 #include <stdlib.h>
 
@@ -14,7 +14,7 @@ struct sp_brick_memory *sp_brick_memory_create(uint64_t bytes, struct sp_error *
     struct sp_brick_memory *memory = calloc(1, sizeof *memory);
     if (!memory || pthread_mutex_init(&memory->mutex, NULL) != 0) {
         free(memory);
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the windows of brick files");
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the subvolumes of brick files");
         return NULL;
     }
     memory->references = 1;
@@ -60,14 +60,14 @@ void sp_brick_memory_remove(struct sp_brick_memory *memory, struct sp_brick_stor
     pthread_mutex_unlock(&memory->mutex);
 }
 
-/* Returns the least recently used of `oldest`, which may be NULL, and the windows of a store.
- * Counts the windows of the store and adds their bytes. With the mutex held. */
-static struct sp_brick_store_window *find_oldest(struct sp_brick_store *store, unsigned *count,
-                                                 uint64_t *bytes,
-                                                 struct sp_brick_store_window *oldest) {
+/* Returns the least recently used of `oldest`, which may be NULL, and the subvolumes of a store.
+ * Counts the subvolumes of the store and adds their bytes. With the mutex held. */
+static struct sp_brick_store_subvolume *find_oldest(struct sp_brick_store *store, unsigned *count,
+                                                    uint64_t *bytes,
+                                                    struct sp_brick_store_subvolume *oldest) {
     *count = 0;
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
-        struct sp_brick_store_window *w = &store->windows[i];
+    for (int i = 0; i < BRICK_SUBVOLUMES_MAX; i++) {
+        struct sp_brick_store_subvolume *w = &store->subvolumes[i];
         if (!w->volume)
             continue;
         (*count)++;
@@ -80,7 +80,7 @@ static struct sp_brick_store_window *find_oldest(struct sp_brick_store *store, u
 void sp_brick_memory_make_space(struct sp_brick_memory *memory, struct sp_brick_store *store,
                                 uint64_t bytes) {
     for (;;) {
-        struct sp_brick_store_window *oldest = NULL, *own = NULL;
+        struct sp_brick_store_subvolume *oldest = NULL, *own = NULL;
         uint64_t total = bytes + memory->reading, own_bytes = 0;
         unsigned count = 0, ignored;
         for (struct sp_brick_store *s = memory->stores; s; s = s->next)
@@ -88,9 +88,9 @@ void sp_brick_memory_make_space(struct sp_brick_memory *memory, struct sp_brick_
         if (store)
             own = find_oldest(store, &count, &own_bytes, NULL);
         if (oldest && total > memory->bytes)
-            sp_brick_window_clear(oldest);
-        else if (count == BRICK_WINDOWS_MAX)
-            sp_brick_window_clear(own);
+            sp_brick_subvolume_clear(oldest);
+        else if (count == BRICK_SUBVOLUMES_MAX)
+            sp_brick_subvolume_clear(own);
         else
             return;
     }
@@ -110,8 +110,8 @@ bool sp_brick_memory_is_alone(struct sp_brick_memory *memory, const struct sp_br
     return is_alone;
 }
 
-uint64_t sp_brick_memory_window_max(struct sp_brick_memory *memory,
-                                    const struct sp_brick_store *store) {
+uint64_t sp_brick_memory_subvolume_max(struct sp_brick_memory *memory,
+                                       const struct sp_brick_store *store) {
     const double now_ms = sp_clock_ms();
     uint64_t count = 1, others = 0;
     pthread_mutex_lock(&memory->mutex);

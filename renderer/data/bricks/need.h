@@ -63,7 +63,7 @@ bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
                         const struct sp_brick_need *in, uint64_t *at);
 
 /* True if each wanted brick of `need` is one of `have`, of the same level, and if a frame that
- * needs `need` can be drawn from a window of `have`: it has vectors if `need` has them. */
+ * needs `need` can be drawn from a subvolume of `have`: it has vectors if `need` has them. */
 bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have);
 
 /* Allocates `wanted` for the box; every brick has that number. False if memory ran out. */

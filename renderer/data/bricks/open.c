@@ -20,8 +20,8 @@
 static void release(struct sp_brick_store *store) {
     if (store->memory)
         sp_brick_memory_remove(store->memory, store);
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
-        sp_brick_window_clear(&store->windows[i]);
+    for (int i = 0; i < BRICK_SUBVOLUMES_MAX; i++)
+        sp_brick_subvolume_clear(&store->subvolumes[i]);
     for (int i = 0; i < BRICK_QUEUE_MAX; i++)
         sp_brick_request_clear(&store->queue[i]);
     pthread_cond_destroy(&store->asked);
@@ -72,9 +72,9 @@ static void choose_budget(struct sp_brick_store *store, const struct sp_load_opt
     const uint64_t memory =
         pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page : (uint64_t)4 << 30;
     const uint64_t all = 4 * sp_volume_bytes(&sp_brick_file_header(store->file)->info);
-    store->budget = options && options->window_bytes ? options->window_bytes : memory / 4;
-    if (options && options->windows) {
-        sp_brick_memory_usage(options->windows, &usage);
+    store->budget = options && options->subvolume_bytes ? options->subvolume_bytes : memory / 4;
+    if (options && options->subvolumes) {
+        sp_brick_memory_usage(options->subvolumes, &usage);
         store->budget = usage.bytes_max > BUDGET_MIN ? usage.bytes_max : BUDGET_MIN;
     }
     store->budget = store->budget < all ? store->budget : all;
@@ -95,7 +95,7 @@ static bool check_base(const struct sp_brick_store *store, const char *source,
 }
 
 /* Chooses the base level, and halves the budget until it is granted. The budget is for the base
- * and, unless windows share memory, for windows. */
+ * and, unless subvolumes share memory, for subvolumes. */
 static bool reserve(struct sp_brick_store *store, const char *source,
                     const struct sp_load_options *options, struct sp_error *err) {
     for (;; store->budget /= 2) {
@@ -104,7 +104,7 @@ static bool reserve(struct sp_brick_store *store, const char *source,
             return sp_fail(err, SP_ERR_MEMORY, source, "out of memory for a brick file");
         if (!check_base(store, source, err))
             return false;
-        const uint64_t needed = (options && options->windows ? 0 : store->budget) +
+        const uint64_t needed = (options && options->subvolumes ? 0 : store->budget) +
                                 sp_brick_need_bytes(store->file, &store->base_need) +
                                 sp_brick_file_bytes(store->file);
         if (!options || !options->reserve || options->reserve(options->user, needed, &why))
@@ -254,15 +254,15 @@ static struct sp_volume *start(struct sp_brick_store *store, const char *name, c
         return NULL;
     }
     choose_budget(store, options);
-    store->memory = options && options->windows ? sp_brick_memory_ref(options->windows)
-                                                : sp_brick_memory_create(store->budget, err);
+    store->memory = options && options->subvolumes ? sp_brick_memory_ref(options->subvolumes)
+                                                   : sp_brick_memory_create(store->budget, err);
     if (!store->memory)
         return NULL;
     sp_brick_memory_add(store->memory, store);
     if (!reserve(store, source, options, err) ||
         !(store->pool = sp_pool_create(chunks ? chunks->readers : sp_volume_threads(), err)))
         return NULL;
-    if (!options || !options->windows)
+    if (!options || !options->subvolumes)
         sp_brick_memory_set(store->memory, store->budget);
     struct sp_volume *base = make_base(store, name, source, options, err);
     store->base = base;

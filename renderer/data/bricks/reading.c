@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Reads the bricks of a window. Until all of them are there, what is there is shown: windows that
- * share the memory of its bricks.
+ * Reads the bricks of a subvolume. Until all of them are there, what is there is shown: subvolumes
+ * that share the memory of its bricks.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -10,20 +10,20 @@
 #include "data/bricks/store_private.h"
 #include "data/volume/volume.h"
 
-/* References to the windows, from which bricks are copied. */
+/* References to the subvolumes, from which bricks are copied. */
 struct known {
-    struct sp_volume *volumes[BRICK_WINDOWS_MAX];
-    struct sp_brick_need needs[BRICK_WINDOWS_MAX]; /* owned */
-    uint8_t *lost[BRICK_WINDOWS_MAX];
-    struct sp_brick_box_samples samples[BRICK_WINDOWS_MAX];
+    struct sp_volume *volumes[BRICK_SUBVOLUMES_MAX];
+    struct sp_brick_need needs[BRICK_SUBVOLUMES_MAX]; /* owned */
+    uint8_t *lost[BRICK_SUBVOLUMES_MAX];
+    struct sp_brick_box_samples samples[BRICK_SUBVOLUMES_MAX];
     size_t count;
 };
 
 /* With the mutex held. */
 static void copy_known(struct sp_brick_store *store, unsigned level, struct known *known) {
     known->count = 0;
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
-        struct sp_brick_store_window *w = &store->windows[i];
+    for (int i = 0; i < BRICK_SUBVOLUMES_MAX; i++) {
+        struct sp_brick_store_subvolume *w = &store->subvolumes[i];
         const size_t n = known->count;
         if (!w->volume || w->need.level != level)
             continue;
@@ -55,11 +55,11 @@ static void drop_known(struct known *known) {
     }
 }
 
-/* A window that is being filled. */
+/* A subvolume that is being filled. */
 struct reading {
     struct sp_brick_store *store;
-    struct sp_brick_store_window *window;
-    const struct sp_brick_window *coarser;
+    struct sp_brick_store_subvolume *subvolume;
+    const struct sp_brick_subvolume *coarser;
     struct sp_blocks *blocks; /* NULL = an array */
     double due_ms, wait_ms;   /* when the next part is shown; after which time the one after it */
 };
@@ -76,7 +76,7 @@ static bool is_due(void *user) {
 
 /* Sets where bricks without samples have theirs. */
 static void set_coarser(const struct reading *r) {
-    const struct sp_brick_need *need = &r->window->need;
+    const struct sp_brick_need *need = &r->subvolume->need;
     const struct sp_brick_header *header = sp_brick_file_header(r->store->file);
     const struct sp_brick_level *own = &header->level[need->level],
                                 *from = &header->level[r->coarser->level];
@@ -91,9 +91,9 @@ static void set_coarser(const struct reading *r) {
     }
 }
 
-/* Makes the volume of a window from its memory, an array or blocks, which it takes over, also on
+/* Makes the volume of a subvolume from its memory, an array or blocks, which it takes over, also on
  * failure. */
-static bool derive(const struct reading *r, struct sp_brick_store_window *w, void *memory,
+static bool derive(const struct reading *r, struct sp_brick_store_subvolume *w, void *memory,
                    uint64_t bytes, struct sp_error *err) {
     const struct sp_brick_store *store = r->store;
     const struct sp_whole_part part = sp_brick_store_part(store, &w->need);
@@ -127,13 +127,13 @@ static bool derive(const struct reading *r, struct sp_brick_store_window *w, voi
 static void publish_partial(void *user, const uint8_t *has) {
     struct reading *r = user;
     struct sp_brick_store *store = r->store;
-    const struct sp_brick_need *need = &r->window->need;
+    const struct sp_brick_need *need = &r->subvolume->need;
     const uint64_t count = sp_brick_need_count(need);
     struct sp_error err;
-    struct sp_brick_store_window part = { .lost = malloc(count),
-                                          .bytes = sp_brick_need_cost(store->file, need) -
-                                                   sp_brick_blocks_bytes(store->file, need),
-                                          .is_partial = true };
+    struct sp_brick_store_subvolume part = { .lost = malloc(count),
+                                             .bytes = sp_brick_need_cost(store->file, need) -
+                                                      sp_brick_blocks_bytes(store->file, need),
+                                             .is_partial = true };
     r->due_ms = sp_clock_ms() + r->wait_ms;
     r->wait_ms *= 2;
     struct sp_blocks *blocks = sp_brick_blocks_share(store->file, need, r->blocks, has, &err);
@@ -142,12 +142,12 @@ static void publish_partial(void *user, const uint8_t *has) {
         free(part.lost);
         return;
     }
-    memcpy(part.lost, r->window->lost, count);
+    memcpy(part.lost, r->subvolume->lost, count);
     for (uint64_t i = 0; i < count; i++)
         if (part.need.wanted[i] >= BRICK_WANTED && !has[i])
             part.need.wanted[i] = BRICK_COARSE;
     if (!derive(r, &part, blocks, part.bytes, &err)) {
-        sp_brick_window_clear(&part);
+        sp_brick_subvolume_clear(&part);
         return;
     }
     pthread_mutex_lock(&store->memory->mutex);
@@ -155,10 +155,10 @@ static void publish_partial(void *user, const uint8_t *has) {
     pthread_mutex_unlock(&store->memory->mutex);
 }
 
-/* Fills the memory of a window. */
+/* Fills the memory of a subvolume. */
 static bool fill(struct reading *r, void *samples, struct sp_error *err) {
     struct sp_brick_store *store = r->store;
-    struct sp_brick_store_window *w = r->window;
+    struct sp_brick_store_subvolume *w = r->subvolume;
     struct sp_error why = { .code = SP_OK };
     struct known known;
     pthread_mutex_lock(&store->memory->mutex);
@@ -195,7 +195,7 @@ static bool fill(struct reading *r, void *samples, struct sp_error *err) {
 }
 
 static bool fill_blocks(struct reading *r, struct sp_error *err) {
-    struct sp_brick_store_window *w = r->window;
+    struct sp_brick_store_subvolume *w = r->subvolume;
     if (!(r->blocks = sp_brick_blocks_create(r->store->file, &w->need, err)))
         return false;
     set_coarser(r);
@@ -206,27 +206,27 @@ static bool fill_blocks(struct reading *r, struct sp_error *err) {
 }
 
 static bool fill_array(struct reading *r, struct sp_error *err) {
-    const uint64_t bytes = sp_brick_need_bytes(r->store->file, &r->window->need);
+    const uint64_t bytes = sp_brick_need_bytes(r->store->file, &r->subvolume->need);
     void *samples = sp_brick_map(bytes, err);
     if (!samples)
         return false;
     if (fill(r, samples, err))
-        return derive(r, r->window, samples, bytes, err);
+        return derive(r, r->subvolume, samples, bytes, err);
     sp_brick_unmap(samples, bytes);
     return false;
 }
 
 bool sp_brick_store_fill(struct sp_brick_store *store, struct sp_brick_need *need,
-                         const struct sp_brick_window *coarser, struct sp_brick_store_window *w,
-                         struct sp_error *err) {
+                         const struct sp_brick_subvolume *coarser,
+                         struct sp_brick_store_subvolume *w, struct sp_error *err) {
     struct reading reading = { .store = store,
-                               .window = w,
+                               .subvolume = w,
                                .coarser = coarser,
                                .due_ms = sp_clock_ms() + store->publish_ms,
                                .wait_ms = 2 * store->publish_ms };
-    *w = (struct sp_brick_store_window){ .need = *need,
-                                         .bytes = sp_brick_need_cost(store->file, need),
-                                         .lost = calloc(1, sp_brick_need_count(need)) };
+    *w = (struct sp_brick_store_subvolume){ .need = *need,
+                                            .bytes = sp_brick_need_cost(store->file, need),
+                                            .lost = calloc(1, sp_brick_need_count(need)) };
     need->wanted = NULL;
     if (!w->lost)
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");

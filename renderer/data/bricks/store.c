@@ -23,8 +23,8 @@ unsigned sp_brick_store_base(const struct sp_brick_store *store) {
     return store->base_level;
 }
 
-uint64_t sp_brick_store_window_max(const struct sp_brick_store *store) {
-    return sp_brick_memory_window_max(store->memory, store);
+uint64_t sp_brick_store_subvolume_max(const struct sp_brick_store *store) {
+    return sp_brick_memory_subvolume_max(store->memory, store);
 }
 
 bool sp_brick_store_is_alone(const struct sp_brick_store *store) {
@@ -94,11 +94,11 @@ const float (*sp_brick_store_vectors(const struct sp_brick_store *store,
                                              sp_brick_need_vectors_at(store->file, need));
 }
 
-void sp_brick_window_clear(struct sp_brick_store_window *w) {
+void sp_brick_subvolume_clear(struct sp_brick_store_subvolume *w) {
     sp_volume_unref(&w->volume);
     free(w->need.wanted);
     free(w->lost);
-    *w = (struct sp_brick_store_window){ .volume = NULL };
+    *w = (struct sp_brick_store_subvolume){ .volume = NULL };
 }
 
 void sp_brick_request_clear(struct sp_brick_request *r) {
@@ -106,18 +106,18 @@ void sp_brick_request_clear(struct sp_brick_request *r) {
     *r = (struct sp_brick_request){ .asked = 0 };
 }
 
-/* With the mutex held: the window that has all of a need; NULL = none. */
-static struct sp_brick_store_window *find_window(struct sp_brick_store *store,
-                                                 const struct sp_brick_need *need) {
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
-        if (store->windows[i].volume && sp_brick_need_is_in(need, &store->windows[i].need))
-            return &store->windows[i];
+/* With the mutex held: the subvolume that has all of a need; NULL = none. */
+static struct sp_brick_store_subvolume *find_subvolume(struct sp_brick_store *store,
+                                                       const struct sp_brick_need *need) {
+    for (int i = 0; i < BRICK_SUBVOLUMES_MAX; i++)
+        if (store->subvolumes[i].volume && sp_brick_need_is_in(need, &store->subvolumes[i].need))
+            return &store->subvolumes[i];
     return NULL;
 }
 
-/* With the mutex held: true if a chunk of the window could not be read and it is time to try again:
- * the network may work now. A damaged file is not read again. */
-static bool is_due(const struct sp_brick_store *store, const struct sp_brick_store_window *w) {
+/* With the mutex held: true if a chunk of the subvolume could not be read and it is time to try
+ * again: the network may work now. A damaged file is not read again. */
+static bool is_due(const struct sp_brick_store *store, const struct sp_brick_store_subvolume *w) {
     return w->lost_count > 0 && sp_brick_file_chunks(store->file) &&
            sp_clock_ms() - w->read_ms >= store->retry_ms;
 }
@@ -167,7 +167,7 @@ bool sp_brick_store_coarsen(const struct sp_brick_store *store, const struct sp_
  * `lost` is by brick of the box `have`; `need` NULL = all of them count. */
 static void count_lost(const struct sp_brick_store *store, const struct sp_brick_need *have,
                        const uint8_t *lost, const struct sp_brick_need *need, unsigned arrays,
-                       struct sp_brick_window *out) {
+                       struct sp_brick_subvolume *out) {
     const struct sp_brick_level *level = level_of(store, have->level);
     for (uint64_t i = 0; i < sp_brick_need_count(have); i++) {
         uint64_t at;
@@ -178,7 +178,7 @@ static void count_lost(const struct sp_brick_store *store, const struct sp_brick
     }
 }
 
-/* The wanted bricks of a need that a window shows coarsely. */
+/* The wanted bricks of a need that a subvolume shows coarsely. */
 static uint64_t count_missing(const struct sp_brick_need *need, const struct sp_brick_need *have) {
     uint64_t count = 0, at;
     for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
@@ -187,9 +187,9 @@ static uint64_t count_missing(const struct sp_brick_need *need, const struct sp_
     return count;
 }
 
-/* Describes a window for a need of its level, or of a finer one: then all of it counts. */
-static void describe(const struct sp_brick_store *store, struct sp_brick_store_window *w,
-                     const struct sp_brick_need *need, struct sp_brick_window *out) {
+/* Describes a subvolume for a need of its level, or of a finer one: then all of it counts. */
+static void describe(const struct sp_brick_store *store, struct sp_brick_store_subvolume *w,
+                     const struct sp_brick_need *need, struct sp_brick_subvolume *out) {
     const bool is_own = need->level == w->need.level;
     out->volume = sp_volume_ref(w->volume);
     out->level = w->need.level;
@@ -204,28 +204,29 @@ static void describe(const struct sp_brick_store *store, struct sp_brick_store_w
 
 /* Describes the base, without a reference. */
 static void describe_base(struct sp_brick_store *store, bool has_vectors,
-                          struct sp_brick_window *out) {
+                          struct sp_brick_subvolume *out) {
     const unsigned arrays = has_vectors ? BRICK_SAMPLES | BRICK_VECTORS : BRICK_SAMPLES;
-    *out = (struct sp_brick_window){ .volume = store->base,
-                                     .level = store->base_level,
-                                     .coarsest = store->base_level };
+    *out = (struct sp_brick_subvolume){ .volume = store->base,
+                                        .level = store->base_level,
+                                        .coarsest = store->base_level };
     count_lost(store, &store->base_need, store->base_lost, NULL, arrays, out);
     sp_brick_need_box(&store->base_need, level_of(store, out->level), out->first, out->size);
 }
 
 void sp_brick_store_get_base(struct sp_brick_store *store, bool has_vectors,
-                             struct sp_brick_window *out) {
+                             struct sp_brick_subvolume *out) {
     describe_base(store, has_vectors, out);
     sp_volume_ref(out->volume);
 }
 
-/* With the mutex held: the finest window of a coarser level that covers a need; NULL = the base. */
-static struct sp_brick_store_window *find_coarser(struct sp_brick_store *store,
-                                                  const struct sp_brick_need *need) {
-    struct sp_brick_store_window *w = NULL;
+/* With the mutex held: the finest subvolume of a coarser level that covers a need; NULL = the base.
+ */
+static struct sp_brick_store_subvolume *find_coarser(struct sp_brick_store *store,
+                                                     const struct sp_brick_need *need) {
+    struct sp_brick_store_subvolume *w = NULL;
     struct sp_brick_need coarse;
     for (unsigned steps = 1; !w && sp_brick_store_coarsen(store, need, steps, &coarse); steps++) {
-        w = find_window(store, &coarse);
+        w = find_subvolume(store, &coarse);
         free(coarse.wanted);
     }
     if (w)
@@ -233,18 +234,18 @@ static struct sp_brick_store_window *find_coarser(struct sp_brick_store *store,
     return w;
 }
 
-/* With the mutex held: chooses what a frame shows until its window is read. */
+/* With the mutex held: chooses what a frame shows until its subvolume is read. */
 static void choose_fallback(struct sp_brick_store *store, const struct sp_brick_need *need,
-                            struct sp_brick_window *out) {
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
-        struct sp_brick_store_window *w = &store->windows[i];
+                            struct sp_brick_subvolume *out) {
+    for (int i = 0; i < BRICK_SUBVOLUMES_MAX; i++) {
+        struct sp_brick_store_subvolume *w = &store->subvolumes[i];
         if (w->volume && w->is_partial && sp_brick_need_is_covered(need, &w->need)) {
             w->used = ++store->memory->clock;
             describe(store, w, need, out);
             return;
         }
     }
-    struct sp_brick_store_window *w = find_coarser(store, need);
+    struct sp_brick_store_subvolume *w = find_coarser(store, need);
     if (w)
         describe(store, w, need, out);
     else
@@ -255,29 +256,29 @@ static bool is_stopped(const struct sp_brick_store *store) {
     return atomic_load_explicit(&store->stop, memory_order_relaxed);
 }
 
-void sp_brick_store_publish(struct sp_brick_store *store, struct sp_brick_store_window *made) {
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
-        struct sp_brick_store_window *w = &store->windows[i];
+void sp_brick_store_publish(struct sp_brick_store *store, struct sp_brick_store_subvolume *made) {
+    for (int i = 0; i < BRICK_SUBVOLUMES_MAX; i++) {
+        struct sp_brick_store_subvolume *w = &store->subvolumes[i];
         if (w->volume && (w->is_partial || sp_brick_need_is_in(&w->need, &made->need)))
-            sp_brick_window_clear(w);
+            sp_brick_subvolume_clear(w);
     }
     sp_brick_memory_make_space(store->memory, store, made->bytes);
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
-        if (!store->windows[i].volume) {
-            store->windows[i] = *made;
-            store->windows[i].used = ++store->memory->clock;
+    for (int i = 0; i < BRICK_SUBVOLUMES_MAX; i++)
+        if (!store->subvolumes[i].volume) {
+            store->subvolumes[i] = *made;
+            store->subvolumes[i].used = ++store->memory->clock;
             break;
         }
     store->published++;
     pthread_cond_broadcast(&store->done);
 }
 
-/* Reads a need and publishes the window. With the mutex held, which is released meanwhile. */
+/* Reads a need and publishes the subvolume. With the mutex held, which is released meanwhile. */
 static bool serve(struct sp_brick_store *store, struct sp_brick_need *need, struct sp_error *err) {
-    struct sp_brick_store_window made;
+    struct sp_brick_store_subvolume made;
     const uint64_t cost = sp_brick_need_cost(store->file, need);
-    struct sp_brick_window coarser = { .volume = NULL };
-    struct sp_brick_store_window *from = find_coarser(store, need);
+    struct sp_brick_subvolume coarser = { .volume = NULL };
+    struct sp_brick_store_subvolume *from = find_coarser(store, need);
     if (from)
         describe(store, from, need, &coarser);
     else /* without a reference: the base waits for this thread when it is destroyed */
@@ -294,10 +295,10 @@ static bool serve(struct sp_brick_store *store, struct sp_brick_need *need, stru
         sp_brick_store_publish(store, &made);
         return true;
     }
-    sp_brick_window_clear(&made);
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
-        if (store->windows[i].is_partial)
-            sp_brick_window_clear(&store->windows[i]);
+    sp_brick_subvolume_clear(&made);
+    for (int i = 0; i < BRICK_SUBVOLUMES_MAX; i++)
+        if (store->subvolumes[i].is_partial)
+            sp_brick_subvolume_clear(&store->subvolumes[i]);
     return false;
 }
 
@@ -319,7 +320,7 @@ static bool choose_step(struct sp_brick_store *store, const struct sp_brick_need
                         struct sp_brick_need *step) {
     struct sp_brick_need coarse;
     if (sp_brick_need_coarse(need) && sp_brick_store_coarsen(store, need, 1, &coarse)) {
-        const bool is_there = find_window(store, &coarse) != NULL;
+        const bool is_there = find_subvolume(store, &coarse) != NULL;
         const bool ok = is_there || choose_step(store, &coarse, step);
         free(coarse.wanted);
         if (!is_there)
@@ -329,7 +330,7 @@ static bool choose_step(struct sp_brick_store *store, const struct sp_brick_need
          sp_brick_need_wanted(need) >= (uint64_t)MANY_BRICKS << 3 * (steps - 1) &&
          sp_brick_store_coarsen(store, need, steps, &coarse);
          steps++) {
-        const bool is_there = find_window(store, &coarse) != NULL;
+        const bool is_there = find_subvolume(store, &coarse) != NULL;
         if (!is_there && sp_brick_need_wanted(&coarse) < MANY_BRICKS) {
             *step = coarse;
             return true;
@@ -369,7 +370,7 @@ void *sp_brick_store_read(void *user) {
             pthread_cond_wait(&store->asked, &store->memory->mutex);
             continue;
         }
-        const struct sp_brick_store_window *w = find_window(store, &r->need);
+        const struct sp_brick_store_subvolume *w = find_subvolume(store, &r->need);
         if (w && !is_due(store, w)) {
             sp_brick_request_clear(r);
             continue;
@@ -419,17 +420,17 @@ static void wait_a_while(struct sp_brick_store *store, double ms) {
 
 bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need *need,
                         double wait_ms, bool takes_parts, bool (*is_cancelled)(void *user),
-                        void *user, struct sp_brick_window *out, struct sp_error *err) {
+                        void *user, struct sp_brick_subvolume *out, struct sp_error *err) {
     const double deadline = sp_clock_ms() + wait_ms;
     const uint64_t cost = sp_brick_need_cost(store->file, need);
     bool ok = true;
-    *out = (struct sp_brick_window){ .volume = NULL };
+    *out = (struct sp_brick_subvolume){ .volume = NULL };
     pthread_mutex_lock(&store->memory->mutex);
     const uint64_t published = store->published;
     store->cost = cost;
     store->asked_ms = sp_clock_ms();
     while (ok && !out->volume) {
-        struct sp_brick_store_window *w = find_window(store, need);
+        struct sp_brick_store_subvolume *w = find_subvolume(store, need);
         const bool is_over = w && is_due(store, w);
         struct sp_brick_request *r = w && !is_over ? NULL : ask(store, w ? &w->need : need);
         const double left = deadline - sp_clock_ms();
@@ -462,10 +463,10 @@ bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need
 void sp_brick_store_usage(struct sp_brick_store *store, uint64_t *bricks, uint64_t *bytes) {
     *bricks = *bytes = 0;
     pthread_mutex_lock(&store->memory->mutex);
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
-        if (store->windows[i].volume) {
-            *bricks += sp_brick_need_wanted(&store->windows[i].need);
-            *bytes += store->windows[i].bytes;
+    for (int i = 0; i < BRICK_SUBVOLUMES_MAX; i++)
+        if (store->subvolumes[i].volume) {
+            *bricks += sp_brick_need_wanted(&store->subvolumes[i].need);
+            *bytes += store->subvolumes[i].bytes;
         }
     pthread_mutex_unlock(&store->memory->mutex);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The store of a brick file: store.c finds windows, reading.c reads them, open.c opens and closes,
- * memory.c is the memory that stores share.
+ * The store of a brick file: store.c finds subvolumes, reading.c reads them, open.c opens and
+ * closes, memory.c is the memory that stores share.
  */
 #ifndef SP_BRICKS_STORE_PRIVATE_H
 #define SP_BRICKS_STORE_PRIVATE_H
@@ -13,11 +13,11 @@
 #include "sp/bricks.h"
 
 enum {
-    BRICK_WINDOWS_MAX = 8,
+    BRICK_SUBVOLUMES_MAX = 8,
     BRICK_QUEUE_MAX = 4 /* waiting needs; the least recently requested one is dropped */
 };
 
-struct sp_brick_store_window {
+struct sp_brick_store_subvolume {
     struct sp_brick_need need; /* owned */
     struct sp_volume *volume;  /* a reference; NULL = the slot is empty */
     uint8_t *lost;             /* owned; per brick of the need, the arrays that could not be read */
@@ -41,10 +41,11 @@ struct sp_brick_store {
     unsigned base_level;
     struct sp_brick_need base_need; /* all bricks of base_level */
     uint8_t *base_lost;             /* the lost arrays per brick of base_need */
-    uint64_t budget; /* memory for windows when it was opened: the base takes a quarter at most */
-    double retry_ms; /* chunks that could not be read are read again after this time */
-    double
-        publish_ms; /* interval until a partial window is first published; it doubles each time */
+    uint64_t
+        budget; /* memory for subvolumes when it was opened: the base takes a quarter at most */
+    double retry_ms;   /* chunks that could not be read are read again after this time */
+    double publish_ms; /* interval until a partial subvolume is first published; it doubles each
+                          time */
     struct sp_brick_memory *memory; /* a reference */
     struct sp_brick_store *next;    /* in the list of the memory */
     struct sp_pool *pool;
@@ -52,10 +53,10 @@ struct sp_brick_store {
     atomic_bool stop;
     pthread_cond_t asked, done;
     /* The mutex of the memory guards what follows. */
-    struct sp_brick_store_window windows[BRICK_WINDOWS_MAX];
+    struct sp_brick_store_subvolume subvolumes[BRICK_SUBVOLUMES_MAX];
     struct sp_brick_request queue[BRICK_QUEUE_MAX];
-    uint64_t published; /* windows so far */
-    uint64_t cost;      /* bytes of the window that a frame requested last; 0 = no request yet */
+    uint64_t published; /* subvolumes so far */
+    uint64_t cost;      /* bytes of the subvolume that a frame requested last; 0 = no request yet */
     double asked_ms;    /* time of this request (base/clock.h) */
     uint8_t *damaged;   /* per brick of all levels, the finest level first: arrays that could not be
                            read */
@@ -74,16 +75,16 @@ void sp_brick_store_heal(struct sp_brick_store *store, const struct sp_brick_nee
 void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint64_t number,
                         uint32_t box[2][3]);
 
-/* The memory of windows. All stores of it have one mutex, so that a window of one store can be
- * dropped for a window of another. A store that a frame asked in the last 30 s may have at
- * least an equal share, and what the others do not need of theirs. If windows exceed the limit, the
- * least recently used ones are dropped, whichever store they belong to. */
+/* The memory of subvolumes. All stores of it have one mutex, so that a subvolume of one store can
+ * be dropped for a subvolume of another. A store that a frame asked in the last 30 s may have at
+ * least an equal share, and what the others do not need of theirs. If subvolumes exceed the limit,
+ * the least recently used ones are dropped, whichever store they belong to. */
 struct sp_brick_memory {
-    pthread_mutex_t mutex; /* guards what follows, and the windows and requests of the stores */
+    pthread_mutex_t mutex; /* guards what follows, and the subvolumes and requests of the stores */
     unsigned references;
     uint64_t bytes;   /* limit */
-    uint64_t reading; /* of windows that are being filled */
-    uint64_t clock;   /* increases with each use of a window */
+    uint64_t reading; /* of subvolumes that are being filled */
+    uint64_t clock;   /* increases with each use of a subvolume */
     struct sp_brick_store *stores;
 };
 
@@ -93,19 +94,19 @@ struct sp_brick_memory {
 void sp_brick_memory_add(struct sp_brick_memory *memory, struct sp_brick_store *store);
 void sp_brick_memory_remove(struct sp_brick_memory *memory, struct sp_brick_store *store);
 
-/* Drops windows until `bytes` more fit, and until `store`, which may be NULL, has space for one
- * more window. With the mutex held. */
+/* Drops subvolumes until `bytes` more fit, and until `store`, which may be NULL, has space for one
+ * more subvolume. With the mutex held. */
 void sp_brick_memory_make_space(struct sp_brick_memory *memory, struct sp_brick_store *store,
                                 uint64_t bytes);
 
-/* Returns the most bytes that one window of the store may cost now. */
-uint64_t sp_brick_memory_window_max(struct sp_brick_memory *memory,
-                                    const struct sp_brick_store *store);
+/* Returns the most bytes that one subvolume of the store may cost now. */
+uint64_t sp_brick_memory_subvolume_max(struct sp_brick_memory *memory,
+                                       const struct sp_brick_store *store);
 
 /* True if no other store may have a share now. */
 bool sp_brick_memory_is_alone(struct sp_brick_memory *memory, const struct sp_brick_store *store);
 
-void sp_brick_window_clear(struct sp_brick_store_window *window);
+void sp_brick_subvolume_clear(struct sp_brick_store_subvolume *subvolume);
 void sp_brick_request_clear(struct sp_brick_request *request);
 
 /* Computes the grid of the samples of a need. *numbers: malloc'ed, the coordinates of rectilinear
@@ -119,15 +120,17 @@ struct sp_whole_part sp_brick_store_part(const struct sp_brick_store *store,
 const float (*sp_brick_store_vectors(const struct sp_brick_store *store,
                                      const struct sp_brick_need *need, const void *samples))[3];
 
-/* Puts a window into a slot. Replaces the windows whose bricks it has. With the mutex held. */
-void sp_brick_store_publish(struct sp_brick_store *store, struct sp_brick_store_window *window);
+/* Puts a subvolume into a slot. Replaces the subvolumes whose bricks it has. With the mutex held.
+ */
+void sp_brick_store_publish(struct sp_brick_store *store,
+                            struct sp_brick_store_subvolume *subvolume);
 
-/* Reads the bricks of a need into a window. Takes over the need. If the need is sparse, publishes
- * partial windows meanwhile, in which `coarser` shows the missing bricks. After a failure the
- * caller clears the window. Without the mutex. (reading.c) */
+/* Reads the bricks of a need into a subvolume. Takes over the need. If the need is sparse,
+ * publishes partial subvolumes meanwhile, in which `coarser` shows the missing bricks. After a
+ * failure the caller clears the subvolume. Without the mutex. (reading.c) */
 bool sp_brick_store_fill(struct sp_brick_store *store, struct sp_brick_need *need,
-                         const struct sp_brick_window *coarser,
-                         struct sp_brick_store_window *window, struct sp_error *err);
+                         const struct sp_brick_subvolume *coarser,
+                         struct sp_brick_store_subvolume *subvolume, struct sp_error *err);
 
 /* The main function of the thread, which reads requested needs until `stop`. */
 void *sp_brick_store_read(void *store);

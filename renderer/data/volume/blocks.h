@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The samples of a grid in blocks of 64³, so that memory holds only the needed blocks: a window of
- * a volume that is larger than memory (data/bricks/README.md).
+ * The samples of a grid in blocks of 64³, so that memory holds only the needed blocks: a subvolume
+ * of a volume that is larger than memory (data/bricks/README.md).
  *
  *   ┌────┬────┬────┐   a block has samples of its own: A, B,
  *   │ A  │ 0  │ B  │   or one value, which all of its samples have: 0, 9,

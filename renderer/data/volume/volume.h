@@ -100,7 +100,7 @@ bool sp_volume_measure_vectors(const float (*vectors)[3], uint64_t count, double
 /* Computes the lengths of `count` vectors, the samples with the name "magnitude". */
 void sp_volume_lengths(const float (*vectors)[3], uint64_t count, float *lengths);
 
-/* Returns the range that contains all finite samples of the volume and of its windows. */
+/* Returns the range that contains all finite samples of the volume and of its subvolumes. */
 static inline const double *sp_volume_limits(const struct sp_volume_info *info) {
     return info->whole.dims[0] ? info->whole.limits : info->range;
 }

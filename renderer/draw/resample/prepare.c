@@ -377,7 +377,8 @@ static double compute_width(const struct sp_resample_input *input) {
 }
 
 /* The level at which a channel's samples are as far apart as the samples of the other channels:
- * windows of volumes that are larger than memory may have coarser samples than volumes in memory.
+ * subvolumes of volumes that are larger than memory may have coarser samples than volumes in
+ * memory.
  */
 static unsigned common_level(const struct sp_resample_input *input, double width) {
     const double level = log2(width / compute_width(input));

@@ -41,18 +41,19 @@ static bool compute_need(const struct sp_brick_file *file, const double (*points
     return sp_brick_need_allocate(need, BRICK_WANTED);
 }
 
-/* Takes the window of a need; NULL with *err set if it is not complete in time. */
-static struct sp_volume *get_window(struct sp_brick_store *store, const struct sp_brick_need *need,
-                                    double wait_ms, struct sp_error *err) {
-    struct sp_brick_window window;
-    if (!sp_brick_store_get(store, need, wait_ms, false, NULL, NULL, &window, err))
+/* Takes the subvolume of a need; NULL with *err set if it is not complete in time. */
+static struct sp_volume *get_subvolume(struct sp_brick_store *store,
+                                       const struct sp_brick_need *need, double wait_ms,
+                                       struct sp_error *err) {
+    struct sp_brick_subvolume subvolume;
+    if (!sp_brick_store_get(store, need, wait_ms, false, NULL, NULL, &subvolume, err))
         return NULL;
-    if (window.is_wanted && window.lost == 0)
-        return window.volume;
-    sp_volume_unref(&window.volume);
-    if (window.lost)
+    if (subvolume.is_wanted && subvolume.lost == 0)
+        return subvolume.volume;
+    sp_volume_unref(&subvolume.volume);
+    if (subvolume.lost)
         sp_fail(err, SP_ERR_IO, "", "%llu bricks of this region cannot be read",
-                (unsigned long long)window.lost);
+                (unsigned long long)subvolume.lost);
     else
         sp_fail(err, SP_ERR_TIMEOUT, "", "bricks of the volume are still being read; try again");
     return NULL;
@@ -70,8 +71,8 @@ struct sp_volume *sp_bricks_around(struct sp_volume *volume, const double (*poin
             sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");
             return NULL;
         }
-        const bool fits = sp_brick_need_cost(file, &need) <= sp_brick_store_window_max(store);
-        struct sp_volume *part = fits ? get_window(store, &need, wait_ms, err) : NULL;
+        const bool fits = sp_brick_need_cost(file, &need) <= sp_brick_store_subvolume_max(store);
+        struct sp_volume *part = fits ? get_subvolume(store, &need, wait_ms, err) : NULL;
         free(need.wanted);
         if (fits)
             return part;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What gives the colours of streaks (color_by), if it is larger than memory: a window of it around
- * the samples that the frame shows.
+ * What gives the colours of streaks (color_by), if it is larger than memory: a subvolume of it
+ * around the samples that the frame shows.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -52,7 +52,7 @@ static bool choose_need(const struct sp_brick_store *store, const struct sp_volu
     for (need->level = level; has_level && (*steps == 0 || need->level < base); ++*steps) {
         if (!sp_brick_need_allocate(need, BRICK_WANTED))
             return false;
-        if (sp_brick_need_cost(file, need) <= sp_brick_store_window_max(store))
+        if (sp_brick_need_cost(file, need) <= sp_brick_store_subvolume_max(store))
             return true;
         free(need->wanted);
         if (need->level + 1 == header->levels)
@@ -78,7 +78,7 @@ static bool replace(struct sp_volume **colors, const struct sp_render_options *o
                     unsigned level, struct sp_frame_source *drawn, struct sp_error *err) {
     struct sp_brick_store *store = sp_brick_store_of(*colors);
     const double wait_ms = options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0);
-    struct sp_brick_window window;
+    struct sp_brick_subvolume subvolume;
     struct sp_brick_need need;
     unsigned steps;
     if (!choose_need(store, sp_volume_info(drawn->volume), level, &need, &steps))
@@ -88,13 +88,13 @@ static bool replace(struct sp_volume **colors, const struct sp_render_options *o
     if (!need.count[0])
         return true;
     const bool ok = sp_brick_store_get(store, &need, wait_ms, false, is_cancelled, (void *)options,
-                                       &window, err);
+                                       &subvolume, err);
     free(need.wanted);
     if (!ok)
         return false;
     sp_volume_unref(colors);
-    *colors = window.volume;
-    drawn->bricks.is_incomplete |= !window.is_wanted || window.lost > 0;
+    *colors = subvolume.volume;
+    drawn->bricks.is_incomplete |= !subvolume.is_wanted || subvolume.lost > 0;
     return true;
 }
 

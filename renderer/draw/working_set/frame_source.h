@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Chooses the volume that a frame draws: the view's volume, or a window of it if it is larger than
- * memory.
+ * Chooses the volume that a frame draws: the view's volume, or a subvolume of it if it is larger
+ * than memory.
  */
 #ifndef SP_WORKING_SET_FRAME_SOURCE_H
 #define SP_WORKING_SET_FRAME_SOURCE_H
@@ -28,8 +28,8 @@ bool sp_frame_source_choose(struct sp_volume *volume, const struct sp_frame_sour
                             struct sp_frame_source *drawn, struct sp_error *err);
 
 /* Replaces the volumes that give the streaks of drawn->volume their colours, if they are larger
- * than memory, by windows of their samples around drawn->volume. A window may have a coarser level.
- * colors: by layer. SP_ERR_CANCELLED, SP_ERR_MEMORY. */
+ * than memory, by subvolumes of their samples around drawn->volume. A subvolume may have a coarser
+ * level. colors: by layer. SP_ERR_CANCELLED, SP_ERR_MEMORY. */
 bool sp_frame_source_replace_colors(const struct sp_view *view,
                                     const struct sp_render_options *options,
                                     struct sp_frame_source *drawn,

@@ -30,7 +30,7 @@ struct search {
     unsigned level;
     bool is_whole; /* whatever the camera sees */
     /* The box is that of all channels: each of them shows other values, and the clip box of a frame
-     * is in fractions of one window. */
+     * is in fractions of one subvolume. */
     bool has_channels;
     struct sp_visible_ranges visible;
     bool shows_all;     /* every value may matter */

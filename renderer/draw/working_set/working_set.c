@@ -8,27 +8,28 @@
 #include "data/bricks/places.h"
 #include "data/volume/grid.h"
 
-/* A fraction of the whole volume along axis a, as a fraction of the window. */
-static double convert(const struct sp_brick_header *header, const struct sp_brick_window *window,
-                      int a, double fraction) {
+/* A fraction of the whole volume along axis a, as a fraction of the subvolume. */
+static double convert(const struct sp_brick_header *header,
+                      const struct sp_brick_subvolume *subvolume, int a, double fraction) {
     double whole[2], own[2];
     sp_grid_extent(&header->info.grid, (unsigned)a, whole);
-    sp_grid_extent(&sp_volume_info(window->volume)->grid, (unsigned)a, own);
-    const double first = sp_brick_distance(header, window->level, a, window->first[a]);
+    sp_grid_extent(&sp_volume_info(subvolume->volume)->grid, (unsigned)a, own);
+    const double first = sp_brick_distance(header, subvolume->level, a, subvolume->first[a]);
     const double distance = whole[0] + fraction * (whole[1] - whole[0]);
     return (distance - first - own[0]) / (own[1] - own[0]);
 }
 
-void sp_working_set_view(const struct sp_brick_header *header, const struct sp_brick_window *window,
-                         const struct sp_view *view, struct sp_view *out) {
+void sp_working_set_view(const struct sp_brick_header *header,
+                         const struct sp_brick_subvolume *subvolume, const struct sp_view *view,
+                         struct sp_view *out) {
     *out = *view;
     for (int a = 0; a < 3; a++)
         for (int side = 0; side < 2; side++) {
-            const double own = convert(header, window, a, view->clip.box[side][a]);
+            const double own = convert(header, subvolume, a, view->clip.box[side][a]);
             out->clip.box[side][a] = fmin(fmax(own, 0), 1);
             for (uint32_t e = 0; e < view->edit_count; e++)
                 if (view->edits[e].type == SP_EDIT_BOX) {
-                    const double edge = convert(header, window, a, view->edits[e].box[side][a]);
+                    const double edge = convert(header, subvolume, a, view->edits[e].box[side][a]);
                     out->edits[e].box[side][a] = fmin(fmax(edge, 0), 1);
                 }
         }
@@ -39,8 +40,8 @@ bool sp_working_set_needs_whole(const struct sp_view *view) {
                                     (view->shading.occlusion > 0 || view->shading.shadow > 0));
 }
 
-/* True if a need fits into a window: as an array, which is read faster, or only as blocks. Chunks
- * may come slowly, and blocks show what is there, so that they are preferred then. */
+/* True if a need fits into a subvolume: as an array, which is read faster, or only as blocks.
+ * Chunks may come slowly, and blocks show what is there, so that they are preferred then. */
 static bool fits(const struct sp_working_set_job *job, struct sp_brick_need *need,
                  uint64_t bytes_max) {
     const struct sp_brick_file *file = sp_brick_store_file(job->store);
@@ -76,11 +77,12 @@ static bool shorten(const struct sp_working_set_job *job, struct sp_brick_need *
     return order && kept >= count / 4 + 1;
 }
 
-/* Chooses the need of the finest level, from `level` on, that fits into a window. The bricks of all
- * the volume are taken where they fit, so that turning it needs no others. False without memory. */
+/* Chooses the need of the finest level, from `level` on, that fits into a subvolume. The bricks of
+ * all the volume are taken where they fit, so that turning it needs no others. False without
+ * memory. */
 static bool choose_need(const struct sp_working_set_job *job, struct sp_brick_need *need) {
     const struct sp_brick_file *file = sp_brick_store_file(job->store);
-    const uint64_t bytes_max = sp_brick_store_window_max(job->store);
+    const uint64_t bytes_max = sp_brick_store_subvolume_max(job->store);
     const unsigned base = sp_brick_store_base(job->store);
     const unsigned end = job->least > base ? job->least + 1 : base;
     /* Chunks that are not seen are not read: reading is slow, and their ranges are unknown. */
@@ -105,33 +107,33 @@ static bool choose_need(const struct sp_working_set_job *job, struct sp_brick_ne
     return true;
 }
 
-bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *window,
-                           struct sp_brick_window *place, struct sp_error *err) {
+bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *subvolume,
+                           struct sp_brick_subvolume *place, struct sp_error *err) {
     struct sp_brick_need need;
-    *window = (struct sp_working_set){ .volume = NULL };
+    *subvolume = (struct sp_working_set){ .volume = NULL };
     if (!choose_need(job, &need))
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the bricks of a frame");
-    window->asked = need.level;
-    window->is_empty = !need.count[0] && need.level < sp_brick_store_base(job->store);
+    subvolume->asked = need.level;
+    subvolume->is_empty = !need.count[0] && need.level < sp_brick_store_base(job->store);
     if (!need.count[0]) { /* the volume that was opened has all, or nothing is seen */
         const struct sp_brick_file *file = sp_brick_store_file(job->store);
         sp_brick_store_get_base(job->store, sp_working_set_needs_vectors(file, job->view), place);
         place->is_wanted = true;
-        place->lost = window->is_empty ? 0 : place->lost;
+        place->lost = subvolume->is_empty ? 0 : place->lost;
     } else {
-        window->wanted = sp_brick_need_wanted(&need);
+        subvolume->wanted = sp_brick_need_wanted(&need);
         bool ok = sp_brick_store_get(job->store, &need, job->wait_ms, job->takes_parts,
                                      job->is_cancelled, job->user, place, err);
         free(need.wanted);
         if (!ok)
             return false;
     }
-    window->volume = place->volume;
-    window->level = place->level;
-    window->is_being_read = !place->is_wanted;
-    window->is_complete = place->is_wanted && place->lost == 0;
-    if (place->is_wanted || (place->level == need.level && !window->is_empty))
-        window->resident = window->wanted - place->lost - place->missing;
-    window->coarsest = place->coarsest;
+    subvolume->volume = place->volume;
+    subvolume->level = place->level;
+    subvolume->is_being_read = !place->is_wanted;
+    subvolume->is_complete = place->is_wanted && place->lost == 0;
+    if (place->is_wanted || (place->level == need.level && !subvolume->is_empty))
+        subvolume->resident = subvolume->wanted - place->lost - place->missing;
+    subvolume->coarsest = place->coarsest;
     return true;
 }

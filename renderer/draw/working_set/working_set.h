@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Chooses the window that a frame draws of a volume that is larger than memory
+ * Chooses the subvolume that a frame draws of a volume that is larger than memory
  * (data/bricks/README.md).
  *
  *   view ─► the level that pixels ask for ─► bricks that may be seen ─► bricks/store.h ─► a volume
@@ -27,7 +27,7 @@ struct sp_working_set_job {
 struct sp_working_set {
     struct sp_volume *volume; /* a reference */
     unsigned level;           /* of its samples */
-    unsigned coarsest;  /* coarsest level that the window shows where finer bricks are missing */
+    unsigned coarsest;  /* coarsest level that the subvolume shows where finer bricks are missing */
     unsigned asked;     /* the finest level that fits into memory */
     bool is_being_read; /* a later frame can have more bricks */
     bool is_complete;   /* no brick that the frame needs is missing */
@@ -35,15 +35,16 @@ struct sp_working_set {
     bool is_empty;             /* the frame shows no part of the volume */
 };
 
-/* Fills *window, and sets *place to the place of the window in the whole volume. SP_ERR_CANCELLED,
- * SP_ERR_MEMORY. */
-bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *window,
-                           struct sp_brick_window *place, struct sp_error *err);
+/* Fills *subvolume, and sets *place to the place of the subvolume in the whole volume.
+ * SP_ERR_CANCELLED, SP_ERR_MEMORY. */
+bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *subvolume,
+                           struct sp_brick_subvolume *place, struct sp_error *err);
 
-/* Converts the view for the window's volume: the clip box and the boxes of edits, which are
- * fractions of the whole volume, become fractions of the window. */
-void sp_working_set_view(const struct sp_brick_header *header, const struct sp_brick_window *window,
-                         const struct sp_view *view, struct sp_view *out);
+/* Converts the view for the subvolume's volume: the clip box and the boxes of edits, which are
+ * fractions of the whole volume, become fractions of the subvolume. */
+void sp_working_set_view(const struct sp_brick_header *header,
+                         const struct sp_brick_subvolume *subvolume, const struct sp_view *view,
+                         struct sp_view *out);
 
 /* True if a frame needs the whole level, also beside the image: light comes through the matter
  * there, and connected parts may continue there. */

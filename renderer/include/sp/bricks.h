@@ -27,7 +27,7 @@ SP_API bool sp_bricks_convert(const char *source, const char *out,
                               const struct sp_load_options *options, struct sp_error *err);
 
 /* Memory for the samples of brick files that frames show. All files that are opened with the same
- * sp_load_options.windows share one memory. The least recently used samples are dropped first.
+ * sp_load_options.subvolumes share one memory. The least recently used samples are dropped first.
  * Thread-safe. */
 struct sp_brick_memory;
 /* Returns one reference, or NULL: SP_ERR_MEMORY. `bytes`: the limit, any number. */

@@ -237,10 +237,10 @@ struct sp_load_options {
      * all frames. reserve() is called with this number, and with half of it after each refusal. 0 =
      * a quarter of the machine's memory. The number is never more than four times the size of the
      * samples. */
-    uint64_t window_bytes;
+    uint64_t subvolume_bytes;
     /* Memory that several brick files share (sp/bricks.h); borrowed. reserve() is then called only
-     * for the other memory of a file. NULL = the file has window_bytes of its own. */
-    struct sp_brick_memory *windows;
+     * for the other memory of a file. NULL = the file has subvolume_bytes of its own. */
+    struct sp_brick_memory *subvolumes;
 };
 
 /* True for the address of a remote volume, "http://…" or "https://…". */

@@ -7,7 +7,7 @@
 
 #include "draw/layers/surface/patch.h"
 #include "draw/layers/surface/points.h"
-#include "draw/layers/surface/window.h"
+#include "draw/layers/surface/samples.h"
 
 /* The constants of all blocks. */
 struct sp_surface_batch_frame {
@@ -23,7 +23,7 @@ struct sp_surface_batch {
     struct sp_surface_block *block;
     uint64_t to; /* number of the next point */
     struct sp_surface_slopes slopes;
-    float gap[3][SURFACE_WINDOW_ROW];
+    float gap[3][SURFACE_SAMPLES_ROW];
     struct sp_surface_patches patches;
     int32_t cell[3][SURFACE_BATCH]; /* index of the cell in the block */
     float start[3][SURFACE_BATCH];  /* where the part starts in its cell [parts] */

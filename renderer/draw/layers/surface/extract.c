@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "draw/layers/surface/batch.h"
-#include "draw/layers/surface/window.h"
+#include "draw/layers/surface/samples.h"
 
 struct extraction {
     const struct sp_surface_job *job;
@@ -38,9 +38,10 @@ static unsigned inside_corners(const struct cell_row *row, int x) {
            (row->inside[1][0] >> x & 3) << 4 | (row->inside[1][1] >> x & 3) << 6;
 }
 
-static void read_corners(const struct sp_surface_window *window, int x, int y, int z, float f[8]) {
+static void read_corners(const struct sp_surface_samples *samples, int x, int y, int z,
+                         float f[8]) {
     for (int c = 0; c < 8; c++)
-        f[c] = window->f[z + 1 + (c >> 2)][y + 1 + (c >> 1 & 1)][x + 1 + (c & 1)];
+        f[c] = samples->f[z + 1 + (c >> 2)][y + 1 + (c >> 1 & 1)][x + 1 + (c & 1)];
 }
 
 /* The weights of a cell's corners k at the corners c of its parts. */
@@ -59,13 +60,13 @@ static void compute_weights(struct extraction *e, const uint8_t split[3]) {
 
 /* Visits the parts that a cell is split into. batch: NULL = pieces are only counted. Returns their
  * number. */
-static uint32_t split_cell(const struct extraction *e, const struct sp_surface_window *window,
+static uint32_t split_cell(const struct extraction *e, const struct sp_surface_samples *samples,
                            const int cell[3], struct sp_surface_batch *batch) {
     const uint8_t *split = e->points->split;
     const int parts = split[0] * split[1] * split[2];
     uint32_t count = 0;
     float f[8], own[8];
-    read_corners(window, cell[0], cell[1], cell[2], f);
+    read_corners(samples, cell[0], cell[1], cell[2], f);
     for (int p = 0; p < parts; p++) {
         const int i[3] = { p % split[0], p / split[0] % split[1], p / split[0] / split[1] };
         unsigned inside = 0;
@@ -90,18 +91,18 @@ static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) 
     const bool is_split = split[0] * split[1] * split[2] > 1;
     (void)worker;
     for (size_t b = begin; b < end && !sp_interrupt_is_cancelled(&e->job->interrupt); b++) {
-        struct sp_surface_window window;
+        struct sp_surface_samples samples;
         struct sp_surface_bits bits;
         struct sp_surface_block *block = &e->points->blocks[b];
-        sp_surface_window_read(&window, e->job->volume, e->job->value, block->corner);
-        sp_surface_window_compare(&window, &bits);
+        sp_surface_samples_read(&samples, e->job->volume, e->job->value, block->corner);
+        sp_surface_samples_compare(&samples, &bits);
         block->count = 0;
         for (int z = 0; z < SURFACE_BLOCK; z++)
             for (int y = 0; y < SURFACE_BLOCK; y++) {
                 const struct cell_row row = compute_row(&bits, y, z);
                 for (unsigned left = row.crossed; left; left &= left - 1) {
                     const int cell[3] = { __builtin_ctz(left), y, z };
-                    block->count += is_split ? split_cell(e, &window, cell, NULL)
+                    block->count += is_split ? split_cell(e, &samples, cell, NULL)
                                              : e->parts[inside_corners(&row, cell[0])].count;
                 }
             }
@@ -111,12 +112,12 @@ static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) 
 static void fill_block(const struct extraction *e, struct sp_surface_batch *batch) {
     const uint8_t *split = e->points->split;
     const bool is_split = split[0] * split[1] * split[2] > 1;
-    struct sp_surface_window window;
+    struct sp_surface_samples samples;
     struct sp_surface_bits bits;
-    sp_surface_window_read(&window, e->job->volume, e->job->value, batch->block->corner);
-    sp_surface_window_compare(&window, &bits);
-    sp_surface_window_slopes(&window, &batch->slopes);
-    memcpy(batch->gap, window.gap, sizeof batch->gap);
+    sp_surface_samples_read(&samples, e->job->volume, e->job->value, batch->block->corner);
+    sp_surface_samples_compare(&samples, &bits);
+    sp_surface_samples_slopes(&samples, &batch->slopes);
+    memcpy(batch->gap, samples.gap, sizeof batch->gap);
     for (int z = 0; z < SURFACE_BLOCK; z++)
         for (int y = 0; y < SURFACE_BLOCK; y++) {
             const struct cell_row row = compute_row(&bits, y, z);
@@ -124,10 +125,10 @@ static void fill_block(const struct extraction *e, struct sp_surface_batch *batc
                 const int cell[3] = { __builtin_ctz(left), y, z }, whole[3] = { 0 };
                 float f[8];
                 if (is_split) {
-                    split_cell(e, &window, cell, batch);
+                    split_cell(e, &samples, cell, batch);
                     continue;
                 }
-                read_corners(&window, cell[0], y, z, f);
+                read_corners(&samples, cell[0], y, z, f);
                 sp_surface_batch_add(batch, f, &e->parts[inside_corners(&row, cell[0])], cell,
                                      whole);
             }

@@ -30,8 +30,8 @@ struct sp_vectors_job {
 
 /* Fills an empty list. Leaves out samples that are not finite. `normal` is the direction of the
  * vector in world space, packed like a gradient (classify/gradient.h); 0 = the vector is 0 or not
- * finite. The density selects samples by their index in the volume; if the volume is a window of a
- * larger one, by their index in the whole level. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED;
+ * finite. The density selects samples by their index in the volume; if the volume is a subvolume of
+ * a larger one, by their index in the whole level. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED;
  * the list is then empty. */
 bool sp_vectors_extract(const struct sp_vectors_job *job, struct sp_voxel_list *list,
                         struct sp_error *err);

@@ -14,7 +14,7 @@
 #include "data/bricks/store.h"
 #include "unit/data/import/support.h"
 
-enum { SIDE = 96, LEVELS = 4, CHUNK = 24, WINDOW = 192 << 10, MEMORY = 800000 };
+enum { SIDE = 96, LEVELS = 4, CHUNK = 24, SUBVOLUME = 192 << 10, MEMORY = 800000 };
 
 static uint8_t value_at(unsigned level, unsigned x, unsigned y, unsigned z) {
     return (uint8_t)(50 * level + (x + 3 * y + 7 * z) % 50);
@@ -75,7 +75,7 @@ static struct sp_load_options small_memory(void) {
     struct sp_load_options options = importer_options();
     options.reserve = grant;
     options.user = &memory;
-    options.window_bytes = WINDOW;
+    options.subvolume_bytes = SUBVOLUME;
     return options;
 }
 
@@ -90,28 +90,28 @@ static struct sp_volume *open_image(const char *name) {
 }
 
 /* Reads bricks of a level: all, or the one at a place. */
-static struct sp_brick_window read_bricks(struct sp_volume *volume, unsigned l,
-                                          const uint32_t *place) {
+static struct sp_brick_subvolume read_bricks(struct sp_volume *volume, unsigned l,
+                                             const uint32_t *place) {
     struct sp_brick_store *store = sp_brick_store_of(volume);
     const struct sp_brick_level *level =
         &sp_brick_file_header(sp_brick_store_file(store))->level[l];
     struct sp_brick_need need = { .level = l };
-    struct sp_brick_window window;
+    struct sp_brick_subvolume subvolume;
     struct sp_error err;
     for (int a = 0; a < 3; a++) {
         need.first[a] = place ? place[a] : 0;
         need.count[a] = place ? 1 : level->bricks[a];
     }
     assert_true(sp_brick_need_allocate(&need, BRICK_WANTED));
-    if (!sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err))
+    if (!sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &subvolume, &err))
         fail_msg("%s", err.text);
     free(need.wanted);
-    assert_true(window.is_wanted);
-    assert_int_equal(window.level, l);
-    return window;
+    assert_true(subvolume.is_wanted);
+    assert_int_equal(subvolume.level, l);
+    return subvolume;
 }
 
-static void check_window(struct sp_brick_window *w) {
+static void check_subvolume(struct sp_brick_subvolume *w) {
     const uint8_t *samples = sp_volume_voxels(w->volume);
     for (unsigned i = 0; i < w->size[0] * w->size[1] * w->size[2]; i++) {
         const unsigned x = w->first[0] + i % w->size[0],
@@ -133,14 +133,14 @@ static void a_pyramid_is_shown_from_its_chunks(void **state) {
     assert_string_equal(info->name, "pyramid");
     assert_int_equal(info->whole.dims[0], SIDE);
     assert_int_equal(info->whole.levels, LEVELS);
-    assert_int_equal(info->grid.dims[0], SIDE >> 2); /* a quarter of the memory for windows */
+    assert_int_equal(info->grid.dims[0], SIDE >> 2); /* a quarter of the memory for subvolumes */
     assert_float_equal(info->grid.spacing[0], 4, 0);
     assert_float_equal(info->grid.origin[0], 1.5, 0);
-    struct sp_brick_window window = read_bricks(volume, 1, NULL);
-    check_window(&window);
-    window = read_bricks(volume, 0, (const uint32_t[]){ 1, 1, 1 });
-    assert_int_equal(window.size[0], SIDE - BRICK_SIDE);
-    check_window(&window);
+    struct sp_brick_subvolume subvolume = read_bricks(volume, 1, NULL);
+    check_subvolume(&subvolume);
+    subvolume = read_bricks(volume, 0, (const uint32_t[]){ 1, 1, 1 });
+    assert_int_equal(subvolume.size[0], SIDE - BRICK_SIDE);
+    check_subvolume(&subvolume);
     sp_volume_unref(&volume);
 }
 
@@ -163,8 +163,8 @@ static void a_process_that_dies_is_started_again(void **state) {
     write_image("killed.zarr", LEVELS);
     struct sp_volume *volume = open_image("killed.zarr");
     assert_compare(kill_children(), >, 0);
-    struct sp_brick_window window = read_bricks(volume, 1, NULL);
-    check_window(&window);
+    struct sp_brick_subvolume subvolume = read_bricks(volume, 1, NULL);
+    check_subvolume(&subvolume);
     sp_volume_unref(&volume);
 }
 
@@ -173,11 +173,11 @@ static void a_damaged_chunk_is_a_hole(void **state) {
     write_image("damaged.zarr", LEVELS);
     write_file("damaged.zarr/0/3.3.2", "short", 5);
     struct sp_volume *volume = open_image("damaged.zarr");
-    struct sp_brick_window window = read_bricks(volume, 0, (const uint32_t[]){ 1, 1, 1 });
-    assert_int_equal(window.lost, 1);
-    sp_volume_unref(&window.volume);
-    window = read_bricks(volume, 0, (const uint32_t[]){ 0, 0, 0 });
-    check_window(&window);
+    struct sp_brick_subvolume subvolume = read_bricks(volume, 0, (const uint32_t[]){ 1, 1, 1 });
+    assert_int_equal(subvolume.lost, 1);
+    sp_volume_unref(&subvolume.volume);
+    subvolume = read_bricks(volume, 0, (const uint32_t[]){ 0, 0, 0 });
+    check_subvolume(&subvolume);
     sp_volume_unref(&volume);
 }
 
@@ -217,7 +217,7 @@ static void misbehaving_importers_are_errors(void **state) {
         struct sp_load_options options = { .importer = SPLATD_TEST_DIR "/hostile_importer",
                                            .reserve = grant_later,
                                            .user = &calls,
-                                           .window_bytes = 128 };
+                                           .subvolume_bytes = 128 };
         struct sp_error err;
         write_text(cases[i].what, "nothing of interest");
         assert_null(sp_volume_load(in_folder(cases[i].what), &options, &err));

@@ -3,8 +3,8 @@
  * Two balls in opposite corners of a volume that is empty otherwise, and a renderer. Failures end
  * the test.
  */
-#ifndef TESTS_UNIT_WINDOW_BALLS_H
-#define TESTS_UNIT_WINDOW_BALLS_H
+#ifndef TESTS_UNIT_SUBVOLUME_BALLS_H
+#define TESTS_UNIT_SUBVOLUME_BALLS_H
 
 #include "unit/draw/working_set/rig.h"
 

@@ -134,7 +134,7 @@ static struct sp_volume *open_chunks(struct rig *rig, struct sp_load_options *op
 }
 
 static struct sp_volume *open_with(struct rig *rig, uint64_t bytes) {
-    struct sp_load_options options = { .window_bytes = bytes };
+    struct sp_load_options options = { .subvolume_bytes = bytes };
     struct sp_error err;
     struct sp_volume *volume = open_chunks(rig, &options, &err);
     if (!volume)
@@ -299,7 +299,7 @@ static void a_chunk_that_failed_is_read_again(void **state) {
 
 static void nothing_that_can_be_read_is_an_error(void **state) {
     struct rig *rig = *state;
-    struct sp_load_options options = { .window_bytes = 4 << 20 };
+    struct sp_load_options options = { .subvolume_bytes = 4 << 20 };
     struct sp_error err;
     rig->fails_all = true;
     assert_null(open_chunks(rig, &options, &err));
@@ -317,7 +317,7 @@ static bool stop(void *user, double fraction) {
 
 static void a_load_that_hangs_is_cancelled(void **state) {
     struct rig *rig = *state;
-    struct sp_load_options options = { .window_bytes = 4 << 20, .progress = stop };
+    struct sp_load_options options = { .subvolume_bytes = 4 << 20, .progress = stop };
     struct sp_error err;
     rig->hangs = true;
     assert_null(open_chunks(rig, &options, &err));
@@ -327,7 +327,7 @@ static void a_load_that_hangs_is_cancelled(void **state) {
 
 static void without_a_small_level_there_is_no_budget(void **state) {
     struct rig *rig = *state;
-    struct sp_load_options options = { .window_bytes = 64 << 10 };
+    struct sp_load_options options = { .subvolume_bytes = 64 << 10 };
     struct sp_error err;
     assert_null(open_chunks(rig, &options, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);

@@ -68,8 +68,8 @@ static void look_at_a_ball(const struct rig *rig, struct sp_view *view) {
 static void images_of_rectilinear_axes_equal_those_in_memory(void **state) {
     const struct rig *rig = *state;
     if (TEST_SANITIZED)
-        print_message("reduced: windows of a quarter of the samples\n");
-    /* With memory for windows of all samples, and of a quarter of them. */
+        print_message("reduced: subvolumes of a quarter of the samples\n");
+    /* With memory for subvolumes of all samples, and of a quarter of them. */
     for (int is_small = TEST_SANITIZED; is_small < 2; is_small++) {
         struct sp_volume *volume = rig_open_file(rig, is_small ? 2 << 20 : 8 << 20);
         struct sp_view view = rig_make_view(rig);
@@ -104,19 +104,19 @@ static void blocks_have_rectilinear_axes(void **state) {
     struct sp_volume *volume = rig_open_file(rig, 16 << 20);
     struct sp_brick_store *store = sp_brick_store_of(volume);
     struct sp_brick_need need = { .count = { 4, 3, 3 }, .is_sparse = true };
-    struct sp_brick_window window;
+    struct sp_brick_subvolume subvolume;
     struct sp_error err;
     assert_true(sp_brick_need_allocate(&need, BRICK_WANTED));
-    assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err));
-    assert_non_null(sp_volume_blocks(window.volume));
+    assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &subvolume, &err));
+    assert_non_null(sp_volume_blocks(subvolume.volume));
     const struct sp_view view = rig_make_view(rig);
-    struct sp_frame *got = rig_render(rig, window.volume, &view, 0),
+    struct sp_frame *got = rig_render(rig, subvolume.volume, &view, 0),
                     *truth = rig_render(rig, rig->whole, &view, 0);
     assert_compare(rig_mean_of(truth), >, 1e-3);
     assert_compare(rig_compare(truth, got), >, 100);
     sp_frame_unref(&got);
     sp_frame_unref(&truth);
-    sp_volume_unref(&window.volume);
+    sp_volume_unref(&subvolume.volume);
     free(need.wanted);
     sp_volume_unref(&volume);
 }
@@ -178,11 +178,11 @@ static struct sp_view make_streaks(const struct rig *rig) {
     return view;
 }
 
-/* Streaks of one level: which samples they begin at does not depend on the window. */
+/* Streaks of one level: which samples they begin at does not depend on the subvolume. */
 static void streaks_equal_those_in_memory(void **state) {
     const struct rig *rig = *state;
     if (TEST_SANITIZED)
-        print_message("reduced: windows of some of the samples\n");
+        print_message("reduced: subvolumes of some of the samples\n");
     for (int is_small = TEST_SANITIZED; is_small < 2; is_small++) {
         struct sp_volume *volume = rig_open_file(rig, is_small ? 40 << 20 : 80 << 20);
         struct sp_view view = make_streaks(rig);
@@ -254,7 +254,7 @@ static void colours_without_memory_are_those_of_the_opened_volume(void **state) 
     struct sp_error err;
     char path[] = "/tmp/splat-colors-XXXXXX.bricks";
     const int fd = mkstemps(path, (int)strlen(".bricks"));
-    const struct sp_load_options tiny = { .window_bytes = 1 };
+    const struct sp_load_options tiny = { .subvolume_bytes = 1 };
     struct sp_volume *volume = sp_volume_load("demo:tornado?size=32", NULL, &err), *colors = NULL;
     assert_true(fd >= 0 && volume);
     if (sp_bricks_convert("demo:turbulence?size=32", path, NULL, &err))
@@ -270,7 +270,7 @@ static void colours_without_memory_are_those_of_the_opened_volume(void **state) 
     sp_volume_unref(&colors);
 }
 
-/* Compares the vectors of a window with means of those of the rig. */
+/* Compares the vectors of a subvolume with means of those of the rig. */
 static void check_means(const struct rig *rig, const struct sp_volume *volume) {
     const struct sp_whole_part *part = &sp_volume_info(volume)->whole.part;
     const uint32_t *dims = sp_volume_info(volume)->grid.dims, size = 1u << part->level;
@@ -305,18 +305,19 @@ static void coarse_vectors_are_means(void **state) {
     struct sp_view view = make_streaks(rig);
     struct sp_brick_store *store = sp_brick_store_of(volume);
     struct sp_brick_need need = { .level = 1, .first = { 1, 0, 0 }, .count = { 1, 2, 1 } };
-    struct sp_brick_window window;
+    struct sp_brick_subvolume subvolume;
     struct sp_error err;
     uint16_t wanted[2] = { BRICK_WANTED, BRICK_WANTED };
     need.wanted = wanted;
     for (int turn = 0; turn < 2; turn++) { /* without vectors, then with them */
         need.has_vectors = turn;
-        assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err));
-        assert_int_equal(sp_volume_info(window.volume)->vector_bytes > 0, turn);
-        assert_int_equal(window.level, 1);
+        assert_true(
+            sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &subvolume, &err));
+        assert_int_equal(sp_volume_info(subvolume.volume)->vector_bytes > 0, turn);
+        assert_int_equal(subvolume.level, 1);
         if (turn)
-            check_means(rig, window.volume);
-        sp_volume_unref(&window.volume);
+            check_means(rig, subvolume.volume);
+        sp_volume_unref(&subvolume.volume);
     }
     /* An image at a coarse level shows the same streaks, larger. */
     struct sp_frame *frame = rig_render(rig, volume, &view, 0);
@@ -345,8 +346,8 @@ enum { LOST = 3 };
 
 /* Opens a copy of the brick file in which the vectors of the first bricks of a level are damaged:
  * at most LOST of them. */
-static struct sp_volume *open_damaged(const struct rig *rig, unsigned l, uint64_t window_bytes) {
-    const struct sp_load_options options = { .window_bytes = window_bytes };
+static struct sp_volume *open_damaged(const struct rig *rig, unsigned l, uint64_t subvolume_bytes) {
+    const struct sp_load_options options = { .subvolume_bytes = subvolume_bytes };
     const off_t size = lseek(rig->file, 0, SEEK_END);
     const int copy = memfd_create("damaged", MFD_CLOEXEC);
     unsigned char *bytes = malloc((size_t)size);
@@ -377,7 +378,7 @@ static uint64_t count_damage(const struct sp_volume *volume) {
     return sp_bricks_get_damage(volume, &damage) ? damage.count : 0;
 }
 
-/* Windows that share bricks, with vectors and without. */
+/* Subvolumes that share bricks, with vectors and without. */
 static void lost_vectors_leave_the_samples(void **state) {
     static const struct {
         bool has_vectors, has_all; /* else only the damaged bricks are wanted */
@@ -386,20 +387,20 @@ static void lost_vectors_leave_the_samples(void **state) {
     struct sp_volume *volume = open_damaged(rig, 0, 160 << 20);
     for (size_t i = 0; i < sizeof needs / sizeof *needs; i++) {
         struct sp_brick_need need = { .count = { 4, 3, 3 }, .has_vectors = needs[i].has_vectors };
-        struct sp_brick_window window;
+        struct sp_brick_subvolume subvolume;
         struct sp_error err;
         assert_true(sp_brick_need_allocate(&need, needs[i].has_all ? BRICK_WANTED : BRICK_HIDDEN));
         for (int b = 0; b < LOST; b++)
             need.wanted[b] = BRICK_WANTED;
         assert_true(sp_brick_store_get(sp_brick_store_of(volume), &need, INFINITY, false, NULL,
-                                       NULL, &window, &err));
-        assert_int_equal(window.level, 0);
-        assert_int_equal(window.lost, needs[i].has_vectors ? LOST : 0);
+                                       NULL, &subvolume, &err));
+        assert_int_equal(subvolume.level, 0);
+        assert_int_equal(subvolume.lost, needs[i].has_vectors ? LOST : 0);
         if (needs[i].has_all)
-            assert_memory_equal(sp_volume_voxels(window.volume), rig->samples, COUNT);
+            assert_memory_equal(sp_volume_voxels(subvolume.volume), rig->samples, COUNT);
         assert_int_equal(count_damage(volume), LOST); /* samples that are read do not heal it */
         free(need.wanted);
-        sp_volume_unref(&window.volume);
+        sp_volume_unref(&subvolume.volume);
     }
     sp_volume_unref(&volume);
 }
@@ -409,7 +410,7 @@ static void only_streaks_lose_what_vectors_lose(void **state) {
     enum { BASE = 2 };
     const struct rig *rig = *state;
     struct sp_view plain = rig_make_view(rig), streaks = make_streaks(rig);
-    for (unsigned l = 0; l <= BASE; l += BASE) { /* a window, then the volume that was opened */
+    for (unsigned l = 0; l <= BASE; l += BASE) { /* a subvolume, then the volume that was opened */
         struct sp_volume *sound = rig_open_file(rig, l ? 8 << 20 : 80 << 20),
                          *volume = open_damaged(rig, l, l ? 8 << 20 : 80 << 20);
         plain.level_of_detail = streaks.level_of_detail = l ? SP_LOD_AUTO : SP_LOD_OFF;

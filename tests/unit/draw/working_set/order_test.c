@@ -273,7 +273,7 @@ static void chunks_of_the_nearest_bricks_are_read_first(void **state) {
         .read = record_chunk,
         .close = keep_source
     };
-    struct sp_load_options options = { .window_bytes = 12 << 20 };
+    struct sp_load_options options = { .subvolume_bytes = 12 << 20 };
     struct sp_error err;
     source.info.range[1] = 255;
     struct sp_volume *volume =
@@ -284,11 +284,11 @@ static void chunks_of_the_nearest_bricks_are_read_first(void **state) {
     assert_int_equal(sp_brick_store_base(store), 1);
     const struct sp_view view = make_view(rig);
     struct sp_brick_need need;
-    struct sp_brick_window window;
+    struct sp_brick_subvolume subvolume;
     compute_need(sp_brick_store_file(store), &view, false, &need);
     recorder.count = 0;
-    assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err));
-    assert_true(window.is_wanted);
+    assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &subvolume, &err));
+    assert_true(subvolume.is_wanted);
     assert_int_equal(recorder.count, 5 * 2); /* each chunk once */
     /* A chunk is as important as the most important brick in it. */
     unsigned last = UINT16_MAX;
@@ -309,7 +309,7 @@ static void chunks_of_the_nearest_bricks_are_read_first(void **state) {
         last = most;
     }
     assert_compare(recorder.places[0][0], >=, 2); /* the camera is at the far end */
-    sp_volume_unref(&window.volume);
+    sp_volume_unref(&subvolume.volume);
     free(need.wanted);
     sp_volume_unref(&volume);
 }

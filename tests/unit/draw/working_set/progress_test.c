@@ -97,7 +97,7 @@ static struct sp_volume *open_source(struct source *s) {
                                       .user = s,
                                       .read = read_chunk,
                                       .close = close_source };
-    struct sp_load_options options = { .window_bytes = 32 << 20 };
+    struct sp_load_options options = { .subvolume_bytes = 32 << 20 };
     struct sp_error err;
     memcpy(source.level, levels, sizeof levels);
     struct sp_volume *volume =
@@ -129,7 +129,7 @@ static void what_is_read_is_shown_meanwhile(void **state) {
     struct rig *rig = *state;
     struct source source = { .rig = rig, .gate = GATE };
     struct sp_brick_need need;
-    struct sp_brick_window window;
+    struct sp_brick_subvolume subvolume;
     struct sp_error err;
     balls_make(rig, SP_UINT8);
     struct sp_volume *volume = open_source(&source);
@@ -141,11 +141,11 @@ static void what_is_read_is_shown_meanwhile(void **state) {
     struct sp_frame *truth = rig_render(rig, rig->whole, &view, 0),
                     *first = rig_render_level(rig, volume, &view, 0, 1);
     /* Nothing was asked for yet. The call returns with the first part, not with the last one. */
-    assert_true(sp_brick_store_get(store, &need, INFINITY, true, NULL, NULL, &window, &err));
-    assert_false(window.is_wanted);
-    assert_compare(window.missing, >, 0);
-    assert_compare(window.missing, <, sp_brick_need_wanted(&need));
-    sp_volume_unref(&window.volume);
+    assert_true(sp_brick_store_get(store, &need, INFINITY, true, NULL, NULL, &subvolume, &err));
+    assert_false(subvolume.is_wanted);
+    assert_compare(subvolume.missing, >, 0);
+    assert_compare(subvolume.missing, <, sp_brick_need_wanted(&need));
+    sp_volume_unref(&subvolume.volume);
     while (atomic_load(&source.reads) <= GATE)
         sched_yield();
     struct sp_frame *part = rig_render(rig, volume, &view, -1);
@@ -156,11 +156,12 @@ static void what_is_read_is_shown_meanwhile(void **state) {
     assert_int_equal(bricks->level, 1); /* of what is missing */
     assert_int_equal(bricks->resident, GATE / BRICK_BATCH * BRICK_BATCH);
     assert_int_equal(bricks->wanted, sp_brick_need_wanted(&need));
-    assert_true(sp_brick_store_get(store, &need, 0, false, NULL, NULL, &window, &err));
-    assert_false(window.is_wanted);
-    assert_int_equal(window.missing, bricks->wanted - bricks->resident);
-    assert_int_equal(expect_most_important(&need, sp_volume_blocks(window.volume)), window.missing);
-    sp_volume_unref(&window.volume);
+    assert_true(sp_brick_store_get(store, &need, 0, false, NULL, NULL, &subvolume, &err));
+    assert_false(subvolume.is_wanted);
+    assert_int_equal(subvolume.missing, bricks->wanted - bricks->resident);
+    assert_int_equal(expect_most_important(&need, sp_volume_blocks(subvolume.volume)),
+                     subvolume.missing);
+    sp_volume_unref(&subvolume.volume);
     atomic_store(&source.gate, INT32_MAX);
     struct sp_frame *last = rig_render(rig, volume, &view, 0);
     assert_true(sp_frame_bricks_is_complete(&last->stats.bricks));
@@ -203,8 +204,8 @@ static void without_memory_for_all_the_most_important_are_fine(void **state) {
     const uint64_t budget = 4864 << 10;
     struct rig *rig = *state;
     struct sp_error err;
-    struct sp_working_set window;
-    struct sp_brick_window place;
+    struct sp_working_set subvolume;
+    struct sp_brick_subvolume place;
     struct sp_brick_need need;
     balls_make(rig, SP_UINT8);
     struct sp_volume *volume = rig_open_file(rig, budget);
@@ -215,13 +216,13 @@ static void without_memory_for_all_the_most_important_are_fine(void **state) {
     };
     assert_int_equal(sp_bricks_base(volume), 1);
     assert_true(sp_working_set_need(sp_brick_store_file(store), &view, 0, false, &need));
-    if (!sp_working_set_choose(&job, &window, &place, &err))
+    if (!sp_working_set_choose(&job, &subvolume, &place, &err))
         fail_msg("%s", err.text);
-    const unsigned dropped = expect_most_important(&need, sp_volume_blocks(window.volume));
+    const unsigned dropped = expect_most_important(&need, sp_volume_blocks(subvolume.volume));
     assert_compare(dropped, >, 0);
-    assert_int_equal(dropped + window.wanted, sp_brick_need_wanted(&need));
-    assert_true(window.is_complete);
-    sp_volume_unref(&window.volume);
+    assert_int_equal(dropped + subvolume.wanted, sp_brick_need_wanted(&need));
+    assert_true(subvolume.is_complete);
+    sp_volume_unref(&subvolume.volume);
     struct sp_frame *truth = rig_render(rig, rig->whole, &view, 0),
                     *coarse = rig_render_level(rig, volume, &view, 0, 1),
                     *frame = rig_render(rig, volume, &view, 0);
@@ -230,7 +231,7 @@ static void without_memory_for_all_the_most_important_are_fine(void **state) {
     assert_false(sp_frame_bricks_is_complete(bricks));
     assert_int_equal(bricks->level, 1);
     assert_int_equal(bricks->asked, 0);
-    assert_int_equal(bricks->resident, window.wanted);
+    assert_int_equal(bricks->resident, subvolume.wanted);
     assert_compare(bricks->memory_bytes, <=, budget);
     const double db[2] = { rig_compare(truth, coarse), rig_compare(truth, frame) };
     print_message("%u of %u bricks are coarse: %.1f dB, level 1 %.1f dB\n", dropped,

@@ -137,7 +137,7 @@ int rig_teardown(void **state) {
 
 struct sp_volume *rig_open_file(const struct rig *rig, uint64_t bytes) {
     struct sp_error err;
-    const struct sp_load_options options = { .window_bytes = bytes };
+    const struct sp_load_options options = { .subvolume_bytes = bytes };
     struct sp_volume *volume =
         sp_brick_store_open(dup(rig->file), "bricks", "bricks", &options, &err);
     if (!volume)

@@ -2,8 +2,8 @@
  *
  * A volume in memory and the same in a brick file, and images of both. Failures end the test.
  */
-#ifndef TESTS_UNIT_WINDOW_RIG_H
-#define TESTS_UNIT_WINDOW_RIG_H
+#ifndef TESTS_UNIT_SUBVOLUME_RIG_H
+#define TESTS_UNIT_SUBVOLUME_RIG_H
 
 #include "sp/view.h"
 #include "support/render.h"
@@ -27,7 +27,7 @@ int rig_setup_rectilinear(void **state);
 int rig_setup_vectors(void **state);
 int rig_teardown(void **state);
 
-/* Opens the brick file with memory for windows of that many bytes; 0 = for all. */
+/* Opens the brick file with memory for subvolumes of that many bytes; 0 = for all. */
 struct sp_volume *rig_open_file(const struct rig *rig, uint64_t bytes);
 
 struct sp_view rig_make_view(const struct rig *rig);

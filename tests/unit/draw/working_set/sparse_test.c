@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Windows whose box does not fit into memory, although their bricks do: two balls in opposite
+ * Subvolumes whose box does not fit into memory, although their bricks do: two balls in opposite
  * corners. Their images equal those of the volume in memory, for each size of samples and each axis
  * of the slices.
  */
@@ -78,29 +78,29 @@ static void images_equal_those_of_the_volume_in_memory(void **state) {
     }
 }
 
-/* A window of the finest level may be drawn at a coarser mip level. */
+/* A subvolume of the finest level may be drawn at a coarser mip level. */
 static void mip_levels_are_made_of_blocks(void **state) {
     struct rig *rig = *state;
     balls_make(rig, SP_UINT8);
     struct sp_error err;
     struct sp_volume *volume = rig_open_file(rig, budget_of(SP_UINT8));
     struct sp_view view = balls_view(rig);
-    struct sp_frame *frame = rig_render(rig, volume, &view, 0); /* which reads the window */
+    struct sp_frame *frame = rig_render(rig, volume, &view, 0); /* which reads the subvolume */
     struct sp_brick_store *store = sp_brick_store_of(volume);
     struct sp_brick_need need = { .count = { 6, 4, 3 }, .is_sparse = true };
-    struct sp_brick_window window;
+    struct sp_brick_subvolume subvolume;
     assert_true(sp_brick_need_allocate(&need, 0));
     need.wanted[0] = BRICK_WANTED;
-    assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err));
-    assert_non_null(sp_volume_blocks(window.volume));
-    struct sp_frame *got = rig_render_level(rig, window.volume, &view, 0, 1),
+    assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &subvolume, &err));
+    assert_non_null(sp_volume_blocks(subvolume.volume));
+    struct sp_frame *got = rig_render_level(rig, subvolume.volume, &view, 0, 1),
                     *truth = rig_render_level(rig, rig->whole, &view, 0, 1);
     assert_compare(rig_mean_of(truth), >, 1e-3);
     assert_compare(rig_compare(truth, got), ==, 200);
     sp_frame_unref(&got);
     sp_frame_unref(&truth);
     sp_frame_unref(&frame);
-    sp_volume_unref(&window.volume);
+    sp_volume_unref(&subvolume.volume);
     free(need.wanted);
     sp_volume_unref(&volume);
     balls_finish(rig);

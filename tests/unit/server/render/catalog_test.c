@@ -142,8 +142,8 @@ static void add(struct srv_catalog *catalog, const char *source) {
 }
 
 static uint64_t used_bytes(struct srv_catalog *catalog) {
-    uint64_t used, budget, windows;
-    srv_catalog_memory(catalog, &used, &budget, &windows);
+    uint64_t used, budget, subvolumes;
+    srv_catalog_memory(catalog, &used, &budget, &subvolumes);
     return used;
 }
 

@@ -43,8 +43,8 @@ static void look_at_a_ball(struct sp_view *view) {
 static void images_equal_those_of_the_volume_in_memory(void **state) {
     const struct rig *rig = *state;
     if (TEST_SANITIZED)
-        print_message("reduced: windows of a quarter of the samples, and two projections\n");
-    /* With memory for all, and for windows of a quarter of the samples. */
+        print_message("reduced: subvolumes of a quarter of the samples, and two projections\n");
+    /* With memory for all, and for subvolumes of a quarter of the samples. */
     for (int is_small = TEST_SANITIZED; is_small < 2; is_small++) {
         struct sp_volume *volume = rig_open_file(rig, is_small ? 2 << 20 : 0);
         struct sp_view view = rig_make_view(rig);
@@ -148,7 +148,7 @@ static void a_frame_that_does_not_wait_is_refined(void **state) {
     struct sp_frame *last = rig_render(rig, volume, &view, 0);
     assert_false(last->stats.bricks.is_incomplete);
     assert_compare(last->stats.bricks.level, <, first->stats.bricks.level);
-    struct sp_frame *again = rig_render(rig, volume, &view, -1); /* the window stays */
+    struct sp_frame *again = rig_render(rig, volume, &view, -1); /* the subvolume stays */
     assert_false(again->stats.bricks.is_incomplete);
     assert_compare(rig_compare(last, again), ==, 200);
     sp_frame_unref(&first);
@@ -189,7 +189,7 @@ static void a_damaged_brick_is_shown_coarsely_and_reported(void **state) {
     }
     assert_int_equal(write(copy, bytes, (size_t)size), size);
     free(bytes);
-    const struct sp_load_options options = { .window_bytes = 2 << 20 };
+    const struct sp_load_options options = { .subvolume_bytes = 2 << 20 };
     struct sp_volume *volume = sp_brick_store_open(copy, "damaged", "damaged", &options, &err);
     assert_non_null(volume);
     struct sp_frame *truth = rig_render(rig, sound, &view, 0),
@@ -228,7 +228,7 @@ static void *visit(void *user) {
     for (int i = 0; i < 8; i++) {
         struct sp_view view = rig_make_view(v->rig);
         struct sp_brick_need need;
-        struct sp_brick_window window;
+        struct sp_brick_subvolume subvolume;
         struct sp_error err;
         rig_zoom(&view, 3);
         view.camera.target[0] += 30 * cos(v->angle + i);
@@ -236,17 +236,17 @@ static void *visit(void *user) {
         assert_true(sp_working_set_need(file, &view, 1, false, &need));
         if (need.count[0]) {
             if (!sp_brick_store_get(sp_brick_store_of(v->volume), &need, INFINITY, false, NULL,
-                                    NULL, &window, &err))
+                                    NULL, &subvolume, &err))
                 fail_msg("%s", err.text);
-            assert_true(window.is_wanted);
-            sp_volume_unref(&window.volume);
+            assert_true(subvolume.is_wanted);
+            sp_volume_unref(&subvolume.volume);
         }
         free(need.wanted);
     }
     return NULL;
 }
 
-static void threads_share_windows(void **state) {
+static void threads_share_subvolumes(void **state) {
     const struct rig *rig = *state;
     struct sp_volume *volume = rig_open_file(rig, 2 << 20);
     pthread_t threads[3];
@@ -268,7 +268,7 @@ static void threads_of_two_files_share_memory(void **state) {
     struct sp_volume *files[2];
     struct sp_brick_usage usage;
     struct sp_brick_memory *memory = sp_brick_memory_create(BYTES, &err);
-    const struct sp_load_options options = { .windows = memory };
+    const struct sp_load_options options = { .subvolumes = memory };
     pthread_t threads[THREADS];
     struct visitor visitors[THREADS];
     for (int i = 0; i < 2; i++) {
@@ -305,21 +305,21 @@ static unsigned show(const struct rig *rig, struct sp_volume *volume, double wai
 }
 
 static void files_share_memory(void **state) {
-    enum { BYTES = 8 << 20 }; /* for one window of the finest level, not for two */
+    enum { BYTES = 8 << 20 }; /* for one subvolume of the finest level, not for two */
     const struct rig *rig = *state;
     const double no_wait = -1;
     struct sp_error err;
     struct sp_brick_usage usage;
     struct sp_brick_memory *memory = sp_brick_memory_create(BYTES, &err);
     assert_non_null(memory);
-    const struct sp_load_options options = { .windows = memory };
+    const struct sp_load_options options = { .subvolumes = memory };
     struct sp_volume *a = sp_brick_store_open(dup(rig->file), "a", "a", &options, &err);
     struct sp_volume *b = sp_brick_store_open(dup(rig->file), "b", "b", &options, &err);
     assert_non_null(a);
     assert_non_null(b);
     assert_int_equal(show(rig, a, 0), 0);
     assert_int_equal(show(rig, b, 0), 1); /* less than its half, which has no finer level */
-    for (int i = 0; i < 2; i++) {         /* neither drops the window of the other */
+    for (int i = 0; i < 2; i++) {         /* neither drops the subvolume of the other */
         assert_int_equal(show(rig, a, no_wait), 0);
         assert_int_equal(show(rig, b, no_wait), 1);
     }
@@ -404,7 +404,7 @@ static void the_first_view_is_that_of_the_volume_in_memory(void **state) {
         assert_float_equal(got.camera.up[r], want.camera.up[r], 1e-6);
     }
     /* The colours are equal. One colour for both images, because the steep colours of a smooth
-     * field would multiply the small shift of the window that the floor allows. */
+     * field would multiply the small shift of the subvolume that the floor allows. */
     for (uint32_t i = 0; i < a->point_count; i++)
         for (int c = 0; c < 3; c++) {
             assert_float_equal(b->points[i].color[c], a->points[i].color[c], 1e-6);
@@ -434,7 +434,7 @@ static void opening_reserves_all_memory(void **state) {
     const struct rig *rig = *state;
     struct sp_error err;
     uint64_t asked[2] = { 0 };
-    const struct sp_load_options options = { .window_bytes = 1 << 20,
+    const struct sp_load_options options = { .subvolume_bytes = 1 << 20,
                                              .reserve = refuse,
                                              .user = asked };
     assert_null(sp_brick_store_open(dup(rig->file), "bricks", "bricks", &options, &err));
@@ -452,7 +452,7 @@ int main(void) {
         cmocka_unit_test(a_frame_that_does_not_wait_is_refined),
         cmocka_unit_test(nothing_that_is_seen_needs_no_bricks),
         cmocka_unit_test(a_damaged_brick_is_shown_coarsely_and_reported),
-        cmocka_unit_test(threads_share_windows),
+        cmocka_unit_test(threads_share_subvolumes),
         cmocka_unit_test(threads_of_two_files_share_memory),
         cmocka_unit_test(files_share_memory),
         cmocka_unit_test(slices_and_measures_read_their_bricks),

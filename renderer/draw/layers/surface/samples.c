@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "draw/layers/surface/window.h"
+#include "draw/layers/surface/samples.h"
 
 #include <math.h>
 #include <string.h>
@@ -7,7 +7,7 @@
 #include "base/wide.h"
 #include "data/volume/grid.h"
 
-/* From samples to values of the window. */
+/* From samples of the volume to numbers around 0. */
 struct mapping {
     double value, scale;
     /* For samples of 8 and 16 bits: the smallest float from the iso-value on, which no sample lies
@@ -37,7 +37,7 @@ static inline float map_any(double x, const struct mapping *m) {
     return fabsf(f) < INFINITY ? f : NAN;
 }
 
-/* The part of a row that is inside the volume: samples [from, to) of the window. */
+/* The part of a row that is inside the volume: samples [from, to) of the row. */
 struct part {
     int from, to;
     uint64_t first; /* sample of the volume at `from` */
@@ -47,16 +47,16 @@ struct part {
 #define READ(name, type, map)                                                                      \
     case name: {                                                                                   \
         const type *from = (const type *)sp_volume_voxels(volume) + part->first;                   \
-        type copy[SURFACE_WINDOW_ROW] = { 0 };                                                     \
-        if (part->to - part->from == SURFACE_WINDOW)                                               \
-            memcpy(copy, from, SURFACE_WINDOW * sizeof *from);                                     \
+        type copy[SURFACE_SAMPLES_ROW] = { 0 };                                                    \
+        if (part->to - part->from == SURFACE_SAMPLES)                                              \
+            memcpy(copy, from, SURFACE_SAMPLES * sizeof *from);                                    \
         else                                                                                       \
             memcpy(copy + part->from, from, (size_t)(part->to - part->from) * sizeof *from);       \
-        for (int x = 0; x < SURFACE_WINDOW_ROW; x++)                                               \
+        for (int x = 0; x < SURFACE_SAMPLES_ROW; x++)                                              \
             row[x] = map(copy[x], m);                                                              \
     } break
 
-static void read_row(float row[SURFACE_WINDOW_ROW], const struct sp_volume *volume,
+static void read_row(float row[SURFACE_SAMPLES_ROW], const struct sp_volume *volume,
                      const struct part *part, const struct mapping *m) {
     switch (sp_volume_info(volume)->type) {
         READ(SP_UINT8, uint8_t, map_small);
@@ -71,30 +71,30 @@ static void read_row(float row[SURFACE_WINDOW_ROW], const struct sp_volume *volu
     }
     for (int x = 0; x < part->from; x++)
         row[x] = NAN;
-    for (int x = part->to; x < SURFACE_WINDOW; x++)
+    for (int x = part->to; x < SURFACE_SAMPLES; x++)
         row[x] = NAN;
 }
 #undef READ
 
-void sp_surface_window_read(struct sp_surface_window *window, const struct sp_volume *volume,
-                            double value, const uint32_t corner[3]) {
+void sp_surface_samples_read(struct sp_surface_samples *samples, const struct sp_volume *volume,
+                             double value, const uint32_t corner[3]) {
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
     const struct mapping mapping = compute_mapping(sp_volume_info(volume), value);
     int from[3], to[3];
     for (unsigned a = 0; a < 3; a++) {
         int64_t last = (int64_t)grid->dims[a] - corner[a] + 1;
         from[a] = corner[a] ? 0 : 1;
-        to[a] = last < SURFACE_WINDOW ? (int)last : SURFACE_WINDOW;
-        for (int i = 0; i < SURFACE_WINDOW_ROW; i++) {
+        to[a] = last < SURFACE_SAMPLES ? (int)last : SURFACE_SAMPLES;
+        for (int i = 0; i < SURFACE_SAMPLES_ROW; i++) {
             int64_t k = (int64_t)corner[a] + i - 1;
             bool has_next = k >= 0 && k + 1 < (int64_t)grid->dims[a];
-            window->gap[a][i] = has_next ? (float)(sp_grid_distance(grid, a, (uint32_t)k + 1) -
-                                                   sp_grid_distance(grid, a, (uint32_t)k))
-                                         : 1;
+            samples->gap[a][i] = has_next ? (float)(sp_grid_distance(grid, a, (uint32_t)k + 1) -
+                                                    sp_grid_distance(grid, a, (uint32_t)k))
+                                          : 1;
         }
     }
-    for (int z = 0; z < SURFACE_WINDOW; z++)
-        for (int y = 0; y < SURFACE_WINDOW; y++) {
+    for (int z = 0; z < SURFACE_SAMPLES; z++)
+        for (int y = 0; y < SURFACE_SAMPLES; y++) {
             bool is_inside = z >= from[2] && z < to[2] && y >= from[1] && y < to[1];
             struct part part = { from[0], is_inside ? to[0] : from[0], 0 };
             if (is_inside)
@@ -102,18 +102,18 @@ void sp_surface_window_read(struct sp_surface_window *window, const struct sp_vo
                               (uint64_t)y - 1) *
                                  grid->dims[0] +
                              corner[0] + (uint64_t)from[0] - 1;
-            read_row(window->f[z][y], volume, &part, &mapping);
+            read_row(samples->f[z][y], volume, &part, &mapping);
         }
 }
 
-void sp_surface_window_compare(const struct sp_surface_window *window,
-                               struct sp_surface_bits *out) {
+void sp_surface_samples_compare(const struct sp_surface_samples *samples,
+                                struct sp_surface_bits *out) {
     const sp_wide zero = sp_wide_all(0), infinity = sp_wide_all(INFINITY);
     for (int z = 0; z < SURFACE_SLOPES; z++)
         for (int y = 0; y < SURFACE_SLOPES; y++) {
             sp_wide_int inside = { 0 }, finite = { 0 };
             for (int x = 0; x < SURFACE_SLOPES; x += SP_WIDE) {
-                sp_wide f = sp_wide_load(&window->f[z + 1][y + 1][x + 1]);
+                sp_wide f = sp_wide_load(&samples->f[z + 1][y + 1][x + 1]);
                 sp_wide_int bit = sp_wide_int_all(1 << x) << sp_wide_int_count();
                 inside |= sp_wide_le(zero, f) & bit;
                 finite |= sp_wide_lt(sp_wide_abs(f), infinity) & bit;
@@ -140,23 +140,24 @@ static inline sp_wide slope_along(sp_wide before, sp_wide here, sp_wide after, s
     return low + share * (high - low);
 }
 
-void sp_surface_window_slopes(const struct sp_surface_window *window,
-                              struct sp_surface_slopes *out) {
-    enum { ROW = SURFACE_WINDOW_ROW };
-    static const int steps[3] = { 1, ROW, ROW * SURFACE_WINDOW };
+void sp_surface_samples_slopes(const struct sp_surface_samples *samples,
+                               struct sp_surface_slopes *out) {
+    enum { ROW = SURFACE_SAMPLES_ROW };
+    static const int steps[3] = { 1, ROW, ROW * SURFACE_SAMPLES };
     float inverse[3][ROW], share[3][ROW] = { { 0 } };
     for (int a = 0; a < 3; a++)
         for (int i = 0; i < ROW; i++) {
-            inverse[a][i] = 1 / window->gap[a][i];
+            inverse[a][i] = 1 / samples->gap[a][i];
             if (i)
-                share[a][i] = window->gap[a][i - 1] / (window->gap[a][i - 1] + window->gap[a][i]);
+                share[a][i] =
+                    samples->gap[a][i - 1] / (samples->gap[a][i - 1] + samples->gap[a][i]);
         }
     float *to[3] = { out->along[0], out->along[1], out->along[2] };
     for (int z = 1; z <= SURFACE_SLOPES; z++)
         for (int y = 1; y <= SURFACE_SLOPES; y++) {
             const int at[3] = { 0, y, z };
             for (int x = 1; x <= SURFACE_SLOPES; x += SP_WIDE) {
-                const float *f = &window->f[z][y][x];
+                const float *f = &samples->f[z][y][x];
                 const sp_wide here = sp_wide_load(f);
                 for (int a = 0; a < 3; a++) {
                     const float *i = &inverse[a][at[a]], *s = &share[a][at[a]];
