@@ -41,12 +41,12 @@ static bool edit_channels(const struct sp_view *view, struct sp_layer_volumes *o
         struct sp_view own;
         if (!view->layers[i].visible || view->layers[i].type != SP_LAYER_CHANNEL)
             continue;
-        sp_layers_channel_view(view, i, sp_volume_info(others->shown[i]), &own);
-        struct sp_volume *edited = sp_edit_volume(others->shown[i], &own, err);
+        sp_layers_channel_view(view, i, sp_volume_info(others->volumes[i]), &own);
+        struct sp_volume *edited = sp_edit_volume(others->volumes[i], &own, err);
         if (!edited)
             return false;
-        sp_volume_unref(&others->shown[i]);
-        others->shown[i] = edited;
+        sp_volume_unref(&others->volumes[i]);
+        others->volumes[i] = edited;
     }
     return true;
 }
@@ -59,9 +59,9 @@ static void choose_layers(struct sp_renderer_frame *f) {
         const struct sp_layer *layer = &f->view.layers[i];
         if (!layer->visible)
             continue;
-        f->job.shown[kept] = f->others.shown[i] ? f->others.shown[i]
-                             : has_elements     ? f->original
-                                                : NULL;
+        f->job.layer_volumes[kept] = f->others.volumes[i] ? f->others.volumes[i]
+                                     : has_elements       ? f->original
+                                                          : NULL;
         f->job.colors[kept] = f->others.colors[i];
         f->view.layers[kept++] = *layer;
     }
@@ -72,15 +72,15 @@ static void choose_layers(struct sp_renderer_frame *f) {
  * failure; the others of the frame then have no references. */
 static struct sp_volume *prepare_volume(struct sp_renderer_frame *f, struct sp_volume *volume,
                                         const struct sp_frame_source_job *job,
-                                        struct sp_frame_source *shown, struct sp_error *err) {
+                                        struct sp_frame_source *drawn, struct sp_error *err) {
     struct sp_volume *edited = NULL;
     if (sp_layer_volumes_find(job->view, volume, job->options, &f->others, err) &&
-        sp_frame_source_choose(volume, job, shown, err) &&
-        sp_channels_choose_sources(volume, job, shown, f->others.shown, err) &&
-        sp_frame_source_replace_colors(job->view, job->options, shown, f->others.colors, err) &&
-        edit_channels(&shown->view, &f->others, err))
-        edited = sp_edit_volume(shown->volume, &shown->view, err);
-    sp_volume_unref(&shown->volume);
+        sp_frame_source_choose(volume, job, drawn, err) &&
+        sp_channels_choose_sources(volume, job, drawn, f->others.volumes, err) &&
+        sp_frame_source_replace_colors(job->view, job->options, drawn, f->others.colors, err) &&
+        edit_channels(&drawn->view, &f->others, err))
+        edited = sp_edit_volume(drawn->volume, &drawn->view, err);
+    sp_volume_unref(&drawn->volume);
     if (!edited)
         sp_layer_volumes_finish(&f->others);
     return edited;
@@ -105,11 +105,11 @@ bool sp_renderer_prepare(const struct sp_renderer *r, struct sp_renderer_frame *
                          struct sp_frame_pool *pool, const struct sp_render_options *o,
                          struct sp_error *err) {
     const struct sp_backend *backend = atomic_load(&r->backend);
-    struct sp_frame_source shown = { .volume = NULL };
+    struct sp_frame_source drawn = { .volume = NULL };
     const struct sp_frame_source_job job = { .view = view,
                                              .options = o,
                                              .reads_blocks = backend->capabilities.blocks };
-    struct sp_volume *edited = prepare_volume(f, volume, &job, &shown, err);
+    struct sp_volume *edited = prepare_volume(f, volume, &job, &drawn, err);
     if (!edited)
         return false;
     struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
@@ -119,12 +119,12 @@ bool sp_renderer_prepare(const struct sp_renderer *r, struct sp_renderer_frame *
         return false;
     }
     frame->is_opaque = view->background[3] == 1; /* frame/resolve.h */
-    f->view = shown.view;
-    f->bricks = shown.bricks;
+    f->view = drawn.view;
+    f->bricks = drawn.bricks;
     f->original = sp_volume_ref(volume);
     f->job = (struct sp_backend_job){ .volume = edited,
                                       .view = &f->view,
-                                      .mip_level = shown.mip_level,
+                                      .mip_level = drawn.mip_level,
                                       .frame = frame,
                                       .cancel = o->cancel,
                                       .pause = o->pause };

@@ -102,9 +102,9 @@ struct sp_volume *load_local(const struct options *options, const char *source,
     return load_step(options, source, NULL, err);
 }
 
-/* Loads a volume to be shown. */
-static struct sp_volume *load_shown(const struct options *options, const char *source,
-                                    struct sp_error *err) {
+/* Loads a volume and prints its warnings. */
+static struct sp_volume *load_telling(const struct options *options, const char *source,
+                                      struct sp_error *err) {
     struct sp_volume *volume = load_local(options, source, err);
     const struct sp_volume_info *info = volume ? sp_volume_info(volume) : NULL;
     for (int i = 0; info && i < SP_WARNINGS_MAX && info->warnings[i][0]; i++)
@@ -114,11 +114,11 @@ static struct sp_volume *load_shown(const struct options *options, const char *s
 
 /* Loads a volume that is shown beside another one, in the time step of that, or in its last one. */
 static struct sp_volume *load_beside(const struct options *options, const char *source,
-                                     const struct sp_steps *shown, struct sp_error *err) {
-    struct sp_volume *volume = load_shown(options, source, err);
+                                     const struct sp_steps *other, struct sp_error *err) {
+    struct sp_volume *volume = load_telling(options, source, err);
     const uint32_t count = volume ? sp_volume_info(volume)->steps.count : 0;
-    const uint32_t step = shown->index < count ? shown->index : count - 1;
-    if (shown->count < 2 || count < 2 || step == sp_volume_info(volume)->steps.index)
+    const uint32_t step = other->index < count ? other->index : count - 1;
+    if (other->count < 2 || count < 2 || step == sp_volume_info(volume)->steps.index)
         return volume;
     sp_volume_unref(&volume);
     return load_step(options, source, &step, err);
@@ -186,7 +186,7 @@ static bool render_view(const struct options *options, struct sp_renderer *rende
 static bool load_and_render(const struct options *options, struct sp_renderer *renderer,
                             const char *source, const proto_json *patch,
                             enum sp_image_format format, struct sp_error *err) {
-    struct volumes volumes = { .options = options, .own = load_shown(options, source, err) };
+    struct volumes volumes = { .options = options, .own = load_telling(options, source, err) };
     bool ok = volumes.own && render_view(options, renderer, &volumes, source, patch, format, err);
     for (uint32_t i = 0; i < volumes.count; i++)
         sp_volume_unref(&volumes.others[i].volume);

@@ -68,7 +68,7 @@ struct sp_backend_job {
     const struct sp_view *view;
     /* By layer of the view: the volume whose elements the layer shows, borrowed; may be `volume`;
      * NULL for layers of other types. */
-    struct sp_volume *shown[SP_LAYERS_MAX];
+    struct sp_volume *layer_volumes[SP_LAYERS_MAX];
     /* By layer of the view: the volume that layer->color_by names, borrowed; NULL = none. */
     struct sp_volume *colors[SP_LAYERS_MAX];
     /* If the frame shows a part of the volume: the clip of the whole volume, which casts shadows;

@@ -248,8 +248,8 @@ bool sp_pick_elements(const struct sp_pick_input *input, const struct sp_ray *ra
             continue;
         struct sp_volume *other =
             layer->id[0] && input->find ? input->find(input->user, layer->id) : NULL;
-        const struct sp_volume *shown = layer->id[0] ? other : input->volume;
-        const bool ok = !shown || pick_layer(input, ray, layer, shown, events);
+        const struct sp_volume *own = layer->id[0] ? other : input->volume;
+        const bool ok = !own || pick_layer(input, ray, layer, own, events);
         sp_volume_unref(&other);
         if (!ok)
             return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for what the ray meets");

@@ -71,11 +71,11 @@ static bool copy_id(const struct srv_request *request, const proto_json *view,
     return false;
 }
 
-static void reply_volume(struct srv_request *request, const char *shown, const proto_json *view,
+static void reply_volume(struct srv_request *request, const char *volume, const proto_json *view,
                          struct srv_reply *reply) {
     struct srv_volume_status status;
     char id[SP_NAME_BYTES];
-    (void)shown;
+    (void)volume;
     if (!copy_id(request, view, id, reply) || !srv_find_volume(request, id, &status, reply))
         return;
     srv_reply_json(reply, 200, srv_encode_volume(request, &status, true));
@@ -86,10 +86,10 @@ void srv_get_session_volume(struct srv_request *request, struct srv_reply *reply
     srv_reply_for_session(request, reply_volume, reply);
 }
 
-static void reply_view(struct srv_request *request, const char *shown, const proto_json *view,
+static void reply_view(struct srv_request *request, const char *volume, const proto_json *view,
                        struct srv_reply *reply) {
     char id[SP_NAME_BYTES];
-    (void)shown;
+    (void)volume;
     if (copy_id(request, view, id, reply))
         srv_reply_default_view(request, id, reply);
 }

@@ -15,14 +15,14 @@ static proto_json *encode_visible(struct srv_catalog *catalog, struct srv_volume
                                   struct sp_error *err) {
     struct sp_view defaults, view;
     struct sp_visible_part part;
-    struct sp_volume *shown;
+    struct sp_volume *edited;
     srv_catalog_default_view(catalog, volume, &defaults);
     memcpy(&view, &defaults, sizeof view);
     if (!proto_view_apply(session_view, &defaults, &view, err))
         return NULL;
-    shown = sp_edit_volume(srv_volume_voxels(volume), &view, err);
-    bool ok = shown && sp_view_compute_visible_part(&view, shown, &part, err);
-    sp_volume_unref(&shown);
+    edited = sp_edit_volume(srv_volume_voxels(volume), &view, err);
+    bool ok = edited && sp_view_compute_visible_part(&view, edited, &part, err);
+    sp_volume_unref(&edited);
     if (!ok)
         return NULL;
     proto_json *json = proto_visible_part_encode(&part, id);

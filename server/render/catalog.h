@@ -193,16 +193,17 @@ const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *vo
  * with one step adds none. False when out of memory; *count uses were taken before the failure. */
 bool srv_catalog_other_steps(void *catalog, struct srv_volume *volume, const struct sp_view *view,
                              struct srv_volume *steps[2 * SP_LAYERS_MAX], unsigned *count);
-struct srv_shown { /* what a frame shows */
+/* The context of srv_catalog_find_loaded(). */
+struct srv_loaded_search {
     struct srv_catalog *catalog;
     const struct srv_volume *volume; /* the caller has a use of it */
     uint32_t step;                   /* of the view */
-    bool is_other; /* srv_catalog_find_shown() returned another step, because the step of the view
+    bool is_other; /* srv_catalog_find_loaded() returned another step, because the step of the view
                       is not loaded */
 };
-/* sp_render_options.find(), with `user` a struct srv_shown: returns a reference to the loaded step
- * that is nearest to srv_shown.step; NULL = the volume is not ready. */
-struct sp_volume *srv_catalog_find_shown(void *user, const char *id);
+/* sp_render_options.find(), with `user` a struct srv_loaded_search: returns a reference to the
+ * loaded step that is nearest to search->step; NULL = the volume is not ready. */
+struct sp_volume *srv_catalog_find_loaded(void *user, const char *id);
 /* Hashes all volumes that decide the pixels of a view: the used volume, and the volumes that its
  * layers name. */
 struct srv_fingerprint srv_catalog_fingerprint(struct srv_catalog *catalog,

@@ -219,16 +219,16 @@ bool srv_catalog_other_steps(void *user, struct srv_volume *volume, const struct
     return true;
 }
 
-struct sp_volume *srv_catalog_find_shown(void *user, const char *id) {
-    struct srv_shown *shown = user;
-    struct srv_catalog *catalog = shown->catalog;
+struct sp_volume *srv_catalog_find_loaded(void *user, const char *id) {
+    struct srv_loaded_search *search = user;
+    struct srv_catalog *catalog = search->catalog;
     struct sp_volume *volume = NULL;
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume *v = srv_catalog_entry(catalog, id);
     if (v && v->state == SRV_VOLUME_READY) {
-        const uint32_t wanted = number_beside(shown->volume, v, shown->step);
+        const uint32_t wanted = number_beside(search->volume, v, search->step);
         const struct srv_volume *nearest = find_nearest(v, wanted);
-        shown->is_other |= nearest->step != wanted;
+        search->is_other |= nearest->step != wanted;
         volume = sp_volume_ref(nearest->volume);
     }
     pthread_mutex_unlock(&catalog->mutex);

@@ -166,16 +166,18 @@ bool srv_catalog_fits(void *user, struct srv_volume *volume, const struct sp_vie
 bool srv_catalog_pick(void *user, struct srv_volume *volume, const struct sp_view *view,
                       const uint32_t size[2], const double at[2], struct sp_pick *pick,
                       struct sp_error *err) {
-    struct sp_volume *shown = sp_edit_volume_made(volume->volume, view);
-    struct srv_shown others = { .catalog = user, .volume = volume, .step = view->time.step };
-    const struct sp_pick_input input = { .volume = shown,
+    struct sp_volume *edited = sp_edit_volume_made(volume->volume, view);
+    struct srv_loaded_search others = { .catalog = user,
+                                        .volume = volume,
+                                        .step = view->time.step };
+    const struct sp_pick_input input = { .volume = edited,
                                          .view = view,
                                          .size = { size[0], size[1] },
                                          .at = { at[0], at[1] },
-                                         .find = srv_catalog_find_shown,
+                                         .find = srv_catalog_find_loaded,
                                          .user = &others };
     const bool ok = sp_pick_at(&input, pick, err);
-    sp_volume_unref(&shown);
+    sp_volume_unref(&edited);
     return ok;
 }
 
@@ -211,11 +213,11 @@ struct sp_volume *srv_measured_samples(struct sp_volume *volume, const struct sp
 static bool measure_part(struct sp_volume *volume, const struct sp_view *view,
                          const struct sp_measure *measure, struct proto_measure_value *value,
                          struct sp_error *err) {
-    struct sp_volume *shown = sp_edit_volume(volume, view, err);
+    struct sp_volume *edited = sp_edit_volume(volume, view, err);
     value->level = sp_bricks_base(volume);
-    const bool ok = shown && sp_measure_compute(shown, measure, &value->result, err);
+    const bool ok = edited && sp_measure_compute(edited, measure, &value->result, err);
     value->volume_samples = sp_measure_cost(volume, measure);
-    sp_volume_unref(&shown);
+    sp_volume_unref(&edited);
     return ok;
 }
 

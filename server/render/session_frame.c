@@ -125,16 +125,16 @@ void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind 
     catch_up(pool, job);
     if (job->is_refinement)
         sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
-    struct srv_shown shown = { .catalog = pool->options.catalog,
-                               .volume = job->volume,
-                               .step = job->view.time.step };
+    struct srv_loaded_search search = { .catalog = pool->options.catalog,
+                                        .volume = job->volume,
+                                        .step = job->view.time.step };
     const struct sp_render_options options = { .format = SP_RGBA8,
                                                .mip_level = job->mip_level,
                                                .is_valid = true, /* session/view.c */
                                                .wait_ms = job->step == SRV_STEP_FINAL ? 0 : -1,
                                                .takes_parts = job->is_refinement,
-                                               .find = srv_catalog_find_shown,
-                                               .user = &shown,
+                                               .find = srv_catalog_find_loaded,
+                                               .user = &search,
                                                .cancel = &frame->cancel,
                                                .pause = &frame->pause };
     bool ok = srv_session_frame_reserve(pool, job, &err) &&
@@ -142,7 +142,7 @@ void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind 
                                 &job->view, pool->frames, &options, &err);
     double now_ms = srv_clock_ms();
     frame->spent_ms = now_ms - start_ms;
-    if (shown.is_other)
+    if (search.is_other)
         job->is_sharp = false; /* the frame cache would keep it under the step of the view */
     if (ok)
         return;

@@ -41,13 +41,13 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
     renderer.frame_budget = pool->options.frame_memory.snapshots;
     if (!worker->renderer && !(worker->renderer = sp_renderer_create(&renderer, err)))
         return NULL;
-    struct srv_shown shown = { .catalog = pool->options.catalog,
-                               .volume = snapshot->volume,
-                               .step = snapshot->view.time.step };
+    struct srv_loaded_search search = { .catalog = pool->options.catalog,
+                                        .volume = snapshot->volume,
+                                        .step = snapshot->view.time.step };
     const struct sp_render_options options = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
                                                .is_valid = true, /* session/view.c, paths/ */
-                                               .find = srv_catalog_find_shown,
-                                               .user = &shown,
+                                               .find = srv_catalog_find_loaded,
+                                               .user = &search,
                                                .wait_ms = BRICKS_MS,
                                                .cancel = &entry->cancel };
     frame = sp_renderer_render(worker->renderer, srv_volume_voxels(snapshot->volume),

@@ -255,7 +255,7 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     srv_play_place(s, now_ms, &job->view);
     srv_hub_size(s, choice->participant, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
-    job->volume = source->ref(source->user, s->shared.shown);
+    job->volume = source->ref(source->user, s->shared.displayed);
     job->owner = owner_of(s);
     job->too_large = 0;
     job->target_count = 0;

@@ -247,7 +247,7 @@ double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t f
 }
 
 bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t full[2],
-                              const struct srv_detail *shown, struct srv_detail *detail) {
+                              const struct srv_detail *displayed, struct srv_detail *detail) {
     struct srv_detail sharp = { .size = { full[0], full[1] } };
     double sharp_ms = srv_quality_expected_ms(quality, &sharp);
     if (sharp_ms <= SRV_QUALITY_INTERMEDIATE_MS)
@@ -255,8 +255,8 @@ bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t 
     struct choice best = finest(quality, full, sharp_ms / 4, SIDES, 0);
     detail->mip_level = best.mip_level;
     scale(full, best.side, detail->size);
-    return best.mip_level < shown->mip_level ||
-           (best.mip_level == shown->mip_level && detail->size[0] > shown->size[0]);
+    return best.mip_level < displayed->mip_level ||
+           (best.mip_level == displayed->mip_level && detail->size[0] > displayed->size[0]);
 }
 
 static void decay(struct srv_quality_fit *fit, double factor) {

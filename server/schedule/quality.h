@@ -95,10 +95,10 @@ double srv_quality_moving(struct srv_quality *quality, const uint32_t full[2],
 double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t full[2],
                              const struct srv_quality_budget *budget);
 
-/* Chooses an intermediate frame for a view at rest, after `shown`. It takes at most a quarter of
- * the time of the sharp frame. False: none is worth it. */
+/* Chooses an intermediate frame for a view at rest, after `displayed`. It takes at most a quarter
+ * of the time of the sharp frame. False: none is worth it. */
 bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t full[2],
-                              const struct srv_detail *shown, struct srv_detail *detail);
+                              const struct srv_detail *displayed, struct srv_detail *detail);
 
 /* Returns the expected time of a frame; 0 = not known yet. */
 double srv_quality_expected_ms(const struct srv_quality *quality, const struct srv_detail *detail);

@@ -116,7 +116,7 @@ static bool compute(struct srv_measure_edit *edit, struct sp_error *err) {
     if (edit->session->shared.is_waiting)
         return sp_fail(err, SP_ERR_NOT_READY, "/points",
                        "time step %u is not loaded yet; measure again", view.time.step);
-    struct srv_volume *volume = source->ref(source->user, edit->session->shared.shown);
+    struct srv_volume *volume = source->ref(source->user, edit->session->shared.displayed);
     pthread_mutex_unlock(&hub->mutex);
     const bool ok = source->measure(source->user, volume, &view, &made->geometry,
                                     SRV_MEASURE_SAMPLES, &made->value, err);

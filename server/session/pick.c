@@ -96,7 +96,7 @@ bool srv_call_pick(struct srv_call *call) {
         return false;
     p->picked_ms = next_ms;
     late->call.answer = pick;
-    late->volume = source->ref(source->user, p->session->shared.shown);
+    late->volume = source->ref(source->user, p->session->shared.displayed);
     late->view = p->session->shared.view;
     memcpy(late->size, size, sizeof size);
     memcpy(late->at, at, sizeof at);

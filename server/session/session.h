@@ -140,13 +140,13 @@ struct srv_view_state {
     struct srv_volume *volume; /* a counted use */
     /* Uses of the view's time step, which may still be loading or have failed (NULL = memory is
      * out), and of what frames show: the same, or a step near it until it is loaded. */
-    struct srv_volume *step, *shown;
+    struct srv_volume *step, *displayed;
     /* Uses of the time steps that the view shows of other volumes. Until they are loaded, frames
      * show steps near them. */
     struct srv_volume *others[2 * SP_LAYERS_MAX];
     unsigned other_count;
     uint32_t steps;      /* of the volume, at least 1 */
-    bool is_waiting;     /* `shown` is another step than the view's, or one of `others` loads */
+    bool is_waiting;     /* `displayed` is another step than the view's, or one of `others` loads */
     uint64_t version;    /* rises with every change, from 1 */
     uint64_t image;      /* rises with every change that gives another image */
     uint64_t changed_by; /* participant; 0 = HTTP */

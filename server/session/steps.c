@@ -33,9 +33,9 @@ void srv_steps_release(struct srv_hub *hub, struct srv_session *session) {
     struct srv_view_state *shared = &session->shared;
     if (shared->step)
         source->release(source->user, shared->step);
-    if (shared->shown)
-        source->release(source->user, shared->shown);
-    shared->step = shared->shown = NULL;
+    if (shared->displayed)
+        source->release(source->user, shared->displayed);
+    shared->step = shared->displayed = NULL;
     while (shared->other_count > 0)
         source->release(source->user, shared->others[--shared->other_count]);
 }
@@ -46,10 +46,10 @@ void srv_steps_release(struct srv_hub *hub, struct srv_session *session) {
 static bool free_memory(struct srv_hub *hub, struct srv_session *session) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct srv_view_state *shared = &session->shared;
-    if (!shared->shown || shared->shown == shared->volume)
+    if (!shared->displayed || shared->displayed == shared->volume)
         return false;
     srv_steps_release(hub, session);
-    shared->shown = source->ref(source->user, shared->volume);
+    shared->displayed = source->ref(source->user, shared->volume);
     use_steps(hub, session);
     return shared->step != NULL;
 }
@@ -84,22 +84,22 @@ void srv_steps_follow(struct srv_hub *hub, struct srv_session *session) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct srv_view_state *shared = &session->shared;
     struct srv_session old = { .shared = { .step = shared->step,
-                                           .shown = shared->shown,
+                                           .displayed = shared->displayed,
                                            .other_count = shared->other_count } };
     const uint32_t number = shared->view.time.step;
     memcpy(old.shared.others, shared->others, sizeof shared->others);
-    shared->shown = NULL;
+    shared->displayed = NULL;
     shared->other_count = 0;
     shared->steps = source->steps ? source->steps(source->user, shared->volume) : 1;
     if (source->step) {
         use_steps(hub, session);
         shared->is_waiting = !is_ready(hub, session);
-        shared->shown = shared->is_waiting
-                            ? source->nearest_step(source->user, shared->volume, number)
-                            : source->ref(source->user, shared->step);
+        shared->displayed = shared->is_waiting
+                                ? source->nearest_step(source->user, shared->volume, number)
+                                : source->ref(source->user, shared->step);
     } else {
         shared->step = source->ref(source->user, shared->volume);
-        shared->shown = source->ref(source->user, shared->volume);
+        shared->displayed = source->ref(source->user, shared->volume);
     }
     srv_steps_release(hub, &old);
 }
@@ -133,8 +133,8 @@ void srv_hub_step_loaded(struct srv_hub *hub, const char *id, double now_ms) {
         struct srv_view_state *shared = &s->shared;
         if (!shared->is_waiting || !shows(&shared->view, id) || !is_ready(hub, s))
             continue;
-        source->release(source->user, shared->shown);
-        shared->shown = source->ref(source->user, shared->step);
+        source->release(source->user, shared->displayed);
+        shared->displayed = source->ref(source->user, shared->step);
         shared->is_waiting = false;
         shared->version++;
         shared->image++;

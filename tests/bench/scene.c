@@ -15,7 +15,7 @@
 
 enum { ORBIT_VIEWS = 24, DEPTH_MAX = 8 };
 
-struct bench_shown {
+struct bench_volumes {
     unsigned count;
     struct {
         char id[SP_NAME_BYTES];
@@ -83,21 +83,21 @@ static bool load_volume(struct bench_scene *scene, const char *source, struct sp
 
 struct sp_volume *bench_scene_find(void *user, const char *id) {
     const struct bench_scene *scene = user;
-    struct bench_shown *shown = scene->shown;
+    struct bench_volumes *volumes = scene->volumes;
     struct sp_error err = { .text = "not below the folder of --data" };
     char path[4096];
-    for (unsigned i = 0; i < shown->count; i++)
-        if (strcmp(shown->list[i].id, id) == 0)
-            return sp_volume_ref(shown->list[i].volume);
+    for (unsigned i = 0; i < volumes->count; i++)
+        if (strcmp(volumes->list[i].id, id) == 0)
+            return sp_volume_ref(volumes->list[i].volume);
     struct sp_volume *volume = NULL;
-    if (shown->count < SP_LAYERS_MAX && find_source(id, scene->data, path, sizeof path))
+    if (volumes->count < SP_LAYERS_MAX && find_source(id, scene->data, path, sizeof path))
         volume = sp_volume_load(path, NULL, &err);
     if (!volume) {
         fprintf(stderr, "splat-bench: %s: %s\n", id, err.text);
         return NULL;
     }
-    snprintf(shown->list[shown->count].id, SP_NAME_BYTES, "%s", id);
-    shown->list[shown->count++].volume = volume;
+    snprintf(volumes->list[volumes->count].id, SP_NAME_BYTES, "%s", id);
+    volumes->list[volumes->count++].volume = volume;
     return sp_volume_ref(volume);
 }
 
@@ -194,8 +194,8 @@ static bool fill_scene(struct bench_scene *scene, const proto_json *json,
         return sp_fail(err, SP_ERR_INVALID, "/volume", "a scene names its volume here");
     snprintf(scene->name, sizeof scene->name, "%s", name ? name : source);
     proto_json_integer(proto_json_get(json, "visible_voxels"), &scene->visible_voxels);
-    scene->shown = calloc(1, sizeof *scene->shown);
-    if (!scene->shown)
+    scene->volumes = calloc(1, sizeof *scene->volumes);
+    if (!scene->volumes)
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a scene");
     if (!load_volume(scene, source, err))
         return false;
@@ -247,9 +247,9 @@ bool bench_scene_open_volume(struct bench_scene *scene, const char *source, cons
 
 void bench_scene_close(struct bench_scene *scene) {
     sp_volume_unref(&scene->volume);
-    for (unsigned i = 0; scene->shown && i < scene->shown->count; i++)
-        sp_volume_unref(&scene->shown->list[i].volume);
-    free(scene->shown);
+    for (unsigned i = 0; scene->volumes && i < scene->volumes->count; i++)
+        sp_volume_unref(&scene->volumes->list[i].volume);
+    free(scene->volumes);
     free(scene->cameras);
     *scene = (struct bench_scene){ 0 };
 }

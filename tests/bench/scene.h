@@ -28,8 +28,8 @@ struct bench_scene {
     char name[SP_NAME_BYTES];
     char skipped[512]; /* reason to skip the scene; "" = render it */
     struct sp_volume *volume;
-    struct bench_shown *shown; /* volumes of layers, by id */
-    const char *data;          /* as given to bench_scene_open() */
+    struct bench_volumes *volumes; /* volumes of layers, by id */
+    const char *data;              /* as given to bench_scene_open() */
     struct sp_view view;
     struct sp_camera *cameras;
     unsigned camera_count;

@@ -57,9 +57,9 @@ static bool draw_channels(const struct sp_backend_job *job, struct sp_resample_i
             struct sp_view *seen = sp_arena_alloc(input->arena, "channels", 1, sizeof *seen);
             if (!seen)
                 return sp_arena_fail(input->arena, "data", err);
-            sp_layers_channel_view(view, i, sp_volume_info(job->shown[i]), seen);
+            sp_layers_channel_view(view, i, sp_volume_info(job->layer_volumes[i]), seen);
             own->view = seen;
-            own->volume = job->shown[i];
+            own->volume = job->layer_volumes[i];
         }
         if (last) {
             last->next = own;

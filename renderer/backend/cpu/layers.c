@@ -54,7 +54,7 @@ static void init(struct cpu_layers *l, struct cpu_state *state, const struct sp_
     l->input =
         (struct sp_layers_input){ .view = view,
                                   .volume = job->volume,
-                                  .shown = job->shown,
+                                  .layer_volumes = job->layer_volumes,
                                   .colors = job->colors,
                                   .camera = &l->camera,
                                   .shade = is_lit ? &l->shade : NULL,

@@ -17,9 +17,10 @@ static void add_cloud(struct gl_layers_made *made, const struct sp_layers_cloud 
                                                               : GL_SPLAT_POINTS,
                                  .source = from->source,
                                  .cloud = from->cloud,
-                                 .volume = job->shown[from->number],
-                                 .colors = from->cloud.color_vectors ? job->shown[from->number]
-                                                                     : job->colors[from->number] };
+                                 .volume = job->layer_volumes[from->number],
+                                 .colors = from->cloud.color_vectors
+                                               ? job->layer_volumes[from->number]
+                                               : job->colors[from->number] };
 }
 
 bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
@@ -34,7 +35,7 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
         sp_shade_init(&shade, &camera, &view->shading);
     const struct sp_layers_input input = { .view = view,
                                            .volume = from->job->volume,
-                                           .shown = from->job->shown,
+                                           .layer_volumes = from->job->layer_volumes,
                                            .colors = from->job->colors,
                                            .camera = &camera,
                                            .shade = is_lit ? &shade : NULL,
@@ -61,7 +62,7 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
     made->mesh_count = layers.mesh_count;
     memcpy(made->meshes, layers.meshes, sizeof made->meshes);
     for (unsigned i = 0; i < layers.mesh_count; i++)
-        made->mesh_volumes[i] = from->job->shown[layers.mesh_layers[i]];
+        made->mesh_volumes[i] = from->job->layer_volumes[layers.mesh_layers[i]];
     return true;
 }
 

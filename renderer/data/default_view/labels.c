@@ -12,7 +12,7 @@ enum {
     LABELS_MAX = SLOTS / 2, /* different numbers; more are no labels */
     FIRST_LOOKS = 1 << 21,  /* samples that tell whether they are labels */
     LOOKS_MAX = 1 << 26,    /* samples that tell which labels there are */
-    SHOWN = 126             /* labels with points of their own: two each, and two for 0 */
+    LISTED = 126            /* labels with points of their own: two each, and two for 0 */
 };
 
 struct label {
@@ -152,7 +152,7 @@ static void add_labels(const struct label *labels, uint32_t n, const struct sp_v
     double all = 0;
     for (uint32_t i = 0; i < n; i++)
         all += (double)labels[i].count;
-    const uint32_t group = (n + SHOWN - 1) / SHOWN;
+    const uint32_t group = (n + LISTED - 1) / LISTED;
     bool is_past_zero = false;
     tf->point_count = 0;
     for (uint32_t i = 0; i < n; i += group) {

@@ -49,7 +49,7 @@ bool arrays_fill_header(struct arrays *a, struct import_header *header, struct s
 /* Frees the memory that these functions allocated. */
 void arrays_finish(struct arrays *a);
 
-/* Fails at "SHOWN: NAME" of the array. */
+/* Fails at "TITLE: NAME" of the array. */
 __attribute__((format(printf, 4, 5))) bool arrays_fail(const struct arrays *a, struct sp_error *err,
                                                        enum sp_code code, const char *format, ...);
 

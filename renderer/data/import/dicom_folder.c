@@ -142,14 +142,14 @@ static bool choose(const struct dicom_source *source, const struct dicom_scan *s
 static void warn_of_series(const struct dicom_source *source, const struct dicom_scan *scan,
                            uint32_t chosen) {
     enum { REST = 110 }; /* bytes of the sentences without the names */
-    char shown[LIST] = "", others[SP_WARNING_BYTES] = "";
+    char chosen_text[LIST] = "", others[SP_WARNING_BYTES] = "";
     struct import_list list;
     unsigned count = 0;
     const char *wanted = source->file->selection.series;
     const int matched = match(dicom_scan_image(scan, chosen), wanted);
-    import_list_begin(&list, shown, sizeof shown);
+    import_list_begin(&list, chosen_text, sizeof chosen_text);
     append_series(scan, chosen, &list);
-    const size_t left = SP_WARNING_BYTES - REST, used = strlen(shown);
+    const size_t left = SP_WARNING_BYTES - REST, used = strlen(chosen_text);
     import_list_begin(&list, others, used + 60 < left ? left - used : 60);
     for (uint32_t n = 0; n < scan->stack_count; n++)
         if (scan->stacks[n].is_main &&
@@ -163,7 +163,7 @@ static void warn_of_series(const struct dicom_source *source, const struct dicom
         import_warn(source->file->warnings,
                     "This is series %s, the largest of %u. The others are %s. ?series= chooses by "
                     "number, description or UID.",
-                    shown, count + 1, others);
+                    chosen_text, count + 1, others);
 }
 
 /* Other stacks of the same series. */

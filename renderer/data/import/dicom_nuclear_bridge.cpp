@@ -118,10 +118,10 @@ bool dicom_nuclear::fill(uint32_t index, dicom_frame *frame, dicom_tuple *time,
             time->push_back(number(vector, index));
     frame->keys[DICOM_KEY_DELAY] = time_of(index);
     if (window || own) {
-        const size_t shown = window ? window : 1;
+        const size_t chosen = window ? window : 1;
         *other = { window, own };
         const std::string name =
-            (shown <= window_names.size() ? window_names[shown - 1] : window_name({}, shown)) +
+            (chosen <= window_names.size() ? window_names[chosen - 1] : window_name({}, chosen)) +
             (own ? ", detector " + std::to_string(own) : std::string());
         dicom_copy(frame->texts[DICOM_TEXT_OTHER], DICOM_TEXT_BYTES, name);
     }

@@ -210,10 +210,10 @@ extern const struct import_format import_collection, import_csv, import_dicom, i
  */
 const char *import_program_folder(char folder[PATH_MAX]);
 
-/* Writes the place of an error, "SHOWN: byte N: FIELD". FIELD may be NULL. */
+/* Writes the place of an error, "TITLE: byte N: FIELD". FIELD may be NULL. */
 void import_place(char place[SP_ERROR_PLACE], const char *title, uint64_t byte, const char *field);
 
-/* Fills err->place with "SHOWN: byte N: FIELD" and fails with the printf-style text. FIELD may be
+/* Fills err->place with "TITLE: byte N: FIELD" and fails with the printf-style text. FIELD may be
  * NULL. */
 __attribute__((format(printf, 6, 7))) bool import_fail(struct sp_error *err, enum sp_code code,
                                                        const char *title, uint64_t byte,

@@ -85,7 +85,7 @@ bool tiff_is_imagej(const char *description);
 bool tiff_imagej_parse(struct tiff_planes *planes, const struct tiff_file *tiff,
                        const char *description, struct sp_error *err);
 
-/* Fails at "SHOWN: page N". */
+/* Fails at "TITLE: page N". */
 __attribute__((format(printf, 5, 6))) bool tiff_fail(const struct tiff_file *tiff, uint32_t page,
                                                      struct sp_error *err, enum sp_code code,
                                                      const char *format, ...);

@@ -8,12 +8,12 @@
 enum { LIST_END = 24 }; /* bytes for " and N more" */
 
 void import_hide_descriptors(char *text) {
-    static const char hidden[] = "/proc/self/fd/", shown[] = "the file";
+    static const char hidden[] = "/proc/self/fd/", replacement[] = "the file";
     for (char *at = strstr(text, hidden); at; at = strstr(at, hidden)) {
         const char *rest = at + strlen(hidden);
         rest += strspn(rest, "0123456789");
-        memcpy(at, shown, strlen(shown)); /* which is shorter */
-        at += strlen(shown);
+        memcpy(at, replacement, strlen(replacement)); /* which is shorter */
+        at += strlen(replacement);
         memmove(at, rest, strlen(rest) + 1);
     }
 }

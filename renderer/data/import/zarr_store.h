@@ -34,7 +34,7 @@ struct zarr_store {
 struct zarr_store *zarr_folder_open(const struct import_file *file);
 void zarr_folder_close(struct zarr_store **store);
 
-/* Fails at "SHOWN: KEY: POINTER"; the pointer may be "". */
+/* Fails at "TITLE: KEY: POINTER"; the pointer may be "". */
 __attribute__((format(printf, 6, 7))) bool zarr_fail(const struct zarr_store *store,
                                                      struct sp_error *err, enum sp_code code,
                                                      const char *key, const char *pointer,

@@ -19,8 +19,8 @@ static const uint32_t *dims_of(const struct sp_volume_info *info) {
     return info->whole.dims[0] ? info->whole.dims : info->grid.dims;
 }
 
-/* Finds the volume that gives the colours of a layer of `shown`. */
-static bool find_colors(const struct sp_view *view, uint32_t i, const struct sp_volume *shown,
+/* Finds the volume that gives the colours of a layer of `volume`. */
+static bool find_colors(const struct sp_view *view, uint32_t i, const struct sp_volume *volume,
                         const struct sp_render_options *o, struct sp_volume **colors,
                         struct sp_error *err) {
     const struct sp_layer *layer = &view->layers[i];
@@ -32,7 +32,7 @@ static bool find_colors(const struct sp_view *view, uint32_t i, const struct sp_
     *colors = find_volume(o, layer->color_by, place, err);
     if (!*colors)
         return false;
-    const struct sp_volume_info *a = sp_volume_info(*colors), *b = sp_volume_info(shown);
+    const struct sp_volume_info *a = sp_volume_info(*colors), *b = sp_volume_info(volume);
     return (a->elements.kind == b->elements.kind && a->elements.count == b->elements.count &&
             memcmp(dims_of(a), dims_of(b), sizeof a->grid.dims) == 0) ||
            sp_fail(err, SP_ERR_INVALID, place,
@@ -51,12 +51,12 @@ bool sp_layer_volumes_find(const struct sp_view *view, const struct sp_volume *v
         if (!layer->visible)
             continue;
         if (layer->type >= SP_LAYER_POINTS && layer->id[0]) {
-            others->shown[i] = find_volume(o, layer->id, place, err);
-            if (!others->shown[i] ||
-                !sp_view_layer_fits(view, i, sp_volume_info(others->shown[i]), err))
+            others->volumes[i] = find_volume(o, layer->id, place, err);
+            if (!others->volumes[i] ||
+                !sp_view_layer_fits(view, i, sp_volume_info(others->volumes[i]), err))
                 return false;
         }
-        if (!find_colors(view, i, others->shown[i] ? others->shown[i] : volume, o,
+        if (!find_colors(view, i, others->volumes[i] ? others->volumes[i] : volume, o,
                          &others->colors[i], err))
             return false;
     }
@@ -65,7 +65,7 @@ bool sp_layer_volumes_find(const struct sp_view *view, const struct sp_volume *v
 
 void sp_layer_volumes_finish(struct sp_layer_volumes *others) {
     for (int i = 0; i < SP_LAYERS_MAX; i++) {
-        sp_volume_unref(&others->shown[i]);
+        sp_volume_unref(&others->volumes[i]);
         sp_volume_unref(&others->colors[i]);
     }
 }

@@ -9,8 +9,8 @@
 
 /* By layer of the view: one reference to each volume, owned; NULL = the layer names no volume. */
 struct sp_layer_volumes {
-    struct sp_volume *shown[SP_LAYERS_MAX];  /* whose elements the layer shows: id */
-    struct sp_volume *colors[SP_LAYERS_MAX]; /* whose samples give its colours: color_by */
+    struct sp_volume *volumes[SP_LAYERS_MAX]; /* whose elements the layer shows: id */
+    struct sp_volume *colors[SP_LAYERS_MAX];  /* whose samples give its colours: color_by */
 };
 
 /* Finds the volumes that the visible layers of a view of `volume` name, with options->find(), and

@@ -139,7 +139,7 @@ bool sp_layers_cloud(const struct sp_layers_input *from, uint32_t layer, struct 
                      struct sp_error *err) {
     const struct sp_cloud_input input = { .view = from->view,
                                           .layer = &from->view->layers[layer],
-                                          .shown = from->shown[layer],
+                                          .volume = from->layer_volumes[layer],
                                           .colors = from->colors[layer],
                                           .clipped = &sp_volume_info(from->volume)->grid,
                                           .camera = from->camera,
@@ -166,7 +166,7 @@ bool sp_layers_cloud(const struct sp_layers_input *from, uint32_t layer, struct 
 bool sp_layers_is_cloud(const struct sp_layers_input *from, uint32_t layer) {
     const enum sp_layer_type type = from->view->layers[layer].type;
     return type == SP_LAYER_POINTS || type == SP_LAYER_GAUSSIANS ||
-           (type == SP_LAYER_VECTORS && from->shown[layer]);
+           (type == SP_LAYER_VECTORS && from->layer_volumes[layer]);
 }
 
 static bool prepare_cloud(struct sp_layers *l, uint32_t layer, struct sp_error *err) {
@@ -180,7 +180,8 @@ static bool prepare_mesh(struct sp_layers *l, uint32_t number, struct sp_error *
     const struct sp_layers_input *from = l->input;
     const struct sp_mesh_input input = { .view = from->view,
                                          .layer = &from->view->layers[number],
-                                         .elements = sp_volume_elements(from->shown[number]),
+                                         .elements =
+                                             sp_volume_elements(from->layer_volumes[number]),
                                          .grid = &sp_volume_info(from->volume)->grid,
                                          .camera = from->camera,
                                          .shade = from->shade,

@@ -22,7 +22,8 @@
 struct sp_layers_input {
     const struct sp_view *view;
     struct sp_volume *volume;
-    struct sp_volume *const *shown;  /* by layer: the volume whose elements it shows; NULL = none */
+    struct sp_volume *const
+        *layer_volumes;              /* by layer: the volume whose elements it shows; NULL = none */
     struct sp_volume *const *colors; /* by layer: the volume that its color_by names; NULL = none */
     const struct sp_camera_transform *camera;
     const struct sp_shade *shade; /* NULL = not lit */

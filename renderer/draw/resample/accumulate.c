@@ -171,22 +171,22 @@ void sp_resample_reduce_open(const struct sp_resample *r, struct sp_resample_blo
 
 /* Colours by position between the first and the last one, [0, 1]. */
 static inline void write_colors(const struct sp_resample *r, sp_wide position,
-                                sp_wide_mask is_shown, struct sp_resample_block *block, int i) {
+                                sp_wide_mask is_visible, struct sp_resample_block *block, int i) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
     const float most = REDUCTION_COLORS;
     sp_wide place = sp_wide_min(sp_wide_max(position, zero), one) * most;
     sp_wide whole = sp_wide_min(sp_wide_floor(place), sp_wide_all(most - 1)), part = place - whole;
-    float at[SP_WIDE], shown[4][SP_WIDE];
+    float at[SP_WIDE], colors[4][SP_WIDE];
     sp_wide_store(at, whole);
     for (int k = 0; k < SP_WIDE; k++) {
         const float *low = r->colors[(int)at[k]];
         const float *high = r->colors[(int)at[k] + 1];
         for (int c = 0; c < 4; c++)
-            shown[c][k] = low[c] + part[k] * (high[c] - low[c]);
+            colors[c][k] = low[c] + part[k] * (high[c] - low[c]);
     }
-    sp_wide alpha = sp_wide_keep(is_shown, sp_wide_load(shown[3]));
+    sp_wide alpha = sp_wide_keep(is_visible, sp_wide_load(colors[3]));
     for (int c = 0; c < 3; c++)
-        sp_wide_store(block->color[c] + i, alpha * sp_wide_load(shown[c]));
+        sp_wide_store(block->color[c] + i, alpha * sp_wide_load(colors[c]));
     sp_wide_store(block->light + i, one - alpha);
 }
 
@@ -196,17 +196,17 @@ void sp_resample_reduce_close(const struct sp_resample *r, struct sp_resample_bl
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         sp_wide begin = sp_wide_load(block->begin + i), end = sp_wide_load(block->end + i);
         sp_wide number = sp_wide_load(block->color[0] + i);
-        sp_wide_mask is_shown = sp_wide_lt(begin, end);
+        sp_wide_mask is_visible = sp_wide_lt(begin, end);
         sp_wide length = (end - begin) * sp_wide_load(block->length + i);
         if (own->leaves_out) {
             length = sp_wide_load(block->color[1] + i);
-            is_shown = is_shown & sp_wide_lt(zero, length);
+            is_visible = is_visible & sp_wide_lt(zero, length);
         }
         if (own->is_mean)
             number = number / sp_wide_max(length, tiny);
         if (own->absorption > 0)
             number = one - sp_wide_exp2(number * -own->absorption);
-        write_colors(r, number * own->gain + own->offset, is_shown, block, i);
+        write_colors(r, number * own->gain + own->offset, is_visible, block, i);
     }
 }
 

@@ -224,13 +224,13 @@ static inline void compute_normal(const struct work *work, const struct interval
     }
     sp_wide least = past_square * (share * share) + rounding * rounding;
     sp_wide firm = sp_wide_min(in->square * sp_wide_inverse(least), one);
-    sp_wide shown = sp_wide_min(in->opacity * faint, one); /* what is not seen is no surface */
+    sp_wide weight = sp_wide_min(in->opacity * faint, one); /* what is not seen is no surface */
     for (int c = 0; c < 3; c++) {
         float *last = block->normal[c] + in->begin;
         sp_wide old = sp_wide_load(last);
         normal[c] = past[c] + firm * (in->gradient[c] - past[c]);
         square += normal[c] * normal[c];
-        sp_wide_store(last, old + shown * (normal[c] - old));
+        sp_wide_store(last, old + weight * (normal[c] - old));
     }
     sp_wide inverse =
         sp_wide_keep(sp_wide_lt(tiny, square), sp_wide_inverse_sqrt(sp_wide_max(square, tiny)));
@@ -395,7 +395,7 @@ static void read_sheets(const struct sp_resample_open_tile *t, struct sp_resampl
 struct mixture {
     struct work work;          /* colours times optical depth, until they are mixed */
     sp_wide brightness[PARTS]; /* largest components of the colours times optical depth */
-    unsigned shown;            /* a bit for each part that is not empty */
+    unsigned filled;           /* a bit for each part that is not empty */
 };
 
 static inline sp_wide largest(const sp_wide color[3]) {
@@ -407,11 +407,11 @@ static inline void add_channel(const struct work *work, struct mixture *mixture)
         const struct interval *in = &work->parts[k];
         const int i = in->begin / SP_WIDE;
         struct interval *to = &mixture->work.parts[i];
-        if (!(mixture->shown >> i & 1)) {
+        if (!(mixture->filled >> i & 1)) {
             *to = (struct interval){ .begin = in->begin };
             mixture->brightness[i] = sp_wide_all(0);
         }
-        mixture->shown |= 1u << i;
+        mixture->filled |= 1u << i;
         to->depth += in->depth;
         mixture->brightness[i] += in->depth * largest(in->color);
         for (int c = 0; c < 3; c++)
@@ -426,7 +426,7 @@ static inline void mix_channels(const struct sp_resample *r, struct mixture *mix
     const sp_wide least = sp_wide_all(1e-20f);
     for (int i = 0; i < PARTS; i++) {
         struct interval *in = &mixture->work.parts[mixture->work.count];
-        if (!(mixture->shown >> i & 1))
+        if (!(mixture->filled >> i & 1))
             continue;
         *in = mixture->work.parts[i];
         const sp_wide scale = mixture->brightness[i] *
@@ -445,7 +445,7 @@ static bool add_mixture(const struct sp_resample_open_tile *first,
                         const struct sp_resample_batch *batch, int n, int b) {
     struct sp_resample_block *block = &first->scratch->blocks[b];
     struct work work;
-    struct mixture mixture = { .shown = 0 };
+    struct mixture mixture = { .filled = 0 };
     bool is_alive = true;
     for (const struct sp_resample_open_tile *t = first; t; t = t->next, batch++) {
         struct sp_resample_block *own = &t->scratch->blocks[b];

@@ -1,43 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
 // What triangles show in a pixel (draw/layers/mesh/resolve.c): parts, each some samples in one triangle, shaded once.
 
-const uint SHOWN_MAX = 16u;          // of a pixel; of more, neighbours become one
+const uint VISIBLE_MAX = 16u;          // of a pixel; of more, neighbours become one
 const float LEAST = 1.0 / 4096.0;    // smaller opacities are not drawn
 
-struct Shown {
+struct VisiblePart {
     float depth;
     vec4 color; // times what the part hides of the pixel's light; that
 };
 
-Shown shown[SHOWN_MAX + 1u]; // of the pixel, nearest first; the last one while one is added
-uint shown_count;
+VisiblePart visible[VISIBLE_MAX + 1u]; // of the pixel, nearest first; the last one while one is added
+uint visible_count;
 
 // Makes one of those two neighbours between which a further part would matter least.
 void join_neighbours() {
     float least = 3.0e38;
     uint pair = 0u;
-    for (uint i = 0u; i < SHOWN_MAX; i++) {
-        float error = shown[i + 1u].color.a * (shown[i + 1u].depth - shown[i].depth);
+    for (uint i = 0u; i < VISIBLE_MAX; i++) {
+        float error = visible[i + 1u].color.a * (visible[i + 1u].depth - visible[i].depth);
         if (error < least) {
             least = error;
             pair = i;
         }
     }
-    shown[pair].color += shown[pair + 1u].color;
-    for (uint i = 1u; i < SHOWN_MAX; i++)
+    visible[pair].color += visible[pair + 1u].color;
+    for (uint i = 1u; i < VISIBLE_MAX; i++)
         if (i > pair)
-            shown[i] = shown[i + 1u];
+            visible[i] = visible[i + 1u];
 }
 
-void show_part(Shown own) {
-    uint i = shown_count;
-    for (; i > 0u && own.depth < shown[i - 1u].depth; i--)
-        shown[i] = shown[i - 1u];
-    shown[i] = own;
-    if (shown_count == SHOWN_MAX)
+void show_part(VisiblePart own) {
+    uint i = visible_count;
+    for (; i > 0u && own.depth < visible[i - 1u].depth; i--)
+        visible[i] = visible[i - 1u];
+    visible[i] = own;
+    if (visible_count == VISIBLE_MAX)
         join_neighbours();
     else
-        shown_count++;
+        visible_count++;
 }
 
 // Adds a fragment of parts, of which `light` comes through those before it; color: of both, depth: times what they hide.
@@ -51,20 +51,20 @@ bool close_group(float depth, vec4 color, inout float light) {
 }
 
 // Adds what is shown to the pixel's fragments: parts that are close to each other become one.
-bool add_shown() {
+bool add_visible() {
     float light = 1.0, nearest = 0.0, depth = 0.0;
     vec4 color = vec4(0);
     bool has_any = false;
-    for (uint i = 0u; i < shown_count && light > LEAST; i++) {
-        float own = shown[i].depth;
+    for (uint i = 0u; i < visible_count && light > LEAST; i++) {
+        float own = visible[i].depth;
         if (color.a > 0.0 && own - nearest > lengths.y * (choice.x != 0u ? own : 1.0)) {
             has_any = close_group(depth, color, light) || has_any;
             color = vec4(0);
             depth = 0.0;
         }
         nearest = color.a > 0.0 ? nearest : own;
-        color += shown[i].color;
-        depth += own * shown[i].color.a;
+        color += visible[i].color;
+        depth += own * visible[i].color.a;
     }
     return close_group(depth, color, light) || has_any;
 }

@@ -22,7 +22,7 @@ struct sp_cloud_input {
     const struct sp_view *view;
     const struct sp_layer *layer;  /* of type SP_LAYER_POINTS, SP_LAYER_GAUSSIANS, or of
                                       SP_LAYER_VECTORS for points with vectors */
-    struct sp_volume *shown;       /* has the elements of the layer */
+    struct sp_volume *volume;      /* has the elements of the layer */
     struct sp_volume *colors;      /* the volume that layer->color_by names; NULL = none */
     const struct sp_grid *clipped; /* grid of the frame's volume, to which the clip box refers */
     const struct sp_camera_transform *camera;

@@ -43,7 +43,7 @@ static void init_frame(const struct sp_cloud_input *in, struct sp_grid *grid,
                        struct sp_voxel_frame *frame) {
     struct sp_filter filter = in->view->filter;
     filter.kernel = SP_KERNEL_GAUSSIAN;
-    *grid = unit_grid(sp_volume_info(in->shown));
+    *grid = unit_grid(sp_volume_info(in->volume));
     *frame = (struct sp_voxel_frame){
         .mode = SP_FILTER_EWA,
         .is_trained = in->layer->type == SP_LAYER_GAUSSIANS,
@@ -97,7 +97,7 @@ static void place(const struct sp_cloud_input *in, double unit, struct sp_cloud 
 static bool classify(const struct sp_cloud_input *in, struct sp_cloud *cloud,
                      struct sp_error *err) {
     struct sp_transfer transfer;
-    const struct sp_volume_info *info = sp_volume_info(in->shown);
+    const struct sp_volume_info *info = sp_volume_info(in->volume);
     if (!sp_transfer_init(&transfer, &in->view->transfer_function, info, NULL, err))
         return false;
     struct sp_pieces *pieces = sp_arena_alloc(in->arena, "transfer function", 1, sizeof *pieces);
@@ -112,7 +112,7 @@ static bool classify(const struct sp_cloud_input *in, struct sp_cloud *cloud,
 /* Sets the transfer function and the numbers that colour the points. */
 static void set_coloring(const struct sp_cloud_input *in, struct sp_cloud *cloud) {
     struct sp_coloring coloring;
-    sp_coloring_init(&coloring, in->layer, &in->view->transfer_function, in->shown, in->colors);
+    sp_coloring_init(&coloring, in->layer, &in->view->transfer_function, in->volume, in->colors);
     if (!coloring.volume)
         return;
     if (coloring.by_length)
@@ -171,9 +171,9 @@ static bool choose_colors(const struct sp_cloud_input *in, struct sp_cloud *clou
                           const struct sp_cloud_tree *tree, struct sp_error *err) {
     if (!sp_cloud_has_colors(cloud))
         return true;
-    struct sp_volume *volume = cloud->color_vectors ? in->shown : in->colors;
+    struct sp_volume *volume = cloud->color_vectors ? in->volume : in->colors;
     const struct sp_cloud_colors *colors = sp_cloud_cache_get_colors(
-        in->trees, cloud, tree, in->shown, volume, in->pool, &in->interrupt, err);
+        in->trees, cloud, tree, in->volume, volume, in->pool, &in->interrupt, err);
     if (!colors)
         return false;
     cloud->merged_colors = colors->numbers;
@@ -189,7 +189,7 @@ static bool choose(const struct sp_cloud_input *in, struct sp_cloud *cloud,
     *choice = (struct sp_cloud_choice){ .count = cloud->elements->shape.count };
     if (source->frame.has_streaks)
         return choose_streaks(in, choice) || sp_arena_fail(in->arena, "elements", err);
-    if (!sp_cloud_cache_get(in->trees, in->shown, in->bytes_max, in->pool, &in->interrupt, &tree,
+    if (!sp_cloud_cache_get(in->trees, in->volume, in->bytes_max, in->pool, &in->interrupt, &tree,
                             err))
         return false;
     if (!tree)
@@ -212,7 +212,7 @@ static bool choose(const struct sp_cloud_input *in, struct sp_cloud *cloud,
 bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,
                       struct sp_voxel_source *source, struct sp_error *err) {
     *cloud =
-        (struct sp_cloud){ .elements = sp_volume_elements(in->shown),
+        (struct sp_cloud){ .elements = sp_volume_elements(in->volume),
                            .size = 1,
                            .parts = 1,
                            .part_deviation = 1,

@@ -130,7 +130,7 @@ static int last_choice(int path) {
 static void meshes_look_the_same(void **state) {
     struct resample_rig *rig = *state;
     struct sp_volume *ball = resample_make_ball(SP_UINT8, 0, 255, false, false);
-    struct sp_volume *mesh = make_mesh(16), *const shown[KINDS] = { [MESH] = mesh };
+    struct sp_volume *mesh = make_mesh(16), *const layer_volumes[KINDS] = { [MESH] = mesh };
     for (int path = 0; path < PATHS; path++)
         for (int n = path; n < last_choice(path); n++) {
             struct sp_view view;
@@ -144,7 +144,8 @@ static void meshes_look_the_same(void **state) {
                 other->transform[10] = -1.5;
             }
             snprintf(what, sizeof what, "mesh, %s, choice %d", paths[path].name, n);
-            resample_check(rig, what, &(struct resample_shot){ &view, ball, 0, NULL, shown });
+            resample_check(rig, what,
+                           &(struct resample_shot){ &view, ball, 0, NULL, layer_volumes });
         }
     sp_volume_unref(&mesh);
     sp_volume_unref(&ball);
@@ -167,7 +168,7 @@ static void pieces_of_meshes_add_up(void **state) {
     struct gl_state *gl = resample_rig_gl(rig);
     struct sp_volume *ball = resample_make_ball(SP_UINT8, 0, 255, false, false);
     struct sp_volume *mesh = make_mesh(46); /* 4232 triangles: two batches */
-    struct sp_volume *const shown[KINDS] = { [MESH] = mesh };
+    struct sp_volume *const layer_volumes[KINDS] = { [MESH] = mesh };
     const struct gl_limits whole = gl->workload.limits;
     for (int n = 0; n < 2; n++) {
         struct sp_view view;
@@ -180,7 +181,7 @@ static void pieces_of_meshes_add_up(void **state) {
         gl->workload.limits.loops = 16000;
         gl->workload.limits.tiles = 1;
         gl->workload.limits.records = 4096;
-        resample_check(rig, what, &(struct resample_shot){ &view, ball, 0, NULL, shown });
+        resample_check(rig, what, &(struct resample_shot){ &view, ball, 0, NULL, layer_volumes });
         assert_compare(gl->workload.element_passes, >, 1);
         gl->workload.limits = whole;
         gl_workload_init(&gl->workload);
@@ -194,8 +195,8 @@ static void clouds_look_the_same(void **state) {
     static const enum sp_layer_type types[] = { SP_LAYER_POINTS, SP_LAYER_GAUSSIANS };
     struct resample_rig *rig = *state;
     struct sp_volume *ball = resample_make_ball(SP_UINT8, 0, 255, false, false);
-    struct sp_volume *const shown[KINDS] = { make_cloud(POINTS, 500, 1.2f),
-                                             make_cloud(GAUSSIANS, 300, 0.8f) };
+    struct sp_volume *const layer_volumes[KINDS] = { make_cloud(POINTS, 500, 1.2f),
+                                                     make_cloud(GAUSSIANS, 300, 0.8f) };
     for (int path = 0; path < PATHS; path++)
         for (int n = path; n < last_choice(path); n++) {
             struct sp_view view;
@@ -208,10 +209,11 @@ static void clouds_look_the_same(void **state) {
             layer->transform[1] = 0.4;
             layer->transform[3] = -2;
             snprintf(what, sizeof what, "cloud, %s, choice %d", paths[path].name, n);
-            resample_check(rig, what, &(struct resample_shot){ &view, ball, 0, NULL, shown });
+            resample_check(rig, what,
+                           &(struct resample_shot){ &view, ball, 0, NULL, layer_volumes });
         }
     for (int k = 0; k < MESH; k++)
-        sp_volume_unref(&(struct sp_volume *){ shown[k] });
+        sp_volume_unref(&(struct sp_volume *){ layer_volumes[k] });
     sp_volume_unref(&ball);
     resample_report(rig);
 }
@@ -220,7 +222,7 @@ static void clouds_look_the_same(void **state) {
 static void vectors_of_points_look_the_same(void **state) {
     struct resample_rig *rig = *state;
     struct sp_volume *cloud = make_cloud(POINTS, 500, 1.2f);
-    struct sp_volume *const shown[KINDS] = { cloud, cloud };
+    struct sp_volume *const layer_volumes[KINDS] = { cloud, cloud };
     for (int n = 0; n < (TEST_SANITIZED ? 2 : 8); n++) {
         struct sp_view view;
         char what[60];
@@ -232,7 +234,7 @@ static void vectors_of_points_look_the_same(void **state) {
         if (n & 4)
             add_layer(&view, SP_LAYER_POINTS)->size = 0.3;
         snprintf(what, sizeof what, "vectors of points, choice %d", n);
-        resample_check(rig, what, &(struct resample_shot){ &view, cloud, 0, NULL, shown });
+        resample_check(rig, what, &(struct resample_shot){ &view, cloud, 0, NULL, layer_volumes });
     }
     sp_volume_unref(&cloud);
     resample_report(rig);
@@ -247,7 +249,7 @@ static void elements_come_in_order(void **state) {
     struct gl_state *gl = resample_rig_gl(rig);
     for (int kind = POINTS; kind <= GAUSSIANS; kind++) {
         struct sp_volume *cloud = make_cloud(kind, COUNT, 0.05f);
-        struct sp_volume *const shown[KINDS] = { [GAUSSIANS] = cloud, [POINTS] = cloud };
+        struct sp_volume *const layer_volumes[KINDS] = { [GAUSSIANS] = cloud, [POINTS] = cloud };
         struct sp_camera_transform camera;
         struct sp_voxel_source wanted;
         struct sp_cloud cpu;
@@ -256,7 +258,8 @@ static void elements_come_in_order(void **state) {
         uint32_t apart = 0;
         make_view(&view, cloud, ALONE, 4);
         add_layer(&view, kind == POINTS ? SP_LAYER_POINTS : SP_LAYER_GAUSSIANS);
-        resample_check(rig, "order", &(struct resample_shot){ &view, cloud, 0, NULL, shown });
+        resample_check(rig, "order",
+                       &(struct resample_shot){ &view, cloud, 0, NULL, layer_volumes });
         assert_true(gl_context_bind(gl->context, &err));
         glBindBuffer(GL_SHADER_STORAGE_BUFFER, gl->splats.order[0].name);
         glGetBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, sizeof got, got);
@@ -264,7 +267,7 @@ static void elements_come_in_order(void **state) {
         sp_camera_transform_init(&camera, &view.camera, view.size);
         const struct sp_cloud_input input = { .view = &view,
                                               .layer = &view.layers[0],
-                                              .shown = cloud,
+                                              .volume = cloud,
                                               .clipped = &sp_volume_info(cloud)->grid,
                                               .camera = &camera,
                                               .trees = &gl->layers.clouds,
@@ -292,7 +295,7 @@ static void pieces_of_clouds_add_up(void **state) {
     struct gl_state *gl = resample_rig_gl(rig);
     struct sp_volume *ball = resample_make_ball(SP_UINT8, 0, 255, false, false);
     struct sp_volume *cloud = make_cloud(GAUSSIANS, 6000, 0.15f);
-    struct sp_volume *const shown[KINDS] = { [GAUSSIANS] = cloud };
+    struct sp_volume *const layer_volumes[KINDS] = { [GAUSSIANS] = cloud };
     const struct gl_limits whole = gl->workload.limits;
     for (int n = 0; n < 4; n++) {
         struct sp_view view;
@@ -306,7 +309,7 @@ static void pieces_of_clouds_add_up(void **state) {
         gl->workload.limits.records = 4096;
         gl->workload.limits.bins = 400;
         gl->workload.pairs = 900; /* grows */
-        resample_check(rig, what, &(struct resample_shot){ &view, ball, 0, NULL, shown });
+        resample_check(rig, what, &(struct resample_shot){ &view, ball, 0, NULL, layer_volumes });
         assert_compare(gl->workload.element_passes, >, 1);
         assert_compare(gl->workload.pairs, >, 900);
         gl->workload.limits = whole;
@@ -321,14 +324,14 @@ static void pieces_of_clouds_add_up(void **state) {
 static void points_have_levels_of_detail(void **state) {
     struct resample_rig *rig = *state;
     struct sp_volume *cloud = make_cloud(POINTS, SP_CLOUD_TREE_MIN, 0.1f);
-    struct sp_volume *const shown[KINDS] = { [POINTS] = cloud };
+    struct sp_volume *const layer_volumes[KINDS] = { [POINTS] = cloud };
     for (unsigned n = 0; n < 4; n++) { /* mip levels, with colours of values and of lengths */
         struct sp_view view;
         make_view(&view, cloud, ALONE, 0);
         struct sp_layer *layer = add_layer(&view, SP_LAYER_POINTS);
         if (n & 1)
             snprintf(layer->color_by, sizeof layer->color_by, "%s", SP_COLOR_BY_LENGTH);
-        const struct resample_shot shot = { &view, cloud, n & 2, NULL, shown };
+        const struct resample_shot shot = { &view, cloud, n & 2, NULL, layer_volumes };
         resample_check(rig, n & 1 ? "points coloured by length" : "points", &shot);
     }
     sp_volume_unref(&cloud);
@@ -339,8 +342,9 @@ static void points_have_levels_of_detail(void **state) {
 static void all_layers_mix(void **state) {
     struct resample_rig *rig = *state;
     struct sp_volume *ball = resample_make_ball(SP_UINT8, 0, 255, false, false);
-    struct sp_volume *const shown[KINDS] = { make_cloud(POINTS, 60, 1),
-                                             make_cloud(GAUSSIANS, 40, 0.8f), make_mesh(12) };
+    struct sp_volume *const layer_volumes[KINDS] = { make_cloud(POINTS, 60, 1),
+                                                     make_cloud(GAUSSIANS, 40, 0.8f),
+                                                     make_mesh(12) };
     rig->edge_pixels = test_gl_is_software() ? 0 : 2;
     for (int path = 0; path < PATHS; path++) {
         struct sp_view view;
@@ -351,10 +355,10 @@ static void all_layers_mix(void **state) {
         add_layer(&view, SP_LAYER_GEOMETRY)->opacity = 0.5f;
         add_layer(&view, SP_LAYER_POINTS);
         snprintf(what, sizeof what, "all, %s", paths[path].name);
-        resample_check(rig, what, &(struct resample_shot){ &view, ball, 0, NULL, shown });
+        resample_check(rig, what, &(struct resample_shot){ &view, ball, 0, NULL, layer_volumes });
     }
     for (int k = 0; k < KINDS; k++)
-        sp_volume_unref(&(struct sp_volume *){ shown[k] });
+        sp_volume_unref(&(struct sp_volume *){ layer_volumes[k] });
     sp_volume_unref(&ball);
     rig->edge_pixels = 0;
     resample_report(rig);
@@ -370,26 +374,27 @@ static void elements_stay_on_the_gpu(void **state) {
                        { SP_LAYER_GEOMETRY, 144 * 40 + 288 * 12 } };
     struct resample_rig *rig = *state;
     struct gl_state *gl = resample_rig_gl(rig);
-    struct sp_volume *const shown[KINDS] = { make_cloud(POINTS, 100, 1),
-                                             make_cloud(GAUSSIANS, 100, 0.8f), make_mesh(12) };
+    struct sp_volume *const layer_volumes[KINDS] = { make_cloud(POINTS, 100, 1),
+                                                     make_cloud(GAUSSIANS, 100, 0.8f),
+                                                     make_mesh(12) };
     for (int k = 0; k < KINDS; k++) {
         struct sp_view view;
-        make_view(&view, shown[k], ALONE, 0);
+        make_view(&view, layer_volumes[k], ALONE, 0);
         add_layer(&view, kinds[k].type);
-        const struct resample_shot shot = { &view, shown[k], 0, NULL, shown };
+        const struct resample_shot shot = { &view, layer_volumes[k], 0, NULL, layer_volumes };
         uint64_t before = gl->residency.uploaded;
         resample_check(rig, "first", &shot);
         assert_compare(gl->residency.uploaded - before, ==, kinds[k].bytes);
-        assert_compare(gl_residency_bytes(&gl->residency, shown[k]), >=, kinds[k].bytes);
+        assert_compare(gl_residency_bytes(&gl->residency, layer_volumes[k]), >=, kinds[k].bytes);
         view.camera.position[0] += 3;
         resample_check(rig, "another direction", &shot);
         assert_compare(gl->residency.uploaded - before, ==, kinds[k].bytes);
         for (int b = 0; b < BACKENDS; b++)
-            rig->backends[b]->evict(rig->states[b], shown[k]);
-        assert_compare(rig->backends[GL]->memory(rig->states[GL], shown[k]), ==, 0);
+            rig->backends[b]->evict(rig->states[b], layer_volumes[k]);
+        assert_compare(rig->backends[GL]->memory(rig->states[GL], layer_volumes[k]), ==, 0);
         resample_check(rig, "again", &shot);
         assert_compare(gl->residency.uploaded - before, ==, 2 * kinds[k].bytes);
-        sp_volume_unref(&(struct sp_volume *){ shown[k] });
+        sp_volume_unref(&(struct sp_volume *){ layer_volumes[k] });
     }
     resample_report(rig);
 }
@@ -398,13 +403,13 @@ static void elements_stay_on_the_gpu(void **state) {
 static void too_little_memory_is_an_error(void **state) {
     struct resample_rig *rig = *state;
     struct gl_state *gl = resample_rig_gl(rig);
-    struct sp_volume *mesh = make_mesh(64), *const shown[KINDS] = { [MESH] = mesh };
+    struct sp_volume *mesh = make_mesh(64), *const layer_volumes[KINDS] = { [MESH] = mesh };
     const uint64_t limit = gl->residency.limit_bytes;
     struct sp_view view;
     struct sp_error err;
     make_view(&view, mesh, ALONE, 0);
     add_layer(&view, SP_LAYER_GEOMETRY);
-    const struct resample_shot shot = { &view, mesh, 0, NULL, shown };
+    const struct resample_shot shot = { &view, mesh, 0, NULL, layer_volumes };
     gl->residency.limit_bytes = 200000;
     assert_false(resample_try(rig, GL, &shot, NULL, NULL, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);

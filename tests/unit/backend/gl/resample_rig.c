@@ -53,9 +53,9 @@ bool resample_try(struct resample_rig *rig, int by, const struct resample_shot *
                                   .cancel = shot->cancel };
     for (uint32_t i = 0; i < view->layer_count; i++)
         if (view->layers[i].type >= SP_LAYER_POINTS)
-            job.shown[i] = shot->shown[view->layers[i].type - SP_LAYER_POINTS];
+            job.layer_volumes[i] = shot->layer_volumes[view->layers[i].type - SP_LAYER_POINTS];
         else if (sp_volume_elements(shot->volume))
-            job.shown[i] = shot->volume;
+            job.layer_volumes[i] = shot->volume;
     bool ok = rig->backends[by]->render(rig->states[by], &job, err);
     if (ok && image)
         assert_true(test_image_from_frame(image, frame));

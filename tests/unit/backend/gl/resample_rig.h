@@ -26,7 +26,8 @@ struct resample_shot {
     struct sp_volume *volume;
     unsigned mip_level;
     const atomic_bool *cancel;
-    struct sp_volume *const *shown; /* by type of layer, from points on; NULL = there are none */
+    struct sp_volume *const
+        *layer_volumes; /* by type of layer, from points on; NULL = there are none */
 };
 
 /* False with *err set without software GL; close it nevertheless. */

@@ -17,7 +17,7 @@ layout(location = 3) uniform uvec2 capacity; // fragments that the buffer holds;
 
 const uint RESUMES = 1u, ENDS_SHEET = 2u, ENDS_MESH = 4u;
 const uint STAGED = TILE * TILE, SAMPLES = 16u, NONE = 0xffffffffu, SHADED = 4u;
-const uint AT_BEFORE = 8u, AT_LIGHT = 16u, AT_SHOWN = 20u; // words of four
+const uint AT_BEFORE = 8u, AT_LIGHT = 16u, AT_VISIBLE = 20u; // words of four
 const float BEHIND_ALL = -3.4e38, INCLUSIVE = -1.17549435e-38;
 const uint RECORD_BITS = 22u;
 
@@ -183,7 +183,7 @@ void show_samples(uint number, uint samples) {
                    hide_four(samples, color.a, 3);
     hidden /= float(SAMPLES);
     if (hidden > 0.0)
-        show_part(Shown(choice.x != 0u ? 1.0 / sum.z : -sum.z, hidden * vec4(color.rgb, 1.0)));
+        show_part(VisiblePart(choice.x != 0u ? 1.0 / sum.z : -sum.z, hidden * vec4(color.rgb, 1.0)));
 }
 
 // The part whose depth is nearest, by sample; SHADED = none is near. `firsts`: the depths of the parts.
@@ -242,23 +242,23 @@ void keep_samples(uint word, uint pixel, uint pixels) {
     }
 }
 
-void read_shown(uint pixel, uint pixels) {
+void read_visible(uint pixel, uint pixels) {
     for (uint q = 0u; q < 4u; q++)
         light[q] = uintBitsToFloat(state[(AT_LIGHT + q) * pixels + pixel]);
-    shown_count = state[AT_SHOWN * pixels + pixel].x;
-    for (uint i = 0u; i < shown_count; i++) {
-        shown[i].color = uintBitsToFloat(state[(AT_SHOWN + 1u + 2u * i) * pixels + pixel]);
-        shown[i].depth = uintBitsToFloat(state[(AT_SHOWN + 2u + 2u * i) * pixels + pixel].x);
+    visible_count = state[AT_VISIBLE * pixels + pixel].x;
+    for (uint i = 0u; i < visible_count; i++) {
+        visible[i].color = uintBitsToFloat(state[(AT_VISIBLE + 1u + 2u * i) * pixels + pixel]);
+        visible[i].depth = uintBitsToFloat(state[(AT_VISIBLE + 2u + 2u * i) * pixels + pixel].x);
     }
 }
 
-void keep_shown(uint pixel, uint pixels) {
+void keep_visible(uint pixel, uint pixels) {
     for (uint q = 0u; q < 4u; q++)
         state[(AT_LIGHT + q) * pixels + pixel] = floatBitsToUint(light[q]);
-    state[AT_SHOWN * pixels + pixel] = uvec4(shown_count);
-    for (uint i = 0u; i < shown_count; i++) {
-        state[(AT_SHOWN + 1u + 2u * i) * pixels + pixel] = floatBitsToUint(shown[i].color);
-        state[(AT_SHOWN + 2u + 2u * i) * pixels + pixel] = uvec4(floatBitsToUint(shown[i].depth));
+    state[AT_VISIBLE * pixels + pixel] = uvec4(visible_count);
+    for (uint i = 0u; i < visible_count; i++) {
+        state[(AT_VISIBLE + 1u + 2u * i) * pixels + pixel] = floatBitsToUint(visible[i].color);
+        state[(AT_VISIBLE + 2u + 2u * i) * pixels + pixel] = uvec4(floatBitsToUint(visible[i].depth));
     }
 }
 
@@ -307,11 +307,11 @@ void begin_pixel(uint pixel, uint pixels) {
         triangle[q] = uvec4(NONE);
         light[q] = vec4(1);
     }
-    shown_count = 0u;
+    visible_count = 0u;
     if ((joint.w & RESUMES) != 0u)
         read_samples(0u, pixel, pixels, inverse, triangle);
     if (joint.z != 0u && (joint.w & ENDS_SHEET) != 0u)
-        read_shown(pixel, pixels);
+        read_visible(pixel, pixels);
 }
 
 void main() {
@@ -341,10 +341,10 @@ void main() {
     if ((joint.w & ENDS_MESH) == 0u) {
         if (is_inside) {
             keep_samples(AT_BEFORE, pixel, pixels);
-            keep_shown(pixel, pixels);
+            keep_visible(pixel, pixels);
         }
         return;
     }
     load_fragments(capacity.y, pixel, pixels);
-    store_fragments(is_inside && add_shown(), capacity.y, capacity.x, pixel, pixels);
+    store_fragments(is_inside && add_visible(), capacity.y, capacity.x, pixel, pixels);
 }

@@ -105,7 +105,7 @@ static struct sp_frame *draw(struct rig *rig, unsigned threads, bool set_up_firs
     assert_non_null(frame);
     const struct sp_cloud_input input = { .view = &rig->view,
                                           .layer = &rig->view.layers[0],
-                                          .shown = rig->volume,
+                                          .volume = rig->volume,
                                           .clipped = &sp_volume_info(rig->volume)->grid,
                                           .camera = &rig->camera,
                                           .set_up = rig->kernels.cloud_set_up,
