@@ -50,9 +50,6 @@ foreach(isa ${SPLAT_ISAS})
     if(NOT isa STREQUAL scalar)
         target_compile_definitions(splat_kernels_${isa} PRIVATE SP_ISA=${isa})
     endif()
-    if(SPLATD_FUZZ) # kernels parse nothing: they need no coverage counters
-        target_compile_options(splat_kernels_${isa} PRIVATE -fno-sanitize=fuzzer-no-link)
-    endif()
     target_sources(splat PRIVATE $<TARGET_OBJECTS:splat_kernels_${isa}>)
 endforeach()
 
