@@ -28,7 +28,7 @@ async function shared(args = [], quota = 'paths=2') {
   };
   return { own, as, allow };
 }
-const ENDLESS = { size: [400, 400], frames: 9999 };
+const ENDLESS = { size: [200, 200], frames: 9999 };
 
 test('tokens share the renderer fairly; each has its own quota and sees only its own paths', async () => {
   const { own, as } = await shared();
