@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "support/compare.h"
+#include "support/sanitized.h"
 #include "unit/server/schedule/simulation.h"
 
 static void motion_elsewhere_cancels_a_refinement(void **state) {
@@ -145,10 +146,12 @@ static uint32_t random_number(uint32_t *state, uint32_t below) {
  * or want final frames only. Whenever a client joins one of their sessions, it gets a frame within
  * FIRST_MS: whatever is running, and although the times of its frames are not known. */
 static void whoever_joins_gets_a_frame_soon(void **state) {
-    enum { HISTORIES = 40, STEPS = 12, FIRST_MS = 400 };
+    enum { HISTORIES = TEST_SANITIZED ? 6 : 40, STEPS = 12, FIRST_MS = 400 };
     struct simulation *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     uint32_t random = 7;
+    if (TEST_SANITIZED)
+        print_message("reduced under a sanitizer: %d histories\n", HISTORIES);
     s->mpx_ms = 1000;
     s->has_preemption = true;
     sim_session(s, id);
