@@ -19,6 +19,7 @@
 #include "sp/log.h"
 #include "sp/renderer.h"
 #include "support/compare.h"
+#include "support/one_thread.h"
 #include "support/render.h"
 #include "support/sanitized.h"
 
@@ -335,9 +336,9 @@ int main(void) {
         printf("reduced under a sanitizer: one combination of five, one extreme view of four\n");
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_choice_draws),
-        cmocka_unit_test(extreme_views_stay_finite),
-        cmocka_unit_test(an_opaque_background_makes_every_pixel_opaque),
-        cmocka_unit_test(a_transparent_point_far_below_changes_nothing),
+        one_thread_test(extreme_views_stay_finite),
+        one_thread_test(an_opaque_background_makes_every_pixel_opaque),
+        one_thread_test(a_transparent_point_far_below_changes_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -18,6 +18,7 @@
 #include "sp/utf8.h"
 #include "sp/version.h"
 #include "support/compare.h"
+#include "support/sanitized.h"
 
 static void arena_reuses_memory(void **state) {
     (void)state;
@@ -113,13 +114,15 @@ static void visit_block(void *user, size_t begin, size_t end, unsigned worker) {
 static void parallel_for_visits_each_index_once(void **state) {
     (void)state;
     static struct visit v;
+    if (TEST_TSAN)
+        print_message("reduced with ThreadSanitizer: fewer rounds\n");
     for (unsigned threads = 1; threads <= 8; threads++) {
         struct sp_error err;
         struct sp_pool *pool = sp_pool_create(threads, &err);
         assert_non_null(pool);
         v.threads = sp_pool_threads(pool);
         assert_int_equal(v.threads, threads);
-        for (int loop = 0; loop < 20; loop++) {
+        for (int loop = 0; loop < (TEST_TSAN ? 3 : 20); loop++) {
             memset(v.seen, 0, sizeof v.seen);
             sp_parallel_for(pool, COUNT, GRAIN, visit_block, &v);
             for (size_t i = 0; i < COUNT; i++)

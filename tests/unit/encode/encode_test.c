@@ -21,6 +21,7 @@
 
 #include "encode/convert.h"
 #include "support/compare.h"
+#include "support/one_thread.h"
 #include "unit/encode/read_image.h"
 
 /* Allocates a frame whose rows have padding, which is filled with a pattern. */
@@ -567,23 +568,23 @@ int main(int argc, char **argv) {
     if (argc == 2 && strcmp(argv[1], "--missing-bridge") == 0)
         return report_missing_bridge();
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(formats_are_found_by_name_type_and_extension),
-        cmocka_unit_test(png_preserves_every_pixel),
-        cmocka_unit_test(jpeg_is_close_and_shows_alpha_over_black),
-        cmocka_unit_test(jpeg_subsamples_colour_below_90),
-        cmocka_unit_test(jpeg_has_the_requested_chroma_subsampling),
-        cmocka_unit_test(stripes_change_no_pixel),
-        cmocka_unit_test(stripes_from_any_encoder_give_the_same_bytes),
-        cmocka_unit_test(a_failed_stripe_fails_the_image),
-        cmocka_unit_test(environment_variables_of_the_library_apply),
-        cmocka_unit_test(a_frame_declared_opaque_is_opaque),
-        cmocka_unit_test(webp_is_close_and_preserves_alpha),
-        cmocka_unit_test(higher_webp_quality_gives_larger_files),
-        cmocka_unit_test(exr_preserves_floats_exactly),
-        cmocka_unit_test(exr_of_bytes_has_premultiplied_alpha),
-        cmocka_unit_test(floats_become_bytes_with_straight_alpha),
-        cmocka_unit_test(one_encoder_serves_all_sizes_and_formats),
-        cmocka_unit_test(equal_frames_give_equal_files),
+        one_thread_test(formats_are_found_by_name_type_and_extension),
+        one_thread_test(png_preserves_every_pixel),
+        one_thread_test(jpeg_is_close_and_shows_alpha_over_black),
+        one_thread_test(jpeg_subsamples_colour_below_90),
+        one_thread_test(jpeg_has_the_requested_chroma_subsampling),
+        one_thread_test(stripes_change_no_pixel),
+        one_thread_test(stripes_from_any_encoder_give_the_same_bytes),
+        one_thread_test(a_failed_stripe_fails_the_image),
+        one_thread_test(environment_variables_of_the_library_apply),
+        one_thread_test(a_frame_declared_opaque_is_opaque),
+        one_thread_test(webp_is_close_and_preserves_alpha),
+        one_thread_test(higher_webp_quality_gives_larger_files),
+        one_thread_test(exr_preserves_floats_exactly),
+        one_thread_test(exr_of_bytes_has_premultiplied_alpha),
+        one_thread_test(floats_become_bytes_with_straight_alpha),
+        one_thread_test(one_encoder_serves_all_sizes_and_formats),
+        one_thread_test(equal_frames_give_equal_files),
         cmocka_unit_test(threads_load_and_encode_at_once),
         cmocka_unit_test(a_missing_bridge_is_named_and_only_exr_needs_it),
     };

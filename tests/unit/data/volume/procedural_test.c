@@ -13,6 +13,7 @@
 
 #include "data/volume/procedural.h"
 #include "support/compare.h"
+#include "support/one_thread.h"
 
 static struct sp_volume *load(const char *source) {
     struct sp_error err = { .text = "" };
@@ -531,20 +532,20 @@ static void budget_progress_and_cancellation_are_applied(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_demo_has_the_documented_size_type_and_range),
+        one_thread_test(every_demo_has_the_documented_size_type_and_range),
         cmocka_unit_test(demos_do_not_depend_on_threads),
-        cmocka_unit_test(sizes_from_8_to_1024_are_accepted),
-        cmocka_unit_test(errors_explain_bad_sources),
-        cmocka_unit_test(marschner_lobb_has_the_published_values),
-        cmocka_unit_test(hydrogen_has_two_lobes_and_a_nodal_cone),
-        cmocka_unit_test(phantom_has_the_published_values),
-        cmocka_unit_test(checkerboard_alternates),
-        cmocka_unit_test(engine_is_made_of_three_materials),
-        cmocka_unit_test(galaxy_is_finer_in_the_middle),
-        cmocka_unit_test(sparse_fills_a_twentieth),
-        cmocka_unit_test(vessels_are_connected),
-        cmocka_unit_test(tornado_turns_rises_and_widens),
-        cmocka_unit_test(jet_has_shear_and_no_divergence),
+        one_thread_test(sizes_from_8_to_1024_are_accepted),
+        one_thread_test(errors_explain_bad_sources),
+        one_thread_test(marschner_lobb_has_the_published_values),
+        one_thread_test(hydrogen_has_two_lobes_and_a_nodal_cone),
+        one_thread_test(phantom_has_the_published_values),
+        one_thread_test(checkerboard_alternates),
+        one_thread_test(engine_is_made_of_three_materials),
+        one_thread_test(galaxy_is_finer_in_the_middle),
+        one_thread_test(sparse_fills_a_twentieth),
+        one_thread_test(vessels_are_connected),
+        one_thread_test(tornado_turns_rises_and_widens),
+        one_thread_test(jet_has_shear_and_no_divergence),
         cmocka_unit_test(budget_progress_and_cancellation_are_applied),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -17,6 +17,7 @@
 #include "classify/transfer.h"
 #include "data/volume/sample.h"
 #include "draw/light/light.h"
+#include "support/one_thread.h"
 #include "support/sanitized.h"
 #include "support/scene.h"
 
@@ -380,11 +381,11 @@ static void refuses_and_recovers(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(follows_rays),
+        one_thread_test(follows_rays),
         cmocka_unit_test(does_not_depend_on_threads),
-        cmocka_unit_test(is_cached_and_updated),
-        cmocka_unit_test(nothing_occludes_nothing),
-        cmocka_unit_test(bears_extreme_functions),
+        one_thread_test(is_cached_and_updated),
+        one_thread_test(nothing_occludes_nothing),
+        one_thread_test(bears_extreme_functions),
         cmocka_unit_test(refuses_and_recovers),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

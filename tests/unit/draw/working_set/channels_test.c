@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "support/compare.h"
+#include "support/one_thread.h"
 #include "support/sanitized.h"
 #include "unit/draw/working_set/rig.h"
 
@@ -115,8 +116,8 @@ static void a_channel_shows_bricks_that_the_volume_does_not(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(channels_equal_those_of_volumes_in_memory),
-        cmocka_unit_test(bricks_mix_with_a_volume_in_memory),
-        cmocka_unit_test(a_channel_shows_bricks_that_the_volume_does_not),
+        one_thread_test(bricks_mix_with_a_volume_in_memory),
+        one_thread_test(a_channel_shows_bricks_that_the_volume_does_not),
     };
     return cmocka_run_group_tests(tests, rig_setup, rig_teardown);
 }

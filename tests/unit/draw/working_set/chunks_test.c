@@ -20,6 +20,7 @@
 #include "draw/working_set/working_set.h"
 #include "sp/bricks.h"
 #include "support/compare.h"
+#include "support/one_thread.h"
 #include "support/render.h"
 
 enum { LEVELS = 3, SIDE = 64 };
@@ -338,9 +339,9 @@ static void without_a_small_level_there_is_no_budget(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_image_equals_that_of_the_volume_and_reads_less_the_next_time),
-        cmocka_unit_test(coarser_levels_lie_at_the_same_place),
-        cmocka_unit_test(ranges_hold_for_a_brick_and_its_margin),
-        cmocka_unit_test(a_chunk_that_fails_is_a_hole),
+        one_thread_test(coarser_levels_lie_at_the_same_place),
+        one_thread_test(ranges_hold_for_a_brick_and_its_margin),
+        one_thread_test(a_chunk_that_fails_is_a_hole),
         cmocka_unit_test(a_chunk_that_failed_is_read_again),
         cmocka_unit_test(nothing_that_can_be_read_is_an_error),
         cmocka_unit_test(a_load_that_hangs_is_cancelled),

@@ -21,6 +21,7 @@
 #include "draw/working_set/working_set.h"
 #include "sp/bricks.h"
 #include "support/compare.h"
+#include "support/one_thread.h"
 #include "unit/draw/working_set/balls.h"
 
 /* Expects that bricks are there which matter at least as much as each brick that is not. Returns
@@ -249,7 +250,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_is_read_is_shown_meanwhile),
         cmocka_unit_test(a_volume_is_closed_while_it_is_read),
-        cmocka_unit_test(without_memory_for_all_the_most_important_are_fine),
+        one_thread_test(without_memory_for_all_the_most_important_are_fine),
     };
     return cmocka_run_group_tests(tests, balls_setup, balls_teardown);
 }

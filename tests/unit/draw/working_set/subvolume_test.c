@@ -26,6 +26,7 @@
 #include "sp/measure.h"
 #include "sp/slice.h"
 #include "support/compare.h"
+#include "support/one_thread.h"
 #include "support/render.h"
 #include "support/sanitized.h"
 #include "unit/draw/working_set/rig.h"
@@ -447,16 +448,16 @@ static void opening_reserves_all_memory(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(images_equal_those_of_the_volume_in_memory),
-        cmocka_unit_test(projections_and_edits_equal_those_of_the_volume),
-        cmocka_unit_test(little_memory_gives_coarser_images),
+        one_thread_test(projections_and_edits_equal_those_of_the_volume),
+        one_thread_test(little_memory_gives_coarser_images),
         cmocka_unit_test(a_frame_that_does_not_wait_is_refined),
-        cmocka_unit_test(nothing_that_is_seen_needs_no_bricks),
+        one_thread_test(nothing_that_is_seen_needs_no_bricks),
         cmocka_unit_test(a_damaged_brick_is_shown_coarsely_and_reported),
         cmocka_unit_test(threads_share_subvolumes),
         cmocka_unit_test(threads_of_two_files_share_memory),
         cmocka_unit_test(files_share_memory),
-        cmocka_unit_test(slices_and_measures_read_their_bricks),
-        cmocka_unit_test(the_first_view_is_that_of_the_volume_in_memory),
+        one_thread_test(slices_and_measures_read_their_bricks),
+        one_thread_test(the_first_view_is_that_of_the_volume_in_memory),
         cmocka_unit_test(opening_reserves_all_memory),
     };
     return cmocka_run_group_tests(tests, rig_setup, rig_teardown);

@@ -15,6 +15,7 @@
 
 #include <cmocka.h>
 
+#include "support/one_thread.h"
 #include "support/shell.h"
 
 /* A blob, and noise around it. */
@@ -305,10 +306,10 @@ static void test_cancel(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_types),      cmocka_unit_test(test_largest_values),
-        cmocka_unit_test(test_thresholds), cmocka_unit_test(test_edits),
-        cmocka_unit_test(test_clipping),   cmocka_unit_test(test_degenerate),
-        cmocka_unit_test(test_memory),     cmocka_unit_test(test_cancel),
+        cmocka_unit_test(test_types),     one_thread_test(test_largest_values),
+        one_thread_test(test_thresholds), one_thread_test(test_edits),
+        one_thread_test(test_clipping),   one_thread_test(test_degenerate),
+        one_thread_test(test_memory),     cmocka_unit_test(test_cancel),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

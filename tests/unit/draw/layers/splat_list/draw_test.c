@@ -15,6 +15,7 @@
 
 #include "backend/cpu/kernels.h"
 #include "support/compare.h"
+#include "support/one_thread.h"
 #include "support/render.h"
 #include "support/sanitized.h"
 #include "support/shell.h"
@@ -542,18 +543,18 @@ static void test_cancel(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_digital_surface),
-        cmocka_unit_test(test_hidden_voxels),
-        cmocka_unit_test(test_convergence),
+        one_thread_test(test_digital_surface),
+        one_thread_test(test_hidden_voxels),
+        one_thread_test(test_convergence),
         cmocka_unit_test(test_fragments),
-        cmocka_unit_test(test_fragments_in_fog),
-        cmocka_unit_test(test_instruction_sets),
+        one_thread_test(test_fragments_in_fog),
+        one_thread_test(test_instruction_sets),
         cmocka_unit_test(test_threads),
-        cmocka_unit_test(test_parts),
-        cmocka_unit_test(test_grids),
-        cmocka_unit_test(test_empty),
-        cmocka_unit_test(test_cut),
-        cmocka_unit_test(test_closed_tiles),
+        one_thread_test(test_parts),
+        one_thread_test(test_grids),
+        one_thread_test(test_empty),
+        one_thread_test(test_cut),
+        one_thread_test(test_closed_tiles),
         cmocka_unit_test(test_cancel),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
