@@ -2,7 +2,9 @@
 // The foundation for features: toolbar, modes, overlay, panes, sections of the panel, and texts. A feature of this test uses them in
 // the page.
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
+import { execFileSync } from 'node:child_process';
+import { cpSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
@@ -40,13 +42,25 @@ export function install(app) {
   layoutButton(app, { name: 'probe3', icon: 'contrast', label: 'Panes', order: 12 });
 }`;
 
-const { browser } = await share();
+/** Bundles the page with the feature, as the build does: it then loads in half the time. Returns the folder. */
+function bundle() {
+  const to = mkdtempSync(path.join(tmpdir(), 'splatd-page-'));
+  cpSync(SOURCES, to, { recursive: true });
+  const main = path.join(to, 'app/main.js');
+  writeFileSync(main, readFileSync(main, 'utf8').replace('inspect,\n];', 'inspect, probe,\n];')
+    .replace('import { install as colorBar', "import { install as probe } from './probe.js';\nimport { install as colorBar"));
+  writeFileSync(path.join(to, 'app/probe.js'), PROBE);
+  const listed = (name) => readdirSync(path.join(to, name)).map((file) => `${name}/${file}`);
+  execFileSync('esbuild', ['app/main.js', 'app/frames/decode_worker.js', 'element/splat-view.js', ...listed('app/parts'), ...listed('style'), '--bundle', '--splitting',
+    '--format=esm', '--chunk-names=app/chunks/[name]-[hash]', '--outbase=.', '--outdir=.', '--allow-overwrite', '--log-level=warning'], { cwd: to });
+  return to;
+}
 
-const MAIN = readFileSync(path.join(SOURCES, 'app/main.js'), 'utf8')
-  .replace('inspect,\n];', 'inspect, probe,\n];').replace('import { install as colorBar', "import { install as probe } from './probe.js';\nimport { install as colorBar");
+const folder = bundle();
+const { browser } = await share(null, () => rmSync(folder, { recursive: true }));
 
 async function setUp(context, options) {
-  const opened = await visitMock(context, browser, { options, change: { page: SOURCES, files: { '/app/main.js': MAIN, '/app/probe.js': PROBE } } });
+  const opened = await visitMock(context, browser, { options, change: { page: folder } });
   return { ...opened, told: () => opened.page.evaluate(() => window.probe.splice(0)) };
 }
 
