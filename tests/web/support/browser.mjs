@@ -113,17 +113,34 @@ export async function openPage(browser, options = {}) {
   return { context, page, said };
 }
 
+/** Runs in the page: resolves to met(window.splatd) once that is true, and to a false value when the time is over or the daemon refuses. */
+const waitInPage = ({ ms, pollMs }, met) => new Promise((resolve, reject) => {
+  const end = performance.now() + ms;
+  const look = () => {
+    try {
+      const value = window.splatd ? met(window.splatd) : null;
+      if (value || performance.now() > end || window.splatd?.state === 'refused') resolve(value);
+      else window.setTimeout(look, pollMs);
+    } catch (error) {
+      reject(error);
+    }
+  };
+  look();
+});
+
 /**
- * Waits until `condition`, a function of window.splatd that runs in the page, is true; returns its value. (waitForFunction of
- * the driver evaluates text in the page, which the content security policy forbids.)
+ * Waits until `condition`, a function of window.splatd that runs in the page, is true; returns its value. The page looks by itself, because a
+ * look from here takes time of three processes. (waitForFunction of the driver evaluates text in the page, which the content security policy
+ * forbids.)
  */
 export async function until(page, what, condition) {
   const end = performance.now() + DEADLINE_MS;
-  for (;;) {
-    const value = await page.evaluate(`window.splatd ? (${condition})(window.splatd) : null`);
+  for (let ms = DEADLINE_MS; ms > 0; ms = end - performance.now()) {
+    const value = await page.evaluate(`(${waitInPage})(${JSON.stringify({ ms, pollMs: POLL_MS })}, ${condition})`).catch((error) => {
+      if (!/context was destroyed|navigat/.test(error.message)) throw error; // else another page loads: wait in that one
+    });
     if (value) return value;
-    if (performance.now() > end || (await page.evaluate('window.splatd?.state')) === 'refused') break;
-    await setTimeout(POLL_MS);
+    if ((await page.evaluate('window.splatd?.state')) === 'refused') break;
   }
   const now = await page.evaluate(() => {
     const { state, frame, seq, sent, size, wanted, isFinal, isIdle, errors } = window.splatd ?? {};
