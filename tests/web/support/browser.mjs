@@ -23,7 +23,7 @@ const DISABLED = ['AutoDeElevate', 'AvoidUnnecessaryBeforeUnloadCheckSync', 'Bou
   'DialMediaRouteProvider', 'GlobalMediaControls', 'HttpsUpgrades', 'LensOverlay', 'MediaRouter', 'OptimizationHints', 'PaintHolding', 'RenderDocument',
   'ThirdPartyStoragePartitioning', 'Translate', 'WebUIOmniboxAimPopup', 'WebUIOmniboxPopup'];
 const FLAGS = ['--no-sandbox', '--disable-gpu', '--no-first-run', '--disable-background-networking', '--disable-component-update',
-  '--disable-sync', '--disable-quic', `--disable-features=${DISABLED.join(',')}`];
+  '--disable-sync', '--disable-quic', '--enable-features=NetworkServiceInProcess2', `--disable-features=${DISABLED.join(',')}`];
 
 export const launch = (executablePath = EXECUTABLE) => chromium.launch({ executablePath, headless: true, args: FLAGS, timeout: DEADLINE_MS });
 
