@@ -243,7 +243,7 @@ export function coarseDifference(a, b) {
 }
 
 /** Drags in `steps` moves. options: {button, shift} */
-export async function drag(page, [x0, y0], [x1, y1], { button = 'left', steps = 12 } = {}) {
+export async function drag(page, [x0, y0], [x1, y1], { button = 'left', steps = 4 } = {}) {
   await page.mouse.move(x0, y0);
   await page.mouse.down({ button });
   await page.mouse.move(x1, y1, { steps });
