@@ -7,7 +7,7 @@ import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { NEEDS_AXE, checkAxe, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
+import { NEEDS_AXE, checkAxe, pixels, rest, settle, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 const LARGE = { viewport: { width: 1000, height: 1000 } };
@@ -128,7 +128,11 @@ test('all channels of a file are mixed with one click, and have colours and wind
   });
   // A channel whose slice fails: the old one is not mixed into another place, the pane says so, and the next change asks again.
   const slices = '**/slice?*channel=*';
-  const fail = (route) => route.fulfill({ status: 503, contentType: 'application/problem+json', body: JSON.stringify({ title: 'no memory', status: 503 }) });
+  let failures = 0;
+  const fail = (route) => {
+    failures += 1;
+    return route.fulfill({ status: 503, contentType: 'application/problem+json', body: JSON.stringify({ title: 'no memory', status: 503 }) });
+  };
   await page.route(slices, fail);
   await page.focus('#pane-axial canvas');
   await page.keyboard.press('PageUp');
@@ -142,6 +146,10 @@ test('all channels of a file are mixed with one click, and have colours and wind
     }
     return !document.querySelector('#pane-axial .slice-problem').hidden && red === 0 && green > 100;
   });
+  // A request that still fails would be the one that the next change waits for.
+  await rest(page);
+  await until(page, 'an answer to each request', `() => performance.getEntriesByType('resource').filter(({ responseStatus }) => responseStatus === 503).length === ${failures}`);
+  await settle(page);
   await page.unroute(slices, fail);
   await page.keyboard.press('+');
   await until(page, 'both channels again', () => document.querySelector('#pane-axial .slice-problem').hidden && document.querySelector('#pane-axial .pane-body').dataset.state === 'newest');
