@@ -9,7 +9,7 @@ import { startDaemon } from '../support/daemon.mjs';
 import { volume } from '../support/mock-daemon.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
-const LARGE = { viewport: { width: 1000, height: 1000 } };
+const LARGE = { viewport: { width: 720, height: 1000 } };
 const { browser, daemon: real } = await share(() => startDaemon(['--volume', 'demo:engine?size=48', '--volume', 'demo:tornado?size=24', '--backend', 'cpu', '--control-time', '600']));
 
 const rowOf = (page, index) => page.locator(`#layer-list [data-index="${index}"]`);

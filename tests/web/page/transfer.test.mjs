@@ -9,7 +9,7 @@ import { boxOf, checkAxe, eventually, firstFrame, NEEDS_AXE, share, shot, until,
 import { histogram, volume } from '../support/mock-daemon.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
-const LARGE = { viewport: { width: 1000, height: 1000 } };
+const LARGE = { viewport: { width: 720, height: 1000 } };
 const { browser } = await share();
 
 async function setUp(context, options = LARGE, change = {}) {
