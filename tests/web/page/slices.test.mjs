@@ -12,7 +12,7 @@ import { BIN, startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
 const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:phantom?size=64', '--volume', 'demo:engine?size=64', '--backend', 'cpu', '--control-time', '600']));
-const open = (context, address = daemon.url, options = {}) => visit(context, browser, address, { viewport: { width: 1200, height: 800 }, ...options });
+const open = (context, address = daemon.url, options = {}) => visit(context, browser, address, { viewport: { width: 1040, height: 640 }, ...options });
 
 const base = () => new URL(daemon.url).origin;
 const token = () => new URL(daemon.url).searchParams.get('token');

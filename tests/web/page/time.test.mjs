@@ -30,7 +30,7 @@ const { browser, daemon } = await share(() => {
   return startDaemon(['--data', folder, '--volume', path.join(folder, 'balls.mha'), '--volume', 'demo:phantom?size=24', '--backend', 'cpu', '--control-time', '600']);
 }, () => rmSync(folder, { recursive: true }));
 
-const open = (context, more = '') => visit(context, browser, `${daemon.url}${more}`, { viewport: { width: 1200, height: 800 } });
+const open = (context, more = '') => visit(context, browser, `${daemon.url}${more}`, { viewport: { width: 1040, height: 640 } });
 const stepOf = (page) => page.evaluate(() => window.splatd.view.time.step);
 const atStep = (page, step) => until(page, `step ${step}`, `(s) => s.view.time.step === ${step}`);
 

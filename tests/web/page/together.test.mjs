@@ -13,7 +13,7 @@ import { startDaemon, tokenFile } from '../support/daemon.mjs';
 
 const SIDE = 16;
 const STEPS = 3;
-const VIEWPORT = { viewport: { width: 1300, height: 1000 } };
+const VIEWPORT = { viewport: { width: 1040, height: 700 } };
 const folder = mkdtempSync(path.join(tmpdir(), 'splatd-together-'));
 const block = writeBlock();
 const token = tokenFile();
