@@ -299,7 +299,7 @@ export async function touch(page, moments) {
   await cdp.detach();
 }
 
-/** Writes a screenshot to the build folder, for a person to look at. */
+/** Writes a screenshot to the folder SPLATD_SHOTS_DIR, for a person to look at; nothing without that variable. */
 export async function shot(page, name) {
   const folder = process.env.SPLATD_SHOTS_DIR;
   if (!folder) return;
