@@ -63,7 +63,7 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
 
 /* Reads the values of the rays from pixel i on. */
 static inline void read_span(const struct gap *gap, int i, struct span *span) {
-    sp_wide sheet[4];
+    sp_wide sheet[4], front;
     for (int k = 0; k < 4; k++)
         sheet[k] = sp_wide_load(gap->block->value[(gap->number - 1 + k) & 3] + i);
     sp_wide middle = (sheet[1] + sheet[2]) * (9 / 16.0f) - (sheet[0] + sheet[3]) * (1 / 16.0f);
@@ -77,8 +77,9 @@ static inline void read_span(const struct gap *gap, int i, struct span *span) {
     span->value[1] =
         sp_wide_min(sp_wide_max(middle, sp_wide_all(CURVE_CODE_MIN)), sp_wide_all(CURVE_CODE_MAX));
     span->value[2] = sheet[2];
-    span->share = gap->is_cut ? sp_cut_interval(gap->block, i, gap->start, gap->width, span->value)
-                              : sp_wide_all(1);
+    span->share = gap->is_cut
+                      ? sp_cut_interval(gap->block, i, gap->start, gap->width, span->value, &front)
+                      : sp_wide_all(1);
 }
 
 /* Returns the largest sign·value in the interval, or of that and `before`. */

@@ -8,6 +8,7 @@
  */
 #include "draw/light/read.h"
 #include "draw/resample/insert.h"
+#include "draw/resample/seen.h"
 #include "draw/resample/sheet_sample.h"
 #include "frame/resolve.h"
 #include "splat/exp2.h"
@@ -16,14 +17,19 @@ enum { PARTS = RESAMPLE_PIXELS / SP_WIDE };
 
 /* SP_WIDE rays of a block in one interval. */
 struct interval {
-    int begin;           /* first pixel */
-    sp_wide sheet[4];    /* values on the sheet before it, at its start, at its end and behind it */
-    sp_wide value[3];    /* at its start, in its middle and at its end [codes] */
-    sp_wide length;      /* of the ray inside, reference lengths */
-    sp_wide gradient[3]; /* in its middle [gradient_unit] */
-    sp_wide square;      /* of its length */
-    sp_wide mean[4];     /* of the curve over it */
-    sp_wide depth;       /* optical depth */
+    int begin;          /* first pixel */
+    sp_wide sheet[4];   /* values on the sheet before it, at its start, at its end and behind it */
+    sp_wide value[3];   /* at its start, in its middle and at its end [codes] */
+    sp_wide length;     /* of the ray inside, reference lengths */
+    sp_wide front;      /* where it begins inside: 0 on the sheet at its start, 1 at its end */
+    sp_wide share;      /* of the distance between both that lies inside */
+    sp_wide mean[4];    /* of the curve over it */
+    sp_wide mean_first; /* the part of mean[3] that its first half has; if gradients are needed, */
+    struct sp_seen_half half[2]; /* as are these */
+    sp_wide seen;                /* where it is seen: as `front` */
+    sp_wide gradient[3];         /* there [gradient_unit] */
+    sp_wide square;              /* of its length */
+    sp_wide depth;               /* optical depth */
     sp_wide opacity;
     sp_wide color[3];
 };
@@ -86,13 +92,23 @@ static inline void end_mean(const struct work *work, int begin, sp_wide bin,
     block->entry_sheet[begin] = work->is_cut ? -1 : work->number + 1;
 }
 
+/* The visible part of half an interval. beyond: at its ends. width: of its bins and of all. */
+static inline void find_half(const struct sp_curve *curve, const sp_wide beyond[2], sp_wide above,
+                             sp_wide width, sp_wide inverse, struct sp_seen_half *half) {
+    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
+    sp_wide before = curve->has_above ? sp_wide_max(-beyond[0], zero) : sp_wide_abs(beyond[0]);
+    half->front = sp_wide_min(before * inverse, one);
+    half->length = (sp_wide_abs(width) + above) * inverse;
+}
+
 /* The mean of the curve over the interval: over its first half, where the value goes from
  * value[0] to value[1], and over its second one. */
 static inline void compute_mean(const struct work *work, struct interval *in) {
-    const struct sp_curve *curve = &work->t->r->curve;
+    const struct sp_resample *r = work->t->r;
+    const struct sp_curve *curve = &r->curve;
     const sp_wide zero = sp_wide_all(0);
     struct sp_entries entries[3];
-    sp_wide bin[3], beyond[3], share[2], above = zero;
+    sp_wide bin[3], beyond[3], share[2], above[2] = { zero, zero };
     for (int k = 0; k < 3; k++)
         bin[k] = compute_bin(curve, in->value[k], &beyond[k]);
     bin[0] = begin_mean(work, in->begin, bin[0], &entries[0]);
@@ -106,15 +122,20 @@ static inline void compute_mean(const struct work *work, struct interval *in) {
             sp_fetch_entries((const float(*)[4])curve->integral, sp_wide_to_int(bin[k + 1]));
         sp_wide width = bin[k + 1] - bin[k];
         sp_wide all = sp_wide_abs(width) + sp_wide_abs(beyond[k + 1] - beyond[k]);
-        share[k] = 0.5f * sp_wide_inverse(all);
+        sp_wide inverse = sp_wide_inverse(all);
         if (curve->has_above)
-            above += share[k] *
-                     sp_wide_abs(sp_wide_max(beyond[k + 1], zero) - sp_wide_max(beyond[k], zero));
-        share[k] = sp_wide_copysign(share[k], width);
+            above[k] = sp_wide_abs(sp_wide_max(beyond[k + 1], zero) - sp_wide_max(beyond[k], zero));
+        if (r->needs_gradient)
+            find_half(curve, beyond + k, above[k], width, inverse, &in->half[k]);
+        above[k] *= 0.5f * inverse;
+        share[k] = sp_wide_copysign(0.5f * inverse, width);
     }
     sp_fetch_sum(entries, share, in->mean);
     for (int c = 0; curve->has_above && c < 4; c++)
-        in->mean[c] += above * curve->above[c];
+        in->mean[c] += (above[0] + above[1]) * curve->above[c];
+    if (r->needs_gradient)
+        in->mean_first =
+            share[0] * sp_fetch_last(&entries[0], &entries[1]) + above[0] * curve->above[3];
     end_mean(work, in->begin, bin[2], &entries[2]);
 }
 
@@ -143,21 +164,28 @@ static inline void compute_slope(const struct work *work, const struct sp_rays *
         slope[a] = sp_wide_load(work->block->slope[number & 3][a] + begin);
 }
 
+/* The gradient where the interval is seen, at p between its sheets. Across the ray it is that of
+ * the polynomial of degree 3 through the gradients on the four sheets. Along the ray it is the
+ * difference of the values' polynomial from p − ½ to p + ½, because all three are differences over
+ * one sample: none of them is blurred more than the others. */
 static inline void compute_gradient(const struct work *work, struct interval *in) {
-    static const float share[4] = { -1 / 16.0f, 9 / 16.0f, 9 / 16.0f, -1 / 16.0f };
     const struct sp_resample_open_tile *t = work->t;
+    const sp_wide *value = in->sheet, p = in->seen;
     struct sp_rays rays = load_rays(work->block, in->begin);
     sp_wide slope[3] = { sp_wide_all(0), sp_wide_all(0) };
+    sp_wide outer = p * (1 - p) * (1 / 6.0f), inner = (1 + p) * (2 - p) * 0.5f;
+    const sp_wide share[4] = { (p - 2) * outer, (1 - p) * inner, p * inner, (-1 - p) * outer };
     for (int k = 0; k < 4; k++) {
-        sp_wide along[2];
-        compute_slope(work, &rays, in->begin, work->number - 1 + k, along);
+        sp_wide across[2];
+        compute_slope(work, &rays, in->begin, work->number - 1 + k, across);
         for (int a = 0; a < 2; a++)
-            slope[a] += share[k] * along[a];
+            slope[a] += share[k] * across[a];
     }
-    /* Along the ray, per slice; what remains of it is along the slices' axis. All three are
-     * differences over one sample, so that none of them is blurred more than the others. */
-    slope[2] =
-        (in->sheet[2] - in->sheet[1]) * (1 / work->width) - rays.du * slope[0] - rays.dv * slope[1];
+    sp_wide rise = value[2] - value[1], past = p - 0.5f;
+    sp_wide bend = 0.5f * (value[0] + value[3] - value[1] - value[2]);
+    sp_wide turn = 0.5f * (value[3] - value[0]) - 1.5f * rise;
+    rise += past * (bend + past * turn);
+    slope[2] = rise * (1 / work->width) - rays.du * slope[0] - rays.dv * slope[1];
     if (t->is_backwards)
         slope[2] = -slope[2];
     for (int w = 0; w < 3; w++) {
@@ -177,11 +205,11 @@ static inline sp_wide gradient_scale(const struct sp_transfer_function *tf, sp_w
     return scale;
 }
 
-/* The shares of ambient light and of the first light that arrive at the middle of an interval. They
- * are read about a cell before it, on the eye's side of its surface. A gradient as small as noise
- * is no surface. */
+/* The shares of ambient light and of the first light that arrive where an interval is seen, at s.
+ * They are read about a cell before it, on the eye's side of its surface. A gradient as small as
+ * noise is no surface. */
 static inline void compute_share(const struct sp_resample_open_tile *t, const struct sp_rays *rays,
-                                 float s, const sp_wide normal[3], sp_wide square,
+                                 sp_wide s, const sp_wide normal[3], sp_wide square,
                                  const sp_wide to_eye[3], sp_wide share[2]) {
     const struct sp_resample *r = t->r;
     const struct sp_light_field *light = r->light;
@@ -192,7 +220,7 @@ static inline void compute_share(const struct sp_resample_open_tile *t, const st
     firm = sp_wide_min(firm, sp_wide_all(1)) * off_surface;
     at[t->axis[0]] = rays->u + s * rays->du;
     at[t->axis[1]] = rays->v + s * rays->dv;
-    at[t->axis[2]] = sp_wide_all(t->is_backwards ? t->reference - s : t->reference + s);
+    at[t->axis[2]] = t->is_backwards ? t->reference - s : t->reference + s;
     for (int c = 0; c < 3; c++)
         side += to_eye[c] * normal[c];
     side = sp_wide_select(sp_wide_lt(side, zero), -firm, firm);
@@ -248,8 +276,8 @@ static inline void shade(const struct work *work, struct interval *in) {
     if (r->light) {
         struct sp_rays rays = load_rays(work->block, in->begin);
         sp_wide share[2];
-        compute_share(work->t, &rays, work->start + 0.5f * work->width, normal, in->square, to_eye,
-                      share);
+        compute_share(work->t, &rays, work->start + in->seen * work->width, normal, in->square,
+                      to_eye, share);
         sp_shade_occluded(r->shade, normal, to_eye, share, in->color);
     } else {
         sp_shade_direction(r->shade, normal, to_eye, in->color);
@@ -269,6 +297,8 @@ static inline bool read_interval(const struct work *work, int begin, struct inte
     in->value[1] = sp_wide_max(in->value[1], sp_wide_all(r->lowest)); /* it overshoots */
     in->value[2] = in->sheet[2];
     in->length = sp_wide_load(block->length + begin) * work->width;
+    in->front = sp_wide_all(0);
+    in->share = sp_wide_all(1);
     sp_wide low = sp_wide_min(sp_wide_min(in->value[0], in->value[2]), in->value[1]);
     sp_wide high = sp_wide_max(sp_wide_max(in->value[0], in->value[2]), in->value[1]);
     return sp_wide_any(sp_wide_lt(sp_wide_all(r->curve.visible[0]), high) &
@@ -300,15 +330,27 @@ static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_re
 }
 
 static inline void classify(const struct sp_resample *r, struct interval *in) {
-    const struct sp_transfer_function *tf = &r->view->transfer_function;
-    sp_wide depth = in->mean[3];
-    sp_wide inverse = sp_wide_inverse(sp_wide_max(depth, sp_wide_all(1e-20f)));
-    if (tf->gradient_count > 0)
-        depth = scale_depth(depth, gradient_scale(tf, sp_wide_sqrt(in->square) * r->gradient_unit));
-    in->depth = depth * in->length;
+    sp_wide inverse = sp_wide_inverse(sp_wide_max(in->mean[3], sp_wide_all(1e-20f)));
+    in->depth = in->mean[3] * in->length;
     in->opacity = 1 - transmit(r, in->depth);
     for (int c = 0; c < 3; c++)
         in->color[c] = inverse * in->mean[c];
+}
+
+/* Finds the place where the interval is seen. */
+static inline void find_seen(const struct sp_resample *r, struct interval *in) {
+    const sp_wide first = in->mean_first * in->length;
+    const sp_wide depth[2] = { first, sp_wide_max(in->depth - first, sp_wide_all(0)) };
+    const sp_wide opacity[2] = { 1 - transmit(r, first), in->opacity };
+    in->seen = in->front + in->share * sp_seen_place(in->half, depth, opacity);
+}
+
+/* Scales the opacity by the gradient where the interval is seen. */
+static inline void scale_opacity(const struct sp_resample *r, struct interval *in) {
+    const struct sp_transfer_function *tf = &r->view->transfer_function;
+    sp_wide scale = gradient_scale(tf, sp_wide_sqrt(in->square) * r->gradient_unit);
+    in->depth = scale_depth(in->mean[3], scale) * in->length;
+    in->opacity = 1 - transmit(r, in->depth);
 }
 
 /* Adds the interval behind what the rays have met. */
@@ -339,14 +381,20 @@ static inline bool compute_interval(const struct sp_resample_open_tile *t,
     bool is_alive = open_work(t, block, light, number, work);
     for (int k = 0; work->is_cut && k < work->count; k++) {
         struct interval *in = &work->parts[k];
-        in->length *= sp_cut_interval(block, in->begin, work->start, work->width, in->value);
+        in->share =
+            sp_cut_interval(block, in->begin, work->start, work->width, in->value, &in->front);
+        in->length *= in->share;
     }
-    for (int k = 0; r->needs_gradient && k < work->count; k++)
-        compute_gradient(work, &work->parts[k]);
     for (int k = 0; k < work->count; k++)
         compute_mean(work, &work->parts[k]);
     for (int k = 0; k < work->count; k++)
         classify(r, &work->parts[k]);
+    for (int k = 0; r->needs_gradient && k < work->count; k++)
+        find_seen(r, &work->parts[k]);
+    for (int k = 0; r->needs_gradient && k < work->count; k++)
+        compute_gradient(work, &work->parts[k]);
+    for (int k = 0; r->view->transfer_function.gradient_count > 0 && k < work->count; k++)
+        scale_opacity(r, &work->parts[k]);
     for (int k = 0; r->shade && k < work->count; k++)
         shade(work, &work->parts[k]);
     return is_alive;

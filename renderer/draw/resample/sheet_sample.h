@@ -50,15 +50,16 @@ static inline void compute_place(const struct sp_resample_open_tile *t,
 /* Cuts an interval between two sheets to the part of the rays, from pixel i on, that lies inside
  * all half spaces. The interval begins at s = `start` and is `width` long. `value` describes a
  * polynomial of degree 2 by its values at the start, in the middle and at the end of the interval.
- * Returns the share of the interval that is left. */
+ * Returns the share of the interval that is left; front: the share before it. */
 static inline sp_wide sp_cut_interval(const struct sp_resample_block *block, int i, float start,
-                                      float width, sp_wide value[3]) {
+                                      float width, sp_wide value[3], sp_wide *front) {
     const sp_wide one = sp_wide_all(1);
     const float scale = 1 / width;
     sp_wide from = (sp_wide_load(block->begin + i) - start) * scale;
     sp_wide to = (sp_wide_load(block->end + i) - start) * scale;
     from = sp_wide_clamp(from, 0, 1);
     to = sp_wide_max(sp_wide_min(to, one), from);
+    *front = from;
     sp_wide first = value[0], change = value[2] - first;
     sp_wide bend = value[1] - (first + 0.5f * change), middle = 0.5f * (from + to);
     value[0] = first + from * change + 4 * from * (1 - from) * bend;

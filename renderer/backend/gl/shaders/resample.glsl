@@ -130,6 +130,19 @@ float spacing_at(int a, float index) {
 #endif
 }
 
+// The scale of the opacity at a gradient's magnitude.
+float scale_of(float magnitude) {
+    int n = base.w, i = 1;
+    if (!(magnitude > magnitudes[0].x))
+        return magnitudes[0].y;
+    while (i < n && magnitudes[i].x <= magnitude)
+        i++;
+    if (i == n)
+        return magnitudes[n - 1].y;
+    vec2 low = magnitudes[i - 1].xy, high = magnitudes[i].xy;
+    return mix(low.y, high.y, (magnitude - low.x) / (high.x - low.x));
+}
+
 #if SAMPLES == SAMPLES_INTEGER
 float code_of(uint at) {
     const uint per_word = 4u / BYTES, bits = 8u * BYTES;

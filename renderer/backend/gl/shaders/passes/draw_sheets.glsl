@@ -318,9 +318,10 @@ void read_sheet(int n, inout vec3 value, inout uint refined_count) {
 #endif
 }
 
-// The part of the interval [s, s + width] inside the half spaces; returns its share of the interval.
-float cut(float s, float width, inout vec3 value) {
-    float from = clamp((begin - s) / width, 0.0, 1.0), to = max(min((end - s) / width, 1.0), from);
+// The part of the interval [s, s + width] inside the half spaces; returns its share of the interval, and the share before it.
+float cut(float s, float width, inout vec3 value, out float from) {
+    from = clamp((begin - s) / width, 0.0, 1.0);
+    float to = max(min((end - s) / width, 1.0), from);
     float first = value.x, change = value.z - first;
     float bend = value.y - (first + 0.5 * change), middle = 0.5 * (from + to);
     value = first + vec3(from, middle, to) * change +
@@ -329,35 +330,29 @@ float cut(float s, float width, inout vec3 value) {
 }
 
 #if !PROJECTION
-// The mean of the transfer function from value x to value y: half of it, because an interval has two such parts. Colour
-// times depth, and depth.
-vec4 mean_of_half(float x, float y) {
+// The half of an interval in which the value goes from x to y; the mean of the interval has two such parts.
+Half classify_half(float x, float y) {
     const float top = float(BINS);
     float a = x * bin_scale.x + bin_scale.y, b = y * bin_scale.x + bin_scale.y, low = min(a, b), high = max(a, b);
     int i = int(clamp(low, 0.0, top)), j = max(int(clamp(high, 0.0, top)), i + 1);
     float above = max(high - top, 0.0) - max(low - top, 0.0);
-    float share = 0.5 / (float(j - i) + max(-low, 0.0) + above);
-    return share * (integral[j] - integral[i] + above * above_bins);
+    float inverse = 1.0 / (float(j - i) + max(-low, 0.0) + above);
+    bool has_above = above_bins.w > 0.0;
+    float before = max(-a, has_above ? 0.0 : a - top), seen = float(j - i) + (has_above ? above : 0.0);
+    return Half(0.5 * inverse * (integral[j] - integral[i] + above * above_bins), clamp(before * inverse, 0.0, 1.0),
+                seen * inverse);
 }
 
-// The scale of the opacity at a gradient's magnitude.
-float scale_of(float magnitude) {
-    int n = base.w, i = 1;
-    if (!(magnitude > magnitudes[0].x))
-        return magnitudes[0].y;
-    while (i < n && magnitudes[i].x <= magnitude)
-        i++;
-    if (i == n)
-        return magnitudes[n - 1].y;
-    vec2 low = magnitudes[i - 1].xy, high = magnitudes[i].xy;
-    return mix(low.y, high.y, (magnitude - low.x) / (high.x - low.x));
+// 1 − opacity of an optical depth.
+float transmit(float depth) {
+    return base.y != 0 ? max(1.0 - depth, 0.0) : exp2(-LOG2E * depth);
 }
 
-// The gradient in the middle of an interval, in world space.
-vec3 compute_gradient(vec3 value[4], float width) {
-    vec2 slope = (9.0 / 16.0) * (value[1].yz + value[2].yz) - (1.0 / 16.0) * (value[0].yz + value[3].yz);
-    float along = (value[2].x - value[1].x) / width, rest = along - dot(ray.zw, slope);
-    vec3 own = turn_back(vec3(slope, is_backwards ? -rest : rest));
+// The gradient at p between the sheets of an interval, in world space.
+vec3 compute_gradient(vec3 value[4], float width, float p) {
+    vec3 slope = slopes_at(value, p);
+    float rest = slope.z / width - dot(ray.zw, slope.xy);
+    vec3 own = turn_back(vec3(slope.xy, is_backwards ? -rest : rest));
     return vec3(dot(to_world[0].xyz, own), dot(to_world[1].xyz, own), dot(to_world[2].xyz, own));
 }
 
@@ -445,20 +440,20 @@ void integrate(int n, vec3 value[4]) {
     float low = min(min(x.x, x.y), x.z), high = max(max(x.x, x.y), x.z);
     if (!(bin_scale.z < high && low < bin_scale.w))
         return;
-    float passed = ray_length * width * cut(s, width, x);
-    vec4 sum = mean_of_half(x.x, x.y) + mean_of_half(x.y, x.z);
+    float front, share = cut(s, width, x, front), passed = ray_length * width * share;
+    Half own[2] = Half[2](classify_half(x.x, x.y), classify_half(x.y, x.z));
+    vec4 sum = own[0].mean + own[1].mean;
     if (!(sum.w > 0.0))
         return;
-    float depth = sum.w;
+    float light = transmit(sum.w * passed);
 #if GRADIENT
-    vec3 gradient = compute_gradient(value, width);
-    float magnitude = sqrt(dot(gradient, gradient));
+    vec2 half_depths = passed * vec2(own[0].mean.w, own[1].mean.w), opacities = 1.0 - vec2(transmit(half_depths.x), light);
+    vec3 gradient = compute_gradient(value, width, front + share * seen_place(own, half_depths, opacities));
     if (base.w > 0) {
-        float opacity = scale_of(magnitude) * (1.0 - exp2(-LOG2E * depth));
-        depth = -log2(max(1.0 - opacity, 1e-30)) / LOG2E;
+        float opacity = scale_of(sqrt(dot(gradient, gradient))) * (1.0 - exp2(-LOG2E * sum.w));
+        light = transmit(-log2(max(1.0 - opacity, 1e-30)) / LOG2E * passed);
     }
 #endif
-    float light = base.y != 0 ? max(1.0 - depth * passed, 0.0) : exp2(-LOG2E * depth * passed);
     vec3 color = sum.rgb / max(sum.w, TINY);
 #if GRADIENT
     if (choice.y != 0u && light < 1.0) {
@@ -471,13 +466,13 @@ void integrate(int n, vec3 value[4]) {
 #else
 // Adds the interval between sheets n and n + 1 to the pixel's number (draw/resample/accumulate.c).
 void integrate(int n, vec3 value[4]) {
-    float s = s_of(slice_of(n)), width = s_of(slice_of(n + 1)) - s, sign = numbers[0].x;
+    float s = s_of(slice_of(n)), width = s_of(slice_of(n + 1)) - s, sign = numbers[0].x, front;
     float middle = (9.0 / 16.0) * (value[1].x + value[2].x) - (1.0 / 16.0) * (value[0].x + value[3].x);
     bool is_known = choices.z == 0 || min(value[1].x, value[2].x) >= NONE_BELOW;
     if (choices.z != 0 && min(value[0].x, value[3].x) < NONE_BELOW)
         middle = 0.5 * (value[1].x + value[2].x);
     vec3 x = vec3(value[1].x, clamp(middle, CODE_MIN, CODE_MAX), value[2].x);
-    float share = cut(s, width, x), passed = ray_length * width * share;
+    float share = cut(s, width, x, front), passed = ray_length * width * share;
     if (!(share > 0.0) || !is_known)
         return;
     pixel.z += passed;
