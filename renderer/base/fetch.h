@@ -203,13 +203,13 @@ static inline void sp_fetch_sum(const struct sp_entries entries[3], const sp_wid
     sp_fetch_components(sum, out);
 }
 
-/* Returns the last component of `to` − `from`. */
-static inline sp_wide sp_fetch_last(const struct sp_entries *from, const struct sp_entries *to) {
-    sp_wide change[4], out[4];
+/* Computes for each component: out = to − from. */
+static inline void sp_fetch_change(const struct sp_entries *from, const struct sp_entries *to,
+                                   sp_wide out[4]) {
+    sp_wide change[4];
     for (int k = 0; k < 4; k++)
         change[k] = to->part[k] - from->part[k];
     sp_fetch_components(change, out);
-    return out[3];
 }
 
 #endif

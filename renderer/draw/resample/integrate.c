@@ -17,19 +17,19 @@ enum { PARTS = RESAMPLE_PIXELS / SP_WIDE };
 
 /* SP_WIDE rays of a block in one interval. */
 struct interval {
-    int begin;          /* first pixel */
-    sp_wide sheet[4];   /* values on the sheet before it, at its start, at its end and behind it */
-    sp_wide value[3];   /* at its start, in its middle and at its end [codes] */
-    sp_wide length;     /* of the ray inside, reference lengths */
-    sp_wide front;      /* where it begins inside: 0 on the sheet at its start, 1 at its end */
-    sp_wide share;      /* of the distance between both that lies inside */
-    sp_wide mean[4];    /* of the curve over it */
-    sp_wide mean_first; /* the part of mean[3] that its first half has; if gradients are needed, */
-    struct sp_seen_half half[2]; /* as are these */
-    sp_wide seen;                /* where it is seen: as `front` */
-    sp_wide gradient[3];         /* there [gradient_unit] */
-    sp_wide square;              /* of its length */
-    sp_wide depth;               /* optical depth */
+    int begin;        /* first pixel */
+    sp_wide sheet[4]; /* values on the sheet before it, at its start, at its end and behind it */
+    sp_wide value[3]; /* at its start, in its middle and at its end [codes] */
+    sp_wide length;   /* of the ray inside, reference lengths */
+    sp_wide front;    /* where it begins inside: 0 on the sheet at its start, 1 at its end */
+    sp_wide share;    /* of the distance between both that lies inside */
+    sp_wide mean[4];  /* of the curve over it */
+    sp_wide first[4]; /* the first half's part of the mean; if gradients are needed, as is `half` */
+    struct sp_seen_half half[2];
+    sp_wide seen;        /* where it is seen: as `front` */
+    sp_wide gradient[3]; /* there [gradient_unit] */
+    sp_wide square;      /* of its length */
+    sp_wide depth;       /* optical depth */
     sp_wide opacity;
     sp_wide color[3];
 };
@@ -134,8 +134,9 @@ static inline void compute_mean(const struct work *work, struct interval *in) {
     for (int c = 0; curve->has_above && c < 4; c++)
         in->mean[c] += (above[0] + above[1]) * curve->above[c];
     if (r->needs_gradient)
-        in->mean_first =
-            share[0] * sp_fetch_last(&entries[0], &entries[1]) + above[0] * curve->above[3];
+        sp_fetch_change(&entries[0], &entries[1], in->first);
+    for (int c = 0; r->needs_gradient && c < 4; c++)
+        in->first[c] = share[0] * in->first[c] + above[0] * curve->above[c];
     end_mean(work, in->begin, bin[2], &entries[2]);
 }
 
@@ -164,10 +165,21 @@ static inline void compute_slope(const struct work *work, const struct sp_rays *
         slope[a] = sp_wide_load(work->block->slope[number & 3][a] + begin);
 }
 
+/* What a difference over h to each side adds to the one over ½ [(h² − ¼)/3]. Between sheets half a
+ * slice apart, h² = 1/(1 + du² + dv²) would span one sample of the ray, and ½ spans less. Two
+ * thirds of the way are nearest to exact images (measured). */
+static inline sp_wide widen(const struct sp_rays *rays) {
+    sp_wide square = 1 + rays->du * rays->du + rays->dv * rays->dv;
+    return (2 / 9.0f) * (sp_wide_fast_inverse(square) - 0.25f);
+}
+
 /* The gradient where the interval is seen, at p between its sheets. Across the ray it is that of
  * the polynomial of degree 3 through the gradients on the four sheets. Along the ray it is the
- * difference of the values' polynomial from p − ½ to p + ½, because all three are differences over
- * one sample: none of them is blurred more than the others. */
+ * difference of the values' polynomial from p − h to p + h over 2h, h = ½,
+ *
+ *   rise + past·bend + (past² + (h² − ¼)/3)·turn        past = p − ½
+ *
+ * so that all three are differences over about one sample: none is blurred more than the others. */
 static inline void compute_gradient(const struct work *work, struct interval *in) {
     const struct sp_resample_open_tile *t = work->t;
     const sp_wide *value = in->sheet, p = in->seen;
@@ -184,7 +196,8 @@ static inline void compute_gradient(const struct work *work, struct interval *in
     sp_wide rise = value[2] - value[1], past = p - 0.5f;
     sp_wide bend = 0.5f * (value[0] + value[3] - value[1] - value[2]);
     sp_wide turn = 0.5f * (value[3] - value[0]) - 1.5f * rise;
-    rise += past * (bend + past * turn);
+    sp_wide more = t->sheets_per_slice > 1 ? widen(&rays) : sp_wide_all(0);
+    rise += past * bend + (past * past + more) * turn;
     slope[2] = rise * (1 / work->width) - rays.du * slope[0] - rays.dv * slope[1];
     if (t->is_backwards)
         slope[2] = -slope[2];
@@ -337,12 +350,23 @@ static inline void classify(const struct sp_resample *r, struct interval *in) {
         in->color[c] = inverse * in->mean[c];
 }
 
-/* Finds the place where the interval is seen. */
+/* Finds the place where the interval is seen. Black material is seen by its highlights. */
 static inline void find_seen(const struct sp_resample *r, struct interval *in) {
-    const sp_wide first = in->mean_first * in->length;
-    const sp_wide depth[2] = { first, sp_wide_max(in->depth - first, sp_wide_all(0)) };
-    const sp_wide opacity[2] = { 1 - transmit(r, first), in->opacity };
-    in->seen = in->front + in->share * sp_seen_place(in->half, depth, opacity);
+    const float highlight = 0.01f;
+    const sp_wide zero = sp_wide_all(0);
+    sp_wide first = sp_wide_max(in->first[3], zero), brightness = zero, all = zero;
+    for (int c = 0; c < 3; c++) {
+        brightness += in->first[c];
+        all += in->mean[c];
+    }
+    const sp_wide depth[2] = { first, sp_wide_max(in->mean[3] - first, zero) };
+    const sp_wide light[2] = { brightness, all - brightness };
+    for (int k = 0; k < 2; k++) {
+        in->half[k].depth = depth[k] * in->length;
+        in->half[k].light = sp_wide_max(light[k], zero) + highlight * depth[k];
+    }
+    const sp_wide opacity[2] = { 1 - transmit(r, in->half[0].depth), in->opacity };
+    in->seen = in->front + in->share * sp_seen_place(in->half, opacity);
 }
 
 /* Scales the opacity by the gradient where the interval is seen. */

@@ -350,7 +350,8 @@ float transmit(float depth) {
 
 // The gradient at p between the sheets of an interval, in world space.
 vec3 compute_gradient(vec3 value[4], float width, float p) {
-    vec3 slope = slopes_at(value, p);
+    float more = per_slice > 1 ? (2.0 / 9.0) * (1.0 / (1.0 + dot(ray.zw, ray.zw)) - 0.25) : 0.0;
+    vec3 slope = slopes_at(value, p, more);
     float rest = slope.z / width - dot(ray.zw, slope.xy);
     vec3 own = turn_back(vec3(slope.xy, is_backwards ? -rest : rest));
     return vec3(dot(to_world[0].xyz, own), dot(to_world[1].xyz, own), dot(to_world[2].xyz, own));
@@ -447,8 +448,8 @@ void integrate(int n, vec3 value[4]) {
         return;
     float light = transmit(sum.w * passed);
 #if GRADIENT
-    vec2 half_depths = passed * vec2(own[0].mean.w, own[1].mean.w), opacities = 1.0 - vec2(transmit(half_depths.x), light);
-    vec3 gradient = compute_gradient(value, width, front + share * seen_place(own, half_depths, opacities));
+    vec2 opacities = 1.0 - vec2(transmit(own[0].mean.w * passed), light);
+    vec3 gradient = compute_gradient(value, width, front + share * seen_place(own, passed, opacities));
     if (base.w > 0) {
         float opacity = scale_of(sqrt(dot(gradient, gradient))) * (1.0 - exp2(-LOG2E * sum.w));
         light = transmit(-log2(max(1.0 - opacity, 1e-30)) / LOG2E * passed);
