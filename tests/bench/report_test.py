@@ -292,6 +292,18 @@ class Report(unittest.TestCase):
         self.assertIn('| method | tubes |\n', text)
         self.assertIn('| sheets | 41.2 dB, 12 ms |\n', text)
         self.assertLess(text.index('Unshaded:'), text.index('Shaded:'))
+        self.assertNotIn('noise', text)
+
+    def test_exact_with_noise(self):
+        columns = ['field', 'shading', 'samples', 'method', 'psnr_db', 'rise_px', 'exact_rise_px', 'ms']
+        clean = {'field': 'tubes', 'shading': 'phong', 'samples': '16 bits', 'method': 'sheets', 'psnr_db': 41.23, 'rise_px': '', 'exact_rise_px': '', 'ms': 5}
+        noisy = {**clean, 'samples': '8 bits, noise 3 %', 'psnr_db': 33.44}
+        self.write('exact.csv', columns, clean, noisy, {**noisy, 'method': 'VTK', 'psnr_db': 34.5}, {**noisy, 'field': 'shell', 'psnr_db': 38.2})
+        text = report.exact(self.folder.name)
+        self.assertIn('| sheets | 41.2 dB, 5 ms |\n', text)
+        self.assertIn('| samples | method | tubes | shell |', text)
+        self.assertIn('| 8 bits, noise 3 % | sheets | 33.4 dB | 38.2 dB |', text)
+        self.assertIn('| 8 bits, noise 3 % | VTK | 34.5 dB | – |', text)
 
     def test_layers(self):
         row = {'scene': 'engine', 'setting': 'shell fast', 'speedup': 7.31, 'cpu_speedup': 8.09}

@@ -26,6 +26,7 @@ GOAL_ECHO_MS = 200
 GOAL_FPS = {'head-full': 40}  # at 512 px, two threads, unshaded
 GOAL_ADAPTIVE_DB, GOAL_DETAIL_DB, GOAL_EDIT, GOAL_CANCEL_MS, GOAL_BYTES = 45, 40, 0.90, 5, 2
 SOFTWARE = 'software GL, for correctness only'
+CLEAN = '16 bits'  # samples of exact.py without noise
 WITHOUT_GOAL = ('bonsai-soft', 'turbulence', 'noise')  # no voxel is transparent
 
 
@@ -284,11 +285,25 @@ def exact(folder):
     rows = read(folder, 'exact.csv')
     if not rows:
         return ''
+    noisy = [r for r in rows if r.get('samples', CLEAN) != CLEAN]
+    rows = [r for r in rows if r.get('samples', CLEAN) == CLEAN]
     texts = [f'{title}:\n\n' + exact_table(own) for title, shading in (('Unshaded', 'none'), ('Shaded', 'phong'))
              if (own := [r for r in rows if r['shading'] == shading])]
+    if noisy:
+        texts.append('Shaded, from samples with noise:\n\n' + noise_table(noisy))
     if os.path.exists(os.path.join(folder, 'exact.png')):
         texts.append('![exact; sheets, per voxel; sheets, per pixel; VTK](exact.png)\n')
     return '\n'.join(texts)
+
+
+def noise_table(rows):
+    """Rows: samples and methods; columns: fields."""
+    fields = list(dict.fromkeys(r['field'] for r in rows))
+    lines = []
+    for samples, method in dict.fromkeys((r['samples'], r['method']) for r in rows):
+        own = {r['field']: r for r in rows if (r['samples'], r['method']) == (samples, method)}
+        lines.append([samples, method, *(f'{own[f]["psnr_db"]:.1f} dB' if f in own else '–' for f in fields)])
+    return table(['samples', 'method', *fields], lines)
 
 
 def exact_headline(folder):
