@@ -93,8 +93,9 @@ static inline void end_mean(const struct work *work, int begin, sp_wide bin,
 }
 
 /* The visible part of half an interval. beyond: at its ends. width: of its bins and of all. */
-static inline void find_half(const struct sp_curve *curve, const sp_wide beyond[2], sp_wide above,
-                             sp_wide width, sp_wide inverse, struct sp_seen_half *half) {
+static inline void compute_half(const struct sp_curve *curve, const sp_wide beyond[2],
+                                sp_wide above, sp_wide width, sp_wide inverse,
+                                struct sp_seen_half *half) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
     sp_wide before = curve->has_above ? sp_wide_max(-beyond[0], zero) : sp_wide_abs(beyond[0]);
     half->front = sp_wide_min(before * inverse, one);
@@ -126,7 +127,7 @@ static inline void compute_mean(const struct work *work, struct interval *in) {
         if (curve->has_above)
             above[k] = sp_wide_abs(sp_wide_max(beyond[k + 1], zero) - sp_wide_max(beyond[k], zero));
         if (r->needs_gradient)
-            find_half(curve, beyond + k, above[k], width, inverse, &in->half[k]);
+            compute_half(curve, beyond + k, above[k], width, inverse, &in->half[k]);
         above[k] *= 0.5f * inverse;
         share[k] = sp_wide_copysign(0.5f * inverse, width);
     }
@@ -350,8 +351,8 @@ static inline void classify(const struct sp_resample *r, struct interval *in) {
         in->color[c] = inverse * in->mean[c];
 }
 
-/* Finds the place where the interval is seen. Black material is seen by its highlights. */
-static inline void find_seen(const struct sp_resample *r, struct interval *in) {
+/* Computes the place where the interval is seen. Black material is seen by its highlights. */
+static inline void compute_seen(const struct sp_resample *r, struct interval *in) {
     const float highlight = 0.01f;
     const sp_wide zero = sp_wide_all(0);
     sp_wide first = sp_wide_max(in->first[3], zero), brightness = zero, all = zero;
@@ -414,7 +415,7 @@ static inline bool compute_interval(const struct sp_resample_open_tile *t,
     for (int k = 0; k < work->count; k++)
         classify(r, &work->parts[k]);
     for (int k = 0; r->needs_gradient && k < work->count; k++)
-        find_seen(r, &work->parts[k]);
+        compute_seen(r, &work->parts[k]);
     for (int k = 0; r->needs_gradient && k < work->count; k++)
         compute_gradient(work, &work->parts[k]);
     for (int k = 0; r->view->transfer_function.gradient_count > 0 && k < work->count; k++)

@@ -10,8 +10,8 @@
 #include "draw/resample/seen.h"
 
 /* Where an interval is seen whose halves are visible between front[k] and front[k] + length[k]. */
-static double find_place(const double front[2], const double length[2], const double depth[2],
-                         const double brightness[2]) {
+static double compute_place(const double front[2], const double length[2], const double depth[2],
+                            const double brightness[2]) {
     struct sp_seen_half half[2];
     sp_wide opacity[2] = { sp_wide_all((float)-expm1(-depth[0])),
                            sp_wide_all((float)-expm1(-depth[0] - depth[1])) };
@@ -63,7 +63,7 @@ static void the_place_is_the_mean_place_of_both_halves(void **state) {
             const double depth[2] = { depths[j / 5 % 5], depths[j % 5] };
             const double *color = colors[j / 25];
             const double most = depth[0] * color[0] == depth[1] * color[1] ? 0.02 : 0.06;
-            assert_float_equal(find_place(front, length, depth, color),
+            assert_float_equal(compute_place(front, length, depth, color),
                                integrate(front, length, depth, color), most);
         }
 }
@@ -72,8 +72,8 @@ static void the_place_is_the_mean_place_of_both_halves(void **state) {
 static void rising_light_is_seen_farther_back(void **state) {
     const double front[2] = { 0, 0 }, length[2] = { 1, 1 }, bright[2] = { 1, 1 };
     (void)state;
-    double even = find_place(front, length, (double[]){ 2e-3, 2e-3 }, bright);
-    double rising = find_place(front, length, (double[]){ 1e-3, 3e-3 }, bright);
+    double even = compute_place(front, length, (double[]){ 2e-3, 2e-3 }, bright);
+    double rising = compute_place(front, length, (double[]){ 1e-3, 3e-3 }, bright);
     assert_float_equal(even, 0.5, 1e-3);
     assert_float_equal(rising, 2 / 3.0, 0.03);
 }
@@ -84,11 +84,12 @@ static void the_place_is_where_something_is_visible(void **state) {
     const double bright[2] = { 1, 1 };
     (void)state;
     double place =
-        find_place((double[]){ 1, 0.98 }, (double[]){ 0, 0.02 }, (double[]){ 0, 1e-5 }, bright);
+        compute_place((double[]){ 1, 0.98 }, (double[]){ 0, 0.02 }, (double[]){ 0, 1e-5 }, bright);
     assert_float_equal(place, 0.995, 2e-3);
-    place = find_place((double[]){ 0.5, 0 }, (double[]){ 0.01, 0 }, (double[]){ 1e-5, 0 }, bright);
+    place =
+        compute_place((double[]){ 0.5, 0 }, (double[]){ 0.01, 0 }, (double[]){ 1e-5, 0 }, bright);
     assert_float_equal(place, 0.2525, 2e-3);
-    place = find_place((double[]){ 1, 1 }, (double[]){ 1, 1 }, (double[]){ 0, 0 }, bright);
+    place = compute_place((double[]){ 1, 1 }, (double[]){ 1, 1 }, (double[]){ 0, 0 }, bright);
     assert_true(place >= 0.5);
     assert_true(place <= 1.25);
 }
