@@ -18,7 +18,7 @@ float seen_place(Half own[2], float passed, vec2 opacity) {
     const float TINY_LIGHT = 1e-30, FAINT = 1e-6, HIGHLIGHT = 0.01;
     vec2 depth = max(vec2(own[0].mean.w, own[1].mean.w), 0.0);
     vec2 light = max(vec2(dot(own[0].mean.rgb, vec3(1.0)), dot(own[1].mean.rgb, vec3(1.0))), 0.0) + HIGHLIGHT * depth;
-    float rise = 1.0 + (light.y - light.x) / (6.0 * max(light.x + light.y, TINY_LIGHT));
+    float rise = 1.0 + 0.125 * own[0].length * max(light.y - light.x, 0.0) / max(light.x + light.y, TINY_LIGHT);
     depth *= passed;
     float a = own[0].front + own[0].length * seen_share(depth.x) * rise;
     float b = own[1].front + own[1].length * seen_share(depth.y) * rise;

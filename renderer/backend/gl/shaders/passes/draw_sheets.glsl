@@ -350,7 +350,7 @@ float transmit(float depth) {
 
 // The gradient at p between the sheets of an interval, in world space.
 vec3 compute_gradient(vec3 value[4], float width, float p) {
-    float more = per_slice > 1 ? (2.0 / 9.0) * (1.0 / (1.0 + dot(ray.zw, ray.zw)) - 0.25) : 0.0;
+    float more = per_slice > 1 ? (0.7 / 3.0) * (1.0 / (1.0 + dot(ray.zw, ray.zw)) - 0.25) : 0.0;
     vec3 slope = slopes_at(value, p, more);
     float rest = slope.z / width - dot(ray.zw, slope.xy);
     vec3 own = turn_back(vec3(slope.xy, is_backwards ? -rest : rest));
