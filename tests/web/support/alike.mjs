@@ -12,10 +12,18 @@ const OWN = ['#people-fold', '#status', '#stats', '#messages', '#notice', '#volu
 
 /** Runs in the page: [[name, fact], …] of all elements that can be seen. `own`: selectors of parts that are left out. */
 function look(own) {
+  // The layers of the overlay lie in the order in which the parts of the page came, so each is counted among those of its kind.
+  const kindOf = ({ firstElementChild: first }) => first && `${first.localName} ${first.getAttribute('data-kind') ?? first.getAttribute('class') ?? ''}`;
+  const placeOf = (element) => {
+    const { parentElement: parent } = element;
+    const isLayer = parent.id === 'overlay';
+    const place = [...parent.children].filter((other) => !isLayer || kindOf(other) === kindOf(element)).indexOf(element);
+    return isLayer ? `${kindOf(element)}:${place}` : place;
+  };
   const nameOf = (element) => {
     const parts = [];
     let at = element;
-    for (; at !== document.body && !at.id; at = at.parentElement) parts.unshift(`${at.localName}:${[...at.parentElement.children].indexOf(at)}`);
+    for (; at !== document.body && !at.id; at = at.parentElement) parts.unshift(`${at.localName}:${placeOf(at)}`);
     return [`#${at.id}`, ...parts].join(' ');
   };
   const facts = (element) => {
