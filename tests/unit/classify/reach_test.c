@@ -91,7 +91,7 @@ static void check_list(const struct sp_volume *v, const struct sp_transfer_funct
         }
     }
     int reach = (int)floor(2 * radius);
-    for (int i = 0; i < X * Y * Z; i += TEST_TSAN ? 13 : 1) {
+    for (int i = 0; i < X * Y * Z; i += TEST_SANITIZED ? 13 : 1) {
         int x = i % X, y = i / X % Y, z = i / X / Y;
         if (!listed[i] && isfinite(sample(v, x, y, z)))
             assert_false(matters(v, tf, reach, x, y, z));
