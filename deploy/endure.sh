@@ -83,7 +83,8 @@ fuzz_target() {
     mkdir -p "$found/new"
     [[ $name != files ]] || { into=$found/corpus; cp -r "$corpus" "$into"; }
     (cd "$found" && ASAN_OPTIONS=allocator_may_return_null=1 "$program" -fork="$(nproc)" -ignore_crashes=1 -ignore_timeouts=1 -ignore_ooms=1 \
-        -max_total_time="$seconds" -rss_limit_mb=1024 -timeout=20 -artifact_prefix="$found/" "${words[@]}" new "$corpus") >"$found/log" 2>&1 || status=$?
+        -max_total_time="$seconds" -rss_limit_mb=1024 -timeout=20 \
+        -report_slow_units=20 -artifact_prefix="$found/" "${words[@]}" new "$corpus") >"$found/log" 2>&1 || status=$?
     runs=$(grep -oE '^#[0-9]+' "$found/log" | tail -n 1 | tr -d '#' || true)
     (cd "$found" && ASAN_OPTIONS=allocator_may_return_null=1 "$program" -merge=1 -rss_limit_mb=1024 -timeout=20 "${words[@]}" "$into" new) >>"$found/log" 2>&1 || status=$?
     # Crashes, timeouts and memory are what the fuzzer keeps beside its log.
