@@ -174,7 +174,7 @@ static void reply_image(struct srv_request *request, const struct srv_snapshot_r
     srv_reply_chunked_body(request, &request->reply, result->size, &body);
 }
 
-/* Sets the headers about the bricks that an image shows; they are 0 if the volume is in memory. */
+/* Sets the headers about the bricks that an image shows; without bricks the counts are 0. */
 static void set_bricks(struct srv_reply *reply, const struct sp_frame_bricks *bricks) {
     const bool is_complete = sp_frame_bricks_is_complete(bricks);
     srv_reply_header(reply, "X-Complete", "%s", is_complete ? "true" : "false");

@@ -202,7 +202,7 @@ struct srv_loaded_search {
                       is not loaded */
 };
 /* sp_render_options.find(), with `user` a struct srv_loaded_search: returns a reference to the
- * loaded step that is nearest to search->step; NULL = the volume is not ready. */
+ * loaded step that is nearest to srv_loaded_search.step; NULL = the volume is not ready. */
 struct sp_volume *srv_catalog_find_loaded(void *user, const char *id);
 /* Hashes all volumes that decide the pixels of a view: the used volume, and the volumes that its
  * layers name. */

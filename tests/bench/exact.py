@@ -368,6 +368,8 @@ def main():
     p.add_argument('--samples', nargs='+', default=list(SAMPLE_KINDS), choices=list(SAMPLE_KINDS), help='kinds of samples; default all')
     p.add_argument('--threads', type=int, default=2)
     options = p.parse_args()
+    if options.sheet and CLEAN not in options.samples:
+        p.error(f'--sheet shows {CLEAN!r}, which --samples leaves out')
     options.bin = os.path.abspath(options.bin)
     options.vtk_bench = options.vtk_bench and os.path.abspath(options.vtk_bench)
     if options.images:

@@ -38,7 +38,7 @@ test('users and memory are measured', () => {
 });
 
 test('a drag is measured until its final frame', () => {
-  const rows = table('--only', 'drag');
+  const rows = table('--only', 'drag', '--seconds', '1'); // in less time, a busy machine may show no frame
   assert.deepEqual(rows.map(({ part, px }) => [part, px]), [['drag', '512']]);
   assert.ok(Number(rows[0].fps_mean) > 0 && Number(rows[0].final_ms) > 0);
 });

@@ -2,7 +2,7 @@
  *
  * Changes of the scene's geometry that must not change the image, or must mirror it: mirroring, the
  * unit of length, the origin, the order of the axes, coordinates at equal distances. Each test runs
- * on every backend and instruction set.
+ * on every backend.
  */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -74,7 +74,7 @@ static void make_gaussians(struct mixed_frame *f) {
             g->rotation[a] = random_in(&seed, -1, 1);
         test_gaussian_store(g, &elements, i);
     }
-    f->shown[2] = sp_volume_create_elements(&elements, "gaussians", NULL);
+    f->volumes[2] = sp_volume_create_elements(&elements, "gaussians", NULL);
 }
 
 static void add_layers(struct mixed_frame *f, const struct manifest_mixed *row) {
@@ -113,10 +113,10 @@ void mixed_open(struct mixed_frame *f, const struct manifest_mixed *row) {
     f->medium.volume = volume;
     assert_true(test_mesh_torus(&f->torus, 20, 7, 2));
     assert_true(test_mesh_cube(&f->cube, 6));
-    f->shown[0] = sp_volume_create_elements(&f->torus, ids[0], NULL);
-    f->shown[1] = sp_volume_create_elements(&f->cube, ids[1], NULL);
+    f->volumes[0] = sp_volume_create_elements(&f->torus, ids[0], NULL);
+    f->volumes[1] = sp_volume_create_elements(&f->cube, ids[1], NULL);
     make_gaussians(f);
-    assert_true(f->shown[0] && f->shown[1] && f->shown[2]);
+    assert_true(f->volumes[0] && f->volumes[1] && f->volumes[2]);
     add_layers(f, row);
     view->transfer_function.order = row->order;
     view->compositing.mode = row->compositing;
@@ -131,7 +131,7 @@ void mixed_open(struct mixed_frame *f, const struct manifest_mixed *row) {
 
 void mixed_close(struct mixed_frame *f) {
     for (int i = 0; i < 3; i++)
-        sp_volume_unref(&f->shown[i]);
+        sp_volume_unref(&f->volumes[i]);
     sp_volume_unref(&f->medium.volume);
     test_mesh_finish(&f->torus);
     test_mesh_finish(&f->cube);
@@ -141,7 +141,7 @@ struct sp_volume *mixed_find(void *user, const char *id) {
     const struct mixed_frame *f = user;
     for (int i = 0; i < 3; i++)
         if (strcmp(id, ids[i]) == 0)
-            return sp_volume_ref(f->shown[i]);
+            return sp_volume_ref(f->volumes[i]);
     return NULL;
 }
 

@@ -24,7 +24,7 @@ struct mixed_frame {
     struct test_medium medium; /* its view has the layers, and its volume the vectors */
     struct sp_elements torus, cube;
     struct test_gaussian gaussians[MIXED_GAUSSIANS];
-    struct sp_volume *shown[3]; /* "torus", "cube", "gaussians" */
+    struct sp_volume *volumes[3]; /* "torus", "cube", "gaussians" */
 };
 
 void mixed_open(struct mixed_frame *frame, const struct manifest_mixed *row);

@@ -114,11 +114,11 @@ static int close_targets(void **state) {
     return 0;
 }
 
-static struct sp_volume *shown; /* found under the id "element" */
+static struct sp_volume *element; /* found under the id "element" */
 
 static struct sp_volume *find_element(void *user, const char *id) {
     (void)user;
-    return strcmp(id, "element") == 0 ? sp_volume_ref(shown) : NULL;
+    return strcmp(id, "element") == 0 ? sp_volume_ref(element) : NULL;
 }
 
 static struct sp_frame *draw(const struct test_renderer *renderer, struct sp_volume *fog,
@@ -160,7 +160,7 @@ static void elements_lie_inside_the_fog(void **state) {
     for (unsigned t = 0; t < opened_count; t++)
         for (int k = 0; k < 3; k++) {
             struct sp_error err = { .code = SP_OK };
-            shown = make_element(kinds[k].kind);
+            element = make_element(kinds[k].kind);
             view.layers[1] = sp_layer_default(kinds[k].layer);
             strcpy(view.layers[1].id, "element");
             for (int place = -12; place <= 12; place += 12) {
@@ -172,7 +172,7 @@ static void elements_lie_inside_the_fog(void **state) {
                              k == 0 ? fog_color : own_color);
                 sp_frame_unref(&frame);
             }
-            sp_volume_unref(&shown);
+            sp_volume_unref(&element);
         }
     sp_volume_unref(&fog);
     test_scene_finish(&scene);
@@ -248,7 +248,7 @@ static void names_of_volumes_must_be_right(void **state) {
     make_fog(&scene);
     struct sp_volume *fog = test_scene_volume(&scene, NULL);
     struct sp_view view = scene.view;
-    shown = make_element(SP_KIND_MESH);
+    element = make_element(SP_KIND_MESH);
     view.layer_count = 2;
     view.layers[1] = sp_layer_default(SP_LAYER_GAUSSIANS);
     assert_null(draw(renderer, fog, &view, &err)); /* the fog has none */
@@ -266,7 +266,7 @@ static void names_of_volumes_must_be_right(void **state) {
     struct sp_frame *frame = draw(renderer, fog, &view, &err);
     assert_non_null(frame);
     sp_frame_unref(&frame);
-    sp_volume_unref(&shown);
+    sp_volume_unref(&element);
     sp_volume_unref(&fog);
     test_scene_finish(&scene);
 }

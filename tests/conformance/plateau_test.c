@@ -112,7 +112,7 @@ static bool check(const struct row *row, const struct test_scene *scene,
 int main(void) {
     enum { ROWS = sizeof rows / sizeof rows[0] };
     struct test_target target;
-    struct sp_error err;
+    struct sp_error err = { .text = "out of memory" };
     unsigned failed = 0;
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
     printf("largest and rms difference from the plane's colour\n");

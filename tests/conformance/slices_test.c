@@ -60,20 +60,20 @@ static int expect(const struct test_medium *s, double x, double y, double rgb[3]
         slice = intersect_slices(s, from, along, t, &axis);
     if (test_medium_cut(s, from, along, true, inside))
         depth = fmax(fmin(inside[1], slice) - inside[0], 0);
-    double through = exp(-s->sigma * depth), shown[3] = { 0 };
+    double through = exp(-s->sigma * depth), color[3] = { 0 };
     if (isfinite(slice)) {
         double p[3];
         for (int r = 0; r < 3; r++)
             p[r] = from[r] + slice * along[r];
         const struct sp_slices *w = &s->view.slices;
-        shown[0] = fmin(fmax((test_medium_value(p) - w->center) / w->width + 0.5, 0), 1);
-        shown[1] = shown[2] = shown[0];
+        color[0] = fmin(fmax((test_medium_value(p) - w->center) / w->width + 0.5, 0), 1);
+        color[1] = color[2] = color[0];
         if (w->colors != SP_SLICE_GREY)
-            sp_slice_color(&s->view, test_medium_value(p), shown);
+            sp_slice_color(&s->view, test_medium_value(p), color);
     }
     for (int c = 0; c < 3; c++)
         rgb[c] = (1 - through) * (double)test_medium_color[c] +
-                 through * (isfinite(slice) ? shown[c] : (double)s->view.background[c]);
+                 through * (isfinite(slice) ? color[c] : (double)s->view.background[c]);
     return axis;
 }
 

@@ -58,12 +58,12 @@ static void check_path(const char *method, const char *path) {
 /* An address that is parsed, printed and parsed again is the same address. */
 static void check_address(const char *text) {
     struct srv_address address, again;
-    char shown[SRV_ADDRESS_TEXT];
+    char written[SRV_ADDRESS_TEXT];
     if (!srv_address_parse(text, &address, NULL))
         return;
     const struct sockaddr *a = (const struct sockaddr *)&address.storage;
-    srv_address_to_text(a, shown);
-    must(srv_address_parse(shown, &again, NULL));
+    srv_address_to_text(a, written);
+    must(srv_address_parse(written, &again, NULL));
     must(srv_address_same_host(a, (const struct sockaddr *)&again.storage));
     must(srv_address_is_loopback(a) ==
          srv_address_is_loopback((const struct sockaddr *)&again.storage));

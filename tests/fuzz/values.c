@@ -40,10 +40,10 @@ static void check_number(const char *text) {
 
 /* True if the text is this number, followed by `end`. */
 static bool is_number(const char *text, unsigned number, char end) {
-    char shown[16];
-    int length = number ? snprintf(shown, sizeof shown, "%u", number) : 0;
+    char written[16];
+    int length = number ? snprintf(written, sizeof written, "%u", number) : 0;
     const char *rest = shortest(text);
-    return memcmp(rest, shown, strnlen(rest, (size_t)length)) == 0 && rest[length] == end;
+    return memcmp(rest, written, strnlen(rest, (size_t)length)) == 0 && rest[length] == end;
 }
 
 static void check_size(const char *text) {
@@ -56,16 +56,16 @@ static void check_size(const char *text) {
 static void check_numbers(const char *text) {
     for (unsigned count = 1; count <= 3; count++) {
         double numbers[3], again[3];
-        char shown[128];
+        char written[128];
         if (!srv_query_numbers(text, count, numbers))
             continue;
         int length = 0;
         for (unsigned i = 0; i < count; i++) {
             must(isfinite(numbers[i]));
-            length += snprintf(shown + length, sizeof shown - (size_t)length, "%s%.17g",
+            length += snprintf(written + length, sizeof written - (size_t)length, "%s%.17g",
                                i ? "," : "", numbers[i]);
         }
-        must(srv_query_numbers(shown, count, again));
+        must(srv_query_numbers(written, count, again));
         must(memcmp(numbers, again, count * sizeof *numbers) == 0);
     }
 }

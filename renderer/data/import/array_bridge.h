@@ -68,7 +68,7 @@ struct array_functions {
     /* Describes array n, from 0. False if there is none. */
     bool (*describe)(void *file, unsigned n, struct array_info *info);
     /* Reads a box of array n, the last dimension fastest, in native byte order. False with *err set
-     * but for its place. */
+     * but for its place; err may be NULL. */
     bool (*read)(void *file, unsigned n, const uint64_t *start, const uint64_t *count, void *out,
                  struct sp_error *err);
     /* Reads an attribute of array n as at most `most` numbers; returns how many. */

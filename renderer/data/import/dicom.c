@@ -255,13 +255,14 @@ static bool is_opened(const struct dicom *d, const struct dicom_slice *slice) {
     return d->source.is_named && (!*slice->name || strcmp(slice->name, d->source.name) == 0);
 }
 
-/* Counts a slice that is damaged. False if it is an error: another one, or the slice that was asked
- * for, or one that leaves none. */
+/* Counts a slice that is damaged, also if it asks for more memory than there is. False if the error
+ * ends the import: an error of another kind, of the file that was asked for by its name, or of the
+ * last sound slice. */
 static bool pass_over(const struct dicom *d, const struct dicom_slice *slice, struct reading *r,
                       const struct sp_error *why) {
     char name[80];
-    if (why->code != SP_ERR_FORMAT || d->slices.are_together || is_opened(d, slice) ||
-        r->damaged + 1 >= d->slices.planes)
+    if ((why->code != SP_ERR_FORMAT && why->code != SP_ERR_MEMORY) || d->slices.are_together ||
+        is_opened(d, slice) || r->damaged + 1 >= d->slices.planes)
         return false;
     if (r->damaged == 0)
         r->why = *why;

@@ -109,6 +109,7 @@ struct mesh_bridge {
 };
 
 // assimp makes a text of each exception, so only this handler learns that an allocation failed.
+// After that, every error of the same file counts as a lack of memory.
 static bool is_exhausted;
 
 static void note_exhaustion() {

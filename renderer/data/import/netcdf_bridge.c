@@ -47,22 +47,28 @@ static bool add_variable(struct netcdf *c, int group, int id, const char *path) 
 
 /* Lists the variables of a group, then the variables of the groups in it. `path` ends with '/' or
  * is "". */
-static bool list_group(struct netcdf *c, int group, const char *path, unsigned depth) {
+static bool list_group(struct netcdf *c, int group, const char *path, unsigned depth,
+                       struct sp_error *err) {
     int count = 0;
     char below[ARRAY_NAME_BYTES], name[NC_MAX_NAME + 1];
     if (nc_inq_nvars(group, &count) != NC_NOERR)
         return true;
     for (int i = 0; i < count; i++)
         if (!add_variable(c, group, i, path))
-            return false;
+            return sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
     if (depth == GROUP_DEPTH_MAX || nc_inq_grps(group, &count, NULL) != NC_NOERR || count <= 0)
         return true;
     int *groups = calloc((size_t)count, sizeof *groups);
-    bool ok = groups && nc_inq_grps(group, &count, groups) == NC_NOERR;
+    if (!groups)
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    int status = nc_inq_grps(group, &count, groups);
+    bool ok =
+        status == NC_NOERR ||
+        sp_fail(err, SP_ERR_FORMAT, "", "NetCDF cannot list the groups: %s", nc_strerror(status));
     for (int i = 0; ok && i < count; i++)
         if (nc_inq_grpname(groups[i], name) == NC_NOERR &&
             snprintf(below, sizeof below, "%s%s/", path, name) < (int)sizeof below)
-            ok = list_group(c, groups[i], below, depth + 1);
+            ok = list_group(c, groups[i], below, depth + 1, err);
     free(groups);
     return ok;
 }
@@ -76,10 +82,9 @@ static void *open_file(const struct array_place *place, struct sp_error *err) {
     setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1); /* the sandbox allows no locks */
     int status = nc_open(place->path, NC_NOWRITE, &c->id);
     if (status == NC_NOERR) {
-        if (list_group(c, c->id, "", 0))
+        if (list_group(c, c->id, "", 0, err))
             return c;
         close_file(c);
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
         return NULL;
     }
     sp_fail(err, SP_ERR_FORMAT, "", "NetCDF cannot open the file: %s", nc_strerror(status));
@@ -192,8 +197,8 @@ static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64
     }
     const int status = nc_get_vara(v->group, v->id, first, size, out);
     return status == NC_NOERR ||
-           sp_fail(err, SP_ERR_FORMAT, "", "NetCDF cannot read the numbers: %s%s",
-                   nc_strerror(status),
+           sp_fail(err, status == NC_ENOMEM ? SP_ERR_MEMORY : SP_ERR_FORMAT, "",
+                   "NetCDF cannot read the numbers: %s%s", nc_strerror(status),
                    status == NC_EFILTER || status == NC_ENOFILTER
                        ? "; write them with zlib, as nccopy -d 4 does"
                        : "");

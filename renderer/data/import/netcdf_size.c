@@ -17,7 +17,7 @@ struct header {
     const struct import_file *file;
     uint64_t at;
     unsigned count_bytes, offset_bytes; /* of counts and of offsets */
-    uint64_t buffer_at;                 /* of the first byte in the window */
+    uint64_t buffer_at;                 /* of the first byte in the buffer */
     size_t buffer_size;
     uint8_t buffer[BUFFER_BYTES];
     uint64_t records;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Reads text from a range of a file, word by word or line by line, through a window.
+ * Reads text from a range of a file, word by word or line by line, through a buffer.
  */
 #ifndef SP_IMPORT_TEXT_H
 #define SP_IMPORT_TEXT_H
@@ -12,7 +12,7 @@ enum { IMPORT_WORD_MAX = 255, IMPORT_BUFFER = 1 << 16 }; /* bytes */
 struct import_text {
     const struct import_file *file;
     uint64_t at, end;   /* the next byte of the file; the first byte beyond the range */
-    uint64_t buffer_at; /* the window holds the bytes [buffer_at, buffer_at + buffer_size) */
+    uint64_t buffer_at; /* the buffer holds the bytes [buffer_at, buffer_at + buffer_size) */
     size_t buffer_size;
     uint8_t buffer[IMPORT_BUFFER];
 };
@@ -20,13 +20,13 @@ struct import_text {
 void import_text_init(struct import_text *text, const struct import_file *file, uint64_t begin,
                       uint64_t end);
 
-/* import_text_peek() of a byte outside of the window. */
+/* import_text_peek() of a byte outside of the buffer. */
 int import_text_fill(struct import_text *text, struct sp_error *err);
 
 /* Returns the next byte without consuming it, in [0, 255]; -1 at the end of the range; -2 with *err
  * set if the file cannot be read. */
 static inline int import_text_peek(struct import_text *text, struct sp_error *err) {
-    const uint64_t at = text->at - text->buffer_at; /* large before the window */
+    const uint64_t at = text->at - text->buffer_at; /* large before the buffer */
     return text->at < text->end && at < text->buffer_size ? text->buffer[at]
                                                           : import_text_fill(text, err);
 }

@@ -3,6 +3,7 @@
 
 #include <blosc.h>
 #include <zstd.h>
+#include <zstd_errors.h>
 
 static bool unpack_blosc(const void *in, size_t size, void *out, size_t capacity, size_t *got,
                          struct sp_error *err) {
@@ -24,9 +25,10 @@ static bool unpack_blosc(const void *in, size_t size, void *out, size_t capacity
 static bool unpack_zstd(const void *in, size_t size, void *out, size_t capacity, size_t *got,
                         struct sp_error *err) {
     *got = ZSTD_decompress(out, capacity, in, size);
+    const bool is_short = ZSTD_getErrorCode(*got) == ZSTD_error_memory_allocation;
     return !ZSTD_isError(*got) ||
-           sp_fail(err, SP_ERR_FORMAT, "", "the Zstandard data is damaged: %s",
-                   ZSTD_getErrorName(*got));
+           sp_fail(err, is_short ? SP_ERR_MEMORY : SP_ERR_FORMAT, "",
+                   "the Zstandard data is damaged: %s", ZSTD_getErrorName(*got));
 }
 
 __attribute__((visibility("default")))

@@ -162,16 +162,22 @@ static bool strip_checksum(enum zarr_codec codec, const uint8_t *in, size_t size
 
 /* Compressors. */
 
+static bool fail_memory(struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory while unpacking");
+}
+
 static bool inflate_all(const void *in, size_t size, void *out, size_t capacity, size_t *got,
                         struct sp_error *err) {
     z_stream z = { .next_in = (Bytef *)(uintptr_t)in, .avail_in = (uInt)size };
     if (inflateInit2(&z, 15 + 32) != Z_OK) /* 32 allows the wrappers of gzip and zlib */
-        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory while unpacking");
+        return fail_memory(err);
     z.next_out = out;
     z.avail_out = (uInt)capacity;
     const int status = inflate(&z, Z_FINISH);
     *got = z.total_out;
     inflateEnd(&z);
+    if (status == Z_MEM_ERROR)
+        return fail_memory(err);
     return status == Z_STREAM_END ||
            sp_fail(err, SP_ERR_FORMAT, "", "the gzip or zlib data is %s",
                    status == Z_BUF_ERROR && z.avail_out == 0 ? "longer than its chunk"
@@ -198,6 +204,8 @@ static bool unpack_bz2(const void *in, size_t size, void *out, size_t capacity, 
     const int status =
         BZ2_bzBuffToBuffDecompress(out, &length, (char *)(uintptr_t)in, (unsigned)size, 0, 0);
     *got = length;
+    if (status == BZ_MEM_ERROR)
+        return fail_memory(err);
     return status == BZ_OK ||
            sp_fail(err, SP_ERR_FORMAT, "", "the bzip2 data is damaged or longer than its chunk");
 }
@@ -207,8 +215,11 @@ static bool unpack_lzma(const void *in, size_t size, void *out, size_t capacity,
     uint64_t limit = LZMA_MEMORY;
     size_t at = 0;
     *got = 0;
-    return lzma_stream_buffer_decode(&limit, 0, NULL, in, &at, size, out, got, capacity) ==
-               LZMA_OK ||
+    const lzma_ret status =
+        lzma_stream_buffer_decode(&limit, 0, NULL, in, &at, size, out, got, capacity);
+    if (status == LZMA_MEM_ERROR)
+        return fail_memory(err);
+    return status == LZMA_OK ||
            sp_fail(err, SP_ERR_FORMAT, "", "the LZMA data is damaged or longer than its chunk");
 }
 

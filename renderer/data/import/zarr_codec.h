@@ -39,15 +39,15 @@ struct zarr_step {
 
 /* Reads the description of a codec by its name in v2 ("id") or v3; "numcodecs." may stand before
  * it. `number`: the type of the array. A filter that loses digits only when it packs has no step:
- * *is_nothing is set. SP_ERR_UNSUPPORTED, without a place. */
+ * *is_nothing is set. False: SP_ERR_UNSUPPORTED; the caller sets err->place. */
 bool zarr_step_parse(struct zarr_step *step, const char *name, const json_t *settings,
                      bool *is_nothing, struct sp_error *err);
 
 /* The type of v2 and of numpy, "<f8". False if it is none of numbers. */
 bool zarr_number_parse(const char *text, struct import_number *number, bool *is_big_endian);
 
-/* Undoes a step other than BLOSC and ZSTD. *got is at most `capacity`. SP_ERR_FORMAT,
- * SP_ERR_MEMORY, without a place. */
+/* Undoes a step other than BLOSC and ZSTD. *got is at most `capacity`. False: SP_ERR_FORMAT or
+ * SP_ERR_MEMORY; the caller sets err->place. */
 bool zarr_step_undo(const struct zarr_step *step, const void *in, size_t size, void *out,
                     size_t capacity, size_t *got, struct sp_error *err);
 

@@ -5,7 +5,7 @@
  *
  *   ┌────┬────┬────┐   a block has samples of its own: A, B,
  *   │ A  │ 0  │ B  │   or one value, which all of its samples have: 0, 9,
- * ├────┼────┼────┤ or none: ~. They are interpolated between the samples of a coarser grid.
+ *   ├────┼────┼────┤   or none: ~. A coarser grid stands in for it.
  *   │ 0  │ 9  │ ~  │
  *   └────┴────┴────┘   block[(z / 64 · count[1] + y / 64) · count[0] + x / 64]
  */

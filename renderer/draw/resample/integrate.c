@@ -24,7 +24,8 @@ struct interval {
     sp_wide front;    /* where it begins inside: 0 on the sheet at its start, 1 at its end */
     sp_wide share;    /* of the distance between both that lies inside */
     sp_wide mean[4];  /* of the curve over it */
-    sp_wide first[4]; /* the first half's part of the mean; if gradients are needed, as is `half` */
+    sp_wide
+        first[4]; /* the first half's part of the mean; only if gradients are needed, like `half` */
     struct sp_seen_half half[2];
     sp_wide seen;        /* where it is seen: as `front` */
     sp_wide gradient[3]; /* there [gradient_unit] */
@@ -92,14 +93,15 @@ static inline void end_mean(const struct work *work, int begin, sp_wide bin,
     block->entry_sheet[begin] = work->is_cut ? -1 : work->number + 1;
 }
 
-/* The visible part of half an interval. beyond: at its ends. width: of its bins and of all. */
+/* Sets the visible part of half an interval. beyond: how far the values at its ends lie outside the
+ * bins. width, above: its parts in the bins and above them [bins]. inverse: 1 / all of it. */
 static inline void compute_half(const struct sp_curve *curve, const sp_wide beyond[2],
                                 sp_wide above, sp_wide width, sp_wide inverse,
                                 struct sp_seen_half *half) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
     sp_wide before = curve->has_above ? sp_wide_max(-beyond[0], zero) : sp_wide_abs(beyond[0]);
     half->front = sp_wide_min(before * inverse, one);
-    half->length = (sp_wide_abs(width) + above) * inverse;
+    half->length = sp_wide_min((sp_wide_abs(width) + above) * inverse, one - half->front);
 }
 
 /* The mean of the curve over the interval: over its first half, where the value goes from
@@ -166,9 +168,10 @@ static inline void compute_slope(const struct work *work, const struct sp_rays *
         slope[a] = sp_wide_load(work->block->slope[number & 3][a] + begin);
 }
 
-/* What a difference over h to each side adds to the one over ½ [(h² − ¼)/3]. Between sheets half a
- * slice apart, h² = 1/(1 + du² + dv²) would span one sample of the ray, and ½ spans less. 0.7
- * of the way is nearest to exact images (measured). */
+/* Returns (h² − ¼)/3, the part of the factor of `turn` that depends on h (compute_gradient()), for
+ * sheets half a slice apart. There the difference from p − ½ to p + ½ spans less than one sample of
+ * the ray, and h² = 1/(1 + du² + dv²) would span one. 0.7 of the way is nearest to exact images
+ * (measured). */
 static inline sp_wide widen(const struct sp_rays *rays) {
     sp_wide square = 1 + rays->du * rays->du + rays->dv * rays->dv;
     return 0.7f / 3 * (sp_wide_fast_inverse(square) - 0.25f);
@@ -176,7 +179,8 @@ static inline sp_wide widen(const struct sp_rays *rays) {
 
 /* The gradient where the interval is seen, at p between its sheets. Across the ray it is that of
  * the polynomial of degree 3 through the gradients on the four sheets. Along the ray it is the
- * difference of the values' polynomial from p − h to p + h over 2h, h = ½,
+ * difference of the values' polynomial from p − h to p + h over 2h; h = ½, or larger between sheets
+ * half a slice apart (widen()):
  *
  *   rise + past·bend + (past² + (h² − ¼)/3)·turn        past = p − ½
  *

@@ -14,10 +14,11 @@
  *
  *   x(d) = ∫ t e^(−d t) dt / ∫ e^(−d t) dt = 1/d − 1/(e^d − 1)        t from 0 to 1
  *
- * of its thickness (ours; the weights are those of the volume rendering integral, Max 1995). Where
- * all of the first half is visible and the second half emits more light, light also rises inside
- * the halves, which are seen farther back by up to an eighth. Light that rises linearly from zero
- * would want a third; an eighth is nearer to images by brute force (measured).
+ * of its thickness (ours; the weights of the volume rendering integral, Max 1995). Where the second
+ * half emits more light than the first, light also rises inside the halves. The more of the first
+ * half is visible and the more the light rises, the farther back both halves are seen, by up to an
+ * eighth. Light that rises linearly from zero would want a third; an eighth is nearer to images by
+ * brute force (measured).
  *
  * The interval is seen at the mean of both halves' places, weighted by the light that they send to
  * the eye.

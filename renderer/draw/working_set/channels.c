@@ -36,7 +36,7 @@ static bool is_same_grid(const struct sp_grid *a, const struct sp_grid *b) {
     return true;
 }
 
-static bool is_shown_channel(const struct sp_view *view, uint32_t i) {
+static bool is_visible_channel(const struct sp_view *view, uint32_t i) {
     return view->layers[i].visible && view->layers[i].type == SP_LAYER_CHANNEL;
 }
 
@@ -57,7 +57,7 @@ static bool choose_channels(const struct sp_frame_source_job *job,
                             struct sp_error *err) {
     struct sp_frame_source drawn;
     for (uint32_t i = 0; i < job->view->layer_count; i++) {
-        if (!is_shown_channel(job->view, i))
+        if (!is_visible_channel(job->view, i))
             continue;
         if (!sp_frame_source_choose(channels[i], job, &drawn, err))
             return false;
@@ -67,8 +67,8 @@ static bool choose_channels(const struct sp_frame_source_job *job,
     return true;
 }
 
-/* True if all that are shown from bricks have one level. Else *coarsest is the coarsest of theirs.
- * Volumes in memory have all levels. */
+/* True if all volumes that are drawn from bricks have one level. Else *coarsest is the coarsest of
+ * theirs. Volumes in memory have all levels. */
 static bool is_common(struct sp_volume *volume, struct sp_volume *const *channels,
                       const struct sp_frame_source *drawn, const struct found *found,
                       unsigned *coarsest) {
@@ -85,7 +85,7 @@ static bool is_common(struct sp_volume *volume, struct sp_volume *const *channel
     return finest >= *coarsest;
 }
 
-/* Coarsens what is shown until all have one level; each round ends at a coarser one. */
+/* Coarsens the drawn volumes until all have one level; each round ends at a coarser one. */
 static bool choose_common(struct sp_volume *volume, const struct sp_frame_source_job *job,
                           struct sp_volume *const *channels, struct sp_frame_source *drawn,
                           struct found *found, struct sp_error *err) {
@@ -127,7 +127,8 @@ static bool check_grids(struct sp_volume *volume, const struct sp_view *view,
     char place[32];
     for (uint32_t i = 0; i < view->layer_count; i++) {
         snprintf(place, sizeof place, "/layers/%u/id", i);
-        if (is_shown_channel(view, i) && !is_same_grid(whole_grid(volume), whole_grid(channels[i])))
+        if (is_visible_channel(view, i) &&
+            !is_same_grid(whole_grid(volume), whole_grid(channels[i])))
             return sp_fail(err, SP_ERR_INVALID, place,
                            "the samples of \"%s\" lie elsewhere than those of the volume: name "
                            "another field of its file, or a volume with the same grid",

@@ -66,8 +66,8 @@ bool sp_frame_source_choose(struct sp_volume *volume, const struct sp_frame_sour
     const struct sp_render_options *options = wanted->options;
     const unsigned least = wanted->least;
     struct sp_brick_store *store = sp_brick_store_of(volume);
-    struct sp_working_set subvolume;
-    struct sp_brick_subvolume place;
+    struct sp_working_set set;
+    struct sp_brick_subvolume subvolume;
     *drawn = (struct sp_frame_source){ .view = *view, .mip_level = options->mip_level };
     if (!store) {
         drawn->volume = sp_volume_ref(volume);
@@ -87,24 +87,23 @@ bool sp_frame_source_choose(struct sp_volume *volume, const struct sp_frame_sour
         .is_cancelled = is_cancelled,
         .user = (void *)options, /* only read */
     };
-    if (!sp_working_set_choose(&job, &subvolume, &place, err))
+    if (!sp_working_set_choose(&job, &set, &subvolume, err))
         return false;
-    sp_working_set_view(header, &place, view, &drawn->view);
-    drawn->volume = subvolume.volume;
-    const double left = options->mip_level - sp_brick_level_width(&header->level[subvolume.level]);
+    sp_working_set_view(header, &subvolume, view, &drawn->view);
+    drawn->volume = set.volume;
+    const double left = options->mip_level - sp_brick_level_width(&header->level[set.level]);
     drawn->mip_level = left > 0 ? (unsigned)lround(left) : 0;
     uint64_t bricks, bytes;
     sp_brick_store_usage(store, &bricks, &bytes);
     drawn->bricks =
-        (struct sp_frame_bricks){ .is_incomplete = !subvolume.is_complete,
-                                  .is_being_read = subvolume.is_being_read,
-                                  .level =
-                                      subvolume.is_empty ? subvolume.asked : subvolume.coarsest,
+        (struct sp_frame_bricks){ .is_incomplete = !set.is_complete,
+                                  .is_being_read = set.is_being_read,
+                                  .level = set.is_empty ? set.asked : set.coarsest,
                                   .asked = asked < base ? asked : base,
-                                  .wanted = subvolume.wanted,
-                                  .resident = subvolume.resident,
-                                  .lost = place.lost,
+                                  .wanted = set.wanted,
+                                  .resident = set.resident,
+                                  .lost = subvolume.lost,
                                   .memory_bytes = bytes + sp_volume_info(volume)->voxel_bytes };
-    memcpy(drawn->bricks.lost_box, place.lost_box, sizeof place.lost_box);
+    memcpy(drawn->bricks.lost_box, subvolume.lost_box, sizeof subvolume.lost_box);
     return true;
 }

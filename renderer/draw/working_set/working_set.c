@@ -107,33 +107,34 @@ static bool choose_need(const struct sp_working_set_job *job, struct sp_brick_ne
     return true;
 }
 
-bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *subvolume,
-                           struct sp_brick_subvolume *place, struct sp_error *err) {
+bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *set,
+                           struct sp_brick_subvolume *subvolume, struct sp_error *err) {
     struct sp_brick_need need;
-    *subvolume = (struct sp_working_set){ .volume = NULL };
+    *set = (struct sp_working_set){ .volume = NULL };
     if (!choose_need(job, &need))
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the bricks of a frame");
-    subvolume->asked = need.level;
-    subvolume->is_empty = !need.count[0] && need.level < sp_brick_store_base(job->store);
+    set->asked = need.level;
+    set->is_empty = !need.count[0] && need.level < sp_brick_store_base(job->store);
     if (!need.count[0]) { /* the volume that was opened has all, or nothing is seen */
         const struct sp_brick_file *file = sp_brick_store_file(job->store);
-        sp_brick_store_get_base(job->store, sp_working_set_needs_vectors(file, job->view), place);
-        place->is_wanted = true;
-        place->lost = subvolume->is_empty ? 0 : place->lost;
+        sp_brick_store_get_base(job->store, sp_working_set_needs_vectors(file, job->view),
+                                subvolume);
+        subvolume->is_wanted = true;
+        subvolume->lost = set->is_empty ? 0 : subvolume->lost;
     } else {
-        subvolume->wanted = sp_brick_need_wanted(&need);
+        set->wanted = sp_brick_need_wanted(&need);
         bool ok = sp_brick_store_get(job->store, &need, job->wait_ms, job->takes_parts,
-                                     job->is_cancelled, job->user, place, err);
+                                     job->is_cancelled, job->user, subvolume, err);
         free(need.wanted);
         if (!ok)
             return false;
     }
-    subvolume->volume = place->volume;
-    subvolume->level = place->level;
-    subvolume->is_being_read = !place->is_wanted;
-    subvolume->is_complete = place->is_wanted && place->lost == 0;
-    if (place->is_wanted || (place->level == need.level && !subvolume->is_empty))
-        subvolume->resident = subvolume->wanted - place->lost - place->missing;
-    subvolume->coarsest = place->coarsest;
+    set->volume = subvolume->volume;
+    set->level = subvolume->level;
+    set->is_being_read = !subvolume->is_wanted;
+    set->is_complete = subvolume->is_wanted && subvolume->lost == 0;
+    if (subvolume->is_wanted || (subvolume->level == need.level && !set->is_empty))
+        set->resident = set->wanted - subvolume->lost - subvolume->missing;
+    set->coarsest = subvolume->coarsest;
     return true;
 }

@@ -35,10 +35,10 @@ struct sp_working_set {
     bool is_empty;             /* the frame shows no part of the volume */
 };
 
-/* Fills *subvolume, and sets *place to the place of the subvolume in the whole volume.
+/* Fills *set, and *subvolume with its volume and the place of that in the whole volume.
  * SP_ERR_CANCELLED, SP_ERR_MEMORY. */
-bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *subvolume,
-                           struct sp_brick_subvolume *place, struct sp_error *err);
+bool sp_working_set_choose(const struct sp_working_set_job *job, struct sp_working_set *set,
+                           struct sp_brick_subvolume *subvolume, struct sp_error *err);
 
 /* Converts the view for the subvolume's volume: the clip box and the boxes of edits, which are
  * fractions of the whole volume, become fractions of the subvolume. */

@@ -136,8 +136,9 @@ const waitInPage = ({ ms, pollMs }, met) => new Promise((resolve, reject) => {
 export async function until(page, what, condition) {
   const end = performance.now() + DEADLINE_MS;
   for (let ms = DEADLINE_MS; ms > 0; ms = end - performance.now()) {
-    const value = await page.evaluate(`(${waitInPage})(${JSON.stringify({ ms, pollMs: POLL_MS })}, ${condition})`).catch((error) => {
-      if (!/context was destroyed|navigat/.test(error.message)) throw error; // else another page loads: wait in that one
+    const value = await page.evaluate(`(${waitInPage})(${JSON.stringify({ ms, pollMs: POLL_MS })}, ${condition})`).catch(async (error) => {
+      if (!/Execution context was destroyed|because of a navigation/.test(error.message)) throw error;
+      await setTimeout(POLL_MS); // another page loads: wait in that one
     });
     if (value) return value;
     if ((await page.evaluate('window.splatd?.state')) === 'refused') break;

@@ -50,7 +50,7 @@ bool close_group(float depth, vec4 color, inout float light) {
     return true;
 }
 
-// Adds what is shown to the pixel's fragments: parts that are close to each other become one.
+// Adds the visible parts to the pixel's fragments: parts that are close to each other become one.
 bool add_visible() {
     float light = 1.0, nearest = 0.0, depth = 0.0;
     vec4 color = vec4(0);

@@ -2,7 +2,7 @@
 // The samples of a volume, as in memory, and the ranges that a transfer function makes visible.
 //
 //   ordinal   an integer that rises with the sample: the sample itself, or the bits of a real, reversed if negative
-//   shown     intervals of ordinals, low and high, that rise: a range of values meets one that begins at or before its
+//   listed    intervals of ordinals, low and high, that rise: a range of values meets one that begins at or before its
 //             end and ends at or behind its begin
 
 layout(std430, binding = 0) readonly buffer Samples { uint samples[]; };

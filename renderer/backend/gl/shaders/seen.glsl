@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where an interval between two sheets is seen (draw/resample/seen.h).
 
-// Half an interval: colour times optical depth, and optical depth, of its part of the interval's mean; where its visible part
-// begins, and how long that is [shares of the half].
+// Half an interval. mean: its part of the mean of the interval (colour times optical depth, and optical depth). front,
+// length: its visible part [shares of the half].
 struct Half {
     vec4 mean;
     float front, length;

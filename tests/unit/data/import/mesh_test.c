@@ -383,8 +383,10 @@ static void files_that_lie_are_refused(void **state) {
 /* 2.4 GB of zeros, of which the file has one vertex. */
 static void memory_that_runs_out_is_told(void **state) {
     (void)state;
-    if (TEST_SANITIZED)
-        skip(); /* the memory of the process has no limit */
+    if (TEST_SANITIZED) {
+        print_message("skipped: under a sanitizer the memory of a process has no limit\n");
+        skip();
+    }
     write_text("huge.gltf",
                "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
                "\"nodes\":[{\"mesh\":0}],\"meshes\":[{\"primitives\":[{\"attributes\":"

@@ -339,8 +339,8 @@ Half classify_half(float x, float y) {
     float inverse = 1.0 / (float(j - i) + max(-low, 0.0) + above);
     bool has_above = above_bins.w > 0.0;
     float before = max(-a, has_above ? 0.0 : a - top), seen = float(j - i) + (has_above ? above : 0.0);
-    return Half(0.5 * inverse * (integral[j] - integral[i] + above * above_bins), clamp(before * inverse, 0.0, 1.0),
-                seen * inverse);
+    float front = clamp(before * inverse, 0.0, 1.0);
+    return Half(0.5 * inverse * (integral[j] - integral[i] + above * above_bins), front, min(seen * inverse, 1.0 - front));
 }
 
 // 1 − opacity of an optical depth.
