@@ -17,11 +17,11 @@ enum memory_end { MEMORY_FAILS_ONCE, MEMORY_STAYS_OUT };
 /* Lets the next n allocations succeed and the one after them fail. With MEMORY_STAYS_OUT, all later
  * allocations fail as well. */
 void memory_fail_after(long n, enum memory_end end);
-/* For code that runs again and again, each time with another allocation that fails. A place is the
- * chain of the innermost MEMORY_PLACE_CALLS calls: its first two allocations fail, each in a run of
- * its own. The second one is in the second round of a loop, when something of the first round must
- * be released. memory_fail_at_place() lets the next of all these allocations fail once;
- * memory_forget_places() starts again with the first. */
+/* For a test that repeats the same code, each time with another allocation that fails. A place is
+ * the chain of the innermost MEMORY_PLACE_CALLS calls. The first two allocations of each place
+ * fail, each in a run of its own. In a loop, the second allocation belongs to the second round; if
+ * it fails, the code must release what the first round made. memory_fail_at_place() lets the next
+ * of these allocations fail once; memory_forget_places() starts again with the first place. */
 enum { MEMORY_PLACE_CALLS = TEST_TSAN ? 4 : 16 }; /* TSan: a sample of the places */
 void memory_fail_at_place(void);
 void memory_forget_places(void);
@@ -30,7 +30,7 @@ void memory_forget_places(void);
 bool memory_restore(void);
 /* Returns the size of the largest allocation since the last call [bytes]. */
 size_t memory_consume_largest(void);
-/* true: the allocations of the calling thread succeed and do not count. false: the default. */
+/* true: all allocations of the calling thread succeed, and none is counted. false: the default. */
 void memory_exempt_thread(bool is_spared);
 
 /* For the allocator of a library: counts one allocation. Returns false if it must fail. */

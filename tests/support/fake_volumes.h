@@ -15,7 +15,7 @@ struct fake_volumes {
 
 /* For struct srv_hub_options; `volumes` lives as long as the hub. */
 struct srv_volume_source fake_volume_source(struct fake_volumes *volumes);
-/* The other callbacks of such a hub; they do nothing. */
+/* For the other callbacks of the hub: does nothing. */
 void fake_ignore(void *user);
 
 #endif

@@ -23,9 +23,9 @@
 typedef double test_quad __attribute__((vector_size(32), aligned(32)));
 
 struct test_axis {
-    double *place; /* distance of each padded sample; beyond the border the last gap repeats */
-    double *size;  /* its local spacing */
-    double step;   /* the smallest of them, or the spacing of an even axis */
+    double *place; /* distance of each padded sample; the last gap repeats beyond the border */
+    double *size;  /* the local spacing of each padded sample */
+    double step;   /* the smallest local spacing, or the spacing of an even axis */
     bool even;
 };
 

@@ -19,7 +19,7 @@ struct test_projection {
     const struct test_scene *scene;
     double w[3][3];       /* world → camera */
     double scale;         /* f or s, px */
-    double sigma, radius; /* of the kernel: deviation [voxels], radius [deviations] */
+    double sigma, radius; /* standard deviation [voxels] and radius [deviations] of the kernel */
     bool perspective, cubic, post;
     int planes; /* a plane keeps normal·t ≥ offset */
     struct test_half_space {
@@ -55,7 +55,7 @@ struct test_crossing {
     double length;    /* of the whole kernel on the ray [world units] */
     double rho;       /* cubic only: distance of the ray from the kernel's centre [voxels] */
     double all;       /* cubic only: F(ρ) */
-    double low, high; /* what the clip planes leave [standard deviations from the mean depth] */
+    double low, high; /* the part that clip planes keep [standard deviations from the mean depth] */
 };
 bool test_footprint_cross(const struct test_projection *p, const struct test_footprint *f,
                           const double d[2], struct test_crossing *c);

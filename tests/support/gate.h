@@ -19,7 +19,7 @@ struct gate { /* all guarded by the mutex, as are the test's own counters */
 extern struct gate gate;
 
 void gate_reset(void); /* sets the counters to 0 */
-/* Waits at the gate. False if it was cancelled. Calls `look` (may be NULL) while it waits. */
+/* Waits at the gate. Returns false if *cancel was set. Calls `look` (may be NULL) while waiting. */
 bool gate_pass(const atomic_bool *cancel, void (*look)(void *user), void *user);
 void gate_let_through(unsigned count);
 

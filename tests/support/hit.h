@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a reference finds on a ray: references of several layers give lists of hits, which are
- * composited together (mixed.h).
+ * The hits that a reference renderer finds on a ray. Each layer has a reference renderer; mixed.h
+ * composites the hits of all layers together.
  */
 #ifndef TESTS_SUPPORT_HIT_H
 #define TESTS_SUPPORT_HIT_H

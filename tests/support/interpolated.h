@@ -22,8 +22,8 @@
  * memory. */
 bool test_interpolated(const struct test_scene *scene, unsigned steps, struct test_image *image);
 
-/* Called with the ray of a pixel: distances `from` the eye `to` where nothing more is, and the step
- * to sample it with; writes four numbers for the pixel. */
+/* Called with the ray of a pixel, whose samples are `step` apart. Nothing to draw lies outside the
+ * distances [from, to] from the eye. Writes four numbers for the pixel. */
 typedef void test_ray_fn(void *user, const double eye[3], const double ahead[3], double from,
                          double to, double step, double *rgba);
 
@@ -31,7 +31,7 @@ typedef void test_ray_fn(void *user, const double eye[3], const double ahead[3],
 bool test_each_ray(const struct test_scene *scene, unsigned steps, test_ray_fn *follow, void *user,
                    struct test_image *image);
 
-/* The same for the rows [begin, end) of the view, which become the image. */
+/* The same for the rows [begin, end) of the view only; the image has only these rows. */
 bool test_ray_rows(const struct test_scene *scene, unsigned steps, unsigned begin, unsigned end,
                    test_ray_fn *follow, void *user, struct test_image *image);
 

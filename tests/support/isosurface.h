@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Iso-surfaces by brute force, in double precision: rays are intersected with f = v, where f is the
- * trilinear interpolant of the samples. That is the field whose surface
- * renderer/draw/layers/surface splats: its points lie on it. The normal is the interpolated
- * gradient of the samples. Each intersection is shaded, and those of all surfaces of the view are
- * composited front to back. It shares no code with the renderer.
+ * trilinear interpolant of the samples. renderer/draw/layers/surface splats the same surface: its
+ * points lie on f = v. The normal is the interpolated gradient of the samples. Each intersection is
+ * shaded, and the intersections with all surfaces of the view are composited front to back. It
+ * shares no code with the renderer.
  *
  * The surface ends at the outermost samples, and where clipping removes it.
  */

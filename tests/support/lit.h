@@ -3,10 +3,10 @@
  * Ambient occlusion and soft shadow by brute force, in double precision: rays from a point through
  * the interpolated and classified volume. It shares no code with the renderer.
  *
- * The light of a place is that of a point before it, so that a surface does not darken itself: 1½
- * samples nearer to the eye and, where the gradient is one of a surface, one sample along the
- * normal. Optical depth τ counts from half a slice of samples away from that point. With the
- * extinction σ, for a direction ω:
+ * The light of a place is taken at a point before it, so that a surface does not darken itself: 1½
+ * samples nearer to the eye and, the steeper the values, up to one sample along the normal. Optical
+ * depth τ counts from half a slice of samples away from that point. With the extinction σ, for a
+ * direction ω:
  *
  *   occlusion      A(ω) = ∫ e^−s/R e^−τ(s) σ(s) ds      R: a tenth of the volume's diagonal
  *   openness       1 + E − 2·mean of A over the sphere, in [0, 1]; E: 2·mean of A at a distance of
@@ -23,17 +23,18 @@ enum { TEST_LIT_AROUND = 64, TEST_LIT_DISC = 16, TEST_LIT_VALUES = 4096 };
 struct test_lit {
     const struct test_interpolant *field; /* borrowed */
     const struct sp_view *view;
-    double step;   /* of rays, world units */
+    double step;   /* between samples of a ray, world units */
     double cell;   /* width of two samples, world units */
     double fading; /* R */
     double plane;  /* E */
-    double radius; /* rays this long leave the volume */
-    double firm;   /* length of the gradient of a surface */
+    double radius; /* a ray of this length ends outside of the volume */
+    double firm;   /* change of the value per sample at a surface */
     double around[TEST_LIT_AROUND][3], disc[TEST_LIT_DISC][3]; /* unit, world space */
     bool is_clipped;
     double low, per_unit;   /* entry of `depth` = (value − low)·per_unit */
     double *depth;          /* owned; extinction per world unit without the gradient */
-    unsigned char *visible; /* owned; [count]: something between these values may be visible */
+    unsigned char *visible; /* owned; [count]: a value between the samples at the corners of this
+                               cell may be visible */
 };
 
 /* `steps` per smallest spacing. The axes must have even spacing. False when out of memory. */

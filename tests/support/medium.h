@@ -37,7 +37,7 @@ void test_medium_ray(const struct sp_camera *camera, double x, double y, double 
 /* An axis of the grid as a vector, and its range of dot(axis, p − origin). */
 void test_medium_axis(const struct sp_grid *grid, int a, double axis[3], double range[2]);
 
-/* The part [t0, t1] of a ray in the volume, or in its clip box; false = none. */
+/* Sets [t0, t1], the part of a ray in the volume or in its clip box. False if it is empty. */
 bool test_medium_cut(const struct test_medium *medium, const double from[3], const double along[3],
                      bool clipped, double t[2]);
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Meshes of tests, and their image by brute force in double precision: every ray is intersected
- * with every triangle, each intersection is shaded, and those of a ray are composited front to
- * back. It shares no code with the renderer.
+ * with every triangle, each intersection is shaded, and the intersections of a ray are composited
+ * front to back. It shares no code with the renderer.
  */
 #ifndef TESTS_SUPPORT_MESH_H
 #define TESTS_SUPPORT_MESH_H
@@ -26,8 +26,8 @@ bool test_mesh_torus(struct sp_elements *mesh, uint32_t n, double circle, double
 bool test_mesh_cube(struct sp_elements *mesh, double side);
 
 /* Renders one layer of geometry with rays·rays rays per pixel, over a transparent background.
- * `grid` is that of the volume of which the clip box has fractions. Parts that are nearer than the
- * near plane or clipped are left out. False when out of memory. */
+ * The clip box has fractions of the volume with the grid `grid`. Parts that are clipped or nearer
+ * than the near plane are left out. False when out of memory. */
 bool test_mesh_render(const struct sp_elements *mesh, const struct sp_layer *layer,
                       const struct sp_view *view, const struct sp_grid *grid, int rays,
                       struct test_image *image);
@@ -43,8 +43,8 @@ void test_mesh_rays_destroy(struct test_mesh_rays **rays);
 /* Chooses the pixel of the next rays. */
 void test_mesh_rays_pixel(struct test_mesh_rays *rays, unsigned x, unsigned y);
 
-/* Fills hits[TEST_HITS_MAX] with what a ray through the chosen pixel meets, front to back; returns
- * their number. */
+/* Fills hits[TEST_HITS_MAX] with the intersections of a ray through the chosen pixel, front to
+ * back; returns their number. */
 int test_mesh_rays_hits(const struct test_mesh_rays *rays, double x, double y,
                         struct test_hit *hits);
 

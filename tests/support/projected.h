@@ -10,9 +10,9 @@
 #include "support/scene.h"
 
 /* Writes four numbers per pixel: the largest and the smallest value, the integral of
- * max(value − zero, 0) and the length of the ray inside; length 0 = it misses the volume. Follows
- * the rays once for two zeros, each with numbers of its own. Samples must be finite. False when out
- * of memory; the caller then finishes both images too. */
+ * max(value − zero, 0) and the length of the ray inside the volume; length 0 = the ray misses it.
+ * Follows the rays once for two values of zero, each with an image of its own. Samples must be
+ * finite. False when out of memory; the caller finishes both images in this case as well. */
 bool test_projected(const struct test_scene *scene, unsigned steps, const double zero[2],
                     struct test_image numbers[2]);
 

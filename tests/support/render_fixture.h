@@ -22,7 +22,7 @@ struct render_fixture {
 struct render_fixture_options {
     unsigned queue_max;      /* snapshots that may wait */
     unsigned encode_threads; /* in the foreground; 0 = one */
-    double rest_ms;          /* a view that did not change for this long is at rest */
+    double rest_ms;          /* a view is at rest when it has not changed for this long */
     uint64_t memory_bytes;   /* budget for voxels; 0 = 1 MiB */
     bool is_empty;           /* loads no volume */
     /* Called by the catalog with the state of a volume, on its threads. NULL = never. */

@@ -12,7 +12,7 @@
 #include "sp/view.h"
 #include "sp/volume.h"
 
-/* Returns a sample as a double; `index` counts voxels. NaN and infinities stay as they are. */
+/* Returns a sample as a double; `index` counts voxels. NaN and infinities stay unchanged. */
 double test_sample(const void *voxels, enum sp_type type, size_t index);
 
 /* Index of the sample i (i0 fastest). */
@@ -47,7 +47,7 @@ double test_camera_scale(const struct sp_view *view);
 void test_shade(const struct sp_view *view, const double ahead[3], const double gradient[3],
                 double color[3]);
 
-/* The same where only shares of the light arrive: share[0] of ambient and diffuse light, share[1]
+/* The same for a place that light reaches in part: share[0] of ambient and diffuse light, share[1]
  * of the first light. */
 void test_shade_shares(const struct sp_view *view, const double ahead[3], const double gradient[3],
                        const double share[2], double color[3]);

@@ -27,7 +27,7 @@ struct test_shell {
     struct sp_voxel_input input; /* of the last call of test_shell_start() */
 };
 
-/* Takes the scene, whose voxels and view are filled. Kernels are those of the scalar reference. */
+/* Takes the scene, whose voxels and view are filled. Uses the kernels of the scalar reference. */
 void test_shell_open(struct test_shell *rig, struct test_scene *scene, unsigned threads);
 void test_shell_close(struct test_shell *rig);
 
@@ -39,18 +39,18 @@ void test_shell_add_vectors(struct test_shell *rig,
 /* Fills rig->input from the scene's view and the layer. frame may be NULL. */
 const struct sp_voxel_input *test_shell_start(struct test_shell *rig, struct sp_frame *frame);
 
-/* The job that such a frame gives to the cache. */
+/* Returns the job that a frame of this shell gives to the cache. */
 struct sp_shell_job test_shell_job(const struct test_shell *rig);
 
 /* Draws the shell. False with *err set on failure. */
 bool test_shell_draw(struct test_shell *rig, struct test_image *image, struct sp_error *err);
 
-/* Draws the shell by its fragments, which are composited in order of depth. */
+/* Draws the fragments of the shell and composites them in order of depth. */
 bool test_shell_draw_fragments(struct test_shell *rig, struct test_image *image,
                                struct sp_error *err);
 
-/* By voxel of the volume: the code that the definition gives it (list.h), or −1 if it is not in the
- * shell. malloc'ed. */
+/* Returns for each voxel of the volume its code by the definition in list.h, or −1 if the voxel is
+ * not in the shell. malloc'ed. */
 int *test_shell_codes(const struct test_shell *rig);
 
 /* A ray through the middle of pixel (x, y), in distances along the axes of the grid from sample 0:
@@ -64,8 +64,8 @@ struct test_ray test_shell_ray(const struct test_shell *rig, double x, double y)
 bool test_shell_hit(const struct test_shell *rig, const struct test_ray *ray, const uint32_t i[3],
                     double t[2]);
 
-/* The first cell of an opaque voxel of the shell that each pixel's ray meets: index of the voxel,
- * or −1. codes: test_shell_codes(). malloc'ed, [height][width]. */
+/* Returns for each pixel the index of the opaque voxel of the shell whose cell the pixel's ray
+ * meets first, or −1. codes: test_shell_codes(). malloc'ed, [height][width]. */
 int64_t *test_shell_march(const struct test_shell *rig, const int *codes);
 
 #endif

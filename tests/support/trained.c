@@ -130,7 +130,8 @@ static int compare_depths(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* The 2 by 3 Jacobian at u: Kerbl et al. bound the ratios to 1.3 times those of the image. */
+/* The 2 by 3 Jacobian at u. Kerbl et al. limit the ratios u0/u2 and u1/u2 to 1.3 times their value
+ * at the border of the image. */
 static void compute_jacobian(const struct eye *eye, const double u[3], double j[2][3]) {
     memset(j, 0, 6 * sizeof(double));
     for (int i = 0; i < 2; i++) {

@@ -31,14 +31,14 @@ bool test_trained_render(const struct test_gaussian *gaussians, unsigned count, 
                          const struct sp_view *view, const struct sp_layer *layer,
                          struct test_image *image);
 
-/* The same Gaussians before they are composited, front to back. NULL when out of memory. */
+/* Returns the Gaussians before they are composited, front to back. NULL when out of memory. */
 struct test_trained *test_trained_create(const struct test_gaussian *gaussians, unsigned count,
                                          unsigned degree, const struct sp_view *view,
                                          const struct sp_layer *layer);
 void test_trained_destroy(struct test_trained **trained);
 
-/* Fills hits[] with those at a point of the image [px], front to back; returns their number, at
- * most `count` of test_trained_create(). */
+/* Fills hits[] with the Gaussians at a point of the image [px], front to back; returns their
+ * number, at most `count` of test_trained_create(). */
 unsigned test_trained_hits(const struct test_trained *trained, double x, double y,
                            struct test_hit *hits);
 
