@@ -256,9 +256,10 @@ static float largest_difference(const struct sp_frame *a, const struct sp_frame 
     return most;
 }
 
-/* After a series of edits, the image and the number of visible voxels equal those of a renderer
- * that has seen only the last transfer function. The scalar kernels give equal bits. The others add
- * several voxels at a time, in an order that depends on hidden voxels in the lists. */
+/* After each edit, a renderer that has seen all edits and a renderer whose cached data was evicted
+ * give the same image and the same number of visible voxels. The scalar kernels give equal bits.
+ * Other kernels add several voxels at a time, in an order that depends on hidden voxels in the
+ * lists. */
 static void check_edits(const char *isa, float tolerance) {
     struct rig rig = rig_make("cpu", 2, rig_make_ball(36, (double[3]){ 1, 1, 1 }));
     struct rig fresh = rig_make("cpu", 2, sp_volume_ref(rig.volume));
@@ -272,7 +273,7 @@ static void check_edits(const char *isa, float tolerance) {
         struct sp_transfer_function *tf = &rig.view.transfer_function;
         tf->points[0].value = k < 30 ? 300 + 200 * sin(k * 0.4) + (k % 7 == 6 ? 250 : 0) : 250;
         tf->points[1].color[1] = (float)(k % 3) / 2;
-        rig.view.camera.position[k % 3] += 3; /* the view turns, too */
+        rig.view.camera.position[k % 3] += 3; /* the camera also moves */
         rig.view.shading.mode = k % 10 > 5 ? SP_SHADING_PHONG : SP_SHADING_NONE;
         rig.view.compositing.mode = (enum sp_compositing)(k % 3);
         fresh.view = rig.view;
@@ -314,7 +315,7 @@ static void lists_are_cut_down_when_edits_stop(void **state) {
     uint64_t rests = memory_at(&rig, 290, 20);
     sp_renderer_evict(rig.renderer, rig.volume);
     uint64_t fresh = memory_at(&rig, 290, 1), histogram = rests - fresh;
-    assert_compare(hides, >=, exact); /* the list stays as it is */
+    assert_compare(hides, >=, exact); /* the list keeps hidden voxels */
     assert_compare(hides - exact, <=, histogram);
     assert_compare(shows, >, fresh + histogram + 5000);
     assert_compare(histogram, <=, 1001 * sizeof(uint64_t));
@@ -358,7 +359,7 @@ static void endless_work_can_be_cancelled(void **state) {
     pthread_join(thread, NULL); /* the time limit of the test ends this if cancelling fails */
     assert_null(c.frame);
     assert_int_equal(c.err.code, SP_ERR_CANCELLED);
-    atomic_store(&c.cancel, true); /* set before the call: classification sees it, too */
+    atomic_store(&c.cancel, true); /* set before the call, so classification sees it */
     sp_renderer_evict(rig.renderer, rig.volume);
     render_thread(&c);
     assert_null(c.frame);

@@ -176,7 +176,7 @@ void fakes_scene_init(struct fakes_scene *s, const struct sp_renderer_options *o
     sp_view_init(&s->view, sp_volume_info(s->volume), "phantom");
     s->view.size[0] = s->view.size[1] = 16;
     s->view.transfer_function.order = SP_TF_PRE; /* auto has a second choice, and draws twice */
-    for (int i = 0; i < FAKES; i++)              /* the startup check draws, too */
+    for (int i = 0; i < FAKES; i++)              /* the startup check also draws */
         fakes[i].renders = 0;
 }
 

@@ -11,12 +11,12 @@
 #include "sp/log.h"
 #include "sp/renderer.h"
 
-/* What the fakes do, and a record of what they did. */
+/* How a fake backend behaves, and a record of its calls. */
 struct fake {
     const char *name;
     bool starts;
     unsigned failures;    /* how many of the next renders fail */
-    unsigned refusals;    /* the same for frames in flight */
+    unsigned refusals;    /* how many of the next begins of frames in flight fail */
     enum sp_code code;    /* the code of these errors */
     atomic_bool *cancels; /* each failure sets this flag */
     uint8_t paint;        /* value of the wrong bytes … */

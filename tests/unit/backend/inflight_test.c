@@ -95,7 +95,7 @@ static void a_failure_loses_no_other_frame(void **state) {
             begin(&s, 16);
             fakes[GPU].refusals = refused == SECOND;
             begin(&s, 17);
-            begin(&s, 18); /* no frame is begun after one that waits */
+            begin(&s, 18); /* no frame begins after a frame that waits */
             assert_int_equal(fakes[GPU].begun_count, refused == NONE ? 2 : 0);
             fakes[GPU].failures = failed;
             for (uint32_t i = 0; i < 3; i++)

@@ -150,8 +150,8 @@ static void directions_in_16_bits_are_within_about_a_degree(void **state) {
     assert_int_not_equal(sp_gradient_pack_direction(down), 0);
 }
 
-/* Compares the stored directions of bricks with those of single voxels: every type, at borders, on
- * uniform and rectilinear grids. */
+/* Compares the stored directions of bricks with the directions of single voxels: every type, at
+ * borders, on uniform and rectilinear grids. */
 static void directions_of_bricks_equal_those_of_voxels(void **state) {
     (void)state;
     enum { X = 19, Y = 17, Z = 1 + SP_BRICK, COUNT = X * Y * Z };

@@ -40,7 +40,7 @@ static void encoding_is_correct_after_an_allocation_failure(void **state) {
         enum sp_image_format format;
         long failures; /* minimum number of allocations: the encoder, its buffers and their users */
     } cases[] = { { SP_IMAGE_JPEG, 2 },
-                  { SP_IMAGE_PNG, 9 }, /* includes those of the library */
+                  { SP_IMAGE_PNG, 9 }, /* with the library's own */
                   { SP_IMAGE_WEBP, 3 },
                   { SP_IMAGE_EXR, 3 } };
     struct sp_frame frame = noise(true);

@@ -199,7 +199,7 @@ static void jpeg_has_the_requested_chroma_subsampling(void **state) {
         free(image.pixels);
         sp_encoder_destroy(&encoder);
     }
-    /* 4:4:4 preserves the colours, 4:2:2 mixes those of columns, 4:2:0 also those of rows. */
+    /* 4:4:4 preserves the colours; 4:2:2 mixes colours of columns, 4:2:0 of columns and rows. */
     assert_compare(differences[0], <, 5);
     assert_compare(differences[1], >, 3 * differences[0]);
     assert_compare(differences[2], >, 1.5 * differences[1]);

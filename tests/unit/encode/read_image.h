@@ -14,8 +14,8 @@ struct decoded_image {
                       them */
 };
 
-/* Decodes a file in memory and leaves alpha as it is in the file. Returns 0 on failure, after
- * printing the reason. */
+/* Decodes a file in memory; does not change its alpha. Prints the reason and returns 0 on
+ * failure. */
 int read_image(const char *extension, const void *bytes, size_t size, struct decoded_image *image);
 
 #ifdef __cplusplus

@@ -8,7 +8,7 @@
 
 #include "ops/metrics.h"
 
-/* What /metrics tells of `name{key="value"}`; -1 = nothing. */
+/* Returns the value of `name{key="value"}` in /metrics; -1 = it is not there. */
 static inline long metric_value(const struct srv_metrics *metrics, const char *name,
                                 const char *key, const char *value) {
     char *text = NULL, series[96];
@@ -23,12 +23,12 @@ static inline long metric_value(const struct srv_metrics *metrics, const char *n
     return count;
 }
 
-/* Frames that were dropped for this reason. */
+/* Returns how many frames were dropped for this reason. */
 static inline long counted_drops(const struct srv_metrics *metrics, const char *reason) {
     return metric_value(metrics, "splatd_drops_total", "reason", reason);
 }
 
-/* Times that this stage was timed. */
+/* Returns how often this stage was timed. */
 static inline long counted_stages(const struct srv_metrics *metrics, const char *stage) {
     return metric_value(metrics, "splatd_stage_seconds_count", "stage", stage);
 }

@@ -238,7 +238,8 @@ static void a_volume_without_mip_levels_is_drawn_whole(void **state) {
     sp_arena_finish(&arena);
 }
 
-/* The variances of the box and of the kernel add up to that of the kernel of voxels. */
+/* The variances of the box and of the cells' kernel add up to the variance of the voxels' kernel.
+ */
 static void kernels_of_cells_leave_out_the_variance_of_the_box(void **state) {
     (void)state;
     for (int k = 0; k < 20; k++) {

@@ -195,7 +195,7 @@ static void means_of_means_are_means(void **state) {
     }
 }
 
-/* For any bits, the light is finite and not more than that of the light source. */
+/* For any bits, the light is finite and at most the light of the source. */
 static void any_bits_give_light_within_bounds(void **state) {
     (void)state;
     srand(33);

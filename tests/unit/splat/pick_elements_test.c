@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Picking of points, Gaussians and triangles: the opacity of a ray is that of the pixel, and places
- * have closed forms.
+ * Picking of points, Gaussians and triangles: the opacity of a ray equals the opacity of the pixel,
+ * and places have closed forms.
  */
 #include <math.h>
 #include <setjmp.h>

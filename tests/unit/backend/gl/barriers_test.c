@@ -3,9 +3,9 @@
  * Synchronisation that a GPU needs. Software GL works without it, because it runs one command after
  * the other. So the test intercepts the calls on their way to the driver and checks three rules:
  *
- *   - a storage barrier stands between a dispatch that writes a buffer and one that reads it
- *   - a buffer update barrier stands between such a dispatch and a call that reads or writes the
- * buffer
+ *   - a storage barrier stands between a dispatch that writes a buffer and a dispatch that reads it
+ *   - a buffer update barrier stands between a dispatch that writes a buffer and a call that reads
+ *     or writes the buffer
  *   - the CPU reads a frame only after its fence has passed; fences pass late here
  *
  * The source of a program tells which buffers it reads and writes.

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Lists of visible voxels that the GPU makes equal those of the CPU, and an edit uploads only a few
+ * Lists of visible voxels from the GPU equal lists from the CPU, and an edit uploads only a few
  * bytes. Runs on software GL, or on a GPU (support/gl.h).
  */
 #include <setjmp.h>
@@ -160,7 +160,7 @@ static void an_edit_by_value_uploads_a_few_bytes_a_brick(void **state) {
             const struct sp_classify_job job = make_job(rig, &tf, true);
             uint64_t before = rig->residency.uploaded;
             assert_in_range(get(rig, volume, &job)->count, 10000, 64 * 64 * 64);
-            if (i > 0) /* the samples were uploaded, too */
+            if (i > 0) /* the first get() also uploads the samples */
                 assert_in_range(rig->residency.uploaded - before, 1, most);
             tf.points[0].color[2] = 1;
             before = rig->residency.uploaded;

@@ -307,7 +307,7 @@ static void an_edit_uploads_what_it_changes(void **state) {
     test_scene_finish(&scene);
 }
 
-/* After any edits, a frame equals that of a renderer which sees the volume for the first time. */
+/* After any edits, a frame equals the frame of a renderer that has no data of the volume. */
 static void edits_match_a_fresh_renderer(void **state) {
     struct rig *rig = *state, fresh;
     struct sp_error err;
@@ -367,7 +367,8 @@ static void a_change_of_view_uploads_a_few_hundred_bytes(void **state) {
     }
 }
 
-/* One renderer draws changing views of changing volumes. A new renderer draws each of them, too. */
+/* One renderer draws changing views of changing volumes. A new renderer draws each of them again.
+ */
 static void cached_data_of_other_views_changes_nothing(void **state) {
     struct rig *rig = *state;
     static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_inside,

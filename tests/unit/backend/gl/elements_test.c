@@ -161,8 +161,8 @@ static void release(struct gl_state *gl) {
     gl_context_unbind(gl->context);
 }
 
-/* Triangles of a tile take several passes, those of the mesh several batches, and bands are one row
- * of tiles high. */
+/* The triangles of a tile take several passes, the triangles of the mesh take several batches, and
+ * bands are one row of tiles high. */
 static void pieces_of_meshes_add_up(void **state) {
     struct resample_rig *rig = *state;
     struct gl_state *gl = resample_rig_gl(rig);

@@ -22,8 +22,8 @@ struct driver {
     const char *file;       /* path of the device node */
     int video_mib;          /* from GL_NVX_gpu_memory_info; 0 = unknown */
     bool compiles_nothing;
-    bool lacks_memory; /* for buffers */
-    bool is_refused;   /* by whoever starts on it, once all is there */
+    bool lacks_memory; /* allocations of buffers fail */
+    bool is_refused;   /* the startup check finds wrong images */
 };
 
 enum { DEVICES = 4, SURFACELESS = DEVICES, DEFAULT, DRIVERS };
@@ -34,17 +34,17 @@ extern const char all_extensions[];
 
 enum { NAMES = 1 << 16 };
 
-struct machine { /* objects that exist now */
+struct machine { /* the objects that exist now */
     EGLint error;
     struct driver *current;
     int contexts, surfaces;
     bool is_live[NAMES]; /* programs and buffers; as in GL, deleting one twice is ignored */
     GLenum gl_error;
     GLuint names;   /* names given out so far */
-    unsigned asked; /* bit n: driver n works */
+    unsigned asked; /* bit n: the startup check ran on driver n */
     int minor;      /* of the newest context */
     bool tells_reset;
-    unsigned initialised; /* bit n = driver n */
+    unsigned initialised; /* bit n: eglInitialize was called on driver n */
 };
 extern struct machine machine;
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Two frames of the GPU backend in flight. The second one changes data on the GPU before the first
- * is finished; each image still equals the one that is drawn alone. A second run covers drivers
- * whose buffers cannot stay mapped.
+ * Two frames of the GPU backend in flight. The second frame changes data on the GPU before the
+ * first is finished; each image still equals the image of its frame drawn alone. A second run
+ * covers drivers whose buffers cannot stay mapped.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -138,7 +138,7 @@ static void a_few_batches_are_handed_over(void **state) {
     finish(rig, &jobs[1], &rig->shots[0]);
 }
 
-/* The lists of the second volume replace those of the first. */
+/* The lists of the second volume replace the lists of the first. */
 static void a_volume_can_be_evicted_while_its_frame_is_in_flight(void **state) {
     struct rig *rig = *state;
     uint64_t limit = rig->state->residency.limit_bytes, bytes = 0;

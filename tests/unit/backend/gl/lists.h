@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Compares lists of visible voxels that the GPU makes with those of the CPU. Also builds volumes
- * and transfer functions. Every failure fails the test.
+ * Compares lists of visible voxels that the GPU makes with lists that the CPU makes. Also builds
+ * volumes and transfer functions. Every failure fails the test.
  */
 #ifndef TEST_GL_LISTS_H
 #define TEST_GL_LISTS_H
@@ -26,7 +26,8 @@ struct shape {
 
 double uniform(double low, double high);
 
-/* Returns a smooth volume with noise; a third has one value. Real types also have NaN samples. */
+/* Returns a smooth volume with noise; one third of it has a single value. Real types also have NaN
+ * and −∞. */
 struct sp_volume *make_volume(const struct shape *shape);
 
 /* Returns a function that is visible in the part [from, to] of the range of values. */
@@ -39,18 +40,18 @@ struct sp_classify_job make_job(struct rig *rig, const struct sp_transfer_functi
 const struct gl_visible_list *get(struct rig *rig, struct sp_volume *volume,
                                   const struct sp_classify_job *job);
 
-/* The caller frees it. */
+/* Returns the first bytes of a buffer of the GPU. The caller frees them. */
 void *read_back(const struct gl_buffer *buffer, uint64_t bytes);
 
-/* Compares two classes: extinctions to rounding, colours only where the extinction is not 0. */
+/* Compares two classes: the depths up to rounding, the colours where the depth is above 1e-6. */
 void check_class(const float got[4], const struct sp_class *wanted);
 
-/* What of the processor's lists the GPU's differ in is nothing. What is hidden may be missing, of
- * types with a table by key, order pre, unless is_exact. */
+/* Compares a list of the GPU with the CPU's: bricks, voxels, keys or classes, normals. Unless
+ * is_exact, the GPU may list more voxels than the CPU, if the table by key hides them. */
 void check_list(const struct gl_visible_list *list, const struct sp_level *level, bool normals,
                 bool is_exact);
 
-/* Compares with a list that the CPU makes from the samples. */
+/* Classifies level 0 on both and compares the GPU's list with the CPU's. */
 void check_against_processor(struct rig *rig, struct sp_volume *volume,
                              const struct sp_classify_job *job, bool is_exact);
 

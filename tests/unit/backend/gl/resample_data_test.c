@@ -136,7 +136,7 @@ static void a_frame_that_does_not_fit_is_refused(void **state) {
     resample_report(rig);
 }
 
-/* Without memory for another axis, the image is that of one. */
+/* Without memory for the sheets of a second axis, the image has sheets of one axis only. */
 static void an_axis_that_does_not_fit_is_left_out(void **state) {
     struct resample_rig *rig = *state;
     struct gl_state *gl = resample_rig_gl(rig);

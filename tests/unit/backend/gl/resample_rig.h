@@ -17,8 +17,8 @@ struct resample_rig {
     void *states[BACKENDS];
     struct sp_frame_pool *pool;
     unsigned drawn;
-    unsigned edge_pixels; /* that may differ: a sample of a mesh lies on an edge there */
-    double worst;         /* dB */
+    unsigned edge_pixels; /* pixels that may differ: a sample of a mesh lies on an edge there */
+    double worst;         /* the smallest PSNR, dB */
 };
 
 struct resample_shot {
@@ -41,8 +41,8 @@ bool resample_try(struct resample_rig *rig, int by, const struct resample_shot *
 struct test_image resample_draw(struct resample_rig *rig, int by, const struct resample_shot *shot,
                                 struct sp_frame_stats *stats);
 
-/* Both backends draw it, and must agree. resample_report() prints the smallest PSNR since the last
- * report. */
+/* Draws the shot with both backends and fails unless the images agree. resample_report() prints the
+ * smallest PSNR since the last report. */
 void resample_check(struct resample_rig *rig, const char *what, const struct resample_shot *shot);
 void resample_report(struct resample_rig *rig);
 

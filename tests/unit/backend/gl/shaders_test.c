@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * A driver that does not compile one of the shaders. The test appends an invalid line to the
- * source; the log and the refusal are those of the real driver. Runs on software GL.
+ * source; the real driver writes the log and refuses the shader. Runs on software GL.
  */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -216,7 +216,7 @@ static void a_faint_slab_along_a_face_is_hidden(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* A ball with a core, and thin plates behind it, whose values are those of its blurred edges. */
+/* A ball with a core, and thin plates behind it that have the values of the ball's blurred edge. */
 static double ball_and_plates(double x, double y, double z) {
     double r = distance(x, y, z, 32, 32, 32);
     if (x < 8)

@@ -132,7 +132,8 @@ static void draw_path(char *path, size_t size, uint32_t most) {
                                  parts[draw(sizeof parts / sizeof *parts)]);
 }
 
-/* A folder "root" and a folder "out" beside it, without links in the latter. */
+/* Fills a folder "root" with folders, files and links, and a folder "out" beside it without
+ * links. */
 static void make_tree(const char *top) {
     char path[600], target[600];
     for (int i = 0; i < 40; i++) {

@@ -194,7 +194,7 @@ static void the_unit_is_that_of_the_file(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* The preamble may be that of a TIFF. */
+/* The preamble may be the header of a TIFF. */
 static void a_file_is_known_by_its_content(void **state) {
     (void)state;
     char bytes[1 << 12];

@@ -27,7 +27,7 @@ static bool is_readable(const char *text) {
     return is_good;
 }
 
-/* Fails if the error is one that a user cannot act on, or is no part of a sentence. */
+/* Fails unless the error names the file, is readable and is a part of a sentence. */
 static void assert_is_told(const char *name, const struct sp_error *err) {
     static const char *const ends[] = { " has", ":", ";", ",", " ", "." };
     bool is_good = strlen(err->text) >= 12 && strstr(err->place, name) && is_readable(err->text) &&

@@ -27,7 +27,8 @@ static const struct sp_elements *mesh_of(const struct sp_volume *volume) {
     return e;
 }
 
-/* The triangles are those of the pyramid, in any order, with the same first corner or another. */
+/* Asserts that the mesh has the triangles of the pyramid, in any order, each with any first
+ * corner. */
 static void assert_pyramid(const struct sp_elements *e) {
     unsigned found = 0;
     assert_int_equal(e->shape.count, 4);
@@ -143,7 +144,7 @@ static void obj_is_read_with_its_materials(void **state) {
     assert_pyramid(mesh_of(volume));
     assert_colors(mesh_of(volume), (double[]){ 0.25, 0.5, 0.75, 0.4 });
     sp_volume_unref(&volume);
-    /* A missing library, or one that may not be read, leaves assimp's grey. */
+    /* If a library is missing or may not be read, assimp's grey remains. */
     write_obj("plain.obj", "mtllib ../../../../../../etc/hostname\nmtllib none.mtl\n", faces);
     volume = load("plain.obj");
     assert_pyramid(mesh_of(volume));

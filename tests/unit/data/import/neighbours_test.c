@@ -130,7 +130,7 @@ static void neighbours_are_the_nearest(void **state) {
     free_points(&e);
 }
 
-/* The volumes of random points add up to that of the box that they fill. */
+/* The volumes of random points add up to the volume of the box that they fill. */
 static void volumes_of_random_points_fill_their_box(void **state) {
     enum { COUNT = 40000 };
     uint64_t seed = 9;

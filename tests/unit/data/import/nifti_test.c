@@ -277,7 +277,7 @@ static void bad_files_are_refused(void **state) {
     load_error("dims.nii", SP_ERR_FORMAT, "", "outside [1, 7]");
     write_text("text.nii", "not an image");
     load_error("text.nii", SP_ERR_FORMAT, "sizeof_hdr", "348 or 540");
-    /* A file is known by its content, too. */
+    /* A file with another ending is recognised by its content. */
     h = header_of(DT_UINT8, 8);
     make_ramp(SP_UINT8, COUNT, samples);
     write_nifti("named.wrong", &h, samples, sizeof samples);

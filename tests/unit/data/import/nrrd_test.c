@@ -112,7 +112,8 @@ static void geometry_equals_that_of_the_header(void **state) {
                 (const double[]){ 2, 2, 2 }, (const double[]){ 11, -20, 31 }, identity, "");
     assert_grid("axis mins: 0 0 0\naxis maxs: 10 6 6\ncenters: cell node cell\n",
                 (const double[]){ 2, 2, 2 }, (const double[]){ 1, 0, 1 }, identity, "");
-    /* Rotated, mirrored and sheared axes. The orientation is that of the file in every space. */
+    /* Rotated, mirrored and sheared axes. In every space the orientation stays as in the
+     * file. */
     assert_grid("space: left-posterior-superior\nspace directions: (0,2,0) (-3,0,0) (0,0,0.5)\n"
                 "space origin: (1.5,-2.5,1e3)\nspace units: \"mm\" \"mm\" \"mm\"\n",
                 (const double[]){ 2, 3, 0.5 }, (const double[]){ 1.5, -2.5, 1000 },

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * OME-Zarr that is larger than memory, shown from its chunks: the processes that read them, and
- * those that misbehave.
+ * OME-Zarr that is larger than memory, shown from its chunks: the processes that read the chunks,
+ * also processes that misbehave.
  */
 #include <math.h>
 #include <signal.h>
@@ -89,7 +89,7 @@ static struct sp_volume *open_image(const char *name) {
     return volume;
 }
 
-/* Reads bricks of a level: all, or the one at a place. */
+/* Reads all bricks of a level, or only the brick at `place`. */
 static struct sp_brick_subvolume read_bricks(struct sp_volume *volume, unsigned l,
                                              const uint32_t *place) {
     struct sp_brick_store *store = sp_brick_store_of(volume);
@@ -144,7 +144,8 @@ static void a_pyramid_is_shown_from_its_chunks(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* Those of this thread: the thread that reads chunks started none. */
+/* Kills the child processes of the main thread, which started the readers; the thread that reads
+ * chunks has started none. Returns their number. */
 static int kill_children(void) {
     char path[64];
     int count = 0;

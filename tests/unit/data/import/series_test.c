@@ -116,7 +116,7 @@ static void numbered_files_are_steps(void **state) {
     check_steps("run/t*.mha", 0, 0, "");
     load_error("run/x*.mha", SP_ERR_NOT_FOUND, "x*.mha", "no such file with a number");
     load_error("none/x*.mha", SP_ERR_IO, "x*.mha", "cannot list the folder");
-    /* One file, and the folder, whose first file stands for those that are numbered like it. */
+    /* A file is one step. A folder gives all files that are numbered like its first file. */
     struct sp_volume *volume = load("run/t10.mha");
     assert_int_equal(sp_volume_info(volume)->steps.count, 1);
     check_samples(volume, 1);

@@ -37,7 +37,7 @@ void write_both(const char *name, const char *header, const void *bytes, size_t 
  * equal, and its place and text must contain the given ones. */
 struct sp_volume *load(const char *name);
 struct sp_volume *load_step(const char *name, uint32_t step);
-/* Loads it, and fails the test if no warning contains the text. */
+/* Loads a file of the folder and fails the test if no warning contains the text. */
 void load_warns(const char *name, const char *text);
 void load_error(const char *name, enum sp_code code, const char *place, const char *text);
 
@@ -49,11 +49,11 @@ struct sp_load_options importer_options(void);
 void make_ramp(enum sp_type type, size_t count, void *out);
 double ramp_value(enum sp_type type, size_t i);
 void assert_is_ramp(const struct sp_volume *volume, size_t count);
-/* The vectors of the volume are the ramp, component after component or, if planar, all x first. Its
- * samples are their lengths. */
+/* Asserts that the vectors of the volume are the ramp, component after component or, if planar, all
+ * x first, and that its samples are the lengths of the vectors. */
 void assert_are_vectors(const struct sp_volume *volume, enum sp_type type, bool planar);
 
-/* The volume consists of the Gaussians that splats_reference.py finds in this file. */
+/* Asserts that the volume consists of the Gaussians that splats_reference.py finds in this file. */
 void assert_are_gaussians(const struct sp_volume *volume, const char *path);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Fields of VTK files: data of cells, components, types that volumes do not have, and compressors.
- * The values were compared with those of VTK 9.1.
+ * The values were compared with the values of VTK 9.1.
  */
 #include <math.h>
 #include <stdio.h>
@@ -77,7 +77,8 @@ static void hidden_samples_are_counted(void **state) {
     load_warns("h.vti", "1 cells of the grid are hidden");
 }
 
-/* Beside data of points the names of cells tell them apart; without the ending they serve, too. */
+/* Beside data of points, names of cell data end in " (cells)". A name without this ending also
+ * finds cell data. */
 static void fields_of_points_and_cells_have_names_of_their_own(void **state) {
     (void)state;
     write_text("b.vti",

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * VTK data sets in several pieces: in one file, in several files, with copies of each other's
- * points; and composite data sets. The values were compared with those of VTK 9.1.
+ * points; and composite data sets. The values were compared with the values of VTK 9.1.
  */
 #include <math.h>
 #include <stdio.h>
@@ -193,7 +193,7 @@ static void composite_data_sets_give_their_first_block(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* The time that a file gives is that of the volume, and that of the step in a series of files. */
+/* The time in a file becomes the time of the volume, or of the step in a series of files. */
 static void times_of_files_are_kept(void **state) {
     (void)state;
     static const double times[3] = { 0.5, 2, 4.25 };

@@ -102,7 +102,7 @@ static void elements_that_coincide_have_a_box(void **state) {
                                   .values = values,
                                   .volumes = volumes };
     (void)state;
-    for (uint32_t count = 0; count < 3; count += 2) { /* none at all, too */
+    for (uint32_t count = 0; count < 3; count += 2) { /* none and two */
         points.shape.count = count;
         struct sp_volume *volume = sp_volume_create_elements(&points, "same", NULL);
         assert_non_null(volume);

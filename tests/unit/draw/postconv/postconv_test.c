@@ -197,7 +197,7 @@ static void a_group_serves_its_range(void **state) {
         int fits = sp_postconv_group_fits(&g, &b, range);
         assert_int_equal(fits, g.range[1] >= range[1] ? 2 : 1);
         assert_compare(g.range[0], <=,
-                       range[0]); /* the farthest voxels are accepted, so all others are, too */
+                       range[0]); /* as the farthest voxels are accepted, all others are */
         const float beside[2][2] = { { 0.5f * g.range[0], 0.9f * g.range[0] },
                                      { 1.1f * g.range[1], 2 * g.range[1] } };
         assert_int_equal(sp_postconv_group_fits(&g, &b, beside[0]), 0);

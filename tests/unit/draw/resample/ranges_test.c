@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The range of each region against one that is found sample by sample.
+ * The range of each region against the range that a loop over the region's samples finds.
  */
 #include <math.h>
 #include <setjmp.h>

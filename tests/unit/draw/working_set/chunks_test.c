@@ -154,7 +154,7 @@ static struct sp_view make_view(const struct rig *rig) {
     view.transfer_function.points[1] =
         (struct sp_tf_point){ .value = 200, .color = { 0.9f, 0.5f, 0.2f }, .opacity = 0.3f };
     view.transfer_function.order = SP_TF_POST;
-    /* Gradients are rounded to a share of the range, which is that of the coarse volume here. */
+    /* Gradients are rounded to a share of the range. Here it is the range of the coarse volume. */
     view.shading.mode = SP_SHADING_NONE;
     return view;
 }

@@ -85,7 +85,7 @@ static void images_of_rectilinear_axes_equal_those_in_memory(void **state) {
         view.clip.box[0][0] = 0.21;
         view.clip.box[1][1] = 0.73;
         rig_expect(rig, volume, &view, 60, "clip box");
-        view.transfer_function.order = SP_TF_PRE; /* whose levels are those of classes */
+        view.transfer_function.order = SP_TF_PRE; /* its mip levels merge classes */
         if (!is_small)
             rig_expect(rig, volume, &view, 60, "splats");
         view = rig_make_view(rig);
@@ -98,7 +98,7 @@ static void images_of_rectilinear_axes_equal_those_in_memory(void **state) {
     }
 }
 
-/* Samples that lie in blocks have their places, too. */
+/* Samples that a subvolume stores in blocks keep their rectilinear places. */
 static void blocks_have_rectilinear_axes(void **state) {
     const struct rig *rig = *state;
     struct sp_volume *volume = rig_open_file(rig, 16 << 20);
@@ -270,7 +270,7 @@ static void colours_without_memory_are_those_of_the_opened_volume(void **state) 
     sp_volume_unref(&colors);
 }
 
-/* Compares the vectors of a subvolume with means of those of the rig. */
+/* Compares the vectors of a subvolume with means of the rig's vectors. */
 static void check_means(const struct rig *rig, const struct sp_volume *volume) {
     const struct sp_whole_part *part = &sp_volume_info(volume)->whole.part;
     const uint32_t *dims = sp_volume_info(volume)->grid.dims, size = 1u << part->level;

@@ -46,7 +46,7 @@ static void compute_centre(const struct sp_brick_file *file, const struct sp_bri
     const struct sp_grid *grid = &header->info.grid;
     uint32_t first[3], size[3];
     sp_brick_box(level, sp_brick_need_at(need, level, i), first, size);
-    for (int a = 0; a < 3; a++) /* the axes of the grid are those of the world */
+    for (int a = 0; a < 3; a++) /* the grid has the axes of the world */
         centre[a] = grid->origin[a] + grid->spacing[a] * (first[a] + 0.5 * size[a] - 0.5);
 }
 
@@ -86,7 +86,7 @@ static bool is_over(void *user) {
     return mark_read(r, is_read) >= r->limit;
 }
 
-/* Reads `limit` bricks of a need, then stops. Marks those that it read. */
+/* Reads `limit` bricks of a need, then stops. Marks the bricks that it read. */
 static void read_some(const struct sp_brick_file *file, const struct sp_brick_need *need,
                       unsigned limit, bool is_read[BRICKS_MAX]) {
     struct reader reader = { file, need, calloc(1, (size_t)sp_brick_need_bytes(file, need)),
@@ -145,7 +145,7 @@ static void the_nearest_of_equal_bricks_is_read_first(void **state) {
         compute_need(file, &view, false, &need);
         const unsigned count = compute_order(file, &need, order);
         double last = 0;
-        /* Bricks at the far ends are smaller: those of equal size are compared. */
+        /* Bricks at the far ends are smaller; only bricks of full size are compared. */
         const struct sp_brick_level *level = &sp_brick_file_header(file)->level[0];
         unsigned compared = 0;
         for (unsigned n = 0; n < count; n++) {

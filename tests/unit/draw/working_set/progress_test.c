@@ -118,7 +118,7 @@ static void close_volume(const struct rig *rig, struct sp_volume **volume) {
 
 static struct sp_view make_view(const struct rig *rig) {
     struct sp_view view = balls_view(rig);
-    /* Gradients are rounded to a share of the range, which is that of the coarse volume here. */
+    /* Gradients are rounded to a share of the range. Here it is the range of the coarse volume. */
     view.shading.mode = SP_SHADING_NONE;
     for (int a = 0; a < 3; a++)
         view.camera.position[a] = view.camera.target[a] + 260;
@@ -173,7 +173,7 @@ static void what_is_read_is_shown_meanwhile(void **state) {
     print_message("at first %.1f dB, then %.1f dB, at last %.1f dB\n", db[0], db[1], db[2]);
     assert_compare(db[1], >, db[0] + 1);
     assert_compare(db[2], >,
-                   70); /* the range, which sets the steps of levels, is that of level 1 */
+                   70); /* the range sets the steps of levels; here it is level 1's range */
     sp_frame_unref(&truth);
     sp_frame_unref(&first);
     sp_frame_unref(&part);

@@ -20,14 +20,14 @@ struct rig {
     int file; /* the brick file */
 };
 
-/* Fixtures of a group of tests; *state is the rig. Of evenly spaced samples; with rectilinear axes;
- * with vectors. */
+/* Fixtures of a group of tests; *state is the rig. Its samples are evenly spaced, on rectilinear
+ * axes, or evenly spaced with vectors. */
 int rig_setup(void **state);
 int rig_setup_rectilinear(void **state);
 int rig_setup_vectors(void **state);
 int rig_teardown(void **state);
 
-/* Opens the brick file with memory for subvolumes of that many bytes; 0 = for all. */
+/* Opens the brick file with a budget of `bytes` for subvolumes; 0 = enough for all bricks. */
 struct sp_volume *rig_open_file(const struct rig *rig, uint64_t bytes);
 
 struct sp_view rig_make_view(const struct rig *rig);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Subvolumes whose box does not fit into memory, although their bricks do: two balls in opposite
- * corners. Their images equal those of the volume in memory, for each size of samples and each axis
- * of the slices.
+ * corners. Their images equal the images of the volume in memory, for each size of samples and each
+ * axis of the slices.
  */
 #include <setjmp.h>
 #include <stdarg.h>

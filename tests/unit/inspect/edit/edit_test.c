@@ -249,8 +249,8 @@ static void samples_that_are_not_finite_stay(void **state) {
     finish(&rig);
 }
 
-/* The next view of the rig shows all values: removed samples become NaN, in a type that holds all
- * others as they are. */
+/* The rig's view shows all values, so removed samples become NaN. The type then holds NaN and all
+ * other samples exactly. */
 static void check_holes(struct rig *rig, enum sp_type type) {
     uint64_t holes = 0;
     struct sp_volume *edited = sp_edit_volume(rig->volume, &rig->view, NULL);

@@ -115,7 +115,8 @@ static double measure_columns(const struct test_image *image, unsigned begin, un
     return largest;
 }
 
-/* The points of two transfer functions: one that shows all values, one that hides the largest. */
+/* The points of two transfer functions. The first shows all values; the second hides the largest.
+ */
 static const double points[2][2][5] = { { { 0, 1, 0.5, 0, 0.3 }, { 255, 0, 0.5, 1, 0.6 } },
                                         { { LEAST, 1, 0.5, 0, 0.6 }, { MOST, 0, 0.5, 1, 0 } } };
 

@@ -16,7 +16,7 @@ enum { CAPACITY = 1 << 20 };
 struct wire { /* bytes from the client, and bytes to it */
     uint8_t *in, *out;
     size_t in_size, in_at, out_size;
-    double clock_ms; /* the time when bytes were read, if later than that of the call */
+    double clock_ms; /* when bytes were read, if later than the time that the test passes */
     bool is_full;    /* the transport is full */
     size_t piece;    /* bytes taken by every second send(); 0 = everything, each time */
     bool took;

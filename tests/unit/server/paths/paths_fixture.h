@@ -46,8 +46,9 @@ extern struct paths_fixture {
     _Atomic(struct srv_paths *) told; /* receives changes of volumes */
 } paths_fixture;
 
-/* A path that fails while another thread deletes it: each of the two runs as far as it can while
- * the other is about to change the record. */
+/* A path that fails while another thread deletes it. FAILS_FIRST: the thread that fails is about to
+ * write the record, and the deletion waits for its lock. IS_DELETED_FIRST: the thread that fails is
+ * about to lock the records, and the deletion runs to its end. */
 enum order { NONE, FAILS_FIRST, IS_DELETED_FIRST };
 extern struct paths_race {
     _Atomic(enum order) order;
@@ -67,7 +68,7 @@ void paths_fixture_end(void);
 int paths_fixture_set_up(void **state);
 int paths_fixture_tear_down(void **state);
 void path_add(char id[SRV_PATH_ID_BYTES]);
-/* The same with a layer of the points of another volume. */
+/* Adds a path whose view has a layer with the points of another volume. */
 void path_add_with_points(const char *volume, char id[SRV_PATH_ID_BYTES]);
 /* Reads what the daemon says about a path. False: there is no such path. */
 bool path_look_up(const char *id, struct srv_path_info *info);
@@ -82,7 +83,7 @@ void path_write_file(const char *id, const char *name, const char *bytes);
 char *path_record(const char *id);
 /* Changes a record between two runs; text NULL removes it. */
 void path_put_record(const char *id, const char *text);
-/* The value of a metric in this run. */
+/* Returns the value of a metric in this run. */
 unsigned long long paths_metric(const char *name);
 unsigned long long paths_waits(void);
 unsigned paths_waiting(void);

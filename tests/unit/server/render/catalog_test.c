@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Volumes that are removed while they load, and the paths that clients see. The linker replaces
- * sp_volume_load(): the load of ENDLESS runs until it is cancelled, and so do the steps of SERIES
- * behind the first one. FAST_SERIES is a series, too.
+ * sp_volume_load(): the load of ENDLESS, and of each step of SERIES but the first, runs until it is
+ * cancelled. FAST_SERIES is a series whose steps all load.
  */
 #include <pthread.h>
 #include <sched.h>
@@ -172,7 +172,7 @@ static void a_volume_can_be_removed_while_it_loads(void **state) {
         assert_int_equal(seen.unloaded, 2 * round);
         assert_int_equal(used_bytes(catalog), 0);
     }
-    /* Destroying the catalog cancels a load, too. */
+    /* Destroying the catalog also cancels a load. */
     add(catalog, ENDLESS);
     wait_for_load();
     srv_catalog_destroy(&catalog);
@@ -187,7 +187,7 @@ static void count_steps(void *user, const char *id) {
     pthread_mutex_unlock(&seen.mutex);
 }
 
-/* Those that wait, and those that are being loaded: no request waits for ever. */
+/* Steps that wait and steps that are being loaded both fail: no request waits for ever. */
 static void steps_of_a_removed_volume_fail(void **state) {
     (void)state;
     const struct srv_catalog_options options = { .memory_bytes = 1 << 20,
@@ -363,8 +363,8 @@ static void time_steps_count_for_their_owner(void **state) {
     srv_catalog_destroy(&catalog);
 }
 
-/* Eight loads of one owner that never end do not occupy all load threads: the volume of another one
- * is loaded meanwhile, and so is that of a third one beside an endless load of the second. */
+/* Eight endless loads of one owner do not occupy all load threads: a volume of a second owner still
+ * loads. A volume of a third owner loads beside endless loads of the other two. */
 static void loads_of_one_owner_leave_threads_to_others(void **state) {
     (void)state;
     const struct srv_catalog_options options = { .memory_bytes = 1 << 20,

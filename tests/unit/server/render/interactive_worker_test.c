@@ -44,7 +44,7 @@ static struct {                            /* guarded by the gate's mutex */
     struct render begun[SP_IN_FLIGHT_MAX]; /* oldest first */
     unsigned begun_count;
     unsigned pauses, preempting;     /* pauses of a render; renders of the preemption worker */
-    bool stops_preempting;           /* the preemption worker waits at the gate, too */
+    bool stops_preempting;           /* the preemption worker also waits at the gate */
     bool fails_preempting;           /* renders of the preemption worker fail */
     const char *preempting_backend;  /* that the preemption worker creates */
     const struct sp_renderer *first; /* the interactive worker's */

@@ -16,15 +16,15 @@ enum {
     SNAP_QUEUE = 4,
     SNAP_SHARP = 90,
     SNAP_STREAM_THREADS = 3, /* encode threads in the foreground */
-    SNAP_ENCODE_THREADS = 5, /* with those in the background */
+    SNAP_ENCODE_THREADS = 5, /* all encode threads */
     SNAP_STRIPES = 8,
     SNAP_SLOW_PX = 2500000 /* a PNG of this size is slow to encode (SRV_SLOW_ENCODE_MS) */
 };
 
 struct snap_seen { /* guarded by the gate's mutex */
     unsigned encoded;
-    unsigned sharp;     /* of these, in the quality of final frames */
-    unsigned width[16]; /* of the snapshots that entered the gate, in order */
+    unsigned sharp;     /* how many of these have the quality of final frames */
+    unsigned width[16]; /* widths of the snapshots that entered the gate, in order */
     struct {            /* the callback of each encoder, in the order of the threads */
         struct sp_encoder *encoder;
         sp_share_fn *share;
@@ -46,15 +46,15 @@ struct snap_fixture {
     char id[SRV_SESSION_ID_BYTES];
 };
 
-struct snap_client { /* of one snapshot; zero = JPEG */
+struct snap_client { /* the client of one snapshot; all zero: requests a JPEG */
     enum sp_image_format format;
-    int quality; /* 0 = that of final frames */
+    int quality; /* 0 = the quality of final frames */
     const char *owner;
     double expected_ms;
     bool wants_frame, is_admin;
     unsigned answers, images, frames;
     size_t size;
-    uint32_t sum; /* of the bytes */
+    uint32_t sum; /* sum of the bytes */
     atomic_bool left;
 };
 

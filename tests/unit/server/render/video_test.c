@@ -39,7 +39,7 @@ struct viewer {
     unsigned videos, keys, images;
     uint64_t version; /* of the newest frame */
     bool is_final;
-    unsigned policies, refusals; /* stream.policy messages; those that name video_pixels */
+    unsigned policies, refusals; /* stream.policy messages; how many name video_pixels */
 };
 
 struct inflight {
@@ -548,7 +548,7 @@ static void drag(struct world *w, int frames) {
 }
 
 /* A viewer whose frame exceeds the bound of all encoders receives JPEG and one policy that says so.
- * The others' video continues, and so does its own with a smaller frame. */
+ * The video of other viewers continues. Its own video continues with a smaller frame. */
 static void frames_above_the_bound_are_images(void **state) {
     struct world w;
     set_up(&w, *state, 1);

@@ -37,7 +37,7 @@ static unsigned rank(const struct srv_detail *d) {
 struct drag {
     struct srv_detail last;
     double last_ms, worst_ms;
-    unsigned changes; /* frames with another detail than the one before */
+    unsigned changes; /* frames whose detail differs from the previous frame */
     unsigned misses;  /* frames over the budget */
 };
 
@@ -190,7 +190,7 @@ static void pixels_are_reduced_before_voxels(void **state) {
 
 /* The first frame has the detail that another view's frames had in the end. If that was wrong, the
  * view's own first frame corrects it at once. */
-/* Ten million points: each level takes a small part of the time of the one before. */
+/* Ten million points: each level takes a small part of the time of the level below. */
 static void points_are_merged_before_frames_get_smaller(void **state) {
     static const double times[SP_MIP_LEVEL_MAX + 1] = { 1000, 100, 30 };
     struct srv_quality quality;

@@ -57,7 +57,7 @@ static void moving_then_final(void **state) {
     srv_hub_leave(f->hub, &p, 5020);
 }
 
-/* The final frame of a volume that is larger than memory follows those that show what was read. */
+/* For a volume larger than memory, frames show the bricks read so far before the final frame. */
 static void a_view_at_rest_is_shown_while_it_is_read(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;

@@ -19,26 +19,26 @@ struct fixture {
     struct srv_hub *hub;
     struct srv_schedule *schedule;
     struct srv_metrics *metrics;
-    struct srv_work_queue *picking; /* its thread has ended: work runs at once */
+    struct srv_work_queue *picking; /* its thread has ended, so work runs at once */
     struct sp_volume_info info;
     struct sp_view view; /* the default view of all volumes */
     int uses;
-    unsigned interrupts, yields; /* yields: because something moves; not among the interrupts */
-    enum srv_interrupt why;      /* of the last interrupt */
+    unsigned interrupts, yields; /* yields: for SRV_INTERRUPT_MOTION; interrupts: all others */
+    enum srv_interrupt why;      /* reason of the last one in `interrupts` */
     uint64_t of;
     char id[SRV_SESSION_ID_BYTES];
-    struct srv_quota *quota; /* of the token ann; NULL = there is none */
-    unsigned rights;         /* of it */
+    struct srv_quota *quota; /* of the token ann; NULL = there is no such token */
+    unsigned rights;         /* of the token ann */
     uint32_t step_count;
     struct fixture_step steps[4];
-    struct fixture_step others[4]; /* of the volume "w", which a layer of the view may name */
+    struct fixture_step others[4]; /* steps of the volume "w", which a layer of the view may name */
     bool is_missing;               /* "w" is not loaded */
-    bool is_out_of_memory;         /* for uses of the steps of "w" */
-    struct sp_pick picked;         /* what picks at the right half of the image answer */
+    bool is_out_of_memory;         /* acquiring a time step of "w" fails */
+    struct sp_pick picked;         /* the result of picks in the right half of the image */
 };
 
-/* For cmocka; *state is a struct fixture. The tear-down fails when a use of a volume was not given
- * back. */
+/* For cmocka; *state is a struct fixture. The tear-down fails if the hub has not released each use
+ * of a volume. */
 int hub_set_up(void **state);
 int hub_set_up_series(void **state); /* volumes have four time steps */
 int hub_tear_down(void **state);
@@ -58,7 +58,7 @@ bool hub_next_job(struct fixture *f, double now_ms, struct srv_render_job *job);
 /* Delivers a frame to all targets of the job and ends it. */
 void hub_finish(struct fixture *f, struct srv_render_job *job, double render_ms);
 /* One frame of a drag: updates the view, renders it in render_ms and acknowledges it. Returns the
- * job as it was scheduled. */
+ * scheduled job. */
 struct srv_render_job hub_drag(struct fixture *f, struct srv_participant *p, unsigned seq,
                                double now_ms, double render_ms);
 /* Renders the first frames of a participant at time 0, up to a moving one in full detail, after

@@ -99,7 +99,7 @@ static void frames_for_participants_that_left_are_counted(void **state) {
     assert_true(hub_next_job(f, 1000, &job));
     assert_int_equal(job.target_count, 2);
     srv_hub_leave(f->hub, &b, 1001);
-    hub_finish(f, &job, 5); /* the frame of b is dropped, the one of a waits for its socket */
+    hub_finish(f, &job, 5); /* b's frame is dropped, a's frame waits for its socket */
     assert_int_equal(counted_drops(f->metrics, "left"), 1);
     srv_hub_leave(f->hub, &a, 1002);
     assert_int_equal(counted_drops(f->metrics, "left"), 2);

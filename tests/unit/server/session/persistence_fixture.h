@@ -15,19 +15,19 @@ enum { PERSIST_RECORDS = 8 };
 struct persistence_fixture {
     struct srv_hub *hub;
     struct fake_volumes volumes;
-    int saves, changes, ends; /* calls of the callbacks */
+    int saves, changes, ends; /* numbers of calls of the callbacks */
     bool is_refused;          /* the backend cannot show any view */
     bool refuses_save;
-    char ended[32];                /* the session that ended last */
+    char ended[32];                /* id of the session that ended last */
     char id[SRV_SESSION_ID_BYTES]; /* of the session that was created last */
-    char text[8192];               /* its record, by persist_save() */
+    char text[8192];               /* record of this session, written by persist_save() */
     size_t size;
     unsigned sessions_max;   /* 0 = 2 */
     struct srv_quota *quota; /* of the token ann; NULL = there is no such token */
-    double ran_ms;           /* by the daemons before this one */
+    double ran_ms;           /* run time of the daemons before this one */
     struct {
         char id[SRV_SESSION_ID_BYTES], *text;
-    } records[PERSIST_RECORDS]; /* by persist_save_each() */
+    } records[PERSIST_RECORDS]; /* written by persist_save_each() */
 };
 extern struct persistence_fixture persist;
 
@@ -41,7 +41,7 @@ void persist_create_hub(void);
 /* Replaces the hub by a new one that restores the session; its volume is still loading. */
 void persist_restart(void);
 
-/* For srv_hub_save(): saves the one session, or up to four. */
+/* For srv_hub_save(): saves the one session; persist_save_each() saves up to PERSIST_RECORDS. */
 bool persist_save(void *user, const char *id, const char *text, size_t size);
 bool persist_save_each(void *user, const char *id, const char *text, size_t size);
 

@@ -131,7 +131,7 @@ static void out_of_memory_loses_no_session(void **state) {
     struct sp_error err;
     int unsaved = 0, unrestored = 0, unshown = 0;
     proto_json *json;
-    persist_patch("{}"); /* its time of use is saved, too */
+    persist_patch("{}"); /* its time of use is also saved */
     assert_true(srv_hub_save(persist.hub, 0, persist_save, NULL));
     strcpy(whole, persist.text);
     for (persist_allocations = 0;; persist_allocations = ++unsaved) {

@@ -131,9 +131,8 @@ static int granted_fps(struct srv_participant *p) {
     return (int)fps;
 }
 
-/* A hibernated session becomes active although its owner may not create another one. The limits are
- * those of the owner's token at that time. If the token was removed, the last known limits apply.
- */
+/* A hibernated session becomes active although its owner may not create another session. The limits
+ * of the owner's token at that time apply; if the token was removed, the last known limits. */
 static void quotas_follow_the_current_token(void **state) {
     (void)state;
     const struct srv_owner ann = { .name = "ann", .quota = { .sessions = 1, .fps = 9 } };
@@ -194,8 +193,8 @@ static void restore(const char *id, double used, bool is_guests) {
     proto_json_free(&record);
 }
 
-/* Over --hibernated-sessions one session ends: of the owner with the most, a guest's before others,
- * and the one that was unused for the longest time. */
+/* Over --hibernated-sessions one session of the owner with the most sessions ends: a guest's
+ * session before others, and of these the session that was unused for the longest time. */
 static void too_many_hibernated_sessions_cost_the_owner_with_the_most(void **state) {
     (void)state;
     static const char *const old = "aaaaaaaaaaaaaaaa", *const newer = "bbbbbbbbbbbbbbbb",

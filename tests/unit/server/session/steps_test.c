@@ -165,7 +165,7 @@ static void other_volumes_follow(void **state) {
     assert_int_equal(draw(f, p, 20110, &is_final), 1);
     assert_false(is_final);
     assert_false(hub_next_job(f, 22000, &job)); /* the time waits for the other volume */
-    load_other(f, 2, 22050);                    /* not the one that is shown */
+    load_other(f, 2, 22050);                    /* not the displayed step */
     assert_false(hub_next_job(f, 22100, &job));
     load_other(f, 1, 22150);
     assert_int_equal(draw(f, p, 22160, &is_final), 1);
@@ -181,8 +181,8 @@ static void other_volumes_follow(void **state) {
     srv_hub_leave(f->hub, &p, 40000);
 }
 
-/* A volume that is loaded after a layer has named it: frames wait for its time step, too. Once it
- * is unloaded, the session keeps no use of it. */
+/* A volume is loaded after a layer has named it. From then on frames also wait for its time step.
+ * Once it is unloaded, the session keeps no use of it. */
 static void other_volumes_come_and_go(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;

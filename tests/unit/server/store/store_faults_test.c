@@ -42,7 +42,7 @@ static void a_full_disk_delays_writes(void **state) {
             store_holds(store, SRV_KIND_SESSION, "s", text); /* in memory */
             atomic_store(&store_disk->left, -1);
             failures += !was_durable;
-            assert_true(store_flush(store)); /* now on the disk, too */
+            assert_true(store_flush(store)); /* now also on the disk */
             srv_store_status(store, &status);
             assert_false(status.is_failing);
             assert_int_equal(status.waiting, 0);

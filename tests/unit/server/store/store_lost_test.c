@@ -151,8 +151,8 @@ static void wait_for_tick(void) {
     while (now.tv_sec == start.tv_sec && now.tv_nsec == start.tv_nsec);
 }
 
-/* Own writes, also those that fail and those that SQLite moves from the log into the file, do not
- * look like those of another program. */
+/* The store does not mistake its own writes for writes of another program, even if they fail or
+ * SQLite moves them from the log into the file. */
 static void own_writes_are_not_those_of_another_program(void **state) {
     static char text[30000]; /* more than a thousand pages in all: SQLite moves the log */
     const struct srv_change change = {
@@ -179,7 +179,7 @@ static void own_writes_are_not_those_of_another_program(void **state) {
     srv_database_close(&d);
 }
 
-/* Between the check and the write, too. */
+/* The other program writes between the store's check and its write. */
 static void nothing_is_added_to_what_another_program_wrote(void **state) {
     const struct srv_change change = { .kind = SRV_KIND_VIEW, .id = "b", .text = "{}", .size = 2 };
     struct srv_database *d = open_database(*state);
@@ -197,7 +197,7 @@ static void nothing_is_added_to_what_another_program_wrote(void **state) {
     copy_holds(*state, ids, "{}");
 }
 
-/* Without any request, too. */
+/* No request follows the loss. */
 static void the_writer_notices_a_loss_by_itself(void **state) {
     struct srv_store *store = store_started(*state);
     static const char *const ids[] = { "a", NULL };

@@ -35,7 +35,7 @@ static void a_store_without_folder_holds_records_in_memory(void **state) {
     const struct srv_store_owner share = { .beginning = "2", .name = "ann", .most = 1 };
     const struct srv_store_owner other = { .beginning = "3", .name = "bob", .most = 1 };
     assert_true(srv_store_add(store, SRV_KIND_VIEW, "a", "23", 2, &share,
-                              &err)); /* the record stays as it is */
+                              &err)); /* keeps the record's old text */
     store_holds(store, SRV_KIND_VIEW, "a", "22");
     assert_false(srv_store_add(store, SRV_KIND_VIEW, "c", "23", 2, &share, &err));
     assert_int_equal(err.code, SP_ERR_QUOTA);

@@ -216,7 +216,7 @@ static void limits_and_expiry(void **state) {
     struct srv_uploads_numbers numbers;
     srv_uploads_numbers(uploads, "ann", &numbers);
     assert_int_equal(numbers.count, 3);
-    srv_uploads_tick(uploads, 50); /* half of the time is enough for those without a byte */
+    srv_uploads_tick(uploads, 50); /* uploads without a byte expire after half the time */
     srv_uploads_numbers(uploads, "ann", &numbers);
     assert_int_equal(numbers.count, 1);
     assert_int_equal(numbers.declared_bytes, 50);

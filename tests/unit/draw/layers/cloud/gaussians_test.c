@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Gaussians whose splats are set up first, in the order of memory, against those that are set up in
- * the order of depth: the same image to the bit, for any number of threads, also where bands and
- * opaque tiles leave splats out.
+ * Gaussians whose splats are set up first, in the order of memory, against Gaussians that are set
+ * up in the order of depth: the same image to the bit, for any number of threads, also where bands
+ * and opaque tiles leave splats out.
  */
 #include <setjmp.h>
 #include <stdarg.h>

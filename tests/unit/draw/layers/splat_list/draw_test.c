@@ -52,7 +52,7 @@ static void draw(struct test_shell *rig, struct test_image *image) {
         fail_msg("%s: %s", err.place, err.text);
 }
 
-/* A pixel all of whose neighbours up to `reach` px away show the surface, too. */
+/* True if the pixel and all its neighbours up to `reach` px away show the surface. */
 static bool is_within(const int64_t *hits, unsigned p, unsigned width, unsigned reach) {
     unsigned x = p % width, y = p / width;
     if (x < reach || y < reach || x + reach >= width || y + reach >= width)
@@ -75,9 +75,9 @@ static double shown_depth(const struct sp_fragment_tile *tile, int pixel) {
     return INFINITY;
 }
 
-/* Compares the shown depths with those of the cells that rays hit first. Returns the share of the
- * pixels inside the silhouette where they differ by more than `most`, and counts those that show
- * nothing. */
+/* Compares the depths in the image with the depths of the cells that rays hit first. Returns the
+ * share of the pixels inside the silhouette where they differ by more than `most`, and counts the
+ * pixels that show nothing. */
 static double compare_depths(struct test_shell *rig, const int64_t *hits, double most,
                              unsigned *missing) {
     const uint32_t *dims = rig->scene.info.grid.dims;
@@ -480,8 +480,8 @@ static bool touches_open(const struct sp_voxel_frame *frame, const struct sp_vox
     return false;
 }
 
-/* Where tiles are opaque already, set-up leaves out the splats that touch no other tile, and keeps
- * the others as they are. */
+/* Where tiles are opaque already, set-up leaves out the splats that touch no other tile, and does
+ * not change the other splats. */
 static void test_closed_tiles(void **state) {
     (void)state;
     for (int is_flat = 0; is_flat < 2; is_flat++) {
