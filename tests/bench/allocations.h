@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Counts the memory allocations of this program. The linker replaces the functions of the C library
- * by those of allocations.c (--wrap) in everything that is linked statically, which includes the
- * renderer.
+ * Counts the memory allocations of this program. The linker (--wrap) replaces the allocation
+ * functions of the C library by functions of allocations.c in all code that is linked statically,
+ * the renderer included.
  */
 #ifndef BENCH_ALLOCATIONS_H
 #define BENCH_ALLOCATIONS_H

@@ -6,9 +6,9 @@
  *   splat-codecs [--size PX] [--frames N] [--degrees N] VOLUME...
  *
  * key_bytes is the size of the first frame; the other columns are means over the later frames
- * (image codecs treat all frames alike). cpu_ms sums all threads. The qualities are those of a
- * changing view (60) and of a view at rest (90), for each chroma subsampling. Video is measured
- * only at 60, because only changing views use it. EXR encodes float frames.
+ * (image codecs treat all frames alike). cpu_ms sums all threads. The quality is 60, as
+ * for a changing view, and 90, as for a view at rest, with each chroma subsampling. Video is
+ * measured only at 60, because only changing views use it. EXR encodes float frames.
  */
 #include <math.h>
 #include <stdio.h>

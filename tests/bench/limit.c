@@ -46,8 +46,8 @@ static const struct {
 };
 enum { TABLES = sizeof tables / sizeof tables[0] };
 
-/* Returns the best table that this bench can run or, unless `name` is "auto", the one of that
- * name; NULL if there is none. */
+/* Returns the table of the instruction set `name`; for "auto", the best table that this machine can
+ * run. NULL if there is none. */
 static const struct limit_table *find_table(const char *name) {
     const struct limit_table *found = NULL;
     for (int i = 0; i < TABLES; i++)

@@ -22,8 +22,8 @@ enum {
     LIMIT_WIDTHS = 4
 };
 
-/* A Gaussian in a box: 2^(k0 + k1·l + k2·l²) in the first row, column l; each row is the one above
- * times 2^(m0 + m1·l), and that ratio falls by `fall` per row. */
+/* A Gaussian in a box: 2^(k0 + k1·l + k2·l²) in the first row, column l; each row is the row above
+ * times 2^(m0 + m1·l), and this ratio falls by `fall` per row. */
 struct limit_footprint {
     int offset; /* of the box's corner in a plane of the tile, floats */
     float k0, k1, k2, m0, m1, fall;

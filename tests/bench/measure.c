@@ -13,7 +13,7 @@
 
 enum { STEPS = 24, ROUNDS = 2, TRIES = 4 };
 
-/* Applies the k-th of a sequence of small edits, each different from the one before. */
+/* Applies the k-th of a sequence of small edits. Each differs from the previous edit. */
 static void edit_transfer(struct sp_transfer_function *tf, enum bench_edit edit,
                           const double range[2], unsigned k) {
     unsigned step = k % STEPS + 1; /* then back to the first */

@@ -167,7 +167,7 @@ static void make_orbit(struct bench_scene *scene) {
     }
 }
 
-/* Each camera is that of the view with a patch applied. */
+/* Applies each patch to the scene's view and takes the camera. */
 static bool read_cameras(struct bench_scene *scene, const proto_json *list, struct sp_error *err) {
     for (unsigned k = 0; k < scene->camera_count; k++) {
         struct sp_view view = scene->view;
@@ -201,7 +201,7 @@ static bool fill_scene(struct bench_scene *scene, const proto_json *json,
         return false;
     if (scene->skipped[0])
         return true;
-    /* The box of elements is that of the farthest ones; the first view shows what a person sees. */
+    /* A few far elements enlarge the box; the view that sp_view_choose() makes leaves them out. */
     if (sp_volume_info(scene->volume)->elements.kind == SP_KIND_GRID)
         sp_view_init(&scene->view, sp_volume_info(scene->volume), scene->name);
     else

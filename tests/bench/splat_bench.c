@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splat-bench: renders the cameras of scenes and prints one JSON line per scene. The keys are those
- * of the project's performance page; times are wall-clock milliseconds per frame unless they say
- * cpu.
+ * splat-bench: renders the cameras of scenes and prints one JSON line per scene. The
+ * project's performance page explains the keys. Times are wall-clock milliseconds per frame, except
+ * keys that say cpu.
  */
 #include <math.h>
 #include <stdio.h>

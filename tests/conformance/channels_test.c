@@ -232,7 +232,7 @@ static const struct {
     const char *name;
     void (*change)(struct sp_view *view);
     double floor; /* dB, half a decibel below what was measured */
-} rows[] = {      /* additive colours are brighter than their mean, and so is the difference */
+} rows[] = {      /* additive colours are brighter than their mean: larger errors */
              { "plain", plain, 66.3 },
              { "lit", lit, 53.5 },
              { "slabs", slabs, 70.4 },

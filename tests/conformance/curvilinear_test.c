@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Curvilinear grids, as points with the kernels of the grid (data/volume/curvilinear.h): a field
- * sampled on a warped grid gives the image of the same field on a regular one, and a ring of
- * constant extinction the opacity that the length of the ray gives. Streaks along the vectors of
- * such a grid are those of its definition (support/streaks.h), and those of a regular grid but for
- * their places. Those of a rectilinear grid are those of a curvilinear one with the same nodes.
+ * Curvilinear grids, as points with the kernels of the grid (data/volume/curvilinear.h). A field
+ * sampled on a warped grid gives the image of the same field on a regular grid. The opacity of a
+ * ring of constant extinction follows from the length of the ray. The streaks of a curvilinear grid
+ * follow their definition (support/streaks.h) and, places aside, equal the streaks of a regular
+ * grid. A rectilinear grid has the same streaks as a curvilinear grid with the same nodes.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -187,8 +187,9 @@ static struct sp_volume *add_vectors(const struct test_scene *regular, bool is_t
     return volume;
 }
 
-/* The same for streaks. Where nodes lie elsewhere, so do the streaks; but those along other vectors
- * agree less. The definition of streaks is checked below, on all instruction sets. */
+/* The same for streaks. On a warped grid the streaks start at other places, so the images agree
+ * less; with turned vectors they agree even less. The definition of streaks is checked below, on
+ * all instruction sets. */
 static const struct { double most, floor; } streak_warps[] = { { 0, 62.3 }, { 3, 32.8 } };
 
 static double compare_streaks(const struct test_renderer *renderer, const struct sp_view *view,

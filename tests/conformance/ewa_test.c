@@ -95,8 +95,8 @@ static void check_isa(struct run *run, const char *name, const char *other, doub
     run->failed++;
 }
 
-/* Compares the image with those of the other instruction sets. Moves it to `to` if it is the first
- * of its kind there; returns true in that case. */
+/* Compares the image with the reference images of other instruction sets. If it is the first scalar
+ * or the first SIMD image, moves it to `to` as a reference and returns true. */
 static bool check_isas(struct run *run, unsigned t, const char *name,
                        const struct manifest_row *row, const struct test_image *image,
                        struct references *to) {
@@ -178,8 +178,8 @@ static double check(struct run *run, unsigned t, const struct test_scene *scene,
     return psnr;
 }
 
-/* Compares the PSNR of each adaptive row with that of the ewa row that has the same other settings.
- */
+/* Compares the PSNR of each adaptive row with the PSNR of the ewa row whose other settings are
+ * equal. */
 static void compare_adaptive(struct run *run, const struct manifest_scene *entry,
                              const double *psnr) {
     for (size_t i = 0; i < entry->count; i++)

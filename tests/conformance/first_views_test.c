@@ -20,7 +20,7 @@ struct measures {
     double fill;     /* of the longer side of the box around the object, as a share of the image */
     double offset;   /* of the middle of that box from the middle of the image, same unit */
     double border;   /* mean brightness of the outermost 3 % of the image, [0, 1] */
-    double contrast; /* mean brightness of the object minus that of the border */
+    double contrast; /* mean brightness of the object minus `border` */
     double burnt;    /* share of the object that is nearly white */
 };
 

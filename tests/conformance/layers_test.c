@@ -173,7 +173,7 @@ static void init(struct test_medium *s, enum sp_projection projection) {
     camera->height *= 0.45;
 }
 
-/* A value between those of the volume's corners: 0 = in its middle. */
+/* Returns the value in the middle of the volume plus `part`. */
 static double value_at(const struct test_medium *s, double part) {
     return test_medium_value(s->view.camera.target) + part;
 }

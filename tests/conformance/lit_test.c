@@ -16,7 +16,7 @@ struct row {
     const char *name;
     test_scene_fn *scene;
     double occlusion, shadow;
-    double light[3]; /* world; zero: that of the scene */
+    double light[3]; /* world; zero: the light of the scene */
     double floor;    /* dB, half a decibel below what was measured */
     double most;     /* largest difference of a channel, half a decibel above */
 };
@@ -210,7 +210,8 @@ static void look_down(struct test_scene *scene, const struct row *row) {
                                   .near = 0.1 };
 }
 
-/* The red value at sample coordinates x and z, over that of a surface that all light reaches. */
+/* Returns the red value at sample coordinates x and z, divided by `lit`, the red value of a surface
+ * that all light reaches. */
 static double look_at(const struct test_image *image, const struct test_scene *scene, double x,
                       double z, double lit) {
     const uint32_t *dims = scene->info.grid.dims;
@@ -287,7 +288,7 @@ static bool check_corner(void) {
     return ok;
 }
 
-/* A light whose rays are `slant` times as long as they are high. */
+/* A light, and the length of its rays per unit of height. */
 static const double shadow_light[3] = { 0.7, 1, 0.3 }, slant = 1.257;
 
 /* Finds where a profile across the shadow passes a share of the light, from the middle on. */

@@ -15,8 +15,8 @@
 
 #include "support/scene.h"
 
-/* One image of a scene: the settings that replace those of the scene's view. The image is compared
- * with the integral, convolved with the low-pass filter. */
+/* One image of a scene. These settings replace the settings of the scene's view. The image is
+ * compared with the integral, convolved with the low-pass filter. */
 struct manifest_row {
     enum sp_filter_mode filter;
     double lowpass; /* px */

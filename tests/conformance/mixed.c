@@ -151,7 +151,7 @@ struct truth {
     struct test_mesh_rays *meshes[2];
     struct test_trained *trained;
     struct test_streaks *streaks;
-    struct test_hit *hits; /* of splats at the pixel's centre, then those of a ray */
+    struct test_hit *hits; /* hits of splats at the pixel's centre, then hits of a ray */
 };
 
 /* The Gaussians whose centres the clip box keeps. */

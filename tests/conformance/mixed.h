@@ -7,7 +7,7 @@
  *   per ray   hits of meshes (support/mesh.h), Gaussians (support/trained.h) and streaks
  *             (support/streaks.h) in order of depth; between two of them, and to the ends of the
  *             ray in the box, the medium's closed form c·(1 − e^−σL)
- *   pixel     the mean of MIXED_RAYS² rays; splats are those of its centre
+ *   pixel     the mean of MIXED_RAYS² rays; splats are evaluated at the pixel's centre
  */
 #ifndef TESTS_CONFORMANCE_MIXED_H
 #define TESTS_CONFORMANCE_MIXED_H

@@ -2,9 +2,9 @@
  *
  * Light of surfaces with a plateau behind them, as in scans that are clamped. A ramp rises across a
  * plane, within two samples, to a plateau of noise. Its first visible value is almost opaque, so
- * that what is seen of it has one normal, and the whole image one colour. The gradient behind the
- * surface is not that of the plane: an interval between two sheets is lit by the gradient where it
- * is seen (draw/resample/seen.h).
+ * the visible surface has one normal, and the whole image one colour. Behind the surface the
+ * gradient has other directions: an interval between two sheets is lit by the gradient where it is
+ * seen (draw/resample/seen.h).
  */
 #include <math.h>
 #include <stdio.h>

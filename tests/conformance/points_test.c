@@ -18,8 +18,8 @@
 #include "support/compare.h"
 #include "support/render.h"
 
-/* The scenes, and how close images of points come to those of splats [dB]; half a decibel below
- * what was measured. */
+/* The scenes, and the floor of the PSNR between images of points and of splats [dB], half a decibel
+ * below the measured value. */
 static const struct row {
     const char *name;
     test_scene_fn *make;

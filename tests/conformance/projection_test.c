@@ -198,8 +198,8 @@ static void leave_out(struct test_scene *scene) {
             voxel[i] = INFINITY;
 }
 
-/* One pixel per sample, seen along the third axis: where all samples around are finite the numbers
- * are those of a slope, whatever lies beside them. */
+/* One pixel per sample, seen along the third axis: where all samples around a pixel are finite, its
+ * number is the number of the slope, whatever lies beside these samples. */
 static unsigned check_finite(const struct run *run) {
     static const double unit[3] = { 1, 1, 1 };
     const double length = KNOWN - 0.5, inside = 1e-3;

@@ -23,8 +23,8 @@ struct quality {
         double lowpass;
         struct test_image image;
     } truths[QUALITY_TRUTHS]; /* in the order in which the first target requested them */
-    unsigned truth_count;     /* computed */
-    unsigned truth_next;      /* index of the next one that the current target requests */
+    unsigned truth_count;     /* truths computed so far */
+    unsigned truth_next;      /* index of the next truth that the current target requests */
 };
 
 /* Calls `measure` for every target that starts on this machine. Returns the exit status of main().

@@ -5,10 +5,10 @@
  * all filters approximate. The images show only the volume, because an empty margin would raise the
  * PSNR.
  *
- * Claims, at every distance: the PSNR of ewa is not below that of the reconstruction filter alone
- * or of the low-pass filter alone, up to TIE_DB. The PSNR of adaptive is at most ADAPTIVE_LOSS_DB
- * below that of ewa, or at least ADAPTIVE_SHEETS_DB for post-convolved sheets. The PSNR of adaptive
- * against the ewa image is at least ADAPTIVE_FLOOR_DB.
+ * Claims, at every distance: the PSNR of ewa is not below the PSNR of the reconstruction filter
+ * alone or of the low-pass filter alone, up to TIE_DB. The PSNR of adaptive is at most
+ * ADAPTIVE_LOSS_DB below the PSNR of ewa, or at least ADAPTIVE_SHEETS_DB for post-convolved sheets.
+ * The PSNR of adaptive against the ewa image is at least ADAPTIVE_FLOOR_DB.
  *
  * The scene `layers` is drawn at a fifth of its opacity. All filters assume constant attenuation
  * within their footprint (Zwicker, eq. 7). In dense layers this error limits all filters to 20 to

@@ -47,7 +47,7 @@ static bool saturated(struct test_scene *scene) {
                       2);
 }
 
-/* It undershoots the smallest one, which is visible, too. */
+/* The smallest value is also visible; interpolation undershoots it. */
 static bool all_visible(struct test_scene *scene) {
     return make_block(scene, 255,
                       (const double[][5]){ { 0, 0, 0, 1, 0.03 }, { 255, 1, 1, 1, 0.1 } }, 2);

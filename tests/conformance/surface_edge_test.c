@@ -110,7 +110,8 @@ static const struct row rows[] = {
 };
 enum { ROWS = sizeof rows / sizeof rows[0] };
 
-/* The largest difference of a channel as it is shown, where the surface fills the pixel. */
+/* Returns the largest difference of a channel, clamped to 1 as on the screen, in the pixels that
+ * the surface fills. */
 static double worst_pixel(const struct test_image *got, const struct test_image *wanted) {
     double worst = 0;
     for (size_t i = 0; i < (size_t)wanted->width * wanted->height; i++)

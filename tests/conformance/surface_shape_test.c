@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Where surfaces lie and which way they face, at one voxel per four pixels; what changes while they
- * turn; and what flat kernels gain over those of the volume on a tilted plane (Zwicker et al. 2001,
- * figure 9).
+ * turn; and what flat kernels gain over kernels of the volume on a tilted plane (Zwicker et al.
+ * 2001, figure 9).
  */
 #include <math.h>
 #include <setjmp.h>

@@ -176,7 +176,8 @@ static void constant_field_has_the_analytic_opacity(void **state) {
     }
 }
 
-/* The convolution leaves a constant unchanged and adds its variance to that of a Gaussian. */
+/* The convolution leaves a constant unchanged and adds its variance to the variance of a
+ * Gaussian. */
 static void low_pass_is_a_unit_gaussian(void **state) {
     (void)state;
     struct test_rays rays = { .samples = 3, .margin = 5 };

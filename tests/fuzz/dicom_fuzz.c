@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What GDCM may say of a file: any numbers. The bytes of the input are those of the description and
- * of the pixels. GDCM itself runs only in the sandbox.
+ * The description that GDCM gives of a file may have any numbers. The input has the bytes of the
+ * description and of the pixels. GDCM itself runs only in the sandbox.
  */
 #include <fcntl.h>
 #include <stdio.h>
@@ -95,7 +95,7 @@ static bool describe(const char *path, struct dicom_image *image, struct sp_erro
     return true;
 }
 
-/* The bytes behind those of the image change the frames, which are three places of two times. */
+/* The frames have three places per time. The bytes after the struct dicom_image change them. */
 static bool describe_frames(const char *path, struct dicom_frame *frames, uint32_t count,
                             struct sp_error *err) {
     struct dicom_image image;

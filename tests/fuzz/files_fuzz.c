@@ -21,7 +21,7 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 enum {
-    TIMEOUT_MS = SPLATD_IS_REPLAY ? 60000 : 5000, /* sound files must load on a busy machine, too */
+    TIMEOUT_MS = SPLATD_IS_REPLAY ? 60000 : 5000, /* sound files must load even on a busy machine */
     READ_MAX = 1 << 20,                           /* bytes of samples */
     REPORT_MAX = 1 << 16
 };
@@ -74,7 +74,7 @@ static unsigned count_descriptors(void) {
     return count;
 }
 
-/* Processes that this thread started. libFuzzer has one, too, which finds names of functions. */
+/* Counts the child processes of this thread. libFuzzer may also run one, a symbolizer. */
 static unsigned count_processes(void) {
     unsigned count = 0;
     int pid;

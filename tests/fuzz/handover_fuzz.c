@@ -8,7 +8,7 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* An accepted message is one that the parent may use without further checks. */
+/* The parent may use an accepted message without further checks. */
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct sp_handover m;
     struct sp_error err;

@@ -65,7 +65,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const bool is_sound = srv_hub_restore(hub, id, input.text, input.size, 0, &err);
     if (!is_sound && !err.text[0])
         abort();
-    /* A session with a damaged view exists, too; then the store would refuse its record. */
+    /* A session with a damaged view also exists, but without JSON. It is not saved: the store would
+     * refuse its record. */
     proto_json *json = srv_hub_session_get(hub, id, true, 0, &err);
     if (json && !srv_hub_save(hub, 0, drop, NULL))
         abort();

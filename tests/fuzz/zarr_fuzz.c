@@ -2,7 +2,7 @@
  *
  * A Zarr hierarchy in memory. The input is a list of objects: the length of the key (1 byte), the
  * length of the object (2 bytes, little-endian), the key, the object. The compressors are linked,
- * so they run, too.
+ * so the target also runs them.
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -275,7 +275,7 @@ static void the_share_outside_is_restored(void **state) {
     proto_json_free(&json);
 }
 
-/* A marker has the unit of the data; one that an earlier daemon saved has none. */
+/* A marker has the unit of the data. A marker that an earlier daemon saved has no unit. */
 static void a_marker_has_the_unit_of_the_data(void **state) {
     (void)state;
     const struct sp_volume_info info = { .unit = "mm", .value_unit = "HU" };

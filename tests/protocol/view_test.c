@@ -35,7 +35,8 @@ static void must_apply(const char *text, struct sp_view *view) {
         fail_msg("%s: %s: %s", text, err.place, err.text);
 }
 
-/* A saved view is checked once the patch over it is merged, too. */
+/* proto_view_merge() accepts a saved view with a bad size; the next patch is checked together with
+ * it. */
 static void merged_patches_are_checked_together(void **state) {
     (void)state;
     static const char base_text[] = "{\"size\":[0,480],\"camera\":{\"fov_y\":45}}";
