@@ -6,7 +6,7 @@
 //
 // The volumes are winding vessels in empty space, uint8: a file with holes, so that 4096³ (64 GiB) takes 10 GB of disk while it is converted, and 0.1 GB after
 // that. --folder (a new one below $TMPDIR or /tmp) has the files; they are removed at the end, except brick files with --keep. A brick file that is there
-// is not made again. `read_bytes` and `peak_bytes` are those of the daemon; times begin with the request that opens the volume, or the stream.
+// is not made again. `read_bytes` and `peak_bytes` are values of the daemon's process; times begin with the request that opens the volume, or the stream.
 import { spawn } from 'node:child_process';
 import fs from 'node:fs';
 import { tmpdir } from 'node:os';
@@ -48,7 +48,7 @@ function cpuMs(pid) {
   return 10 * ticks.reduce((sum, n) => sum + Number(n), 0);
 }
 
-/** Converts a file and looks at the process every 50 ms. Its memory is that of splatctl: the samples, which the importer maps, are in the page cache. */
+/** Converts a file and looks at splatctl every 50 ms. The peak is the memory of splatctl: the samples, which the importer maps, are in the page cache. */
 async function convert(source, out) {
   const start = performance.now();
   const child = spawn(path.join(BIN, 'splatctl'), ['convert', '--timeout', '3600', source, out], { stdio: ['ignore', 'ignore', 'inherit'] });
@@ -90,7 +90,7 @@ async function watch(daemon, view) {
   const { flags } = await stream.until(() => stream.frames.find((frame) => frame.flags & FINAL), 'the final frame');
   const complete = performance.now() - start;
   const isComplete = !(flags & INCOMPLETE);
-  // A smaller frame before the final one may be complete, too.
+  // A smaller frame before the final frame may also be complete.
   const tells = ({ method, params: { width, bricks: of } }) => method === 'stream.stats' && width === view.size[0] && of?.complete === isComplete && (isComplete || (of.wanted > 0 && of.resident === of.wanted));
   const { bricks } = (await stream.until(() => stream.notes.findLast(tells), 'the numbers of the final frame')).params;
   await stream.end();

@@ -15,8 +15,8 @@ def drag_goals(rows):
 
 
 def element_goals(rows):
-    """Yields what, goal, measured and whether it is met. Wall times depend on what else runs on the machine, so the rate is the one
-    that the CPU time allows on these threads."""
+    """Yields what, goal, measured and whether it is met. Other programs on the machine lengthen wall times, so the rate follows from the
+    CPU time, spread evenly over the threads."""
     own = {(r['volume'], r['layer'], r['mip']): r for r in rows}
     for volume, mip, what, goal in ((GAUSSIANS, 0, '150,000 Gaussians', FPS), (POINTS, 2, 'ten million points at mip level 2, as while moving', MOVING_FPS)):
         row = own.get((volume, '', mip))

@@ -151,7 +151,7 @@ def turned(eye, degrees):
 
 
 def rays(eye, fov):
-    """The direction of view, and those of the pixels' centres, row by row."""
+    """Returns the direction of view, and the directions to the pixels' centres, row by row."""
     ahead = np.full(3, CENTRE) - eye
     ahead /= np.linalg.norm(ahead)
     right = np.cross(ahead, [0, 1, 0])

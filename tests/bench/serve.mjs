@@ -245,7 +245,7 @@ async function hostile() {
   const [cert, key] = ['cert.pem', 'key.pem'].map((name) => path.join(folder, name));
   execFileSync('openssl', ['req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-days', '2', '-subj', '/CN=bench', '-keyout', key, '-out', cert],
     { stdio: 'ignore' });
-  // The default limit of all addresses except those of this machine.
+  // The default limit of all addresses except the addresses of this machine.
   await beside(secure, ['--tls-cert', cert, '--tls-key', key, '--handshake-rate', '50']);
   fs.rmSync(folder, { recursive: true });
 }

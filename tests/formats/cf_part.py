@@ -144,7 +144,7 @@ def check_vectors(tool):
 
 
 def tags(keys, **steps):
-    """The axis tags of vigra; ilastik writes them, too."""
+    """Returns the axis tags of vigra, which ilastik also writes."""
     flags = {'c': 1, 't': 8}
     return json.dumps({'axes': [{'key': k, 'typeFlags': flags.get(k, 2), 'resolution': steps.get(k, 0), 'description': ''} for k in keys]}, indent=2)
 

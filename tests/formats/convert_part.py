@@ -170,7 +170,7 @@ def patient_affine(info):
 
 
 def check_quarter_turns(tool):
-    """Axes along those of the patient: the place in RAS of every sample stays."""
+    """Axes along the axes of the patient: the place of every sample in RAS stays."""
     for space in ('right-anterior-superior', 'left-posterior-superior'):
         for directions in ([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 0, -1], [1, 0, 0], [0, 1, 0]], [[0, 1, 0], [0, 0, -1], [1, 0, 0]]):
             source, data = write_source(tool, 'source.nrrd', 'uint8', space, numpy.array(directions, float))

@@ -331,7 +331,7 @@ def check_times(tool):
             for step in range(3):
                 whole(tool, series.folder, count=4, time=step, step=step)
             n, (z, t) = names[0] if is_shuffled else 5, slices[0] if is_shuffled else (1, 2)
-            whole(tool, series.path(f'IM{n:04}.dcm'), count=4, time=t, step_shown=t)  # that of the file
+            whole(tool, series.path(f'IM{n:04}.dcm'), count=4, time=t, step_shown=t)  # without `step`, the file's own step
             whole(tool, series.path(f'IM{n:04}.dcm'), count=4, time=1, step=1, step_shown=1)
             info, _ = tool.dump(series.path('IM0001.dcm'))
             tool.checks += 1

@@ -21,7 +21,7 @@ if len(sys.argv) >= 4 and os.access(sys.argv[2], os.X_OK) and not os.environ.get
     os.environ['SPLATD_FORMATS_PYTHON'] = '1'
     os.execv(sys.argv[2], [sys.argv[2], *sys.argv])
 
-os.environ['HDF5_PLUGIN_PRELOAD'] = '::'  # of the readers: no plug-ins, such as those that netCDF4 brings
+os.environ['HDF5_PLUGIN_PRELOAD'] = '::'  # the readers load no plug-ins, such as the plug-ins of netCDF4
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from table import Table  # noqa: E402
 

@@ -85,7 +85,7 @@ def check_nifti_vectors(tool):
         has_vectors(tool, path, field(2, 1, 3)[..., 0, :])
         path = write_nifti(tool, 'v4.nii', field(2, 3), intent)
         has_vectors(tool, path, field(2, 3))
-    for affine in (numpy.diag([-2, 2, 2, 1.0]), numpy.diag([2, 2, 2, 1.0]), turned):  # FNIRT's lie along the axes of the grid, as those of dtifit
+    for affine in (numpy.diag([-2, 2, 2, 1.0]), numpy.diag([2, 2, 2, 1.0]), turned):  # vectors of FNIRT lie along the axes of the grid, as vectors of dtifit do
         own = field(2, 3)
         if numpy.linalg.det(affine) > 0:
             own[..., 0] *= -1
@@ -107,7 +107,7 @@ def check_nifti_vectors(tool):
 
 
 def check_nifti_scaled_vectors(tool):
-    """scl_slope and scl_inter hold for vectors, too; the directions of FSL may be whole numbers or shifted."""
+    """scl_slope and scl_inter also apply to vectors; the directions of FSL may be whole numbers or shifted."""
     raw = numpy.random.default_rng(2).integers(-900, 900, size=(*SHAPE, 1, 3)).astype('i2')
     path = write_nifti(tool, 'scaled.nii', raw, 1007)
     set_slope(path, 0.01, 5)
@@ -334,7 +334,7 @@ def check_tiff(tool):
 
 
 def check_arrays(tool):
-    """Zarr, HDF5 and NetCDF: the free axis is that of channels, or time, or z."""
+    """Zarr, HDF5 and NetCDF: the free axis has the channels, or time, or z."""
     data = numpy.random.default_rng(8).integers(0, 255, (3, 4, 6, 7)).astype('u1')
     for zarr_format in (2, 3):
         path = tool.path(f'as{zarr_format}.zarr')
@@ -357,7 +357,7 @@ def check_arrays(tool):
 
 
 def check_hounsfield(tool):
-    """Only CT, no overviews, and of derived images only those that say so."""
+    """The unit is HU only for CT, never for an overview, and for a derived image only if the file says HU."""
     for unit, modality, kind, rescale in (('HU', 'CT', 'ORIGINAL\\PRIMARY\\AXIAL', ''), ('HU', 'CT', 'ORIGINAL\\PRIMARY\\AXIAL', 'HU'),
                                           ('', 'CT', 'ORIGINAL\\PRIMARY\\LOCALIZER', 'HU'), ('', 'CT', 'ORIGINAL\\PRIMARY\\LOCALIZER', ''),
                                           ('', 'CT', 'DERIVED\\SECONDARY\\OTHER', ''), ('HU', 'CT', 'DERIVED\\SECONDARY\\REFORMATTED', 'HU'),

@@ -12,7 +12,7 @@ from ramp import ramp
 
 
 def check_affine(tool, source, affine, anatomy, step=0):
-    """The place of each index in the world is that of the independent reader."""
+    """Fails unless each index has the same place in the world as in the independent reader."""
     info, _ = tool.dump(source, step)
     tool.checks += 1
     if info is None:

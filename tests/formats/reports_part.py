@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files made after public reports of problems with other programs, in DATA/reports. The right values are those of expected.txt beside each file."""
+"""Files made after public reports of problems with other programs, in DATA/reports. The right values stand in expected.txt beside each file."""
 import glob
 import json
 import os
@@ -142,7 +142,7 @@ def check_medical(r):
         if info and (names != ['red', 'green', 'blue'] or info['type'] != 'uint8' or not numpy.allclose(info['spacing'], spacing)):
             r.tool.fail(rgb, f'fields {names}, type {info["type"]}, spacing {info["spacing"]}')
     r.either('29-nifti-vox-offset-0/a10_off0.nii', (0, 199))
-    # expected.txt has the origin (1, 2, 3), but the field ORIGIN of the header is 0: those are its axis numbers.
+    # expected.txt gives the origin (1, 2, 3), but these are the axis numbers; the field ORIGIN of the header is 0.
     r.grid(r.path('36-mrc', 'k2.mrc'), (10, 8, 6), ramp_of, (0.7, 0.5, 2))
     for path in glob.glob(os.path.join(r.tool.data, 'reports', '53-nrrd-byteskip-minus1', '*.nhdr')):
         r.grid(path, dims, small, spacing, (1, 2, 3))

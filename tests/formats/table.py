@@ -20,7 +20,7 @@ writes it: `convert_part.py` compares what the daemon itself writes with OpenVDB
 
 
 class Table:
-    """Collects what the parts found. A row that failed is not in the table, so the page differs, too."""
+    """Collects the results of the parts. A row that failed is not in the table, so the page then also differs."""
 
     def __init__(self):
         self.types, self.layouts = {}, {}

@@ -410,7 +410,7 @@ def write_packed(path, array, bits):
 
 
 def check_beside(tool):
-    """Numbered files beside the one that is opened are slices if they are like it."""
+    """Numbered files beside the opened file are slices if they are like it."""
     def write(name, array, **how):
         tifffile.imwrite(tool.path(name), array, photometric='minisblack', metadata=None, **how)
         return tool.path(name)

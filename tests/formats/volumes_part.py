@@ -438,7 +438,7 @@ def check_mrc(tool):
     with mrcfile.new(tool.path('stack.mrc'), overwrite=True) as file:
         file.set_data(volumes)
     tool.layout('MRC', 'a stack of volumes (space group 401)', tool.path('stack.mrc'), volumes[1], step=1, steps=2, result='steps')
-    # IMOD's origin has the other sign, unless flag 4 is set or the version is that of MRC2014; mode 0 may have 4 bits (flag 16).
+    # IMOD's origin has the other sign, unless flag 4 is set or the file says MRC2014; mode 0 may have 4 bits (flag 16).
     for flags, version, sign in ((0, 0, -1), (4, 0, 1), (0, 20140, 1), (1, 20141, 1)):
         with mrcfile.new(tool.path('imod.mrc'), overwrite=True) as file:
             file.set_data(data)

@@ -219,7 +219,7 @@ def blocks(text):
 
 
 def check(pages):
-    """Returns the differences between the images that the pages define, those that they show, and the folder."""
+    """Returns the differences between the images that the pages define, the images that the pages show, and the folder."""
     text = '\n'.join(pages.values())
     made = {name for block in blocks(text) for name in [*block.get('images', {}), block.get('sheet', '_')] if name[0] != '_'}
     shown = set(re.findall(r'\(([^()/]+\.(?:png|jpg))\)', text))

@@ -28,7 +28,7 @@ const send = (daemon, method, target, body, headers = {}) => daemon.json(`/api/v
   method, body: body && !Buffer.isBuffer(body) ? JSON.stringify(body) : body, headers: { 'Content-Type': 'application/json', ...headers },
 });
 
-/** What is acknowledged. A fact has the value that the daemon confirmed, and perhaps one that it was asked for and did not answer. */
+/** The acknowledged facts. A fact has the value that the daemon confirmed, and perhaps a value that a request without an answer gave it. */
 class Facts {
   all = new Map();
   acknowledged = 0;

@@ -118,7 +118,7 @@ test('sessions, participants and the render queue are limited, and idle sessions
   assert.match(json.detail, /--sessions allows 2/);
   await daemon.untilLogged('ended: no client joined');
   assert.equal((await daemon.post('/api/v1/sessions', {})).status, 201);
-  // Large PNG images keep the one encoder busy: of many concurrent requests some must be refused, and none may hang.
+  // Large PNG images keep the only encoder busy: of many concurrent requests some must be refused, and none may hang.
   const answers = await Promise.all(Array.from({ length: 16 }, (_, i) => daemon.post('/api/v1/render?format=png', '', {
     body: JSON.stringify({ size: [1500, 1500 + i] }),
   }).catch((e) => (e instanceof SyntaxError ? { status: 200 } : Promise.reject(e)))));

@@ -176,7 +176,7 @@ test('bad measurements are refused with a pointer, and over the limits', async (
   for (const [params, pointer] of cases) await refused(stream.call('measure.put', params), -32602, pointer);
   await refused(stream.call('measure.remove', { id: 'none' }), -32002, '/id');
   assert.deepEqual(await list(session.id), []);
-  // The limit per second, then that of the session. Each try waits for an answer, so nothing sleeps.
+  // First the limit per second applies, then the limit of the session. Each try waits for an answer, so nothing sleeps.
   let made = 0;
   let limited = 0;
   for (let reason = ''; !reason.includes('may have');) {

@@ -40,7 +40,7 @@ after(async () => {
 
 const resident = () => Number(/VmRSS:\s+(\d+) kB/.exec(fs.readFileSync(`/proc/${daemon.child.pid}/status`, 'utf8'))[1]) * 1024;
 
-/** Resolves to the bytes of frames: those that wait for clients or are cached, and all. */
+/** Resolves to {answers: bytes of frames that wait for clients or are cached, all: all bytes except voxels}. */
 async function counted() {
   const text = await (await daemon.fetch('/metrics')).text();
   const kinds = [...text.matchAll(/^splatd_memory_bytes\{kind="(\w+)"\} (\d+)$/gm)].map(([, kind, bytes]) => [kind, Number(bytes)]);

@@ -42,7 +42,7 @@ function adapt(name, parts) {
   return text;
 }
 
-/** The configuration around that of the site, as the distribution has it. */
+/** Writes a main configuration around the configuration of the site, as the distribution has it. Returns the arguments of nginx. */
 function nginx(port) {
   const site = adapt('nginx.conf', [['listen 443 ssl', `listen 127.0.0.1:${port} ssl`], ['127.0.0.1:8080', `127.0.0.1:${daemon.port}`],
     ['/etc/ssl/certs/volumes.crt', path.join(folder, 'volumes.crt')], ['/etc/ssl/private/volumes.key', path.join(folder, 'volumes.key')],

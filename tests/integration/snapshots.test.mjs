@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images of the view of a session for clients with a join token, whose quota is that of the owner; names of saved views.
+// Images of the view of a session for clients with a join token, charged to the owner's quota; names of saved views.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { mkdtemp, rm, writeFile } from 'node:fs/promises';

@@ -186,7 +186,7 @@ class Requests:
         query = {}
         for parameter in map(self.values.node, item.get('parameters', []) + operation.get('parameters', [])):
             self._parameter(made, query, parameter, ids)
-        if self.rng.random() < 0.3:  # to all operations: one that answers 304 must document it
+        if self.rng.random() < 0.3:  # to all operations: an operation that answers 304 must document it
             made['headers']['If-None-Match'] = self.rng.choice(['*', '"x"', 'W/"y", "z"', '', '"' * 50])
         if query:
             made['path'] += '?' + urllib.parse.urlencode(query)

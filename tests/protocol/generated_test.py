@@ -81,7 +81,7 @@ class Caller:
         status, headers, data = self.daemon.ask(method.upper(), made['path'], made['body'], made['headers'], token=token or False)
         self.contract.check(method, template, status, headers, data)
         answer = json.loads(data) if data and 'json' in headers.get('Content-Type', '') else None
-        if not template.endswith('{measure}'):  # its ids are not those of sessions
+        if not template.endswith('{measure}'):  # ids of measurements are no ids of sessions
             self.remember(ids, made, method, status, answer)
         self.judge(made, is_good, method, status, answer)
 

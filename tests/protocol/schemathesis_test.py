@@ -16,7 +16,7 @@ import tempfile
 from contract_test import Daemon, json
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
-LIMIT_S = 480  # ends a run that hangs, on a busy machine, too; the run takes about 70 s of processor time
+LIMIT_S = 480  # ends a run that hangs, with time for a busy machine; the run takes about 70 s of processor time
 
 
 def main():

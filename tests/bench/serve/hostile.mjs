@@ -4,7 +4,7 @@
 //   node hostile.mjs KIND '{"port": …, "token": …, "secure": …, "victim": {"id": …, "tokens": …}}'
 //
 // Prints a line when it has started, and on SIGTERM how often it was served: frames, answers or handshakes. The daemon has three
-// volumes: that of the victim and two large ones.
+// volumes: the victim's volume and two large volumes.
 import { once } from 'node:events';
 import net from 'node:net';
 import tls from 'node:tls';

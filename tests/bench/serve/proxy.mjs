@@ -2,7 +2,7 @@
 // A TCP proxy that behaves like a slow and distant network: a delay, a rate, and stalls.
 //
 //   client ──► delay ──► daemon          up:   the delay alone
-//          ◄── delay ◄── rate, queue ◄── down: each packet leaves when the one before has left
+//          ◄── delay ◄── rate, queue ◄── down: each packet leaves when the previous packet has left
 //
 // The queue is bounded, apart from the buffers of the kernel.
 //

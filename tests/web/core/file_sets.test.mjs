@@ -58,7 +58,7 @@ test('numbered images are the slices of one stack', async () => {
     [['S9.PNG', 's10.png'], ['t1.jpg'], ['z1.tif', 'z2.tif'], ['map.png'], ['z3.tif']]);
 });
 
-/** A DICOM file of this series, with the type of the element or without it, and with its bytes in other places, too. */
+/** Returns a DICOM file of this series, with or without the type of the element. The bytes of its tag also occur in another place. */
 function dicom(uid, hasType) {
   const bytes = new Uint8Array(400);
   const put = (at, text) => bytes.set([...text].map((c) => c.charCodeAt(0)), at);

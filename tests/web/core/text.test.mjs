@@ -93,7 +93,7 @@ test('the texts are in order: keys with one beginning stand together, sorted; no
   assert.equal(Object.keys(english).length, Object.values(ENGLISH).reduce((sum, texts) => sum + Object.keys(texts).length, 0));
 });
 
-/** The modules that `name` imports, itself included; without those that it loads later. */
+/** Returns `name` and all modules that it imports, also through others, without the modules that it loads later. */
 function imported(name, modules = new Set()) {
   if (modules.has(name)) return modules;
   modules.add(name);

@@ -139,7 +139,7 @@ test('beside slices, all panes are saved as the layout shows them, or the pictur
   const box = await boxOf(page.locator('main'));
   const all = decodePng((await save(page)).bytes);
   assert.deepEqual([all.width, all.height], [box.width, box.height].map(Math.round));
-  // The slice in the saved picture is that of the pane.
+  // The saved picture has the slice of the pane.
   const { url, place } = await page.evaluate(() => {
     const canvas = document.querySelector('#pane-coronal canvas');
     const { left, top } = canvas.getBoundingClientRect();

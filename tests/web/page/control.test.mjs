@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who may change the view, and what the page says to those who may not; the ways back to the default view; what the status and the
+// Who may change the view, and what the page says to other participants; the ways back to the default view; what the status and the
 // choices of the page promise. With the real daemon.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
@@ -11,7 +11,7 @@ import { startDaemon } from '../support/daemon.mjs';
 const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32', '--backend', 'cpu', '--control-time', '600']));
 const open = (context, address, options) => visit(context, browser, address, options);
 
-/** Opens a page in a new session, and a second one that joins it with this role. */
+/** Opens a page in a new session, and a second page that joins the session with this role. */
 async function openTwo(context, role, options) {
   const host = await open(context, daemon.url);
   const [id, token] = await host.page.evaluate(() => [window.splatd.session, sessionStorage.getItem('splatd:/token')]);

@@ -17,7 +17,7 @@ async function setUp(context, options) {
   return opened;
 }
 
-/** The bytes of a body as they are sent. */
+/** Resolves to the size of a body as sent, with its compression [bytes]. */
 const sizeOf = (url) => new Promise((resolve, reject) => {
   get(url, { headers: { 'Accept-Encoding': 'gzip' } }, (answer) => {
     assert.equal(answer.statusCode, 200, url.pathname);

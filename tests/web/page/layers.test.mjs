@@ -173,7 +173,7 @@ test('a surface has a mark above the histogram, which moves by mouse and keyboar
   compare(Math.abs(await step('Shift+ArrowLeft') - 2.55 * 0.9), '<', 0.01);
   assert.equal(await mark.getAttribute('aria-label'), 'Surface 1: value');
   assert.equal(Number(await mark.getAttribute('aria-valuenow')), (await layersIn(page))[1].value);
-  // A zoom of the plot moves the marks, too; outside they are hidden.
+  // A zoom of the plot also moves the marks. Marks outside of the plot are hidden.
   await page.locator('#transfer-curve [data-part="closer"]').click();
   await page.locator('#transfer-curve [data-part="closer"]').click();
   await page.locator('#transfer-curve [data-part="closer"]').click();

@@ -13,7 +13,7 @@ const SIDE = 20;
 const SPACING = [2, 1, 1]; // mm
 const folder = mkdtempSync(path.join(tmpdir(), 'splatd-measures-'));
 const { browser, daemon } = await share(() => {
-  // The value is that of the column plus ten times the slice: 0 to 209.
+  // The value is the column's index plus ten times the slice's index: 0 to 209.
   const voxels = Buffer.from(Array.from({ length: SIDE ** 3 }, (_, i) => (i % SIDE) + 10 * Math.floor(i / SIDE / SIDE)));
   writeFileSync(path.join(folder, 'ramp.nrrd'), Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${SIDE} ${SIDE} ${SIDE}\nspace dimension: 3\n`
     + 'space directions: (2,0,0) (0,1,0) (0,0,1)\nspace units: "mm" "mm" "mm"\nsample units: HU\nspace origin: (0,0,0)\nencoding: raw\n\n'), voxels]));

@@ -390,7 +390,7 @@ test('a failed load says why and is removed; closing the shown volume shows anot
   await shows(page, 'cube');
   await page.locator('#volume-info dd', { hasText: '24 × 24 × 24' }).waitFor();
   await page.locator('#volume-info dd', { hasText: 'density' }).waitFor();
-  const other = await openPage(browser); // another session, which shows the volume, too
+  const other = await openPage(browser); // another session, which also shows the volume
   context.after(() => other.context.close());
   await other.page.goto(`${daemon.url}&volume=cube`);
   await firstFrame(other.page);

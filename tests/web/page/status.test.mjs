@@ -99,7 +99,7 @@ test('a picture that memory makes coarser says so, and a damaged file says where
 test('"reduced detail" goes with the moving picture, and never stands beside "detail 100 %"', async (context) => {
   const { page, daemon: mock, said, idle } = await visitMock(context, browser);
   await idle();
-  mock.draws = false; // no frame but those of put()
+  mock.draws = false; // only put() sends frames
   mock.notifyAll('stream.policy', { why: ['time'], moving: { format: 'jpeg', quality: 80 }, final: { format: 'jpeg', quality: 90 } });
   await page.evaluate(() => {
     window.told = [];

@@ -12,7 +12,7 @@ const OWN = ['#people-fold', '#status', '#stats', '#messages', '#notice', '#volu
 
 /** Runs in the page: [[name, fact], …] of all elements that can be seen. `own`: selectors of parts that are left out. */
 function look(own) {
-  // The layers of the overlay lie in the order in which the parts of the page came, so each is counted among those of its kind.
+  // The layers of the overlay lie in the order in which the parts of the page came, so each layer is counted among the layers of its kind.
   const kindOf = ({ firstElementChild: first }) => first && `${first.localName} ${first.getAttribute('data-kind') ?? first.getAttribute('class') ?? ''}`;
   const placeOf = (element) => {
     const { parentElement: parent } = element;

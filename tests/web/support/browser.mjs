@@ -100,7 +100,7 @@ export async function checkAxe(page, ...parts) {
   assert.deepEqual(violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ target, html }) => `${target} ${html}`).join(' ')}`), []);
 }
 
-/** Opens a new context with one page and collects its console messages. options: those of the browser context. */
+/** Opens a new context with one page and collects its console messages. options: options of the browser context. */
 export async function openPage(browser, options = {}) {
   const context = await browser.newContext({ viewport: { width: 900, height: 600 }, ...options });
   const page = await context.newPage();
@@ -253,7 +253,7 @@ export async function drag(page, [x0, y0], [x1, y1], { button = 'left', steps = 
 
 /**
  * Presses both buttons and turns the wheel on whatever lies above the pictures: labels, bars and messages. Returns {count: of places, kept:
- * the names of those that keep a part of it from the picture below, although they are no controls}.
+ * the names of elements that keep a part of it from the picture below, although they are no controls}.
  */
 export async function pressPlates(page) {
   const places = await page.evaluate(() => {

@@ -99,7 +99,7 @@ export class MockDaemon {
   refusal = null;
   /** The folder of the page. */
   page = PAGE;
-  /** Files that replace those of the page or come with them: path → text. */
+  /** Files that replace files of the page or are added to them: path → text. */
   files = {};
   /** The path prefix of all routes, as behind a reverse proxy. */
   prefix = '';

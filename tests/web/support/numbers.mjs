@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { compare } from '../../support/compare.mjs';
 
-/** Asserts that each element of `a` is within `tolerance` of the one of `b`. */
+/** Asserts that each element of `a` is within `tolerance` of the same element of `b`. */
 export function close(a, b, tolerance = 1e-9) {
   assert.equal(a.length, b.length);
   a.forEach((x, i) => compare(Math.abs(x - b[i]), '<=', tolerance, `[${a}] is not [${b}], by ${x - b[i]} at ${i}`));
