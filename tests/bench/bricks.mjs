@@ -78,7 +78,7 @@ async function makeBricks(folder, side) {
   return { ...made, file_bytes: fs.statSync(bricks).size };
 }
 
-/** Opens a stream of a new session: the first frame, the final one, and what was read for them. */
+/** Opens a stream of a new session: the times of the first and the final frame, and the bytes read for them. */
 async function watch(daemon, view) {
   const { pid } = daemon.child;
   const before = bytesRead(pid);
@@ -118,7 +118,7 @@ async function measure(folder, side) {
   if (!options.keep) fs.rmSync(path.join(folder, `vessels-${side}.bricks`));
 }
 
-/** What a volume needs while it is made: the rows with matter, three times, and the brick file. */
+/** Returns the disk space that a volume needs while it is made: the rows with matter, three times, and the brick file. */
 const diskBytes = (side) => 0.17 * side ** 3;
 
 const folder = options.folder ?? fs.mkdtempSync(path.join(tmpdir(), 'splat-bricks-'));

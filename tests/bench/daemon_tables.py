@@ -87,7 +87,7 @@ def latency_headline(folder):
 
 
 def motion_goal(row):
-    """Where the frame rate that the client asked for is the limit, changes have to wait for it."""
+    """Says whether the goal is met. If frames come at the rate that the client asked for, changes wait for it and the goal does not apply."""
     changes, most = re.search(r'(60 changes|a change per frame).* max_fps (\d+)$', row['what']).groups()
     if row['fps_mean'] >= 0.98 * float(most) and (changes != '60 changes' or float(most) < 60):
         return '– (max_fps)'

@@ -57,8 +57,8 @@ def arguments():
 
 
 def element_runs(run):
-    """Volume, mip level, name and layers of what is measured of points, Gaussians, triangles and vectors. Vectors of all samples stand beside
-    the splats of these samples; the last row has everything in one frame."""
+    """Returns the volume, mip level, name and layers of each measurement of points, Gaussians, triangles and vectors. Vectors of all samples
+    stand beside the splats of these samples; the last row has everything in one frame."""
     many = 'demo:points' + ('' if run.o.quick else '?size=1000')
     volume, vectors = {'type': 'volume'}, {'type': 'vectors', 'density': 1}
     place = [16, 0, 0, 48, 0, 16, 0, 48, 0, 0, 16, 48, 0, 0, 0, 1]

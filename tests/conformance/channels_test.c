@@ -231,7 +231,7 @@ static void steep(struct sp_view *view) {
 static const struct {
     const char *name;
     void (*change)(struct sp_view *view);
-    double floor; /* dB, half a decibel below what was measured */
+    double floor; /* dB, half a decibel below the measured value */
 } rows[] = {      /* additive colours are brighter than their mean: larger errors */
              { "plain", plain, 66.3 },
              { "lit", lit, 53.5 },

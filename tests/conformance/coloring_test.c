@@ -246,7 +246,7 @@ static void expect_error(const struct test_renderer *renderer, struct volumes *v
         fail_msg("%s", err.text);
 }
 
-/* No volume, and one with other samples. */
+/* No volume, and a volume with other samples. */
 static void numbers_that_do_not_fit_are_refused(void **state) {
     const struct test_target scalar = { "cpu", "scalar" };
     struct test_renderer renderer;

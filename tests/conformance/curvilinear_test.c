@@ -44,7 +44,7 @@ static double field_value(const void *user, double x, double y, double z) {
     return field((const double[3]){ x, y, z });
 }
 
-/* Moves the nodes inside by up to `most` cells; those at the border stay on it. */
+/* Moves the inner nodes by up to `most` cells; nodes at the border stay on it. */
 static void warp(const double i[3], double most, double p[3]) {
     const double turn = 2 * M_PI / (SIDE - 1);
     for (int a = 0; a < 3; a++) {
@@ -141,8 +141,8 @@ static bool draws(const struct test_renderer *renderer, const struct sp_view *vi
     return false;
 }
 
-/* How far nodes move [cells], and how close the images are [dB]; half a decibel below what was
- * measured. Where cells are larger, the kernels blur the field more. */
+/* How far nodes move [cells], and how close the images are [dB], half a decibel below the measured
+ * value. Where cells are larger, the kernels blur the field more. */
 static const struct { double most, floor; } warps[] = { { 0, 85.4 }, { 1, 62.8 }, { 3, 51.7 } };
 
 static void check_warps(const struct test_renderer *renderer, const char *name) {
@@ -168,7 +168,8 @@ static void check_warps(const struct test_renderer *renderer, const char *name) 
     test_scene_finish(&scene);
 }
 
-/* The regular volume with the same vectors; or turned ones, which lead away from the axis. */
+/* Returns the regular volume with the same vectors, or with turned vectors, which lead away from
+ * the axis. */
 static struct sp_volume *add_vectors(const struct test_scene *regular, bool is_turned) {
     float(*vectors)[3] = calloc(SIDE * SIDE * SIDE, sizeof *vectors);
     assert_non_null(vectors);
@@ -244,7 +245,7 @@ static void grade(double length, uint32_t count, double *at) {
         at[i] = length * expm1(log(12) * i / (count - 1)) / 11;
 }
 
-/* The field at the nodes of a rectilinear grid: as such, or as points. */
+/* Returns the field at the nodes of a rectilinear grid: as a grid, or as points. */
 static struct sp_volume *make_graded(const struct test_scene *regular, bool are_points) {
     const uint32_t dims[3] = { SIDE, SIDE, SIDE };
     double at[SIDE];
@@ -277,7 +278,7 @@ static void check_graded(const struct test_renderer *renderer, const char *name)
         struct sp_volume *grid = make_graded(&scene, false), *points = make_graded(&scene, true);
         const double psnr = compare_streaks(renderer, &view, points, grid);
         printf("%-8s streaks of a rectilinear grid: %.2f dB\n", name, psnr);
-        assert_compare(psnr, >=, 59.7); /* half a decibel below what was measured */
+        assert_compare(psnr, >=, 59.7); /* half a decibel below the measured value */
         sp_volume_unref(&grid);
         sp_volume_unref(&points);
     }
@@ -381,7 +382,7 @@ static void draw_truth(const struct sp_volume *volume, const struct sp_view *vie
     test_streaks_destroy(&streaks);
 }
 
-/* By style, of the fan and of the box; half a decibel below what was measured. */
+/* By style, of the fan and of the box; half a decibel below the measured value. */
 static const double truth_floors[2][2] = { { 96.7, 101.7 }, { 69.8, 73 } };
 
 static void check_truth_of(const struct test_renderer *renderer, const char *name, bool is_box) {

@@ -23,7 +23,7 @@ struct scene {
     unsigned degree;
     double distance, size; /* of the eye; of the Gaussians */
     bool is_parallel, is_normalised, is_turned;
-    double floor; /* dB; half a decibel below what was measured */
+    double floor; /* dB; half a decibel below the measured value */
 };
 
 static const struct scene scenes[] = {

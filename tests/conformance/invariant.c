@@ -72,7 +72,7 @@ void invariant_choose_way(struct sp_view *view, int way) {
 }
 
 /* The kernels tests hold each instruction set to the scalar reference. So two of them stand for
- * all: the reference and the best one. True if `target` is another one; names the best one "auto".
+ * all: the reference and the best set. True if `target` is another set; names the best set "auto".
  */
 static bool is_left_out(struct test_target *target, bool *has_best) {
     if (strcmp(target->backend, "cpu") != 0 || strcmp(target->isa, "scalar") == 0)

@@ -14,8 +14,8 @@ struct invariant_context {
     struct test_renderer renderer; /* two threads */
 };
 
-/* Bounds for the comparison of an image of post-convolved sheets with one of footprints. Measured:
- * 65.0 dB; the sum of optical depths is within 0.31 % of the largest depth. */
+/* Bounds for the comparison of an image of post-convolved sheets with an image of footprints.
+ * Measured: 65.0 dB; the sum of optical depths is within 0.31 % of the largest depth. */
 #define INVARIANT_POSTCONV_FLOOR 64.5
 #define INVARIANT_POSTCONV_DEPTH 4e-3
 

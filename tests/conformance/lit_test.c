@@ -17,7 +17,7 @@ struct row {
     test_scene_fn *scene;
     double occlusion, shadow;
     double light[3]; /* world; zero: the light of the scene */
-    double floor;    /* dB, half a decibel below what was measured */
+    double floor;    /* dB, half a decibel below the measured value */
     double most;     /* largest difference of a channel, half a decibel above */
 };
 

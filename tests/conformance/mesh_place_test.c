@@ -36,7 +36,7 @@ static double half_area(double r, double y0, double y1) {
     return 0.5 * (y1 * sqrt(r * r - y1 * y1) + r * r * asin(y1 / r) - low);
 }
 
-/* The coverage of a row or a column of pixels adds up to what is between its two silhouettes. */
+/* The coverage of a row or a column of pixels adds up to the width between its two silhouettes. */
 static void the_silhouette_of_a_ball_is_in_its_place(void **state) {
     (void)state;
     enum { SIZE = 257 };
@@ -115,7 +115,8 @@ static struct sp_volume *find_plane(void *user, const char *id) {
     return sp_volume_ref(user);
 }
 
-/* What a ray shows: the medium, the plane with its opacity, and the medium behind it. */
+/* Computes the colour of a ray: the medium, the plane with its opacity, and the medium behind the
+ * plane. */
 static void expect(const struct test_medium *s, const double n[3], double offset, double alpha,
                    double x, double y, double rgb[3]) {
     const double color[3] = { 1, 0.5, 1 };

@@ -131,7 +131,7 @@ static void fine(struct scene *s) {
 struct row {
     const char *name;
     void (*make)(struct scene *scene);
-    double floor; /* dB, half a decibel below what was measured */
+    double floor; /* dB, half a decibel below the measured value */
 };
 
 static const struct row rows[] = {

@@ -19,7 +19,7 @@ static const double visible = 80, rise = 110 /* per sample */, plateau[2] = { 21
 struct row {
     const char *name;
     double normal[3], azimuth, elevation;
-    double most, rms; /* differences; half a decibel above what was measured */
+    double most, rms; /* differences; half a decibel above the measured value */
 };
 
 static const struct row rows[] = {

@@ -274,7 +274,7 @@ static void draw_integral(const struct cloud *c, double opacity, double thicknes
 }
 
 /* Opacity over a deviation; floors of points drawn as wholes, and in slabs of 1 and 1/3 of their
- * size [dB], half a decibel below what was measured. Slabs as thick as a deviation, whose sums are
+ * size [dB], half a decibel below the measured value. Slabs as thick as a deviation, whose sums are
  * exact, would have 87, 62 and 47 dB. */
 static const struct {
     double opacity, floors[3];
@@ -377,7 +377,7 @@ static void see_noise(struct sp_view *view) {
     }
 }
 
-/* Level 0 has all points. The floors are half a decibel below what was measured. If merged points
+/* Level 0 has all points. The floors are half a decibel below the measured value. If merged points
  * had the colours of their mean values, levels 1 and 2 would have 11.5 and 6.5 dB. */
 static int check_levels(const struct test_renderer *renderer, const struct test_target *target,
                         struct sp_volume *volume) {

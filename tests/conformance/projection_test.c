@@ -16,7 +16,7 @@ enum { TARGETS_MAX = 16, STEPS = 28, MODES = 5 };
 
 static const double ZERO = 0.1; /* of the absorption, as a share of the range */
 
-/* dB, half a decibel below what was measured. By column: maximum, minimum, mean, sum, absorption.
+/* dB, half a decibel below the measured value. By column: maximum, minimum, mean, sum, absorption.
  */
 struct row {
     const char *name;
@@ -82,7 +82,7 @@ static bool check_images(const struct run *run, const char *name, const struct t
     struct test_image scalar = { 0 };
     const double *spacing = scene->info.grid.spacing;
     const double step = fmin(fmin(spacing[0], spacing[1]), spacing[2]) / STEPS;
-    /* Where two images with other sheets are mixed, GL mixes colours, and the CPU numbers. */
+    /* Where images of two sets of sheets are mixed, GL mixes colours, and the CPU mixes numbers. */
     const double least_same = 66;
     bool is_good = true;
     for (unsigned t = 0; t < run->count; t++) {
@@ -234,7 +234,8 @@ static unsigned check_finite(const struct run *run) {
                 return 1;
             }
             for (unsigned x = 0; x < SIDE; x++) {
-                /* Pixels lie on samples: those at the border of what is known see both sides. */
+                /* Pixels lie on samples. Pixels at the border of the finite samples see both sides.
+                 */
                 const double *pixel = test_image_at(&image, x, SIDE / 2);
                 double grey = 10.0 * x / 200;
                 bool is_known = x > 2 && x < 13, is_border = x == 2 || x == 13;

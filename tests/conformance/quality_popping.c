@@ -105,7 +105,7 @@ static void turn_to(struct sp_view *view, double azimuth) {
     p[1] = t[1] - distance * cos(a);
 }
 
-/* The changes between three frames: the axis switches after the second one. */
+/* The changes between three frames: the axis switches after the second frame. */
 static void orbit_default(const struct quality *q, struct sp_volume *volume, struct sp_view *view,
                           double rms[2], double worst[2]) {
     struct test_image last = { 0 };

@@ -20,7 +20,7 @@ enum { TARGETS_MAX = 16 };
 struct row {
     const char *name;
     test_scene_fn *scene;
-    double floor[2]; /* of sheets and of slabs; dB, half a decibel below what was measured */
+    double floor[2]; /* of sheets and of slabs; dB, half a decibel below the measured value */
 };
 
 static double block(const void *user, double x, double y, double z) {
@@ -28,7 +28,7 @@ static double block(const void *user, double x, double y, double z) {
     return fabs(x - 11.5) < half && fabs(y - 11.5) < half && fabs(z - 11.5) < half ? *value : 0;
 }
 
-/* A block of one value in another one, 24³. */
+/* A volume of 24³ samples: a block of one value inside another value. */
 static bool make_block(struct test_scene *scene, double value, const double (*points)[5],
                        unsigned count) {
     const double unit[3] = { 1, 1, 1 };
@@ -71,7 +71,7 @@ static bool small_image(struct test_scene *scene) {
     return true;
 }
 
-/* The rays at one side go against those at the other one, along the axis of the slices. */
+/* Along the axis of the slices, rays at the left and at the right go in opposite directions. */
 static bool wide_image(struct test_scene *scene) {
     if (!saturated(scene))
         return false;

@@ -183,7 +183,7 @@ static void slices_show_a_colour_map(void **state) {
     check(&s, "blue to red");
 }
 
-/* From behind, and from inside of the volume. */
+/* The camera is behind the volume, or inside of it. */
 static void slices_are_seen_from_everywhere(void **state) {
     (void)state;
     struct test_medium s;
@@ -229,7 +229,7 @@ static void orthogonal_slices_are_switched_singly(void **state) {
     }
 }
 
-/* Without a medium, a pixel on a border of a slice shows the mean of what it covers. Corners are
+/* Without a medium, a pixel on a border of a slice shows the mean over its area. Corners are
  * products of two borders, and so less exact. */
 static void borders_of_slices_are_smooth(void **state) {
     (void)state;

@@ -218,7 +218,7 @@ static void filters_match_rays(void **state) {
     test_renderer_close(&renderer);
 }
 
-/* From balls to discs: the image tends to that of flat kernels. */
+/* While balls become discs, the image tends to the image of flat kernels. */
 static void flatness_tends_to_discs(void **state) {
     (void)state;
     static const double flatness[] = { 1, 2, 4, 16, 64 };

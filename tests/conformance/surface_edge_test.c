@@ -34,7 +34,7 @@ static void make(struct test_scene *scene, const char *name, const uint32_t dims
         test_scene_voxels(scene, name, dims, (double[]){ 1, 1, 1 }, SP_FLOAT32, value, NULL));
 }
 
-/* From a distance to the surface, positive inside, to a value. */
+/* Returns the value at a distance to the surface; positive distances lie inside. */
 static double value_of(double inside) {
     return 128 + 30 * fmax(-4, fmin(inside, 4));
 }
@@ -98,7 +98,7 @@ static void small_bowl(struct test_scene *scene) {
 struct row {
     const char *name;
     void (*make)(struct test_scene *scene);
-    double most; /* of 1; a fifth above what was measured */
+    double most; /* of 1; a fifth above the measured value */
 };
 
 static const struct row rows[] = {

@@ -190,7 +190,7 @@ static double bend_of(const struct test_image frames[3]) {
     return sqrt(sum / (double)n);
 }
 
-/* What changes from frame to frame, beside what changes evenly: flicker would add to it. */
+/* Measures the changes from frame to frame that are not even: flicker would add to them. */
 static void turning_does_not_flicker(void **state) {
     (void)state;
     double most = 0;
@@ -269,9 +269,7 @@ static void flat_kernels_are_sharper(void **state) {
     printf("tilted plate: contrast %.3f with discs, %.3f with kernels of the volume\n", disc,
            volume);
     assert_compare(disc, >, 1.05 * volume);
-    /* Where a pixel is wider than a period, nothing of the pattern is left, and no other one
-     * appears.
-     */
+    /* Where a pixel is wider than a period, the pattern vanishes, and no other pattern appears. */
     double far = contrast_at(INFINITY, 1600, 8, &mean[2]);
     printf("far away: contrast %.3f, mean %.3f\n", far, mean[2]);
     assert_compare(far, <, 0.25 * disc);

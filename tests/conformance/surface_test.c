@@ -118,7 +118,7 @@ static void layered_blobs(struct test_scene *scene) {
 struct row {
     const char *name;
     void (*make)(struct test_scene *scene);
-    double floor; /* dB, half a decibel below what was measured */
+    double floor; /* dB, half a decibel below the measured value */
 };
 
 static const struct row rows[] = {

@@ -164,7 +164,7 @@ def check_hdf5_layouts(tool):
 
 
 def check_hdf5_unreadable(tool):
-    """Arrays that cannot be read: no other one is shown in their place without a word."""
+    """Arrays that cannot be read: the reader never shows another array in their place without a message."""
     data = ramp((6, 8, 10), '<i2')
     path = tool.path('unreadable.h5')
     how = h5py.h5p.create(h5py.h5p.DATASET_CREATE)

@@ -37,7 +37,7 @@ def plain(value):
 
 
 def write_zarr(tool, version):
-    """As xarray writes it: _FillValue is the fill value of v2, and base64 of a float64 in v3."""
+    """Writes the arrays as xarray does: _FillValue is the fill value in v2, and base64 of a float64 in v3."""
     path = tool.path(f'cf{version}.zarr')
     group = zarr.open_group(path, mode='w', zarr_format=version)
     for name, (dims, data, attributes, fill) in arrays_of().items():
@@ -167,7 +167,7 @@ def check_tags(tool):
 
 
 def check_kinds(tool):
-    """What the numbers are: categories, colours, and places that a grid cannot have."""
+    """Kinds of numbers: categories, colours, and places that a grid cannot have."""
     flags = ramp((3, 4, 5), 'i1') % 4
     with netCDF4.Dataset(tool.path('kinds.nc'), 'w') as file:
         for name, size in zip('zyx', flags.shape):
@@ -243,7 +243,7 @@ def check_sizes(tool):
 
 
 def check_zarr(tool):
-    """What only Zarr has."""
+    """Properties that only Zarr has."""
     data = ramp((2, 3, 4), 'f4')
     fill = float(data[0, 1, 2])
     group = zarr.open_group(tool.path('fields.zarr'), mode='w')

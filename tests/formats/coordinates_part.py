@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Coordinates of arrays: packed ones, names of units, longitudes that wrap, and axes that are no space."""
+"""Coordinates of arrays: packed coordinates, names of units, longitudes that wrap, and axes that are no space."""
 import json
 import os
 
@@ -65,7 +65,7 @@ def check_packed(tool):
 
 
 def check_units(tool):
-    """Each unit in the plural and spelled out, against x in another one: (unit of x, unit of z, z in x, what is shown)."""
+    """Each unit in the plural and spelled out, with x in another unit: (unit of x, unit of z, z in units of x, displayed unit)."""
     for of_x, of_z, factor, shown in (('kilometers', 'meters', 1e-3, 'km'), ('Metres', 'kilometre', 1e3, 'm'), ('micrometers', 'nanometers', 1e-3, 'um'),
                                       ('micron', 'Microns', 1, 'um'), ('millimetres', 'centimeters', 10, 'mm'), ('cm', 'inches', 2.54, 'cm'),
                                       ('feet', 'foot', 1, 'ft'), ('kpc', 'pc', 1e-3, 'kpc'), ('Mpc', 'kiloparsecs', 1e-3, 'Mpc'), ('um', 'Angstroms', 1e-4, 'um')):
@@ -103,7 +103,7 @@ def check_axes(tool):
 
 
 def check_itk(tool):
-    """HDF5 of ITK: the place, as SimpleITK reads it; a flat image, one with components, and one with times."""
+    """HDF5 of ITK: the place, as SimpleITK reads it; a flat image, an image with components, and an image with times."""
     layout = 'images of ITK and SimpleITK (/ITKImage/0/VoxelData)'
     data = ramp((4, 5, 6), 'i2')
     turned = (0, 1, 0, -1, 0, 0, 0, 0, 1)
@@ -223,7 +223,7 @@ def check_auxiliary(tool):
 
 
 def check_lengths(tool):
-    """What is channels and time is a guess from the lengths; a file of Keras or DREAM.3D ends with a length of 1. In NetCDF the names tell nothing."""
+    """The reader guesses channels and time from the lengths; a file of Keras or DREAM.3D ends with a length of 1. In NetCDF the names tell nothing."""
     layout = 'without names, the last dimensions of length 1: they play no part'
     told = 'The file does not tell what its dimensions are; the'
     for shape, place, steps, channels, layout, warning in (

@@ -341,7 +341,7 @@ def check_times(tool):
 
 
 def check_fields(tool):
-    """What images of one place show, not when, makes fields."""
+    """Images of one place that differ in what they show, not in their time, become fields."""
     for name, key, values, names in (('echo', 'EchoTime', (5, 10), ('echo 5 ms', 'echo 10 ms')),
                                      ('diffusion', 'DiffusionBValue', (0.0, 800.0), ('b 0 s/mm²', 'b 800 s/mm²')),
                                      ('type', 'ImageType', (['ORIGINAL', 'PRIMARY', 'M'], ['ORIGINAL', 'PRIMARY', 'P']), ('M', 'P'))):

@@ -50,7 +50,7 @@ def segmentation(path, images, mask, kind, syntax=ExplicitVRLittleEndian):
 
 
 def equal_volume(tool, source, volume, array=None, **wanted):
-    """As highdicom has it, from either end of the slices."""
+    """Fails unless the volume equals highdicom's, from either end of the slices."""
     info, samples = tool.dump(source)
     tool.checks += 1
     if info is None:

@@ -62,7 +62,7 @@ def with_adobe(code, transform):
 
 
 def check_colors(tool):
-    """The code says what its colours are; what it does not say comes from the header."""
+    """The compressed code says what its colours are; if it does not, the header says it."""
     ybr = code_of(COLORS, 'JPEG', quality=98, subsampling=0)
     rgb = code_of(COLORS, 'JPEG', quality=98, subsampling=0, keep_rgb=True)
     for name, code, tag, is_told in (('jfif', ybr, 'RGB', True), ('jfif', ybr, 'YBR_FULL_422', False), ('names', rgb, 'YBR_FULL', True),

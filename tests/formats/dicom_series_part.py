@@ -50,7 +50,7 @@ def check_scout(tool):
 
 
 def check_missing(tool):
-    """What a file does not say about places is told, with what is shown instead."""
+    """Warnings name the places and distances that a file lacks, and the values that are used instead."""
     frames = files.stack(4)
     values = numpy.stack([f.values for f in frames])
     for modality in ('CT', 'MR'):
@@ -375,7 +375,7 @@ def check_reconstructions(tool):
 
 
 def check_told(tool):
-    """What a series mixes, and what its times are, is told."""
+    """Reports name what a series mixes, and the kind of its times."""
     zones = Series(tool, 'zones')
     made = Series(tool, 'made')
     mixed = Series(tool, 'mixed')
@@ -446,7 +446,7 @@ def check_words_of_sets(tool):
 
 
 def check_regions(tool):
-    """An ultrasound image with several regions has the scale of the first one in cm."""
+    """An ultrasound image with several regions has the scale of the first region with cm."""
     def region(x, y, units=(3, 3)):
         return files.item(PhysicalUnitsXDirection=units[0], PhysicalUnitsYDirection=units[1], PhysicalDeltaX=x, PhysicalDeltaY=y)
 

@@ -43,7 +43,7 @@ GROUPS['rest'] = [part for part in PARTS if part not in GROUPS['arrays'] + GROUP
 
 
 class Tool:
-    """What the parts use: dump() loads a source, equal() compares."""
+    """The functions that the parts use: dump() loads a source, equal() compares."""
 
     def __init__(self, dump, data, folder):
         self.dump_program, self.data, self.folder = dump, data, folder
@@ -88,7 +88,7 @@ class Tool:
             self.fail(source, f'expected an error with {words}, got: {done.stdout.strip()}')
 
     def typed(self, form, kind, source, expected, layout='', **wanted):
-        """As equal(); adds the type in memory to the column `form` and the row `kind` (table.TYPES) of the page, and a row of layouts."""
+        """Calls equal(); adds the type in memory to the column `form` and the row `kind` (table.TYPES) of the page, and a row of layouts."""
         before = self.failed
         self.equal(source, expected, **wanted)
         if self.failed == before:
@@ -97,14 +97,14 @@ class Tool:
                 self.table.add_layout(form, layout, 'read')
 
     def layout(self, form, layout, source, expected, result='read', **wanted):
-        """As equal(); adds a row of layouts to the page."""
+        """Calls equal(); adds a row of layouts to the page."""
         before = self.failed
         self.equal(source, expected, **wanted)
         if self.failed == before:
             self.table.add_layout(form, layout, result)
 
     def layout_refused(self, form, layout, source, *words):
-        """As refused(); adds a row of layouts to the page."""
+        """Calls refused(); adds a row of layouts to the page."""
         before = self.failed
         self.refused(source, *words)
         if self.failed == before:

@@ -276,7 +276,7 @@ def check_values(tool):
 
 
 def check_place(tool):
-    """Where slices and pixels lie, and what tells it only in part."""
+    """The places of slices and pixels, and files that give them only in part."""
     path = tool.path('place.tif')
     data = ramp((4, 8, 9), 'u2')
     plain = {'photometric': 'minisblack', 'metadata': None}

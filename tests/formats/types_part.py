@@ -33,7 +33,7 @@ def samples(kind, shape=SHAPE):
 
 
 def widened(values):
-    """What memory holds of the numbers."""
+    """Returns the numbers as the volume stores them in memory."""
     values = numpy.asarray(values)
     if values.dtype.kind == 'c':
         return numpy.abs(values)
@@ -110,7 +110,7 @@ def check_hdf5(tool):
 
 
 def netcdf_samples(kind):
-    """Without the number that NetCDF writes where a program wrote none, which readers leave out."""
+    """Returns samples without NetCDF's fill number, which readers leave out."""
     values = samples(kind)
     fill = netCDF4.default_fillvals.get(values.dtype.str[1:])
     return numpy.where(values == fill, fill - 1, values).astype(values.dtype) if values.dtype.kind in 'iu' and values.dtype.itemsize > 1 else values

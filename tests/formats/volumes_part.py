@@ -39,7 +39,7 @@ def values(dtype, shape=SHAPE):
 
 
 def shown(data):
-    """What a volume shows of them."""
+    """Returns the numbers that a volume shows: the magnitudes of complex numbers."""
     return numpy.abs(data) if data.dtype.kind == 'c' else data
 
 
@@ -472,7 +472,7 @@ def check_gipl(tool):
 
 
 def check_minc(tool):
-    """Not read; without the scales of its slices the array would be wrong."""
+    """MINC is refused: without the scales of its slices the array would be wrong."""
     with h5py.File(tool.path('two.mnc'), 'w') as file:
         file['minc-2.0/image/0/image'] = values('i2')
     tool.refused(tool.path('two.mnc'), 'mnc2nii')

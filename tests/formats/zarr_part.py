@@ -56,7 +56,7 @@ def check_v2(tool):
 
 
 def check_filters(tool):
-    """What comes before the compressor, and compressors besides the usual ones, in v2 and v3."""
+    """Filters before the compressor, and unusual compressors, in v2 and v3."""
     shape, chunks = (5, 6, 7), (2, 4, 3)
     data, real = ramp(shape, '<i2'), ramp(shape, '<f4') / 8
     cases = [('delta', data, [numcodecs.Delta('<i2')]), ('delta', data, [numcodecs.Delta('<i2', '<i4')]), ('delta', real, [numcodecs.Delta('<f4')]),

@@ -32,7 +32,7 @@ static void check_address(const char *address, const char *list) {
     snprintf(own, sizeof own, "%s:%u", parts.host, parts.port);
     check(sp_address_allowed(&parts, own) == SP_ALLOWED_ANY);
     check(sp_address_allowed(&parts, "") == SP_NOT_ALLOWED);
-    /* A list allows what one of its entries allows. */
+    /* A list allows an address if one of its entries allows it. */
     enum sp_allowed best = SP_NOT_ALLOWED;
     for (const char *entry = list; *entry;) {
         const size_t bytes = strcspn(entry, ",");

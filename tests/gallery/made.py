@@ -52,12 +52,12 @@ def membranes(x, y, z):
 
 
 def even(n, length):
-    """From 0 to length."""
+    """Returns n evenly spaced positions from 0 to length."""
     return [length * i / (n - 1) for i in range(n)]
 
 
 def graded(n, length):
-    """From 0 to length, four times as fine in the middle as an even grid, coarser outside."""
+    """Returns n positions from 0 to length, four times as fine in the middle as an even grid, coarser outside."""
     ends = [(2 * i / (n - 1) - 1) for i in range(n)]
     return [0.5 * length * (1 + 0.25 * t + 0.75 * t ** 3) for t in ends]
 

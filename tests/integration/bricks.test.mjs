@@ -114,7 +114,7 @@ test('a stream shows something at once, then all of it, and tells its bricks', a
   await stream.end();
 });
 
-/** Starts a daemon with a cache in a folder, for the files of another one. */
+/** Starts a daemon with a cache in one folder, for the files of another folder. */
 const withCache = (data, cache, ...more) => Daemon.start(['--data', data, '--memory', `${MEMORY}`, '--cache', cache, ...more], { backend: 'cpu' });
 
 test('with --cache, fields, vectors and time steps stay known, and each field and step has bricks of its own', async () => {

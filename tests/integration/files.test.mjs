@@ -270,7 +270,7 @@ test('another field of a volume is loaded from its file, wherever that lies', as
     const volume = await own.loaded(id);
     assert.deepEqual([volume.state, volume.fields[0].name, volume.other_vectors], ['ready', field, names], volume.reason);
   }
-  // What differs from the file is said to clients and, once, in the log.
+  // Clients get a warning where the volume differs from the file; the log has it once.
   writeFileSync(at('scans', 'half.csv'), 'x,y,z,heat\n0,0,0,1\n1,0,0,\n');
   assert.equal((await own.post('/api/v1/volumes', { source: 'scans/half.csv' })).status, 202);
   const sentence = '1 of the 2 points are not drawn, because their position, value or size is not a finite number.';
@@ -278,7 +278,7 @@ test('another field of a volume is loaded from its file, wherever that lies', as
   const listed = (await own.json('/api/v1/volumes')).json.volumes;
   assert.deepEqual(listed.map(({ id, warnings }) => [id, warnings?.length]).filter(([, count]) => count), [['half', 1]]);
   assert.equal(own.log.split(`volume half: ${sentence}`).length, 2, own.log);
-  // What needs a grid of samples is refused, not ignored.
+  // Requests that need a grid of samples are refused, not ignored.
   const slice = await own.json('/api/v1/volumes/half/slice?axis=2&index=0');
   assert.deepEqual([slice.status, slice.json.detail], [422, 'slices need a grid of samples, and this volume has points']);
   for (const [kind, points] of [['profile', [[0, 0, 0], [1, 1, 1]]], ['rectangle', [[0, 0, 0], [1, 0, 0], [0, 1, 0]]], ['part', [[0, 0, 0]]]]) {

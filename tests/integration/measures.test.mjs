@@ -76,7 +76,7 @@ test('two participants see each other\'s measurements', async () => {
   const named = await ann.call('measure.put', { kind: 'marker', points: [[2, 1, 1]] });
   assert.match(named.id, /^[0-9a-f]{16}$/);
   assert.equal(named.value, 21);
-  // Who joins later gets all; what is removed leaves the ids.
+  // A participant that joins later gets all measurements; a removed measurement leaves the ids.
   const late = await daemon.stream({ session, token: session.tokens.view });
   assert.deepEqual((await late.note('session.measures')).params, { ids: ['square', named.id], changed: [moved, named] });
   assert.deepEqual(await bob.call('measure.remove', { id: named.id }), { id: named.id });
@@ -105,7 +105,7 @@ test('who only watches may not edit, unless control was granted', async () => {
   for (const stream of [host, guest]) await stream.end();
 });
 
-// The values 21 to 63: the samples behind the first one of the last rows of slice 1, and slices 2 and 3.
+// The values 21 to 63: in slice 1 the samples of the last rows without their first sample, and slices 2 and 3.
 const PART = { kind: 'part', points: [[4, 2, 2]], range: [21, 63] };
 const PATH = { kind: 'path', points: [[0, 0, 3], [6, 3, 3]], range: [21, 63] };
 

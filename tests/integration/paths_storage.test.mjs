@@ -9,7 +9,7 @@ import { compare } from '../support/compare.mjs';
 import { Daemon, nrrd } from './harness.mjs';
 import { API, bytes, end, event, frame, gone, LONG, make, newFolder, pathOf, VOLUME } from './paths_helper.mjs';
 
-/** So many frames that a daemon dies before the last one. */
+/** So many frames that a daemon dies before the last frame. */
 const MANY = 100;
 
 test('a movie over --video-pixels is refused, and partial files of a crash are removed', async () => {

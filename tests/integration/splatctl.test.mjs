@@ -78,7 +78,7 @@ test('what differs from the file of a volume is said on standard error', async (
     assert.match(err, warning, args[0]);
   }
   assert.equal(JSON.parse(await succeeds(['info', inFolder('half.csv')])).warnings.length, 1);
-  // What needs a grid, or a projection, is refused.
+  // Options that need a grid or a projection are refused.
   for (const [args, reason] of [[['render', '--local', '--surface', '1'], /\/layers\/0\/type: this volume has no grid of samples/], [['slice', '--axis', 'z'], /slices need a grid of samples, and this volume has points/],
     [['render', '--local', '--window', '40,400'], /--window: is the window of a projection: add --projection/]]) {
     const { status, err } = await splatctl([...args, '--volume', args[0] === 'render' ? inFolder('half.csv') : 'half', '--out', inFolder('half.png')]);

@@ -206,7 +206,7 @@ test('volumes that layers name follow the time', async () => {
     images.push(bytes);
   }
   assert.equal(new Set(images.map((image) => image.toString('base64'))).size, STEPS, 'the colours are those of each step');
-  // Of two steps, the last one stays: it has the numbers of step 2.
+  // The short series has two steps: its last step stays, which has the numbers of step 2.
   assert.deepEqual((await colored(a, short, 1)).bytes, images[2]);
   assert.deepEqual((await colored(a, short, 5)).bytes, images[2]);
   assert.deepEqual((await colored(single, b, 0)).bytes, images[0], 'a volume without a series changes no time');

@@ -461,8 +461,8 @@ static void draw_forced(const struct sp_postconv *s, struct sp_postconv_scratch 
 }
 
 /* Samples are limited to the width of a pixel. Post-convolution then applies to the far voxels of a
- * brick but not to the near ones, or to none. The tile must draw the other voxels with footprints,
- * each voxel once. */
+ * brick only, or to no voxel. The tile must draw the other voxels with footprints, each voxel
+ * once. */
 static void voxels_that_filters_cannot_draw_get_footprints(void **state) {
     (void)state;
     struct cpu_kernels sets[SETS];

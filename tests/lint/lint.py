@@ -232,7 +232,7 @@ def layers(o):
 
 
 def unqualified(name, target):
-    """What is wrong with the way in which an include is written, or None."""
+    """Returns the error in the way an include is written, or None."""
     if '..' in name.split('/'):
         return f'"{name}" climbs out of its folder; name the folder of the header instead'
     if '/' not in name:
@@ -241,7 +241,7 @@ def unqualified(name, target):
 
 
 def out_of_order(path, target, rules):
-    """What is wrong with `path` including `target`, or None."""
+    """Returns why `path` may not include `target`, or None."""
     here, there = part_of(path), part_of(target)
     if here == 'tests':
         return None

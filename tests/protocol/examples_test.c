@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Decodes every file of protocol/examples. The decoder accepts the valid ones, and they round-trip
- * bit for bit; the invalid ones give the error that they name.
+ * Decodes every file of protocol/examples. The decoder accepts the valid files, and they
+ * round-trip bit for bit; the invalid files give the error that they name.
  */
 #include <setjmp.h>
 #include <stdarg.h>

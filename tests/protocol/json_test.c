@@ -255,7 +255,7 @@ static void values_are_read_by_type(void **state) {
     proto_json_free(&json);
 }
 
-/* What fails frees the document, so that a builder looks once. */
+/* A call that fails frees the document and sets it to NULL, so a builder checks only once. */
 static void a_null_part_gives_no_document(void **state) {
     (void)state;
     proto_json *object = proto_json_object(), *array = proto_json_array();

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Makes every allocation fail, alone or with all later ones. Each function then reports that memory
- * ran out and leaks nothing (the ASan build checks for leaks).
+ * Makes every allocation fail, alone or with all later allocations. Each function then reports that
+ * memory ran out and leaks nothing (the ASan build checks for leaks).
  */
 #include <setjmp.h>
 #include <stdarg.h>

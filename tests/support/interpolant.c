@@ -12,7 +12,7 @@ static double weight(int tap) {
     return weights[tap] / 256;
 }
 
-/* Fills every second value along an axis from those between which it lies. */
+/* Fills the odd values along an axis, each from the six nearest even values. */
 static void fill(struct test_interpolant *f, int axis) {
     const int step[3] = { 1, f->count[0], f->count[0] * f->count[1] };
     int n = f->count[axis], other = (axis + 1) % 3, third = (axis + 2) % 3;

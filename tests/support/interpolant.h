@@ -14,7 +14,7 @@
 struct test_interpolant {
     const struct test_scene *scene; /* borrowed */
     const struct sp_grid *grid;
-    int count[3];         /* values per axis: samples and those half way between */
+    int count[3];         /* values per axis: samples, and values half way between */
     double *values;       /* owned; axis 0 fastest */
     double inverse[3][3]; /* of the grid's direction: world → distances along the axes */
 };

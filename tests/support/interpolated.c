@@ -9,8 +9,8 @@
 #include "support/lit.h"
 #include "support/sample.h"
 
-/* Light changes slowly, and its rays are expensive: it is found again after this share of what is
- * seen, or after a distance of one sample. */
+/* Light changes slowly, and its rays are expensive. A ray computes it again when the opacity has
+ * grown by this share, or after a distance of one sample. */
 static const double share_per_light = 0.06;
 
 struct marcher {

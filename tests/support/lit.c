@@ -57,7 +57,7 @@ static bool fill_depths(struct test_lit *lit, double low, double high) {
     return lit->depth;
 }
 
-/* Where one of eight neighbouring values is visible, or one between them. */
+/* Marks the cells where a value between the values at the eight corners is visible. */
 static bool mark_visible(struct test_lit *lit) {
     const struct test_interpolant *f = lit->field;
     const int *n = f->count;

@@ -381,7 +381,7 @@ int test_mesh_rays_hits(const struct test_mesh_rays *rays, double x, double y,
     return found;
 }
 
-/* Adds what a ray sees. */
+/* Adds the colour and the opacity of a ray, times `weight`. */
 static void trace(const struct test_mesh_rays *rays, double x, double y, double weight,
                   double rgba[4]) {
     struct test_hit hits[TEST_HITS_MAX];

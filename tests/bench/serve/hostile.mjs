@@ -156,7 +156,7 @@ export const secure = {
 
 export const CROWD = 8;
 export const HEAVY = 3;
-/** Not hostile: beside these a fair share is expected, within the variation of the machine. */
+/** Neighbours that are not hostile: beside them the victim gets a fair share, within the variation of the machine. */
 export const others = {
   'a process that keeps a core busy, and asks for nothing': async () => {
     const burn = () => {

@@ -292,7 +292,7 @@ static void check_edits(const char *isa, float tolerance) {
 static void edited_images_match_fresh_images(void **state) {
     (void)state;
     check_edits("scalar", 0);
-    if (!TEST_TSAN) /* with it, the scalar kernels are the only ones */
+    if (!TEST_TSAN) /* TSan builds have only the scalar kernels */
         check_edits("auto", 1e-5f);
 }
 

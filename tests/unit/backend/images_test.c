@@ -91,7 +91,7 @@ static void one_voxel_has_its_analytic_depth(void **state) {
     rig_finish(&rig);
 }
 
-/* The statistics count the points of surfaces, and leave out those outside of the image. */
+/* The statistics count the points of surfaces, without points outside of the image. */
 static void points_of_surfaces_are_counted(void **state) {
     (void)state;
     const char *const backends[] = { "cpu", test_gl() };

@@ -456,7 +456,8 @@ static void the_budget_is_checked_before_memory_is_allocated(void **state) {
     sp_volume_unref(&v);
 }
 
-/* Returns what was rebuilt since the numbers in `seen`: bit 0 the list, bit 1 the table. */
+/* Returns bit 0 if the list and bit 1 if the table was rebuilt since the numbers in `seen`. Updates
+ * `seen`. */
 static unsigned rebuilt_since(const struct sp_level *level, uint64_t seen[2]) {
     unsigned bits =
         (level->list_made != seen[0] ? 1u : 0u) | (level->table_made != seen[1] ? 2u : 0u);

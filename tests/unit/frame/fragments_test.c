@@ -39,7 +39,7 @@ static void fragments_are_sorted(void **state) {
     free(tile);
 }
 
-/* What all fragments of a pixel show: red, and what they let through. */
+/* Composites all fragments of a pixel: their colour, and their transmittance in rgbt[3]. */
 static void composite(const struct sp_fragment_tile *tile, int pixel, float rgbt[4]) {
     for (int c = 0; c < 4; c++)
         rgbt[c] = c == 3;

@@ -23,7 +23,7 @@ MACHINES = {
     'old GL': ({'MESA_GL_VERSION_OVERRIDE': '3.3'}, 'a core profile of 4.3 is needed'),
     'software': ({}, 'this device is software GL'),
 }
-# Also where there is a GPU, these machines have none.
+# The environment of Mesa hides a GPU of this machine.
 MESA = {'__EGL_VENDOR_LIBRARY_FILENAMES': '/usr/share/glvnd/egl_vendor.d/50_mesa.json', 'LIBGL_ALWAYS_SOFTWARE': '1'}
 
 
@@ -93,7 +93,7 @@ class Probe(unittest.TestCase):
         self.assertIn('never as a GPU', entry['kind'])
         for what in ('vendor', 'OpenGL', 'driver', 'video memory', 'storage block', 'storage blocks', 'shared memory', 'work group'):
             self.assertIn(what, entry)
-        # What OpenGL 4.3 promises.
+        # OpenGL 4.3 guarantees these limits.
         self.assertRegex(entry['storage block'], r'^\d+ [MG]iB$')
         self.assertGreaterEqual(int(entry['storage blocks'].split()[0]), 8)
         self.assertRegex(entry['shared memory'], r'^\d+ KiB$')
@@ -115,7 +115,7 @@ class Refusals(unittest.TestCase):
         for machine in MACHINES:
             for options in ('--backend', 'gl'), ('--backend', 'gl', '--require-gpu'), ('--require-gpu',):
                 with self.subTest(machine=machine, options=options):
-                    # Of the others software is all that they have, whether it is too old or not.
+                    # The other machines have only software GL, too old or not.
                     self.refuses(machine, machine if machine.startswith('no ') else 'software', options)
         for machine in 'no libEGL', 'no driver', 'old GL':
             with self.subTest(machine=machine):
@@ -144,7 +144,7 @@ class Refusals(unittest.TestCase):
 
 class Daemon(unittest.TestCase):
     def ready(self, machine, *options):
-        """What /readyz says, and the log."""
+        """Returns the answer of /readyz, and the log."""
         environment = {**os.environ, **MESA, **MACHINES[machine][0]}
         with subprocess.Popen([SPLATD, '--listen', '127.0.0.1:0', *options], stdout=subprocess.PIPE,
                               stderr=subprocess.PIPE, text=True, env=environment) as daemon:

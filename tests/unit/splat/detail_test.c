@@ -44,7 +44,8 @@ static struct sp_view make_view(enum sp_projection projection, double distance) 
     return view;
 }
 
-/* Sets the depth of what is visible, at most, along the longest edge of a voxel of make_grid(). */
+/* Sets the largest optical depth of visible matter along the longest edge of a voxel of
+ * make_grid(). */
 static void set_depth(struct sp_view *view, double depth) {
     view->transfer_function.point_count = 2;
     view->transfer_function.points[1] =
@@ -202,7 +203,7 @@ static void only_thin_cells_may_be_large(void **state) {
     assert_compare(sp_detail_pixels(&view, &grid, 0), ==, SP_DETAIL_PIXELS);
 }
 
-/* What has no levels is drawn at the floor, and said to be enlarged above 0. */
+/* A volume without mip levels is drawn at the floor; above floor 0 it is reported as enlarged. */
 static void a_volume_without_mip_levels_is_drawn_whole(void **state) {
     (void)state;
     struct sp_arena arena;

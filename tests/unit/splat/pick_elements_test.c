@@ -153,7 +153,7 @@ static void the_opacity_of_a_ray_is_that_of_the_pixel(void **state) {
         }
 }
 
-/* Between the middles of pixels with the same coverage; silhouettes differ. */
+/* Compares picks between the middles of pixels with the same coverage. Silhouettes differ. */
 static void a_mesh_is_hit_where_its_triangles_are(void **state) {
     struct sp_elements ball;
     (void)state;
@@ -235,7 +235,7 @@ static void elements_are_hit_at_the_depths_of_their_centres(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* Points of another volume inside of fog: what is hit depends on what lies in front. */
+/* Points of another volume inside of fog: a pick hits the matter in front. */
 static void elements_of_another_volume_lie_in_the_volume(void **state) {
     enum { SIDE = 8 };
     static uint8_t voxels[SIDE * SIDE * SIDE];

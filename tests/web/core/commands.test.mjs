@@ -8,7 +8,7 @@ import { curlCommand, fileName, quote, splatctlCommand } from '../../../clients/
 const BASE = 'http://127.0.0.1:8080/';
 const NASTY = 'it\'s "$HOME" `id` \\ ! * ; & | # ~ größe\n{a,b} $(id) é';
 
-/** What the program of a command gets: its arguments, and its standard input. */
+/** Returns the arguments and the standard input that the program of a command gets. */
 function run(command, env = {}) {
   const shell = `show() { printf '%s\\0' "$@"; printf 'stdin:'; cat; }\ncurl() { show "$@" </dev/null; }\nsplatctl() { show "$@"; }\n${command}`;
   const [stdin, ...args] = execFileSync('/bin/sh', ['-c', shell], { encoding: 'utf8', env: { PATH: process.env.PATH, ...env } }).split('\0').reverse();

@@ -23,7 +23,7 @@ const sight = ({ position, target }) => {
   const from = position.map((part, i) => part - target[i]);
   return from.map((part) => part / Math.hypot(...from));
 };
-/** Where the eye is, up to rounding. */
+/** Resolves to the direction of the eye, rounded. */
 const direction = async (page) => sight(await camera(page)).map((part) => Math.round(part * 1000) / 1000 + 0);
 const press = async (page, key) => {
   await page.locator('#screen').focus();

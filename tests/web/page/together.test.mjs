@@ -129,7 +129,7 @@ test('guests see what the host sees, whatever changes and whenever they join', a
   await page.locator('#measure li', { hasText: 'width' }).waitFor();
   await compareAll('a measurement');
 
-  // Who joins late, and who reloads.
+  // A participant joins late, and the watcher reloads.
   const late = await join(context, links.watch);
   await press(late.page, '#layers li:last-child .layer-pick');
   await rest(late.page);

@@ -6,7 +6,7 @@ import { DEADLINE_MS } from './browser.mjs';
 
 const POLL_MS = 50;
 
-/** What belongs to each window or to its rights: participants and links, speed, and what needs a token of the daemon. */
+/** Parts that belong to one window or depend on its rights: participants and links, speed, and controls that need a token of the daemon. */
 const OWN = ['#people-fold', '#status', '#stats', '#messages', '#notice', '#volumes', '#open-button', '#volumes-why', '#transfer-why', '#layer-add-elements',
   '#path', '#saved', '#saved-form', '#saved-note', '#preset-form', '#preset-row', '#capture-state'];
 
@@ -45,7 +45,7 @@ function look(own) {
     .map((element) => [nameOf(element), facts(element)]).filter(([, found]) => Object.keys(found).length > 0);
 }
 
-/** What differs between two windows, one line each. isWatching: the second one may not change the view, so its controls may be disabled. */
+/** Resolves to the differences between two windows, one line each. isWatching: the guest may not change the view, so its controls may be disabled. */
 async function differences(host, guest, isWatching) {
   const [a, b] = await Promise.all([host, guest].map((page) => page.evaluate(look, OWN.join())));
   const [before, after] = [new Map(a), new Map(b)];

@@ -438,7 +438,7 @@ static void volumes_share_a_budget_by_least_recent_use(void **state) {
         bytes[i] = gl_residency_bytes(&rig.state->residency, volumes[i]);
     int large = bytes[1] > bytes[0], small = !large;
     rig.state->residency.limit_bytes =
-        bytes[large] + gl_draw_bytes(rig.state); /* enough for one of them */
+        bytes[large] + gl_draw_bytes(rig.state); /* enough for one volume */
     for (int pass = 0; pass < 4;
          pass++) { /* the samples of the large volume are evicted, and its list is still used */
         int now = pass % 2 ? large : small;

@@ -122,7 +122,7 @@ static void make_view(struct sp_view *view, const struct sp_volume *ball, int pa
     view->background[3] = 0.4f;
 }
 
-/* Inside a volume one choice each, because other ones need programs of their own. */
+/* Inside a volume only one choice is drawn, because each choice needs a program of its own. */
 static int last_choice(int path) {
     return path == ALONE ? ALONE + (TEST_SANITIZED ? 2 : 8) : path + 1;
 }
@@ -240,8 +240,8 @@ static void vectors_of_points_look_the_same(void **state) {
     resample_report(rig);
 }
 
-/* The GPU sorts elements as the processor does, but for depths that are equal but for rounding, and
- * leaves out the same ones. Several work groups move them. */
+/* The GPU sorts elements as the CPU does, except elements whose depths are equal up to rounding,
+ * and leaves out the same elements. Several work groups move them. */
 static void elements_come_in_order(void **state) {
     enum { COUNT = 20000 };
     static uint32_t got[COUNT];
@@ -399,7 +399,7 @@ static void elements_stay_on_the_gpu(void **state) {
     resample_report(rig);
 }
 
-/* What cannot be held is refused with both numbers, and the next frame is drawn. */
+/* A frame that needs too much memory is refused with both numbers, and the next frame is drawn. */
 static void too_little_memory_is_an_error(void **state) {
     struct resample_rig *rig = *state;
     struct gl_state *gl = resample_rig_gl(rig);

@@ -73,7 +73,7 @@ static void finish(struct rig *rig, struct sp_backend_job *job, const struct sho
     sp_frame_unref(&job->frame);
 }
 
-/* Draws each shot while another one is in flight before it or after it. */
+/* Draws each shot while another shot is in flight before it or after it. */
 static void check_all(struct rig *rig) {
     struct sp_backend_job jobs[SHOTS];
     for (int i = 0; i < SHOTS; i++) {

@@ -126,7 +126,7 @@ static void copy_pixels(const struct sp_frame *frame, unsigned char pixels[SIZE]
         memcpy(pixels[y], (char *)frame->pixels + frame->stride_bytes * y, 4 * SIZE);
 }
 
-/* What a view has that others have not. */
+/* The kinds of views of the test. */
 enum kind { PLAIN, SLAB, WITH_LAYERS };
 
 static void add_layers(const struct scene *scene, int i, struct sp_view *view) {

@@ -24,7 +24,7 @@
 #include "support/image.h"
 #include "support/sanitized.h"
 
-/* Rounds of a test in which the second one begins with what the first one left. */
+/* Rounds of a test: the second round begins with the cached data of the first round. */
 enum { MIB = 1 << 20, WIDE = 500, SMALL = 24, ROUNDS = TEST_SANITIZED ? 1 : 2 };
 
 struct rig {

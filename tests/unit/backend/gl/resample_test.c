@@ -152,7 +152,8 @@ static double waves(const void *user, double x, double y, double z) {
     return 128 + 100 * sin(0.21 * x) * cos(0.17 * y + 0.3) * sin(0.19 * z + 0.5);
 }
 
-/* From near to far away: mip levels, and without them blocks that see many samples. */
+/* The camera moves from near to far away: with mip levels, and without mip levels, where blocks see
+ * many samples. */
 static void levels_of_detail(void **state) {
     struct resample_rig *rig = *state;
     struct test_scene scene;

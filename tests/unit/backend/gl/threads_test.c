@@ -65,7 +65,7 @@ static bool draw(struct sp_renderer *renderer, struct sp_volume *volume, struct 
 
 struct worker {
     struct sp_volume *volume;
-    struct sp_renderer *first; /* the first one was created on the main thread, the others here */
+    struct sp_renderer *first; /* created on the main thread, the other renderers here */
     const struct images *wanted;
     unsigned right;
     pthread_t thread;

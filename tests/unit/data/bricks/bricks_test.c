@@ -395,7 +395,7 @@ static int lie(int fd, size_t at, uint32_t number) {
     return copy;
 }
 
-/* Where a number of 64 bits is in the header. */
+/* Returns the offset of a number of 64 bits in the header. */
 static size_t find_number(int fd, uint64_t number) {
     unsigned char bytes[BRICK_HEADER_BYTES];
     assert_int_equal(pread(fd, bytes, sizeof bytes, 0), sizeof bytes);

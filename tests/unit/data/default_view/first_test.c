@@ -125,7 +125,7 @@ static void compute_image_box(const struct sp_view *view, const struct sp_volume
             }
 }
 
-/* What is visible fills 60 to 90 % of the image's longer side, in its middle. */
+/* Asserts that the visible matter fills 60 to 90 % of the image's longer side, in its middle. */
 static void check_framing(const struct sp_view *view, const struct sp_volume *volume,
                           double least) {
     double low[2], high[2], fill = 0;
@@ -195,7 +195,7 @@ static double pot_on_slab(double x, double y, double z) {
     return x < 5 && fabs(z - 32) < 20 ? 50 + noise(x, y, z, 5) : pot(x, y, z);
 }
 
-/* As much of the same matter, but not along a face. */
+/* A pot with blocks of the slab's matter, as much as the slab has, but not along a face. */
 static double pot_beside_blocks(double x, double y, double z) {
     bool is_block = fabs(x - 32) < 10 && (y < 12 || y >= 52) && fabs(z - 32) < 14;
     return is_block && y >= 3 && y < 61 ? 50 + noise(x, y, z, 5) : pot(x, y, z);

@@ -87,7 +87,7 @@ static double radius(double x, double y, double z) {
     return sqrt((x - m) * (x - m) + (y - m) * (y - m) + (z - m) * (z - m));
 }
 
-/* Blocks of nine numbers, and one with a large number. */
+/* Blocks of nine numbers, and a block with a large number. */
 static double blocks(double x, double y, double z) {
     if (x < 4 || y < 4 || z < 4 || x >= 44 || y >= 44 || z >= 44)
         return 0;
@@ -236,7 +236,7 @@ static double orbital(double x, double y, double z) {
     return exp(-0.8 * radius(x, y, z));
 }
 
-/* What is ten thousand times fainter than the nucleus is not lost. */
+/* Values ten thousand times fainter than the nucleus stay visible. */
 static void values_over_many_powers_of_ten_are_visible(void **state) {
     (void)state;
     struct sp_volume *volume = make(SP_FLOAT32, SP_MEANING_UNKNOWN, orbital);

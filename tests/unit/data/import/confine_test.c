@@ -157,8 +157,8 @@ static void make_tree(const char *top) {
     }
 }
 
-/* Where realpath() finds something below the root, the same is opened; where it finds something
- * else, it is denied. */
+/* A path that realpath() resolves to a file below the root opens this file; a path that it resolves
+ * to another place is denied. */
 static void paths_lead_where_realpath_does(void **state) {
     (void)state;
     unsigned opened = 0, denied = 0;

@@ -135,7 +135,7 @@ static void slices_of_one_place_are_time_steps(void **state) {
         check_slice(volume, 1, 3 - (int)step, -24);
         sp_volume_unref(&volume);
     }
-    remove(in_folder("t3.dcm"));               /* one place has two slices, the other one has one */
+    remove(in_folder("t3.dcm"));               /* one place has two slices, the other has one */
     struct sp_volume *volume = load("t0.dcm"); /* the image that is opened stays: its place does */
     assert_int_equal(sp_volume_info(volume)->steps.count, 2);
     assert_int_equal(sp_volume_info(volume)->grid.dims[2], 1);

@@ -243,7 +243,7 @@ static void misbehave_after_go(const char *what) {
     _exit(strcmp(what, "status") == 0 ? 4 : 0);
 }
 
-/* As the reader of a volume that is shown from its chunks. */
+/* Misbehaves as the reader of a volume that is shown from its chunks. */
 static void misbehave_with_chunks(const char *what) {
     struct sp_handover m;
     sp_handover_init(&m, SP_HANDOVER_LEVELS);

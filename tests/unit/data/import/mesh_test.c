@@ -89,8 +89,8 @@ static void stl_is_read(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* A grid of small bumps as a soup of triangles: normals across common edges are smooth; those at a
- * right angle are not. */
+/* A grid of small bumps as a soup of triangles: normals are smooth across common edges, but not
+ * across edges with a right angle. */
 static void stl_gets_normals(void **state) {
     (void)state;
     static const float roof[6][3] = { { 0, 0, 0 }, { 1, 0, 0.1f }, { 2, 0, 0 },

@@ -70,7 +70,7 @@ static void trained_gaussians_are_converted(void **state) {
     "property uint packed_color\n"
 #define RANGES "0 0 0 2047 1023 4094 -1 -1 -1 1 1 1\n"
 
-/* The largest number of each quaternion is another one, so that each turn is about another axis:
+/* Each quaternion has its largest number in another place, so each turn is about another axis:
  * 512/1023 is almost 0.5, so the other numbers are almost 0. */
 static void compressed_gaussians_are_unpacked(void **state) {
     (void)state;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * PVM volumes. The packed ones are written by an encoder of this test, which follows the published
+ * PVM volumes. An encoder of this test writes the packed volumes. It follows the published
  * description of DDS: rows of `strip` bytes, runs of differences of one width.
  */
 #include <math.h>
@@ -23,7 +23,7 @@ static void put_bits(struct writer *w, unsigned value, unsigned count) {
         w->bytes[w->at / 8] = (uint8_t)(w->bytes[w->at / 8] | (value >> i & 1) << (7 - w->at % 8));
 }
 
-/* Writes each byte as a run of one; equal ones as runs of width 0. */
+/* Writes each byte as a run of one byte; equal bytes as runs of width 0. */
 static void pack(struct writer *w, const char *magic, const uint8_t *bytes, size_t size,
                  size_t skip, size_t strip) {
     uint8_t *apart = malloc(size), last = 0;

@@ -230,7 +230,7 @@ static void bad_lists_are_refused(void **state) {
     }
 }
 
-/* What a file has counts more than its name. */
+/* The content of a file counts more than its name. */
 static void a_wrong_name_does_not_matter(void **state) {
     (void)state;
     static const char *const names[] = { "a.nii", "a.nrrd", "a.dcm", "a.vti", "a.csv", "a.stl" };

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Damaged OpenVDB files; `unit.formats_rest` compares whole ones with OpenVDB itself.
+ * Damaged OpenVDB files; `unit.formats_rest` compares undamaged files with OpenVDB itself.
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -343,7 +343,7 @@ static void data_of_cells_that_are_not_read_are_named(void **state) {
         load_error("c.vtk.xml?field=stress", SP_ERR_UNSUPPORTED, "c.vtk.xml",
                    "\"stress\" are data of cells");
     }
-    /* A name may be a part of another one, and may have a comma. */
+    /* A name may be a part of another name, and may have a comma. */
     write_text("c.vtk.xml",
                "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"1\"><PointData>"
                "<DataArray type=\"Float32\" Name=\"y\" format=\"ascii\">5</DataArray></PointData>"

@@ -188,7 +188,8 @@ static bool warns(const struct sp_volume *volume, const char *text) {
     return false;
 }
 
-/* What a mesh cannot show is said, and points show it. */
+/* Warnings name the cells and the data that a mesh does not show. With ?field=NAME the file becomes
+ * points, which show the data. */
 static void what_is_left_out_is_a_warning(void **state) {
     (void)state;
     write_text("w.vtk", LEGACY "POINTS 5 float\n" SQUARE "VERTICES 1 2\n1 4\n"
@@ -281,7 +282,7 @@ static void odd_meshes_are_read(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* What VTK writes for a data set without points. */
+/* VTK writes such files for a data set without points. */
 static void files_without_polygons_are_empty(void **state) {
     static const char *const files[][2] = {
         { "n.vtk", LEGACY_5 "POINTS 0 float\n" },

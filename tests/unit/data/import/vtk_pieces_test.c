@@ -99,7 +99,7 @@ static void pieces_of_several_files_are_joined(void **state) {
     }
 }
 
-/* What no piece has is not a number, or 0, with a warning. */
+/* Samples that no piece has become NaN, or 0 in integer types, with a warning. */
 static void gaps_between_pieces_are_told(void **state) {
     (void)state;
     write_text("gap.vti",
@@ -218,7 +218,7 @@ static void times_of_files_are_kept(void **state) {
     for (int i = 0; i < 3; i++)
         assert_float_equal(steps->times[i], times[i], 0);
     sp_volume_unref(&volume);
-    write_text("time2.vti", BLOCK("7")); /* one without a time: all are unknown */
+    write_text("time2.vti", BLOCK("7")); /* one file without a time: all times are unknown */
     volume = load_step("time*.vti", 1);
     assert_null(sp_volume_info(volume)->steps.times);
     sp_volume_unref(&volume);

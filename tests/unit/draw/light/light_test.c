@@ -207,7 +207,7 @@ struct errors {
     double square[3], most[3], weight; /* square[2]: of 2 − 2·mean of A, at most 1 */
 };
 
-/* Compares every few cells; opaque ones count little, as in images. */
+/* Compares every few cells; opaque cells count little, as in images. */
 static struct errors compare(const struct rig *rig, const struct sp_light_field *field) {
     struct errors errors = { 0 };
     const unsigned every = TEST_SANITIZED ? 997 : 37;

@@ -9,7 +9,8 @@
 
 #include "draw/resample/seen.h"
 
-/* Where an interval is seen whose halves are visible between front[k] and front[k] + length[k]. */
+/* Returns the place where an interval is seen. Its half k is visible from front[k] to
+ * front[k] + length[k]. */
 static double compute_place(const double front[2], const double length[2], const double depth[2],
                             const double brightness[2]) {
     struct sp_seen_half half[2];
@@ -47,7 +48,7 @@ static void the_share_is_the_mean_place_of_a_layer_s_light(void **state) {
     }
 }
 
-/* Where the second half emits more light, halves are seen farther back by up to an eighth. */
+/* If the second half emits more light, halves are seen farther back by up to an eighth. */
 static void the_place_is_the_mean_place_of_both_halves(void **state) {
     static const double parts[][2][2] = { { { 0, 1 }, { 0, 1 } },
                                           { { 0.7, 0.3 }, { 0, 1 } },

@@ -75,7 +75,7 @@ static void channels_equal_those_of_volumes_in_memory(void **state) {
     }
 }
 
-/* One of both is in memory, and the other one is shown from a coarse level of its bricks. */
+/* One channel is in memory, and the other is shown from a coarse level of its bricks. */
 static void bricks_mix_with_a_volume_in_memory(void **state) {
     const struct rig *rig = *state;
     const struct sp_view view = make_view(rig, 20, 0.2f);

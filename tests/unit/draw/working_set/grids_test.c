@@ -204,7 +204,7 @@ static struct sp_volume *find_other(void *user, const char *id) {
     return sp_volume_ref(user);
 }
 
-/* Streaks of a volume in the colours of another one. */
+/* Streaks of a volume in the colours of another volume. */
 static struct sp_frame *render_colored(const struct rig *rig, struct sp_volume *volume,
                                        struct sp_volume *colors) {
     const struct sp_render_options options = { .format = SP_RGBAF32,

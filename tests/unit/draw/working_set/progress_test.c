@@ -141,7 +141,7 @@ static void what_is_read_is_shown_meanwhile(void **state) {
     assert_compare(sp_brick_need_wanted(&need), >, GATE);
     struct sp_frame *truth = rig_render(rig, rig->whole, &view, 0),
                     *first = rig_render_level(rig, volume, &view, 0, 1);
-    /* Nothing was asked for yet. The call returns with the first part, not with the last one. */
+    /* Nothing was asked for yet. The call returns with the first part, not with the last. */
     assert_true(sp_brick_store_get(store, &need, INFINITY, true, NULL, NULL, &subvolume, &err));
     assert_false(subvolume.is_wanted);
     assert_compare(subvolume.missing, >, 0);

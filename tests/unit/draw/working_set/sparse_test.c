@@ -106,7 +106,7 @@ static void mip_levels_are_made_of_blocks(void **state) {
     balls_finish(rig);
 }
 
-/* What reads an array of samples gets one, at a level that fits. */
+/* A view whose drawing needs an array of samples gets an array, at a level that fits. */
 static void other_views_get_a_box(void **state) {
     struct rig *rig = *state;
     balls_make(rig, SP_UINT8);

@@ -119,7 +119,7 @@ static void a_part_is_removed_or_kept(void **state) {
     }
 }
 
-/* What was the fading border of the part goes with it; what belongs to others stays. */
+/* The fading border of a removed part is removed with it; the other parts stay. */
 static void nothing_of_a_removed_part_is_left(void **state) {
     (void)state;
     struct rig rig = make(SP_UINT8, even);

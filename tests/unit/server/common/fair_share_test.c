@@ -18,7 +18,7 @@
 
 enum { MOST = 1000 };
 
-/* Each of n owners takes as much as it can, in turn. Returns what the first one has. */
+/* Each of n owners takes as much as it can, in turn. Returns the amount of the first owner. */
 static uint64_t acquire_all(unsigned owners, uint64_t *free) {
     uint64_t own[64] = { 0 };
     struct srv_pool pool = { .most = MOST };
@@ -83,7 +83,7 @@ static void note(struct srv_work *work) {
     pthread_mutex_unlock(&seen.mutex);
 }
 
-/* Work of an owner that took no time yet goes before that of one whose work takes long. */
+/* Work of an owner that has used no time yet goes before work of an owner whose work takes long. */
 static void work_of_another_owner_is_next(void **state) {
     (void)state;
     struct srv_work_queue *queue = srv_work_queue_create("test", 0, NULL);

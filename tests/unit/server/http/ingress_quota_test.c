@@ -78,7 +78,7 @@ static void the_sum_is_limited_for_any_number_of_streams(void **state) {
 }
 
 /* Ann has one session with one stream. Bob has three sessions, one of them with many streams. All
- * streams but one have used up what they could get: the last one still gets its own part. */
+ * streams but one have used up the parts of all: the last stream still gets its own part. */
 static void no_stream_uses_up_the_part_of_another(void **state) {
     enum { CROWD = 50, LAST = CROWD + 2 };
     static const struct {

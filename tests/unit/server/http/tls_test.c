@@ -315,7 +315,7 @@ static int count_retry(gnutls_session_t session, unsigned type, unsigned when, u
     return 0;
 }
 
-/* A ClientHello like that of browsers: several groups, and a key share for the first one. */
+/* A ClientHello as browsers send it: several groups, and a key share for the first group. */
 static void a_key_share_of_x25519_needs_no_retry(void **state) {
     struct acceptor *a = *state;
     static const char *const groups[] = { "+GROUP-X25519:+GROUP-SECP256R1:+GROUP-SECP384R1",

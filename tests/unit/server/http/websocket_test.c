@@ -133,7 +133,8 @@ static void a_view_is_encoded_once_for_all_participants(void **state) {
     }
 }
 
-/* A drag goes on at its rate; the other participants learn of fewer views, and of the last one. */
+/* A drag continues at its rate; the other participants get fewer views, and always the last view.
+ */
 static void participants_skip_views_over_the_quota_of_notifications(void **state) {
     enum { TICKS = 40, UPDATES = 30 };
     struct stream *s = *state;

@@ -302,7 +302,7 @@ static void a_file_that_was_cut_off_is_not_opened(void **state) {
     fclose(file);
     assert_int_equal(open_again(folder, true, &size, &code), -1);
     assert_int_equal(code, SP_ERR_IO);
-    /* What is no file is not read: a pipe does not block. */
+    /* Only regular files are read, so a pipe does not block. */
     unlink(disk.final);
     assert_int_equal(mkfifo(disk.final, 0600), 0);
     assert_int_equal(open_again(folder, true, &size, &code), -1);

@@ -82,7 +82,7 @@ static uint64_t value_of(const struct element *parent, uint32_t id) {
 
 static struct srv_folder folder;
 
-/* Returns the grey level of frame i; each frame has another one. */
+/* Returns the grey level of frame i; each frame has a different level. */
 static uint8_t grey(uint32_t i) {
     return (uint8_t)(20 + i);
 }

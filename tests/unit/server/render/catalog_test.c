@@ -331,7 +331,8 @@ static enum srv_volume_state state_of(struct srv_catalog *catalog, const char *i
     return SRV_VOLUME_UNLOADED;
 }
 
-/* The time steps that an owner's clients use count as its memory: a volume of another one fits. */
+/* The time steps that an owner's clients use count as this owner's memory: a volume of another
+ * owner still fits. */
 static void time_steps_count_for_their_owner(void **state) {
     (void)state;
     const struct srv_catalog_options options = { .memory_bytes = STEPS * 5376,
@@ -408,8 +409,8 @@ static bool persist_owner(void *user, const char *id, const struct srv_volume_re
     return true;
 }
 
-/* Volumes that failed are loaded again for the owner who asks: they count against that owner's
- * limit, whoever opened them first, and belong to it then. */
+/* A volume that failed is loaded again for the owner that asks. Whoever opened it first, it then
+ * belongs to this owner and counts against its limit. */
 static void a_repeated_load_counts_for_who_asks(void **state) {
     (void)state;
     const struct srv_catalog_options options = { .memory_bytes = 1 << 20,

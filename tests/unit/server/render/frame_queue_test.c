@@ -237,7 +237,7 @@ static void a_final_frame_in_flight_is_found(void **state) {
     wanted.view.background[0] = 1;
     assert_false(srv_frame_queue_has_sharp(&queue, &wanted));
     wanted = jobs[0];
-    wanted.volume = (struct srv_volume *)&wanted; /* another one */
+    wanted.volume = (struct srv_volume *)&wanted; /* another volume */
     assert_false(srv_frame_queue_has_sharp(&queue, &wanted));
 }
 

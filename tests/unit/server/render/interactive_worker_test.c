@@ -318,7 +318,7 @@ static void a_moving_frame_over_its_budget_is_cancelled_but_not_two_in_a_row(voi
 static void the_tick_cancels_a_frame_without_a_further_interrupt(void **state) {
     struct fixture *f = *state;
     begin_second_frame(f);
-    update(f, 2); /* the last one, while the frame is within its budget */
+    update(f, 2); /* the last update, while the frame is within its budget */
     while (gate_count(&gate.cancelled) == 0) {
         srv_render_pool_tick(f->render.render_pool);
         sched_yield();

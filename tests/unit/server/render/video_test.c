@@ -505,8 +505,8 @@ static void requests_for_key_frames_are_limited(void **state) {
     tear_down(&w);
 }
 
-/* A viewer takes a tenth of the frames, and lacks those between each time. It shares all jobs with
- * the others, and causes few key frames for them. */
+/* A viewer takes a tenth of the frames and lacks the frames between. It shares all its jobs with
+ * the other viewers, and causes few key frames for them. */
 static void a_slower_viewer_costs_few_key_frames(void **state) {
     struct world w;
     set_up(&w, *state, 1);

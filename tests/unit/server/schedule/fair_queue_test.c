@@ -49,8 +49,8 @@ static void sessions_have_equal_shares_of_time_not_of_frames(void **state) {
     assert_compare(fabs(small->took_ms - large->took_ms), <, 0.1 * large->took_ms);
 }
 
-/* The sessions of one owner share what one owner gets: by frames of full size, and by moving ones
- * whose detail falls. */
+/* The sessions of one owner share the render time of one owner, both with frames of full size and
+ * with moving frames whose detail falls. */
 static void owners_have_equal_shares_however_many_sessions_they_have(void **state) {
     struct simulation *s = *state;
     static const char *const settings[] = { "{\"progressive\":false,\"size\":[1024,1024]}",

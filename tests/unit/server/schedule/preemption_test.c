@@ -97,7 +97,7 @@ static void rules_for_preempting_a_long_frame(void **state) {
     (running = sim_running_job(&job, ms), running.expected_ms = INFINITY,                          \
      srv_schedule_next_short(s->f->schedule, &running, s->now_ms, &before, &wait_ms))
     assert_true(
-        BEFORE(1e6)); /* who joins gets its first frame at once, though its time is unknown */
+        BEFORE(1e6)); /* a new client gets its first frame at once, though its time is unknown */
     srv_schedule_cancelled(s->f->schedule, &before, 0);
     srv_schedule_cancelled(s->f->schedule, &job, 0);
     sim_run(s, 3000);

@@ -62,7 +62,7 @@ static void the_starvation_limit_does_not_count_while_the_window_is_closed(void 
     assert_int_equal(slow->finals, 1);
 }
 
-/* Nor does it count while the client's own frame rate delays the frame. */
+/* The limit also does not count while the client's own frame rate delays the frame. */
 static void the_starvation_limit_does_not_count_while_the_rate_is_used_up(void **state) {
     struct simulation *s = *state;
     char id[SRV_SESSION_ID_BYTES];

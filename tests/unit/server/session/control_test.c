@@ -198,7 +198,7 @@ static void picks_of_many_elements_are_limited_more(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = hub_join(f, SRV_ROLE_VIEW, 10000);
     unsigned answered = 0;
-    f->picked.elements = 2500000; /* a tenth of what a second allows, and the pick itself 50 ms */
+    f->picked.elements = 2500000; /* a tenth of the limit per second, and the pick itself 50 ms */
     for (int i = 0; i < 100; i++)
         answered += call(f, a, "pick", "{\"at\":[512,0]}", 10000, "\"position\":[1");
     assert_int_equal(answered, 7);

@@ -165,7 +165,7 @@ static proto_json *put(struct fixture *f, const char *id, enum srv_measure_chang
     return made;
 }
 
-/* What comes over HTTP has the code of the stream; all participants are told. */
+/* Changes over HTTP run the same code as changes over the stream; all participants are told. */
 static void scripts_change_measurements(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = hub_join(f, SRV_ROLE_VIEW, 0);
@@ -230,7 +230,8 @@ static void scripts_have_a_quota_and_a_limit(void **state) {
     assert_non_null(strstr(err.text, "has 100 measurements"));
 }
 
-/* The measuring thread answers; whoever has left gets no answer, and the list has the result. */
+/* The measuring thread answers. A participant that has left gets no answer; the list has the
+ * result. */
 static void parts_are_answered_later(void **state) {
     static const char put_part[] =
         "{\"id\":\"%s\",\"kind\":\"part\",\"points\":[[7,0,0]],\"range\":[1,2]}";

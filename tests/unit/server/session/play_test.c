@@ -94,8 +94,8 @@ static void frames_follow_the_clock(void **state) {
     srv_hub_leave(f->hub, &p, 30300);
 }
 
-/* Nothing outdates a frame while it is drawn, however slow or seldom frames are, and a view that
- * plays never rests. */
+/* Playing outdates no frame that is being drawn, however slow or rare frames are. A view that plays
+ * never rests. */
 static void no_frame_is_outdated_by_playing(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job, none;
@@ -170,7 +170,7 @@ static void participants_are_told_and_only_control_plays(void **state) {
     srv_hub_leave(f->hub, &late, 120);
 }
 
-/* Without the layer nothing moves any more, and playing has ended. */
+/* Playing ends when the layer that moves is removed. */
 static void it_ends_with_the_layer(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;

@@ -122,7 +122,7 @@ static void a_slow_network_is_a_reason(void **state) {
     free(text);
     hub_finish(f, &job, 5);
     receive_policy(f, p, 5002, policy);
-    /* Other formats: what was chosen for the last ones is void at once. */
+    /* With other formats, the choice for the previous formats is void at once. */
     hub_send(f, p, "stream.configure", "{\"format\":[\"vp9\",\"jpeg\"]}", 5010);
     hub_update(f, p, 2, 5100);
     assert_true(hub_next_job(f, 5101, &job));

@@ -62,8 +62,8 @@ static void a_fast_network_gets_full_quality(void **state) {
     }
 }
 
-/* Whatever the frames' bytes are in reality: 30 per second fit, and they are not smaller than
- * necessary. */
+/* Even if frames have other sizes than expected, 30 frames per second fit, and they are not smaller
+ * than necessary. */
 static void frames_fit_a_slow_network(void **state) {
     (void)state;
     static const double errors[] = { 0, -0.3, 0.3 };

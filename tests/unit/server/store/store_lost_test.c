@@ -31,7 +31,7 @@ static void shell(const char *folder, const char *command) {
     assert_int_equal(system(text), 0);
 }
 
-/* Asserts what a store finds that opens a copy of the folder, as after a kill. */
+/* Asserts that a store that opens a copy of the folder, as after a kill, has these records. */
 static void copy_holds(const char *folder, const char *const *ids, const char *text) {
     char copy[128];
     snprintf(copy, sizeof copy, "%s-copy", folder);
@@ -104,7 +104,7 @@ static void a_lost_database_is_written_again(void **state) {
         }
 }
 
-/* By SQLite, so that the files are sound. */
+/* The other program writes with SQLite, so the files are sound. */
 static void what_another_program_wrote_is_kept_apart(void **state) {
     static const char *const ids[] = { "a", "b", NULL }, *const statements[] = {
         "UPDATE record SET body = '{\"x\":1}'",
@@ -214,7 +214,8 @@ static void the_writer_notices_a_loss_by_itself(void **state) {
     srv_store_destroy(&store);
 }
 
-/* The folder may be on a disk that was unmounted: nothing is written into what is in its place. */
+/* The folder may be on a disk that was unmounted: the store writes nothing into the folder that is
+ * now in its place. */
 static void a_moved_folder_is_reported(void **state) {
     static const char *const ids[] = { "a", "b", NULL };
     struct srv_store *store = store_started(*state);
@@ -311,7 +312,7 @@ static void dying(const char *folder, int reports) {
     _exit(0);
 }
 
-/* A killed process has lost at most what it had not confirmed since the loss. */
+/* A killed process has lost at most the records that it had not confirmed since the loss. */
 static void a_kill_while_the_database_is_written_again(void **state) {
     static const char *const ids[] = { "a", "b", "c", NULL };
     int status = -1, most = 0;

@@ -236,7 +236,7 @@ static void a_damaged_record_is_not_returned(void **state) {
         store_holds(store, SRV_KIND_VIEW, "v", removes ? NULL : "{}");
         assert_true(srv_store_is_sound(store, SRV_KIND_VIEW, "v", NULL));
     }
-    /* No memory is no damage, and what is not there cannot be damaged. */
+    /* Running out of memory is no damage, and a record that does not exist cannot be damaged. */
     why.code = SP_ERR_MEMORY;
     assert_true(store_put(store, SRV_KIND_VIEW, "v", "{}"));
     srv_store_damage(store, SRV_KIND_VIEW, "v", &why);

@@ -151,7 +151,7 @@ static uint64_t offset_of(struct srv_uploads *uploads, const char *id) {
     return info.offset;
 }
 
-/* Whatever call fails: an error, never a wrong offset, and the upload can be continued. */
+/* Any call may fail: the upload reports an error, never has a wrong offset, and can continue. */
 static void a_disk_that_fails(void **state) {
     (void)state;
     static const int errors[] = { ENOSPC, EIO, 0 };

@@ -149,7 +149,7 @@ static struct sp_cloud_choice cut_in(const struct sp_cloud_tree *tree, const str
     return choice;
 }
 
-/* Of a view that has all points in its image. */
+/* Returns the cut for a view that has all points in its image. */
 static struct sp_cloud_choice cut_at(const struct sp_cloud_tree *tree, const struct sp_elements *e,
                                      float pixels, unsigned threads, struct sp_arena *arena) {
     const struct sp_voxel_frame frame = { .ewa = { .projection = SP_ORTHOGRAPHIC,
@@ -304,7 +304,7 @@ static void mark(const struct sp_cloud_tree *tree, const struct sp_cloud_cell *c
             mark(tree, &tree->nodes[k].cell, has);
 }
 
-/* From an eye among the points: no point that is seen is missing, and most others are. */
+/* The eye is among the points: the cut has every point that can be seen and lacks most others. */
 static void a_cut_leaves_out_what_cannot_be_seen(void **state) {
     static bool has[COUNT];
     struct sp_volume *volume = make_points();

@@ -193,7 +193,7 @@ static void sheets_are_composited_in_order(void **state) {
         }
 }
 
-/* Three squares at one edge, seen from their side: what is before the others is seen. */
+/* Three squares at one edge, seen from their side: each pixel shows the nearest square. */
 static void edges_may_have_many_triangles(void **state) {
     (void)state;
     struct sp_elements mesh;

@@ -411,7 +411,7 @@ static void test_grids(void **state) {
     }
 }
 
-/* What has no shell is the background. */
+/* If no voxel is in the shell, the image shows the background. */
 static void test_empty(void **state) {
     (void)state;
     for (int i = 0; i < 4; i++) {

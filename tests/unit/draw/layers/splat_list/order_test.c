@@ -231,7 +231,7 @@ static void test_along_axis(void **state) {
     test_shell_close(&rig);
 }
 
-/* Where the near plane cuts the volume, nothing is left out that it may have laid bare. */
+/* Where the near plane cuts the volume, the list keeps all voxels that the cut may expose. */
 static void test_near_plane(void **state) {
     (void)state;
     struct test_shell rig;

@@ -144,8 +144,8 @@ static double total_depth(const struct test_image *image) {
     return sum;
 }
 
-/* Whatever its phase, a splat with streaks is as opaque as one without, to 1 %: so nothing
- * flickers, and no seams show between neighbours. Style blend draws the splat without. */
+/* At any phase, a splat with streaks is as opaque as a splat without streaks, to 1 %. So nothing
+ * flickers, and no seams show between neighbours. Style blend draws the splat without streaks. */
 static void the_texture_keeps_the_energy(void **state) {
     (void)state;
     const double direction[3] = { 1, 0.4, 0.3 };
@@ -168,7 +168,7 @@ static void the_texture_keeps_the_energy(void **state) {
     test_shell_close(&rig);
 }
 
-/* Whole phases look like phase 0, and the stretch keeps the opacity. */
+/* Integer phases look like phase 0, and the stretch keeps the opacity. */
 static void phases_repeat_and_stretching_keeps_the_energy(void **state) {
     (void)state;
     const double direction[3] = { 1, 0, 0 };
@@ -192,8 +192,8 @@ static void phases_repeat_and_stretching_keeps_the_energy(void **state) {
     test_shell_close(&rig);
 }
 
-/* Without a direction, style modulate draws nothing and style blend the splats alone. A vector
- * towards the eye has dots, not streaks, and is as opaque. */
+/* For a vector without a direction, style modulate draws nothing and style blend draws only the
+ * splat. A vector towards the eye gives dots, not streaks, of the same opacity. */
 static void vectors_without_a_direction_on_the_image(void **state) {
     (void)state;
     static const double still[3] = { 0, 0, 0 }, bad[3] = { NAN, 1, 0 }, ahead[3] = { 0, 0, 1 };

@@ -133,7 +133,7 @@ static void threads_do_not_matter(void **state) {
     end(&three);
 }
 
-/* Without the memory for a level, all points are drawn. */
+/* If memory is too small for a level, all points are drawn. */
 static void levels_are_kept_within_the_budget(void **state) {
     (void)state;
     const atomic_bool cancel = true;

@@ -43,8 +43,8 @@ static int compute_patches(const double f[8], struct piece out[SURFACE_PARTS_MAX
     return parts.count;
 }
 
-/* Of a plane: area, direction and centre are exact. Many small samples of the cell are the
- * reference. */
+/* The area, the direction and the centre of a plane are exact. Many small samples of the cell are
+ * the reference. */
 static void planes_are_exact(void **state) {
     (void)state;
     uint32_t random = 7;
@@ -95,8 +95,8 @@ static void planes_are_exact(void **state) {
     }
 }
 
-/* Whatever the values are, the points lie in the cell, and two cells that share a face agree about
- * it: the areas of all cells of a closed surface add up to nothing. */
+/* For any values, the points lie in the cell, and two cells agree about their common face: the
+ * directed areas of all cells of a closed surface add up to zero. */
 static void closed_surfaces_have_no_area(void **state) {
     (void)state;
     enum { N = 12 };
