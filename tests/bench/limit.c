@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * splat-limit: prints the peak rates of this bench as one JSON line. Each number is the best of a
- * few short runs on all threads at once; "copy" counts only the bytes written, not those read.
+ * few short runs on all threads at once; "copy" counts only the bytes written.
  *
  *   {"isa":…, "threads":…, "add": {"3": Msplat/s, "5":…, "7":…, "11":…}, "set_up": Msplat/s,
  *    "read": GB/s, "copy": GB/s}

@@ -35,8 +35,8 @@ struct manifest_scene {
     size_t count;
 };
 
-/* Against the integral, the PSNR of `adaptive` may be at most this much below that of `ewa` [dB].
- * An adaptive image above MANIFEST_ADAPTIVE_ENOUGH dB always passes: the difference is then
+/* Against the integral, the PSNR of `adaptive` may be at most this much below the PSNR of `ewa`
+ * [dB]. An adaptive image above MANIFEST_ADAPTIVE_ENOUGH dB always passes: the difference is then
  * invisible. */
 enum { MANIFEST_ADAPTIVE_ENOUGH = 60 };
 #define MANIFEST_ADAPTIVE_LOSS 0.5

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * volume_dump SOURCE OUT [STEP]: loads a file and writes its samples to OUT, and what else it has
- * as JSON to standard output. For formats_test.py, which compares them with those of independent
- * readers.
+ * volume_dump SOURCE OUT [STEP]: loads a file, writes its samples to OUT, and its properties as
+ * JSON to standard output. formats_test.py compares both with the output of independent readers.
  */
 #include <inttypes.h>
 #include <stdio.h>

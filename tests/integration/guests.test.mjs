@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a join token reads of a session: all that the host knows of the volumes that the view names, and nothing of others; and that one
-// which may only watch changes nothing.
+// A join token reads all that the host knows of the volumes that the view names, and nothing of other volumes. A token that may only watch
+// changes nothing.
 import assert from 'node:assert/strict';
 import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Saved views: equal views of one token have one id, their image equals that of POST /render and can be cached, and sessions can start from them.
+// Saved views: equal views of one token have one id, their image equals the image of POST /render and can be cached, and sessions can start from them.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon } from './harness.mjs';

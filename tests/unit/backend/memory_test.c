@@ -2,7 +2,7 @@
  *
  * Every allocation between a volume and an encoded image fails once. The call then fails with
  * SP_ERR_MEMORY and leaks nothing (the ASan build checks this), and the next call works. The linker
- * replaces the functions of the C library by those below (--wrap).
+ * (--wrap) replaces the allocation functions of the C library by the functions below.
  */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -105,7 +105,8 @@ static void gradients_of_rectilinear_grids_are_in_world_space(void **state) {
 }
 
 /* Returns the largest error [degrees] of directions that are packed in 32 or in 16 bits: random
- * directions and those between the axes. Asserts that the axes are exact and zero stays zero. */
+ * directions and directions between the axes. Asserts that the axes are exact and zero stays
+ * zero. */
 static double worst_packing_error(bool is_short) {
     struct sp_gradient_grid grid = { .bound = 1, .unit = 1, .scale = 1 };
     double worst = 1;

@@ -166,7 +166,7 @@ test('an oblique plane turns by its handles and with the view', async (context) 
   assert.ok(turned.filter((part) => Math.abs(part) > 0.1).length >= 2, `the plane is tilted: ${turned}`);
   compare(difference(await slice(page, 'sagittal'), sagittal), '>', 0.01);
 
-  // Slider, number, wheel and keys move it along its normal; the axial slice stays what it is.
+  // Slider, number, wheel and keys move it along its normal; the axial slice does not change.
   const along = async () => (await position(page)).reduce((sum, part, i) => sum + part * turned[i], 0) / Math.hypot(...turned);
   const slider = page.locator('#pane-sagittal .slice-slider');
   const [offset, middle, shown, place] = [await along(), await slider.inputValue(), await slice(page, 'sagittal'), await position(page)];

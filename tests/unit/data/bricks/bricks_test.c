@@ -318,7 +318,7 @@ static float (*read_vectors(const struct sp_brick_file *file, unsigned l))[3] {
     return vectors;
 }
 
-/* One component, as doubles; that of vectors that are not finite is NaN. */
+/* Returns one component of the vectors as doubles; NaN where a vector is not finite. */
 static double *component(const float (*vectors)[3], const uint32_t dims[3], int c) {
     const size_t count = (size_t)dims[0] * dims[1] * dims[2];
     double *values = malloc(count * sizeof *values);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Files that a header names: only those below the root are opened, and errors tell nothing of the
- * others.
+ * Files that a header names: only files below the root are opened, and errors reveal nothing about
+ * other files.
  */
 #include "data/import/confine.h"
 
@@ -74,7 +74,7 @@ static void data_files_outside_the_root_are_denied(void **state) {
     }
 }
 
-/* An error about a file outside of the root tells nothing of what is there. */
+/* An error about a file outside of the root does not reveal whether the file exists. */
 static void what_exists_outside_the_root_stays_unknown(void **state) {
     (void)state;
     assert_int_equal(mkdir(in_folder("closed"), 0700), 0);

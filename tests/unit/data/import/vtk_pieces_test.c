@@ -15,8 +15,8 @@ static int value(int x, int y, int z) {
     return x + 10 * y + 3 * z + 20;
 }
 
-/* Appends a piece of an image with the values of its points, or of its cells, each with that of its
- * first corner. */
+/* Appends a piece of an image with the values of its points and of its cells. A cell has the value
+ * of its first corner. */
 static void add_piece(char *text, const int e[6]) {
     char *at = text + strlen(text);
     at += sprintf(at, "<Piece Extent=\"%d %d %d %d %d %d\">", e[0], e[1], e[2], e[3], e[4], e[5]);
@@ -34,7 +34,7 @@ static void add_piece(char *text, const int e[6]) {
 
 #define IMAGE "<ImageData WholeExtent=\"3 9 -1 3 0 1\" Origin=\"10 0 0\" Spacing=\"2 1 1\">"
 
-/* Checks the whole grid of points, 3 to 9, −1 to 3, 0 to 1, or that of cells. */
+/* Checks the whole grid of points, 3 to 9, −1 to 3, 0 to 1, or the grid of its cells. */
 static void assert_is_whole(const char *source, int cells) {
     struct sp_volume *volume = load(source);
     const struct sp_volume_info *info = sp_volume_info(volume);

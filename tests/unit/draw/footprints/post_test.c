@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Compares the transfer function of pixels (order post) with that of voxels: at a value, and as a
- * mean over an interval of values.
+ * Compares the transfer function of pixels (order post) with the transfer function of voxels: at a
+ * value, and as a mean over an interval of values.
  */
 #include <setjmp.h>
 #include <stdarg.h>

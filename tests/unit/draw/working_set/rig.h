@@ -43,7 +43,7 @@ struct sp_frame *rig_render(const struct rig *rig, struct sp_volume *volume,
 /* PSNR [dB] of two frames; 200 = they are equal. */
 double rig_compare(const struct sp_frame *a, const struct sp_frame *b);
 
-/* Fails unless the image of a brick file is complete and equals that of rig->whole at the same
+/* Fails unless the image of a brick file is complete and equals the image of rig->whole at the same
  * level to floor_db. */
 void rig_expect(const struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
                 double floor_db, const char *what);

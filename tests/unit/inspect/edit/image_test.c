@@ -132,8 +132,8 @@ static bool is_drawn(const struct test_target *target, int type, int types, int 
     return !is_software_gl(target) || type == function * (types - 1);
 }
 
-/* Samples from the middle of axis 0 on are removed: nothing shows there, but for a border that
- * kernels reach into. */
+/* Samples from the middle of axis 0 on are removed: the image is empty there, except for a border
+ * that kernels reach. */
 static void check_kind(const struct test_renderer *renderer, const struct test_target *target,
                        struct test_scene *scene, struct sp_volume *volume, enum kind kind) {
     struct test_image image;
