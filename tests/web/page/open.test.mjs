@@ -529,10 +529,21 @@ test('a remote volume by its address, where the daemon allows its host', { skip:
   execFileSync(path.join(BIN, 'splatctl'), ['convert', 'demo:noise?size=32', path.join(root, 'far away.zarr')]);
   const host = await serve(context, root);
   const { page, said } = await open(context, { args: ['--allow-host', host] });
+  // The folder is read only after the refusal, which must stay in view.
+  let read = null;
+  const mayRead = new Promise((resolve) => { read = resolve; });
+  await page.route('**/api/v1/files?*', async (route) => {
+    await mayRead;
+    await route.continue();
+  });
   await page.click('#open-button');
   await page.fill('#open-address', 'http://example.org/v.zarr');
   await page.click('#open-remote button');
-  await page.locator('#open-said.complaint', { hasText: 'example.org, port 80, is not allowed' }).waitFor();
+  const refusal = page.locator('#open-said.complaint', { hasText: 'example.org, port 80, is not allowed' });
+  await refusal.waitFor();
+  read();
+  await page.locator('#open-list button').first().waitFor();
+  assert.ok(await refusal.isVisible());
   await checkAxe(page);
   await shot(page, 'open-remote');
   await page.fill('#open-address', `http://${host}/far%20away.zarr`);

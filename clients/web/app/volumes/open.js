@@ -169,6 +169,7 @@ class OpenDialog {
   #series = []; // DICOM series of the folder
   #found = {}; // what the filter finds in sub-folders, see Search
   #asked = 0;
+  #opening = null; // what to say of the volume that is opened, [text, isError], also when the folder has been read
 
   constructor(app) {
     this.#app = app;
@@ -183,6 +184,7 @@ class OpenDialog {
       this.#refresh();
     });
     this.#filter.addEventListener('input', () => {
+      this.#opening = null;
       this.#showEntries();
       this.#searchBelow();
     });
@@ -253,6 +255,7 @@ class OpenDialog {
     this.#series = [];
     this.#search.cancel();
     this.#found = {};
+    this.#opening = null;
     this.#showCrumbs();
     this.#say(t('open.reading'));
     try {
@@ -336,7 +339,8 @@ class OpenDialog {
     if (first) first.tabIndex = 0;
     const { value } = this.#filter;
     const told = this.#found.isRunning && rows.length > 0 ? '' : aboutSearch(this.#found);
-    if (told || rows.length > 0) this.#say(told, Boolean(this.#found.complaint));
+    if (this.#opening) this.#say(...this.#opening);
+    else if (told || rows.length > 0) this.#say(told, Boolean(this.#found.complaint));
     else this.#say(this.#entries.length > 0 ? t('open.nomatch', { filter: value }) : t('open.empty'));
   }
 
@@ -413,8 +417,12 @@ class OpenDialog {
   /** Loads a source, and shows it once it is ready. named: its name, instead of the name of the file. opened() is called when it is ready. */
   async open({ source, name, named = false }, opened = () => {}) {
     const { api, connection, notice, openVolume } = this.#app;
+    const tell = (...opening) => {
+      this.#opening = opening;
+      this.#say(...opening);
+    };
     try {
-      this.#say(t('open.opening', { name }));
+      tell(t('open.opening', { name }));
       const volume = await api.openVolume(named ? { source, name } : { source });
       this.#dialog.close();
       openVolume(volume, this.#use);
@@ -423,7 +431,7 @@ class OpenDialog {
         opened();
       }, () => {}); // openVolume() says why
     } catch (error) {
-      this.#say(error.message, true);
+      tell(error.message, true);
       if (!this.#dialog.open) notice.show(error.message, 'error', 'open');
     }
   }
