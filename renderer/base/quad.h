@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A quad is four floats, such as red, green, blue and optical depth of a pixel. A wide vector holds
- * SP_WIDE / 4 quads.
+ * A quad is a vector of four floats, such as the red, green, blue and optical depth of one pixel. A
+ * wide vector (wide.h) has SP_WIDE floats, so it holds SP_WIDE / 4 quads.
  */
 #ifndef SP_BASE_QUAD_H
 #define SP_BASE_QUAD_H

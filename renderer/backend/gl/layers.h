@@ -18,7 +18,7 @@ struct gl_layers {
     struct sp_cloud_cache clouds;
 };
 
-/* The job of a frame, and the memory and threads for its layers. */
+/* What the layers of one frame need: the job, which says what to draw, memory and threads. */
 struct gl_layers_job {
     const struct sp_backend_job *job;
     uint64_t bytes_max; /* of the caches */

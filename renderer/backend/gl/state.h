@@ -16,7 +16,7 @@
  * Bands bound the memory for pixels, batches the memory for records and bins. Pairs of a record and
  * a tile are counted before they are written. If there are more than the buffer can hold, nothing
  * is drawn, and the band is drawn again with a larger buffer or in smaller pieces (workload.h).
- * So the CPU reads no counter in the middle of a frame, and every pair is drawn.
+ * So every pair is drawn, and the CPU never waits for a counter in the middle of a frame.
  */
 #ifndef GL_STATE_H
 #define GL_STATE_H

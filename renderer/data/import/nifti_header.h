@@ -40,8 +40,9 @@ bool nifti_is_header(const uint8_t start[4]);
 bool nifti_header_read(const struct import_file *file, struct nifti_fields *fields,
                        struct sp_error *err);
 
-/* Places the grid, whose dims are known. The world belongs to the scanner or to an atlas, with the
- * axes right, anterior and superior; or it is not known. Warns of what contradicts itself. */
+/* Places the grid in the world by the sform, the qform or the spacing alone; its dims must be set.
+ * The axes of the world point right, anterior and superior, in the scanner or in an atlas; or the
+ * file does not say. Warns if a form is no map, or if both place the samples differently. */
 void nifti_place(const struct import_file *file, const struct nifti_fields *fields,
                  struct import_header *header);
 

@@ -80,7 +80,7 @@ class Transfer {
   get steps() { return this.#history.steps; }
   get histogram() { return this.#histogram; }
   get isEditable() { return this.#viewer.canControl && this.state !== null; }
-  /** The range of values of the volume: of its histogram once it is loaded, before that of its description. */
+  /** The range of the editor's axis: the range of the histogram; until that is loaded, the range that the volume's description states. */
   get range() {
     const range = this.#histogram?.range ?? this.#viewer.volume?.range;
     if (range && range[1] - range[0] >= EXTENT_MIN && range[1] - range[0] <= VALUE_MAX) return range;

@@ -14,7 +14,8 @@ const uint FRAGMENT_WORDS = 5u, FRAGMENT_COUNT_BITS = 5u;
 uint fragment_at, fragment_count; // of the pixel: its first word, how many
 uint next_fragment;               // the first one that is not composited
 
-// Opens the fragments of a pixel. `planes`: words before the words of the pixels.
+// Finds the fragments of a pixel: sets fragment_at and fragment_count. The buffer begins with `planes` words
+// about the sheets (insert.glsl); then follows one word for each of its `pixels`.
 void open_fragments(uint planes, uint pixel, uint pixels) {
     uint own = fragment_words[planes + pixel];
     fragment_count = own & ((1u << FRAGMENT_COUNT_BITS) - 1u);

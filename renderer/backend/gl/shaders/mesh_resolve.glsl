@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // What triangles show in a pixel (draw/layers/mesh/resolve.c): parts, each some samples in one triangle, shaded once.
 
-const uint VISIBLE_MAX = 16u;          // of a pixel; of more, neighbours become one
-const float LEAST = 1.0 / 4096.0;    // smaller opacities are not drawn
+const uint VISIBLE_MAX = 16u;     // parts of a pixel; if there are more, join_neighbours() merges two of them
+const float LEAST = 1.0 / 4096.0; // smaller opacities are not drawn
 
 struct VisiblePart {
     float depth;
-    vec4 color; // times what the part hides of the pixel's light; that
+    vec4 color; // rgb: colour times alpha; alpha: the share of the pixel's light that the part hides
 };
 
 VisiblePart visible[VISIBLE_MAX + 1u]; // of the pixel, nearest first; the last one while one is added
 uint visible_count;
 
-// Makes one of those two neighbours between which a further part would matter least.
+// Merges the two neighbours between which another part would change the image least.
 void join_neighbours() {
     float least = 3.0e38;
     uint pair = 0u;
@@ -40,7 +40,8 @@ void show_part(VisiblePart own) {
         visible_count++;
 }
 
-// Adds a fragment of parts, of which `light` comes through those before it; color: of both, depth: times what they hide.
+// Adds a fragment for a group of parts. light: the share of light that the parts in front let through; it is updated.
+// color: the sum of the parts' colors. depth: the sum of their depths, each times its alpha.
 bool close_group(float depth, vec4 color, inout float light) {
     float alpha = color.a / light;
     if (!(light > LEAST && alpha > LEAST))
