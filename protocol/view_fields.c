@@ -107,6 +107,7 @@ static const struct proto_field shading_fields[] = {
     { "diffuse", PROTO_FIELD_DOUBLE, AT(shading.diffuse) },
     { "specular", PROTO_FIELD_DOUBLE, AT(shading.specular) },
     { "exponent", PROTO_FIELD_DOUBLE, AT(shading.exponent) },
+    { "smoothing", PROTO_FIELD_AUTO, AT(shading.smoothing) },
     { "occlusion", PROTO_FIELD_DOUBLE, AT(shading.occlusion) },
     { "shadow", PROTO_FIELD_DOUBLE, AT(shading.shadow) },
     { "lights", PROTO_FIELD_LIST, AT(shading.lights), .group = &light,

@@ -228,6 +228,7 @@ void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const
                      .diffuse = 0.8,
                      .specular = 0.25,
                      .exponent = 24,
+                     .smoothing = NAN,
                      .light_count = 1,
                      .lights = { { { 0.3, 0.5, 1 }, SP_LIGHT_CAMERA, { 1, 1, 1 } } } },
         .layer_count = 1,

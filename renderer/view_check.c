@@ -182,6 +182,7 @@ static bool check_shading(const struct sp_shading *s, struct sp_error *err) {
         !check_range(s->diffuse, 0, 4, err, "/shading/diffuse") ||
         !check_range(s->specular, 0, 4, err, "/shading/specular") ||
         !check_range(s->exponent, 1, 1024, err, "/shading/exponent") ||
+        (!isnan(s->smoothing) && !check_range(s->smoothing, 0, 1, err, "/shading/smoothing")) ||
         !check_range(s->occlusion, 0, 1, err, "/shading/occlusion") ||
         !check_range(s->shadow, 0, 1, err, "/shading/shadow") ||
         !check_range(s->light_count, 0, SP_LIGHTS_MAX, err, "/shading/lights"))

@@ -322,6 +322,7 @@ void srv_blend_shading(const struct sp_shading *a, const struct sp_shading *b, d
     out->diffuse = mix(a->diffuse, b->diffuse, u);
     out->specular = mix(a->specular, b->specular, u);
     out->exponent = mix(a->exponent, b->exponent, u);
+    out->smoothing = mix_set(a->smoothing, b->smoothing, u);
     /* Not from or to 0: the frames between may be of a mode that draws neither. */
     if (a->occlusion > 0 && b->occlusion > 0)
         out->occlusion = mix(a->occlusion, b->occlusion, u);

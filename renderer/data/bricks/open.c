@@ -186,6 +186,7 @@ static struct sp_volume_info describe(const struct sp_brick_store *store, const 
                                       const char *source) {
     const struct sp_brick_header *header = sp_brick_file_header(store->file);
     struct sp_volume_info info = header->info;
+    info.noise = NAN;
     snprintf(info.name, sizeof info.name, "%s", name);
     snprintf(info.source, sizeof info.source, "%s", source);
     memcpy(info.whole.dims, info.grid.dims, sizeof info.whole.dims);

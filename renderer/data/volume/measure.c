@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Range and histogram, in two passes, and the longest vector. Samples are widened to double in
+ * Range and histogram, in two passes, noise (noise.h), and the longest vector. Samples are widened to double in
  * short runs, so that one loop serves all types. Double represents every type exactly.
  */
 #include <assert.h>
@@ -12,6 +12,7 @@
 #include "base/parallel_for.h"
 #include "data/volume/bins.h"
 #include "data/volume/missing.h"
+#include "data/volume/noise.h"
 #include "data/volume/sample.h"
 #include "data/volume/volume.h"
 
@@ -182,9 +183,13 @@ bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t
     if (!m.partials)
         return sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for the histogram");
     m.pool = sp_pool_create(m.workers, err);
-    if (m.pool)
+    bool ok = m.pool != NULL;
+    if (ok) {
         measure_values(&m, info);
-    const bool ok = m.pool != NULL;
+        ok = info->elements.kind != SP_KIND_GRID ||
+             sp_noise_estimate(info, voxels, m.pool, &info->noise) ||
+             sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for the estimate of noise");
+    }
     sp_pool_destroy(&m.pool);
     free(m.partials);
     return ok;

@@ -7,9 +7,11 @@
  *                  └half┘                  changes linearly, and the curve's integral classifies it
  */
 #include "draw/light/read.h"
+#include "draw/resample/gradient.h"
 #include "draw/resample/insert.h"
 #include "draw/resample/seen.h"
 #include "draw/resample/sheet_sample.h"
+#include "draw/resample/smooth.h"
 #include "frame/resolve.h"
 #include "splat/exp2.h"
 
@@ -236,9 +238,7 @@ static inline void compute_share(const struct sp_resample_open_tile *t, const st
     sp_wide at[3], move[3], side = zero;
     sp_wide firm = square * (r->light_firmness * r->light_firmness);
     firm = sp_wide_min(firm, sp_wide_all(1)) * off_surface;
-    at[t->axis[0]] = rays->u + s * rays->du;
-    at[t->axis[1]] = rays->v + s * rays->dv;
-    at[t->axis[2]] = t->is_backwards ? t->reference - s : t->reference + s;
+    sp_place_on_rays(t, rays, s, at);
     for (int c = 0; c < 3; c++)
         side += to_eye[c] * normal[c];
     side = sp_wide_select(sp_wide_lt(side, zero), -firm, firm);
@@ -284,10 +284,28 @@ static inline void compute_normal(const struct work *work, const struct interval
         normal[c] *= inverse;
 }
 
+/* Mixes the smooth gradient where the interval is seen into the fine one, at the pixels that get
+ * some of their light here. */
+static inline void smooth_gradient(const struct work *work, struct interval *in) {
+    const struct sp_resample *r = work->t->r;
+    const float faint = 1 / 32.0f;
+    struct sp_rays rays = load_rays(work->block, in->begin);
+    sp_wide share = sp_wide_load(work->block->light + in->begin) * in->opacity, smooth[3];
+    sp_wide_mask lanes = sp_wide_lt(sp_wide_all(faint), share);
+    if (!sp_wide_any(lanes))
+        return;
+    lanes = sp_smooth_gradient(work->t, &rays, work->start + in->seen * work->width, lanes, smooth);
+    sp_gradient_mix(smooth, sp_wide_all(r->noise), sp_wide_all(r->sharp), lanes, in->gradient);
+    const sp_wide *g = in->gradient;
+    in->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
+}
+
 /* Lights the interval's colour by its gradient. */
 static inline void shade(const struct work *work, struct interval *in) {
     const struct sp_resample *r = work->t->r;
     sp_wide normal[3], to_eye[3];
+    if (r->is_smoothed)
+        smooth_gradient(work, in);
     compute_normal(work, in, normal);
     for (int c = 0; c < 3; c++)
         to_eye[c] = sp_wide_load(work->block->to_eye[c] + in->begin);

@@ -125,7 +125,7 @@ static inline float sp_resample_sheet_s(const struct sp_resample_open_tile *t, i
     return sp_resample_s(t, sp_resample_slice(t, number));
 }
 
-/* Returns the sample index at a coordinate of axis 0 or 1 of the tile, limited to the slice. */
+/* Returns the sample index at a coordinate of an axis of the tile, limited to the samples. */
 static inline float sp_resample_index(const struct sp_resample_open_tile *t, int a, float x) {
     const struct sp_resample_axis *map = t->map[a];
     float last = (float)(t->dims[a] - 1);

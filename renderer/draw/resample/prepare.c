@@ -28,12 +28,14 @@ static const double narrowest = 0.7;
  */
 static const double most_seen = 200;
 
-unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_transform *camera) {
-    double width = 1, distance = 1, far = 1, finest = INFINITY, radius = 0;
-    unsigned level = 0;
+/* Returns the width of a sample in the middle of the volume [px]; far: distance of the volume's far
+ * end from the eye. */
+static double compute_width_px(const struct sp_grid *grid, const struct sp_camera_transform *camera,
+                               double *far) {
+    double width = 1, distance = 1, radius = 0;
+    *far = 1;
     for (int a = 0; a < 3; a++) {
         width *= cbrt(grid->spacing[a]);
-        finest = fmin(finest, grid->spacing[a]);
         radius += grid->spacing[a] * grid->dims[a] / 2;
     }
     if (camera->projection == SP_PERSPECTIVE) {
@@ -43,10 +45,16 @@ unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_tr
                 to.v[r] += (a ? 0 : grid->origin[r]) +
                            grid->direction[r][a] * grid->spacing[a] * (grid->dims[a] - 1) / 2;
         distance = fmax(sp_vec3_length(to), camera->near);
-        far = distance + radius;
+        *far = distance + radius;
     }
-    width *= camera->scale / distance;
+    return width * camera->scale / distance;
+}
+
+unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_transform *camera) {
+    const double finest = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
+    double far, width = compute_width_px(grid, camera, &far);
     double seen = RESAMPLE_BLOCK * far / camera->scale / finest;
+    unsigned level = 0;
     while (level + 1 < SAMPLES_LEVELS &&
            (ldexp(width, (int)level) < narrowest || ldexp(seen, -(int)level) > most_seen))
         level++;
@@ -265,6 +273,43 @@ static float compute_rounding(enum sp_type type, const struct sp_curve *curve) {
     return (float)fmax(codes, is_real ? 0 : 0.5 * curve->codes_per_unit);
 }
 
+/* Returns the noise by which fine and smooth gradients differ [data unit]. Surfaces of exact fields
+ * show up to 0.3 % of the range by details of their own (data/volume/noise.h), which does not
+ * count. Rounding to integers does. */
+static double find_noise(const struct sp_volume_info *info, unsigned level) {
+    const double range = info->data[1] - info->data[0], detail = 0.003 * range;
+    const double seen = 0.0005 * range; /* less is not seen */
+    bool is_real = info->type == SP_FLOAT32 || info->type == SP_FLOAT64;
+    double square = is_real ? 0 : 1 / 12.0;
+    if (!isnan(info->noise))
+        square += fmax(info->noise * info->noise - detail * detail, 0);
+    double noise = ldexp(sqrt(square), -(int)level);
+    return noise > seen ? noise : 0;
+}
+
+/* How normals come from fine and smooth gradients (gradient.h). */
+static void init_smoothing(struct sp_resample *r, const struct sp_volume_info *info,
+                           unsigned level) {
+    const double explained = sqrt(6); /* by noise: deviations across gradients in its deviation */
+    const double wide = 1.2; /* px: samples that are as narrow as `narrowest` have smooth normals */
+    const double smoothing = r->view->shading.smoothing;
+    double noise = find_noise(info, level) * r->curve.codes_per_unit, square = 0;
+    r->sharp = 1;
+    if (!isnan(smoothing)) {
+        r->sharp = (float)(1 - smoothing);
+        noise = 0;
+    } else if (r->view->level_of_detail == SP_LOD_AUTO) {
+        double far, px = ldexp(compute_width_px(&info->grid, r->camera, &far), (int)level);
+        r->sharp = (float)fmin(fmax((px - narrowest) / (wide - narrowest), 0), 1);
+    }
+    for (int i = 0; i < 9; i++)
+        square += (double)r->to_world[i / 3][i % 3] * (double)r->to_world[i / 3][i % 3] / 3;
+    r->noise = (float)(square * pow(explained * noise, 2));
+    r->is_smoothed = r->shade && (r->noise > 0 || r->sharp < 1);
+    for (int a = 0; a < 3; a++)
+        r->is_smoothed = r->is_smoothed && r->samples->dims[a] >= RESAMPLE_SMOOTH;
+}
+
 /* What the samples of coarser levels are made of: a maximum of means would lose thin structures. */
 static enum sp_samples_kind kind_of(enum sp_compositing mode) {
     return mode == SP_COMPOSITE_MAXIMUM   ? SAMPLES_MAXIMA
@@ -362,6 +407,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     if (r->light)
         init_light(r, level);
     double length_unit = init_metric(r, &coordinates);
+    init_smoothing(r, info, level);
     if (is_projection && !init_reduction(input, r, length_unit))
         return sp_arena_fail(input->arena, "data", err);
     input->frame->stats.mip_level = input->mip_level;

@@ -39,6 +39,7 @@ enum {
     RESAMPLE_SHEETS = 7,     /* the sheets of a batch and the three before them, for gradients */
     RESAMPLE_SLACK = 64,     /* a sheet has memory for this many samples around the visible ones */
     RESAMPLE_TAPS = 6,       /* samples from which a sample between them is interpolated */
+    RESAMPLE_SMOOTH = 4,     /* samples per axis from which a smooth gradient comes */
     RESAMPLE_HALVES_MAX = 2 * 6 + 1 + SP_CLIP_PLANES_MAX
 };
 
@@ -84,6 +85,9 @@ struct sp_resample {
     float steep[2];      /* steepness: half sheets for some rays between these, for all rays above
                             (rays.h) */
     bool needs_gradient; /* lit, or the transfer function has a gradient axis */
+    bool is_smoothed;    /* normals come from fine and smooth gradients (gradient.h) */
+    float noise;         /* their difference that noise explains, squared [gradient_unit²] */
+    float sharp;         /* largest share of the rest of the fine one */
     int axis;            /* of the slices; tiles of wide views may use another axis */
     double share[3];     /* of the image that slices along each axis have (axes.h) */
     int columns, rows;   /* of tiles */

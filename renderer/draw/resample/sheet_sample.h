@@ -15,6 +15,14 @@ struct sp_rays {
     sp_wide u, v, du, dv; /* at s = 0, and per slice [samples] */
 };
 
+/* The places on the rays at s: coordinates along the volume's axes. */
+static inline void sp_place_on_rays(const struct sp_resample_open_tile *t,
+                                    const struct sp_rays *rays, sp_wide s, sp_wide at[3]) {
+    at[t->axis[0]] = rays->u + s * rays->du;
+    at[t->axis[1]] = rays->v + s * rays->dv;
+    at[t->axis[2]] = t->is_backwards ? t->reference - s : t->reference + s;
+}
+
 enum { SAMPLE_ONE = 1 << 14 }; /* the sum of two weights */
 
 /* Where SP_WIDE pixels lie on a refined sheet. */
@@ -91,11 +99,12 @@ static inline sp_wide sp_sample_values(const struct sp_resample_open_tile *t,
     return mix_pairs(&place, above, below) * (1.0f / SAMPLE_ONE);
 }
 
-/* Converts gradients along axis a from "per sample" to "per unit of the coordinate". */
-static inline void rescale(const struct sp_resample_open_tile *t, int a, sp_wide at, sp_wide change,
-                           float s, sp_wide *slope) {
+/* Converts gradients along axis a of the tile from "per sample" to "per unit of the coordinate".
+ * at: coordinates. */
+static inline void sp_rescale_slopes(const struct sp_resample_open_tile *t, int a, sp_wide at,
+                                     sp_wide *slope) {
     for (int i = 0; t->map[a] && i < SP_WIDE; i++) {
-        int last = t->dims[a] - 1, k = (int)sp_resample_index(t, a, at[i] + s * change[i]);
+        int last = t->dims[a] - 1, k = (int)sp_resample_index(t, a, at[i]);
         k = k < last ? k : last - 1;
         if (last > 0)
             (*slope)[i] /= t->map[a]->place[k + 1] - t->map[a]->place[k];
@@ -125,8 +134,8 @@ static inline sp_wide sp_sample_slopes(const struct sp_resample_open_tile *t,
     down[1] = sp_fetch_difference(sp_fetch_pairs(from + 2 * width, place.index), middle[0]);
     slope[0] = mix_pairs(&place, across[0], across[1]) * (1.0f / SAMPLE_ONE);
     slope[1] = mix_pairs(&place, down[0], down[1]) * (1.0f / SAMPLE_ONE);
-    rescale(t, 0, rays->u, rays->du, sheet->s, &slope[0]);
-    rescale(t, 1, rays->v, rays->dv, sheet->s, &slope[1]);
+    sp_rescale_slopes(t, 0, rays->u + sheet->s * rays->du, &slope[0]);
+    sp_rescale_slopes(t, 1, rays->v + sheet->s * rays->dv, &slope[1]);
     return mix_pairs(&place, middle[0], middle[1]) * (1.0f / SAMPLE_ONE);
 }
 

@@ -168,6 +168,9 @@ struct sp_volume_info {
                         warning names such values. Equal to range[] if there are none */
     uint64_t nonfinite; /* number of NaN and infinite samples or values; they are
                            transparent */
+    /* Standard deviation of the noise of the samples, estimated at surfaces [data unit]; 0 = none,
+     * or samples that have no surfaces; NaN = unknown: the samples are not all in memory. */
+    double noise;
     /* Counts of samples in data[]. Bin b covers data[0] + (data[1] − data[0])·[b, b + 1)/256; the
      * last bin includes data[1]. */
     uint64_t histogram[SP_HISTOGRAM_BINS];
