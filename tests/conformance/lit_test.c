@@ -150,15 +150,17 @@ static void light(struct test_scene *scene, const struct row *row) {
     s->occlusion = row->occlusion;
     s->shadow = row->shadow;
     if (row->light[0] != 0 || row->light[1] != 0 || row->light[2] != 0) {
-        *s = (struct sp_shading){ SP_SHADING_PHONG,
-                                  0.35,
-                                  0.65,
-                                  0.2,
-                                  24,
-                                  row->occlusion,
-                                  row->shadow,
-                                  1,
-                                  { { { 0 }, SP_LIGHT_WORLD, { 1, 1, 1 } } } };
+        *s = (struct sp_shading){
+            .mode = SP_SHADING_PHONG,
+            .ambient = 0.35,
+            .diffuse = 0.65,
+            .specular = 0.2,
+            .exponent = 24,
+            .occlusion = row->occlusion,
+            .shadow = row->shadow,
+            .light_count = 1,
+            .lights = { { .space = SP_LIGHT_WORLD, .color = { 1, 1, 1 } } },
+        };
         memcpy(s->lights[0].direction, row->light, sizeof row->light);
     }
 }

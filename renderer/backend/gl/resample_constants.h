@@ -13,7 +13,7 @@
 
 /* shaders/resample.glsl: std140, which has the same layout as std430 here. */
 struct gl_resample_constants {
-    float to_world[3][4], metric[2][4], depths[3][4], steep[4];
+    float to_world[3][4], metric[2][4], depths[3][4], steep[4], smoothing[4];
     float code_scale[4], bin_scale[4], above_bins[4];
     float numbers[2][4]; /* of a projection */
     int32_t choices[4];

@@ -37,8 +37,8 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
              is_even);
     if (!own->program && !own->is_refused)
         own->program =
-            gl_program_open(has_layers ? "frame shade resample seen fragments ordinal draw_sheets"
-                                       : "frame shade resample seen ordinal draw_sheets",
+            gl_program_open(has_layers ? "frame shade resample seen smooth fragments ordinal draw_sheets"
+                                       : "frame shade resample seen smooth ordinal draw_sheets",
                             defines, &why);
     own->is_refused = !own->program;
     if (own->is_refused)

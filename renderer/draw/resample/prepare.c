@@ -281,10 +281,9 @@ static double find_noise(const struct sp_volume_info *info, unsigned level) {
     const double seen = 0.0005 * range; /* less is not seen */
     bool is_real = info->type == SP_FLOAT32 || info->type == SP_FLOAT64;
     double square = is_real ? 0 : 1 / 12.0;
-    if (!isnan(info->noise))
-        square += fmax(info->noise * info->noise - detail * detail, 0);
-    double noise = ldexp(sqrt(square), -(int)level);
-    return noise > seen ? noise : 0;
+    if (!isnan(info->noise)) /* means of 2 × 2 × 2 samples have about half of it */
+        square += ldexp(fmax(info->noise * info->noise - detail * detail, 0), -2 * (int)level);
+    return sqrt(square) > seen ? sqrt(square) : 0;
 }
 
 /* How normals come from fine and smooth gradients (gradient.h). */

@@ -385,16 +385,16 @@ static void shading_follows_its_formula(void **state) {
     struct sp_view view = make_view(SP_PERSPECTIVE);
     struct sp_camera_transform camera;
     sp_camera_transform_init(&camera, &view.camera, view.size);
-    struct sp_shading shading = { SP_SHADING_PHONG,
-                                  0.2,
-                                  0.7,
-                                  0.4,
-                                  12,
-                                  0,
-                                  0,
-                                  2,
-                                  { { { 0.5, 0.5, 2 }, SP_LIGHT_CAMERA, { 1, 0.5f, 0.25f } },
-                                    { { -3, 1, 0 }, SP_LIGHT_WORLD, { 0.3f, 0.3f, 0.3f } } } };
+    struct sp_shading shading = {
+        .mode = SP_SHADING_PHONG,
+        .ambient = 0.2,
+        .diffuse = 0.7,
+        .specular = 0.4,
+        .exponent = 12,
+        .light_count = 2,
+        .lights = { { { 0.5, 0.5, 2 }, SP_LIGHT_CAMERA, { 1, 0.5f, 0.25f } },
+                    { { -3, 1, 0 }, SP_LIGHT_WORLD, { 0.3f, 0.3f, 0.3f } } },
+    };
     struct sp_shade shade;
     sp_shade_init(&shade, &camera, &shading);
     struct sp_gradient_grid unit = { .bound = 1, .unit = 1, .scale = 1 };

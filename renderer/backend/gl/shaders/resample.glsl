@@ -23,6 +23,7 @@ layout(std140, binding = 1) uniform Resample {
     vec4 metric[2];   // xx, yy, zz, rounding of gradients; yz, xz, xy, a depth inside the volume
     vec4 depths[3];   // by axis w: s at that depth of the centre's ray, forwards; its change by depth, to the right, down
     vec4 steep;       // between which rays get some half sheets
+    vec4 smoothing;   // noise, sharp (draw/resample/gradient.h); 1 = gradients are mixed
     vec4 code_scale; // codes per unit, base as two floats, lowest code
     vec4 bin_scale;   // bins per code, first bin; codes between which something is visible
     vec4 above_bins;
@@ -43,6 +44,7 @@ layout(std430, binding = 6) readonly buffer Places { float places[]; };
 
 const float CODE_MIN = 1024.0, CODE_MAX = 31744.0; // enum of draw/resample/curve.h
 const float FAR_CODE = 1e6;
+const float NONE_BELOW = 512.0; // lower codes stand for samples that are not finite
 const int REGION = 4;
 
 int slices;        // the tile's axis w

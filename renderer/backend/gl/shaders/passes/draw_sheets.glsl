@@ -30,7 +30,6 @@ const int RAW = 320, REFINED = 340;
 const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1, SLABS = INTERVALS / REGION + 2;
 const uint REGIONS_MAX = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
-const float NONE_BELOW = 512.0; // lower codes stand for samples that are not finite
 const int COLORS = 1024;
 const float TAP0 = 150.0 / 256.0, TAP1 = -25.0 / 256.0, TAP2 = 3.0 / 256.0;
 
@@ -357,6 +356,17 @@ vec3 compute_gradient(vec3 value[4], float width, float p) {
     return vec3(dot(to_world[0].xyz, own), dot(to_world[1].xyz, own), dot(to_world[2].xyz, own));
 }
 
+#if GRADIENT
+// Mixes the smooth gradient at s into the fine one.
+vec3 smooth_gradient(float s, vec3 fine) {
+    vec3 slope, x = vec3(index_of(ray.xy + s * ray.zw), index_of(2, axes[slices].scale.w + (is_backwards ? -s : s)));
+    if (!smooth_slopes(x, slope))
+        return fine;
+    vec3 own = turn_back(slope);
+    return mix_gradients(vec3(dot(to_world[0].xyz, own), dot(to_world[1].xyz, own), dot(to_world[2].xyz, own)), fine);
+}
+#endif
+
 // The unit normal of an interval; zero if there is none. As compute_normal() of draw/resample/integrate.c says, a surface's gradient
 // stays for a while behind it.
 vec3 compute_normal(vec3 gradient, float width, float opacity) {
@@ -449,7 +459,8 @@ void integrate(int n, vec3 value[4]) {
     float light = transmit(sum.w * passed);
 #if GRADIENT
     vec2 opacities = 1.0 - vec2(transmit(own[0].mean.w * passed), light);
-    vec3 gradient = compute_gradient(value, width, front + share * seen_place(own, passed, opacities));
+    float seen_at = front + share * seen_place(own, passed, opacities);
+    vec3 gradient = compute_gradient(value, width, seen_at);
     if (base.w > 0) {
         float opacity = scale_of(sqrt(dot(gradient, gradient))) * (1.0 - exp2(-LOG2E * sum.w));
         light = transmit(-log2(max(1.0 - opacity, 1e-30)) / LOG2E * passed);
@@ -458,6 +469,9 @@ void integrate(int n, vec3 value[4]) {
     vec3 color = sum.rgb / max(sum.w, TINY);
 #if GRADIENT
     if (choice.y != 0u && light < 1.0) {
+        const float FAINT_LIGHT = 1.0 / 32.0; // share of the pixel's light
+        if (smoothing.z > 0.0 && pixel.x * (1.0 - light) > FAINT_LIGHT)
+            gradient = smooth_gradient(s + seen_at * width, gradient);
         vec3 to_eye = -normalize(vec3(choice.x != 0u ? (at - lens.yz) / lens.x : vec2(0), 1.0));
         color = shade_normal(color, compute_normal(gradient, width, 1.0 - light), to_eye);
     }
