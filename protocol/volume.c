@@ -199,6 +199,16 @@ static void set_elements(proto_json **volume, const struct sp_volume_info *info)
     proto_json_set(volume, "elements", elements);
 }
 
+/* Of a grid: the noise of its samples; null if it is unknown. */
+static void set_noise(proto_json **volume, const struct sp_volume_info *info) {
+    if (info->elements.kind != SP_KIND_GRID)
+        return;
+    if (isfinite(info->noise))
+        proto_json_set_number(volume, "noise", info->noise);
+    else
+        proto_json_set_null(volume, "noise");
+}
+
 /* Of a volume that is larger than memory. */
 static void set_whole(proto_json **volume, const struct sp_volume_info *info) {
     if (info->whole.dims[0] == 0)
@@ -240,6 +250,7 @@ proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *i
     proto_json_set_integer(&volume, "components", info->components);
     proto_json_set(&volume, "range", proto_json_numbers(info->range, 2));
     proto_json_set_integer(&volume, "nonfinite", (int64_t)info->nonfinite);
+    set_noise(&volume, info);
     proto_json_set(&volume, "fields", fields(info));
     set_lists(&volume, info);
     set_steps(&volume, info);

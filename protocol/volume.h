@@ -13,8 +13,9 @@
  * "type", "components", "range", "nonfinite", "fields", "bytes"}, and "other_fields",
  * "other_vectors", "warnings", "steps", "meaning", "vertical" and "first_layout" unless they are
  * empty. "vertical" is {"per_unit", "unit"}, see struct sp_vertical. "fields" lists the samples,
- * and then the vectors if there are any: {"name", "components", "type", "range"}. A rectilinear
- * grid also has "coordinates": per axis an array, or null if the axis is evenly spaced.
+ * and then the vectors if there are any: {"name", "components", "type", "range"}. A grid also has
+ * "noise", null = unknown; a rectilinear one "coordinates": per axis an array, or null if the axis
+ * is evenly spaced.
  * with_histogram adds "histogram": {"range", "counts"} with 256 bins. The daemon adds "state",
  * "progress" and "memory". NULL when out of memory. Thread-safe. */
 proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,

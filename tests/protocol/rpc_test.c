@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <math.h>
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -192,8 +193,8 @@ static void volumes_are_encoded(void **state) {
               "id\",\"name\":\"fixture\",\"source\":\"\",\"kind\":\"grid\",\"dims\":[64,64,32],"
               "\"spacing\":[1,1,2.5],\"origin\":[-10,0,0.125],\"direction\":[[1,0,0],[0,1,0],"
               "[0,0,1]],\"unit\":\"mm\",\"type\":\"uint8\",\"components\":1,\"range\":[0,255],"
-              "\"nonfinite\":0,\"fields\":[{\"name\":\"\",\"components\":1,\"type\":\"uint8\","
-              "\"range\":[0,255],\"unit\":\"\"}],\"bytes\":131072}");
+              "\"nonfinite\":0,\"noise\":0,\"fields\":[{\"name\":\"\",\"components\":1,"
+              "\"type\":\"uint8\",\"range\":[0,255],\"unit\":\"\"}],\"bytes\":131072}");
     free(text);
     proto_json_free(&volume);
     strcpy(info.anatomy, "LPS");
@@ -250,6 +251,33 @@ static void volumes_are_encoded(void **state) {
     proto_json_free(&volume);
 }
 
+/* Compares the member "noise" of the volume with JSON text; NULL = there is no such member. */
+static void check_noise(const struct sp_volume_info *info, const char *expected) {
+    proto_json *volume = proto_volume_encode(info, "an id", false);
+    assert_non_null(volume);
+    const proto_json *noise = proto_json_get(volume, "noise");
+    if (expected) {
+        char *text = proto_json_to_text(noise, NULL);
+        assert_non_null(text);
+        assert_string_equal(text, expected);
+        free(text);
+    } else {
+        assert_null(noise);
+    }
+    proto_json_free(&volume);
+}
+
+static void only_grids_have_noise_and_unknown_noise_is_null(void **state) {
+    (void)state;
+    struct sp_volume_info info = fixture_info();
+    info.noise = 2.5;
+    check_noise(&info, "2.5");
+    info.noise = NAN;
+    check_noise(&info, "null");
+    info.elements = (struct sp_elements_shape){ SP_KIND_POINTS, 9, 0, 0, false };
+    check_noise(&info, NULL);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(requests_are_decoded),
@@ -258,6 +286,7 @@ int main(void) {
         cmocka_unit_test(errors_carry_the_pointer),
         cmocka_unit_test(frame_headers_match_the_documented_layout),
         cmocka_unit_test(volumes_are_encoded),
+        cmocka_unit_test(only_grids_have_noise_and_unknown_noise_is_null),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
