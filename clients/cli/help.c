@@ -215,6 +215,7 @@ static const char *const texts[BLOCKS] = {
         "  compositing.window      of a projection: {\"center\": C, \"width\": W}\n"
         "  compositing.attenuation exponential, linear\n"
         "  transfer_function.order pre, post (sheet, slab), auto\n"
+        "  shading.smoothing       how smooth normals are, 0 to 1 (post or auto); null: automatic\n"
         "  shading.occlusion       ambient occlusion, 0 to 1 (sheet, post or auto)\n"
         "  shading.shadow          soft shadow of the first light, 0 to 1 (sheet, post or auto)\n"
         "For example, this view draws only y >= 64, in slabs half a voxel thick, and applies the\n"

@@ -68,6 +68,7 @@ static void the_default_frames_the_volume(void **state) {
     assert_int_equal(view.filter.mode, SP_FILTER_ADAPTIVE);
     assert_int_equal(view.shading.mode, SP_SHADING_PHONG);
     assert_true(isnan(view.filter.c_max));
+    assert_true(isnan(view.shading.smoothing));
     check_framing(&view, &info.grid,
                   (const double[3][2]){ { -0.5, 39.5 }, { -1, 59 }, { -0.25, 9.75 } });
 }
@@ -202,6 +203,7 @@ static void ranges_are_checked(void **state) {
     REFUSED(compositing.zero, -INFINITY, "/compositing/zero");
     REFUSED(compositing.absorption, 0, "/compositing/absorption");
     REFUSED(shading.exponent, 0.5, "/shading/exponent");
+    REFUSED(shading.smoothing, 1.5, "/shading/smoothing");
     REFUSED(shading.occlusion, 1.1, "/shading/occlusion");
     REFUSED(shading.shadow, -0.1, "/shading/shadow");
     REFUSED(shading.ambient, 5, "/shading/ambient");
@@ -315,6 +317,20 @@ static void windows_of_projections_suit_the_volume(void **state) {
     assert_true(window[1] > 0);
 }
 
+static void smoothing_is_automatic_or_between_0_and_1(void **state) {
+    (void)state;
+    const double good[] = { NAN, 0, 0.5, 1 };
+    struct sp_view view = make_view();
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        struct sp_error err = { 0 };
+        view.shading.smoothing = good[i];
+        if (!sp_view_validate(&view, &err))
+            fail_msg("%g: %s: %s", good[i], err.place, err.text);
+    }
+    REFUSED(shading.smoothing, -0.01, "/shading/smoothing");
+    REFUSED(shading.smoothing, INFINITY, "/shading/smoothing");
+}
+
 static void degenerate_cameras_are_refused(void **state) {
     (void)state;
     struct sp_view view = make_view();
@@ -420,6 +436,7 @@ int main(void) {
         cmocka_unit_test(sums_have_no_colours_of_the_transfer_function),
         cmocka_unit_test(projections_show_no_slices),
         cmocka_unit_test(windows_of_projections_suit_the_volume),
+        cmocka_unit_test(smoothing_is_automatic_or_between_0_and_1),
         cmocka_unit_test(degenerate_cameras_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
