@@ -296,6 +296,21 @@ test('a volume without a finite number says why the picture is empty', async (co
   await it.page.locator('#notice').waitFor({ state: 'hidden', timeout: 7000 }); // sooner than by itself
 });
 
+test('the noise of a volume is told with its unit and its share of the range; not if it is unknown or 0', async (context) => {
+  const fields = [{ name: '', components: 1, type: 'int16', range: [-1000, 1560], unit: 'HU' }];
+  const volumes = [volume('scan', { range: [-1000, 1560], noise: 33.4, fields }), volume('plain', { noise: 2.04 }), volume('exact', { noise: 0 }), volume('large', { noise: null })];
+  const it = await setUp(context, { volumes });
+  await firstFrame(it.page);
+  await it.page.click('#volume-info summary');
+  const facts = it.page.locator('#volume-info dl');
+  for (const [id, noise] of [['scan', '33 HU (1.3 % of the range)'], ['exact', null], ['plain', '2 (0.8 % of the range)'], ['large', null]]) {
+    await it.page.click(`#volumes [data-id="${id}"]`);
+    await facts.locator(`dd:text-is("${id}")`).first().waitFor();
+    const rows = facts.locator('div', { has: it.page.locator('dt:text-is("Noise")') });
+    assert.deepEqual(await rows.locator('dd').allTextContents(), noise ? [noise] : [], id);
+  }
+});
+
 test('volumes of the same name are told apart, and long names stay inside of the panel', async (context) => {
   const long = ['x'.repeat(127), '\u0645\u062c\u0645\u0648\u0639\u0629'.repeat(10), '\u4f53\u7d20'.repeat(30)];
   const { page } = await setUp(context, {

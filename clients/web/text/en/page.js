@@ -187,6 +187,8 @@ export default {
   'info.id': 'Id',
   'info.memory': 'Memory',
   'info.memory.value': '{voxels} for the data',
+  'info.noise': 'Noise',
+  'info.noise.value': '{value} ({percent} % of the range)',
   'info.nonfinite': 'Not finite',
   'info.range': 'Values',
   'info.range.value': '{low} to {high}',
