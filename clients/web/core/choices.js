@@ -18,6 +18,7 @@ const DEFAULTS = Object.freeze({
   '/compositing/zero': null, // the smallest value
   '/compositing/absorption': null, // the sum itself
   '/transfer_function/order': 'auto',
+  '/shading/smoothing': null, // as the noise of the volume needs
   '/shading/occlusion': 0,
   '/shading/shadow': 0,
 });
@@ -46,11 +47,13 @@ export function matters(view, pointer) {
     return pointer === '/compositing/mode' || (pointer === '/compositing/colors' && !isSum) || (SUMS.includes(pointer) && isSum);
   }
   const mode = valueAt(view, '/filter/mode');
+  const isLit = view.shading?.mode !== 'none';
   const isInterpolated = valueAt(view, '/compositing/mode') === 'sheet' && valueAt(view, '/transfer_function/order') === 'post';
   if (isInterpolated && pointer.startsWith('/filter/')) return false;
   switch (pointer) {
+    case '/shading/smoothing': return isLit && valueAt(view, '/transfer_function/order') !== 'pre' && valueAt(view, '/compositing/mode') !== 'splat';
     case '/shading/occlusion':
-    case '/shading/shadow': return view.shading?.mode !== 'none' && !hasChannels(layersOf(view));
+    case '/shading/shadow': return isLit && !hasChannels(layersOf(view));
     case '/filter/kernel': return mode !== 'none';
     case '/filter/sigma':
     case '/filter/cutoff': return mode !== 'none' && valueAt(view, '/filter/kernel') === 'gaussian';

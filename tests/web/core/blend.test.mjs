@@ -26,6 +26,14 @@ test('a name, and a threshold whose counterpart is automatic, change only at b',
   close([both.c_min, both.c_max], [(A.filter.c_min + 0.5) / 2, 0.8], 1e-12);
 });
 
+test('smoothing is blended between two numbers; an automatic one changes only at b', () => {
+  const blended = (from, to, u) => blendViews({ ...A, shading: { smoothing: from } }, { ...A, shading: { smoothing: to } }, u).shading.smoothing;
+  assert.equal(blended(0, 1, 0.25), 0.25);
+  assert.equal(blended(null, 1, 0.75), null);
+  assert.equal(blended(0.5, null, 0.75), 0.5);
+  assert.equal(blended(null, 1, 1), 1);
+});
+
 test('the window of a projection is blended within one mode and unit', () => {
   const sum = { mode: 'sum', slab: 1, colors: 'grey', window: { center: 2, width: 8 }, zero: -10, absorption: null };
   const end = { ...sum, window: { center: 4, width: 4 }, zero: 10 };

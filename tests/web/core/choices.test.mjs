@@ -39,6 +39,16 @@ test('undo returns to a mode and its window, with all that the mode needs', () =
     { compositing: { mode: 'splat', window: { center: null, width: null } }, transfer_function: { order: 'auto' } });
 });
 
+test('smoothing is automatic by default, and has an effect on shaded pixels that are classified', () => {
+  assert.ok(isChoice('/shading/smoothing'));
+  assert.equal(valueAt({ shading: { mode: 'phong' } }, '/shading/smoothing'), null);
+  assert.deepEqual(choose({ shading: { smoothing: 0.5 } }, '/shading/smoothing', null), { shading: { smoothing: null } });
+  const lit = { shading: { mode: 'phong' } };
+  const views = [lit, { ...lit, ...slabs }, { shading: { mode: 'none' } }, { ...lit, transfer_function: { order: 'pre' } },
+    { ...lit, compositing: { mode: 'splat' } }, { ...lit, compositing: { mode: 'mean' } }];
+  assert.deepEqual(views.map((view) => matters(view, '/shading/smoothing')), [true, true, false, false, false, false]);
+});
+
 test('valueAt returns the value of the view, or the default of the protocol', () => {
   assert.equal(valueAt({}, '/filter/mode'), 'adaptive');
   assert.equal(valueAt({ filter: { sigma: 1.5 } }, '/filter/sigma'), 1.5);

@@ -83,6 +83,30 @@ test('sliders by keyboard: each step sends a value, which is shown beside the sl
   assert.deepEqual(await page.evaluate(() => window.splatd.camera), before_, 'the arrow keys did not move the camera');
 });
 
+test('smoothing is automatic at the left end of its slider, and has no effect without shading', async (context) => {
+  const it = await setUp(context);
+  const { page, session: { view } } = it;
+  const slider = page.locator('#smoothing');
+  const told = () => page.locator('.row:has(#smoothing) output').textContent();
+  const press = (key) => it.patch(() => slider.press(key));
+  assert.ok(await slider.isDisabled(), 'the view has no shading');
+  it.share({ shading: { ...view.shading, mode: 'phong' } });
+  await until(page, 'shading', () => !document.getElementById('smoothing').disabled);
+  assert.equal(await told(), 'auto');
+  assert.equal(await slider.getAttribute('aria-valuetext'), 'auto');
+  assert.deepEqual(await press('ArrowRight'), { shading: { smoothing: 0 } });
+  assert.equal(await told(), '0');
+  assert.deepEqual(await press('ArrowRight'), { shading: { smoothing: 0.05 } });
+  assert.deepEqual(await press('End'), { shading: { smoothing: 1 } });
+  assert.equal(await told(), '1');
+  assert.deepEqual(await press('Home'), { shading: { smoothing: null } });
+  assert.equal(await told(), 'auto');
+  it.share({ shading: { mode: 'phong', smoothing: 0.3 } });
+  await until(page, 'the value of another participant', () => document.getElementById('smoothing').value === '0.3');
+  assert.equal(await told(), '0.3');
+  assert.deepEqual(it.said, []);
+});
+
 test('the controls follow the view when another participant changes it', async (context) => {
   const it = await setUp(context);
   const { page, session: { view } } = it;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rows of the panel for one field of the view each: <div class="row" data-pointer="/filter/mode"> with a select, a slider, or
-// an input for a number, which is null while it is empty.
+// an input for a number, which is null while it is empty. A slider is null at its lowest step if its scale says so.
 // Errors of the daemon about a field appear below its row.
 import { allows, choose, isChoice, matters, valueAt } from '../../core/choices.js';
 import { numberText } from '../../core/lengths.js';
@@ -8,7 +8,10 @@ import { logarithmic } from '../../core/slider.js';
 import { t } from '../../core/text.js';
 
 const IDENTITY = { at: Number, of: Number };
-const SCALES = { '/compositing/slab': logarithmic(0.05, 64) };
+const SCALES = {
+  '/compositing/slab': logarithmic(0.05, 64),
+  '/shading/smoothing': { at: (place) => (place < 0 ? null : place), of: (value) => value ?? -1 }, // automatic is the step below 0
+};
 
 /** Rounds to three digits: 0.7, 12.5, -1790. */
 const threeDigits = (value) => Number(value.toPrecision(3));
@@ -59,7 +62,7 @@ export class Fields {
       if (isSlider) {
         control.value = scale.of(value);
         const { unit } = control.dataset;
-        showValue(control, unit ? `${showNumber(value)} ${unit}` : showNumber(value));
+        showValue(control, value === null ? t('picture.auto') : unit ? `${showNumber(value)} ${unit}` : showNumber(value));
       } else if (isNumber) {
         if (document.activeElement !== control || control.valueAsNumber !== value) control.value = value ?? '';
       } else {

@@ -252,6 +252,7 @@ export default {
   // Path.
   'path.section': 'Path',
   // Picture.
+  'picture.auto': 'auto',
   'picture.background': 'Background',
   'picture.background.color': 'Background colour',
   'picture.black': 'Black background',
@@ -280,6 +281,8 @@ export default {
   'picture.shadow': 'Shadow',
   'picture.shadow.title': 'Soft shadow of the light. Needs sheets, classified by pixel.',
   'picture.slate': 'Slate background',
+  'picture.smoothing': 'Smoothing',
+  'picture.smoothing.title': 'How smoothly surfaces are shaded: 0 shows all details and all noise. Auto, at the left end: as the noise of the volume needs.',
   'picture.warp': 'Predict motion',
   'picture.warp.title': 'While you are ahead of the pictures that arrive, shows the last one as the new camera would see it. Applies to this window only.',
   'picture.white': 'White background',
