@@ -36,10 +36,10 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
              RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX, GL_RESAMPLE_INTERVALS, has_layers,
              is_even);
     if (!own->program && !own->is_refused)
-        own->program =
-            gl_program_open(has_layers ? "frame shade resample seen smooth fragments ordinal draw_sheets"
-                                       : "frame shade resample seen smooth ordinal draw_sheets",
-                            defines, &why);
+        own->program = gl_program_open(
+            has_layers ? "frame shade resample seen smooth fragments ordinal draw_sheets"
+                       : "frame shade resample seen smooth ordinal draw_sheets",
+            defines, &why);
     own->is_refused = !own->program;
     if (own->is_refused)
         sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s has no program for this view: %s", device,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Range and histogram, in two passes, noise (noise.h), and the longest vector. Samples are widened to double in
- * short runs, so that one loop serves all types. Double represents every type exactly.
+ * Range and histogram, in two passes, noise (noise.h), and the longest vector. Samples are widened
+ * to double in short runs, so that one loop serves all types. Double represents every type exactly.
  */
 #include <assert.h>
 #include <math.h>

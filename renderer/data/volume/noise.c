@@ -12,7 +12,7 @@ enum { MARGIN = 3, GRAIN = 1024 };
 struct estimate {
     const struct sp_volume_info *info;
     const void *voxels;
-    double scale[3];           /* of a gradient along each axis, so that space is isotropic */
+    double scale[3];         /* of a gradient along each axis, so that space is isotropic */
     double *smooth, *across; /* [NOISE_PLACES]; smooth 0: the place does not count */
 };
 
@@ -67,7 +67,7 @@ static void compute_smooth(double cube[3][3][3], double gradient[3]) {
 
 /* The difference of the values half a sample behind and before the place, each from the polynomial
  * of degree 5 through six samples. */
-static double compute_sharp(const struct estimate *e, uint64_t at, uint64_t stride) {
+static double compute_fine(const struct estimate *e, uint64_t at, uint64_t stride) {
     static const double weight[MARGIN] = { 175.0 / 256, -28.0 / 256, 3.0 / 256 };
     double sum = 0;
     for (uint64_t n = 1; n <= MARGIN; n++)
@@ -79,7 +79,7 @@ static void measure_place(const struct estimate *e, size_t number) {
     const uint32_t *dims = e->info->grid.dims;
     const uint64_t stride[3] = { 1, dims[0], (uint64_t)dims[0] * dims[1] };
     uint32_t place[3];
-    double cube[3][3][3], smooth[3], sharp[3], square = 0, along = 0, across = 0;
+    double cube[3][3][3], smooth[3], fine[3], square = 0, along = 0, across = 0;
     choose_place(dims, number, place);
     const uint64_t at = place[0] + place[1] * stride[1] + place[2] * stride[2];
     e->smooth[number] = 0;
@@ -88,15 +88,15 @@ static void measure_place(const struct estimate *e, size_t number) {
     compute_smooth(cube, smooth);
     for (int a = 0; a < 3; a++) {
         smooth[a] *= e->scale[a];
-        sharp[a] = e->scale[a] * compute_sharp(e, at, stride[a]);
+        fine[a] = e->scale[a] * compute_fine(e, at, stride[a]);
         square += smooth[a] * smooth[a];
-        along += smooth[a] * sharp[a];
+        along += smooth[a] * fine[a];
     }
     if (!(square > 0)) /* also NaN */
         return;
     along = fmax(along / square, 0);
     for (int a = 0; a < 3; a++)
-        across += pow(sharp[a] - along * smooth[a], 2);
+        across += pow(fine[a] - along * smooth[a], 2);
     if (!isfinite(across)) /* without data */
         return;
     e->smooth[number] = sqrt(square);
@@ -110,7 +110,7 @@ static void measure_places(void *user, size_t begin, size_t end, unsigned worker
 }
 
 /* The median of `across` at the quarter of the places with the longest smooth gradients. */
-static double find_median(const struct estimate *e, double *sorted) {
+static double compute_median(const struct estimate *e, double *sorted) {
     size_t count = 0, kept = 0;
     for (size_t i = 0; i < NOISE_PLACES; i++)
         if (e->smooth[i] > 0)
@@ -151,7 +151,7 @@ bool sp_noise_estimate(const struct sp_volume_info *info, const void *voxels, st
     e.smooth = memory;
     e.across = memory + NOISE_PLACES;
     sp_parallel_for(pool, NOISE_PLACES, GRAIN, measure_places, &e);
-    *noise = white * find_median(&e, memory + 2 * NOISE_PLACES);
+    *noise = white * compute_median(&e, memory + 2 * NOISE_PLACES);
     free(memory);
     return true;
 }

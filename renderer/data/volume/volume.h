@@ -106,9 +106,9 @@ static inline const double *sp_volume_limits(const struct sp_volume_info *info) 
 }
 
 /* Computes range, histogram, noise and number of non-finite samples of `count` samples. Writes them
- * to *info, whose type and shape are set. Subnormal numbers count as zero. The result does not depend on the
- * number of threads. False with *err set when threads cannot be started or
- * memory runs out. */
+ * to *info, whose type and shape are set. Subnormal numbers count as zero. The result does not
+ * depend on the number of threads. False with *err set when threads cannot be started or memory
+ * runs out. */
 bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t count,
                        struct sp_error *err);
 

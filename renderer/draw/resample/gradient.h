@@ -22,9 +22,9 @@
 
 #include "base/wide.h"
 
-/* Mixes the smooth gradient into the fine one. noise: n² [square of the gradients' unit]; sharp:
- * the largest `keep`, [0, 1]. Only in the lanes of `is_known`. */
-static inline void sp_gradient_mix(const sp_wide smooth[3], sp_wide noise, sp_wide sharp,
+/* Mixes the smooth gradient into the fine one. noise: n² [square of the gradients' unit]; keep_max:
+ * [0, 1]. Only in the lanes of `is_known`. */
+static inline void sp_gradient_mix(const sp_wide smooth[3], sp_wide noise, sp_wide keep_max,
                                    sp_wide_mask is_known, sp_wide fine[3]) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
     sp_wide square = tiny, along = zero, aside_square = tiny, aside[3];
@@ -32,13 +32,14 @@ static inline void sp_gradient_mix(const sp_wide smooth[3], sp_wide noise, sp_wi
         square += smooth[c] * smooth[c];
         along += fine[c] * smooth[c];
     }
-    along = sp_wide_max(along * sp_wide_fast_inverse(square), zero); /* in lengths of the smooth one */
+    along =
+        sp_wide_max(along * sp_wide_fast_inverse(square), zero); /* in lengths of the smooth one */
     for (int c = 0; c < 3; c++) {
         aside[c] = fine[c] - along * smooth[c];
         aside_square += aside[c] * aside[c];
     }
     sp_wide ratio = sp_wide_min(noise * sp_wide_fast_inverse(aside_square), sp_wide_all(1e9f));
-    sp_wide keep = sharp * sp_wide_fast_inverse(1 + ratio * ratio);
+    sp_wide keep = keep_max * sp_wide_fast_inverse(1 + ratio * ratio);
     along += (one - keep) * sp_wide_max(one - along, zero);
     for (int c = 0; c < 3; c++)
         fine[c] = sp_wide_select(is_known, along * smooth[c] + keep * aside[c], fine[c]);

@@ -276,7 +276,7 @@ static float compute_rounding(enum sp_type type, const struct sp_curve *curve) {
 /* Returns the noise by which fine and smooth gradients differ [data unit]. Surfaces of exact fields
  * show up to 0.3 % of the range by details of their own (data/volume/noise.h), which does not
  * count. Rounding to integers does. */
-static double find_noise(const struct sp_volume_info *info, unsigned level) {
+static double choose_noise(const struct sp_volume_info *info, unsigned level) {
     const double range = info->data[1] - info->data[0], detail = 0.003 * range;
     const double seen = 0.0005 * range; /* less is not seen */
     bool is_real = info->type == SP_FLOAT32 || info->type == SP_FLOAT64;
@@ -292,19 +292,19 @@ static void init_smoothing(struct sp_resample *r, const struct sp_volume_info *i
     const double explained = sqrt(6); /* by noise: deviations across gradients in its deviation */
     const double wide = 1.2; /* px: samples that are as narrow as `narrowest` have smooth normals */
     const double smoothing = r->view->shading.smoothing;
-    double noise = find_noise(info, level) * r->curve.codes_per_unit, square = 0;
-    r->sharp = 1;
+    double noise = choose_noise(info, level) * r->curve.codes_per_unit, square = 0;
+    r->keep_max = 1;
     if (!isnan(smoothing)) {
-        r->sharp = (float)(1 - smoothing);
+        r->keep_max = (float)(1 - smoothing);
         noise = 0;
     } else if (r->view->level_of_detail == SP_LOD_AUTO) {
         double far, px = ldexp(compute_width_px(&info->grid, r->camera, &far), (int)level);
-        r->sharp = (float)fmin(fmax((px - narrowest) / (wide - narrowest), 0), 1);
+        r->keep_max = (float)fmin(fmax((px - narrowest) / (wide - narrowest), 0), 1);
     }
     for (int i = 0; i < 9; i++)
         square += (double)r->to_world[i / 3][i % 3] * (double)r->to_world[i / 3][i % 3] / 3;
     r->noise = (float)(square * pow(explained * noise, 2));
-    r->is_smoothed = r->shade && (r->noise > 0 || r->sharp < 1);
+    r->is_smoothed = r->shade && (r->noise > 0 || r->keep_max < 1);
     for (int a = 0; a < 3; a++)
         r->is_smoothed = r->is_smoothed && r->samples->dims[a] >= RESAMPLE_SMOOTH;
 }

@@ -87,7 +87,7 @@ struct sp_resample {
     bool needs_gradient; /* lit, or the transfer function has a gradient axis */
     bool is_smoothed;    /* normals come from fine and smooth gradients (gradient.h) */
     float noise;         /* their difference that noise explains, squared [gradient_unit²] */
-    float sharp;         /* largest share of the rest of the fine one */
+    float keep_max;      /* largest part of the rest that stays */
     int axis;            /* of the slices; tiles of wide views may use another axis */
     double share[3];     /* of the image that slices along each axis have (axes.h) */
     int columns, rows;   /* of tiles */

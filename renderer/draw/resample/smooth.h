@@ -44,8 +44,8 @@ typedef int32_t sp_smooth_words[SMOOTH_ROWS][2][SP_WIDE];
 
 /* at: along the volume's axes [samples]. Near the volume's faces, places move inwards by up to a
  * sample. */
-static inline void sp_smooth_find(const struct sp_samples *s, const sp_wide at[3],
-                                  struct sp_smooth_places *places) {
+static inline void sp_smooth_place(const struct sp_samples *s, const sp_wide at[3],
+                                   struct sp_smooth_places *places) {
     for (int a = 0; a < 3; a++) {
         sp_wide x = sp_wide_clamp(at[a], 1, (float)s->dims[a] - 2.001f);
         sp_wide whole = sp_wide_floor(x);
@@ -57,9 +57,8 @@ static inline void sp_smooth_find(const struct sp_samples *s, const sp_wide at[3
 }
 
 /* Returns where the samples around a place lie; `copy` takes them if they lie in several blocks. */
-static inline struct sp_smooth_cube sp_smooth_open(const struct sp_samples *s,
-                                                   const uint32_t first[3], size_t size,
-                                                   char *copy) {
+static inline struct sp_smooth_cube
+sp_smooth_open(const struct sp_samples *s, const uint32_t first[3], size_t size, char *copy) {
     const uint32_t mask = SP_BLOCK_SIDE - 1, side = SMOOTH_SIDE;
     if (!s->blocks) {
         const size_t at = ((size_t)first[2] * s->dims[1] + first[1]) * s->dims[0] + first[0];
@@ -99,9 +98,8 @@ static inline bool sp_smooth_convert(const struct sp_smooth_cube *cube,
     bool is_data = true;
     for (unsigned i = 0; i < SMOOTH_ROWS * SMOOTH_SIDE; i++) {
         unsigned row = i / SMOOTH_SIDE, p = i % SMOOTH_SIDE;
-        double x = sp_sample(cube->first + row / SMOOTH_SIDE * cube->slice +
-                                 row % SMOOTH_SIDE * cube->row,
-                             type, p);
+        double x = sp_sample(
+            cube->first + row / SMOOTH_SIDE * cube->slice + row % SMOOTH_SIDE * cube->row, type, p);
         is_data = is_data && x >= curve->data[0] && x <= curve->data[1];
         double code = is_data ? (x - curve->base) * curve->codes_per_unit : 0;
         uint32_t whole = (uint32_t)fmin(fmax(code + 0.5, 0), CURVE_CODE_MAX - CURVE_CODE_MIN);
@@ -135,7 +133,8 @@ static inline sp_wide_int sp_smooth_limit(sp_wide_int x, const struct sp_rows_sc
 static inline void sp_smooth_pair(const struct sp_rows *reader, const int32_t words[2][SP_WIDE],
                                   sp_wide_int half[2]) {
     const bool has_sign = reader->type == SP_INT8 || reader->type == SP_INT16;
-    const bool is_limited = reader->scaling.low > 0 || reader->scaling.high < (reader->size == 1 ? 255 : 65535);
+    const bool is_limited =
+        reader->scaling.low > 0 || reader->scaling.high < (reader->size == 1 ? 255 : 65535);
     const int top = (int)0x80008000u;
     sp_wide_int x = sp_wide_int_load(words[0]);
     if (reader->size == 1) {
@@ -149,15 +148,18 @@ static inline void sp_smooth_pair(const struct sp_rows *reader, const int32_t wo
     for (int h = 0; h < 2; h++) {
         x = sp_wide_int_load(words[h]);
         if (reader->size == 2)
-            x = (is_limited ? sp_smooth_limit(has_sign ? x ^ top : x, &reader->scaling) : has_sign ? x ^ top : x) ^ top;
+            x = (is_limited ? sp_smooth_limit(has_sign ? x ^ top : x, &reader->scaling)
+                 : has_sign ? x ^ top
+                            : x) ^
+                top;
         half[h] = x;
     }
 }
 
 /* Fills the words of the lanes; returns the lanes whose samples are all finite. */
 static inline sp_wide_mask sp_smooth_fill(const struct sp_samples *s, const struct sp_curve *curve,
-                                      const struct sp_smooth_places *places,
-                                      sp_smooth_words words) {
+                                          const struct sp_smooth_places *places,
+                                          sp_smooth_words words) {
     const size_t size = sp_type_size(s->type);
     float known[SP_WIDE] = { 0 };
     for (int row = 0; row < SMOOTH_ROWS; row++)
@@ -179,7 +181,8 @@ static inline sp_wide_mask sp_smooth_fill(const struct sp_samples *s, const stru
     return sp_wide_lt(sp_wide_all(0), sp_wide_load(known));
 }
 
-/* Computes the smooth gradient at the places [codes per sample]; returns the lanes that have one. */
+/* Computes the smooth gradient at the places [codes per sample]; returns the lanes that have one.
+ */
 static inline sp_wide_mask sp_smooth_slopes(const struct sp_resample *r,
                                             const struct sp_rows *reader,
                                             const struct sp_smooth_places *places,
@@ -199,8 +202,8 @@ static inline sp_wide_mask sp_smooth_slopes(const struct sp_resample *r,
         for (int j = 0; j < SMOOTH_SIDE; j++) {
             sp_wide_int half[2];
             sp_smooth_pair(reader, (const int32_t(*)[SP_WIDE])words[SMOOTH_SIDE * k + j], half);
-            sp_wide smooth = sp_wide_from_int(sp_fetch_dot(half[0], mean[0]) +
-                                              sp_fetch_dot(half[1], mean[1]));
+            sp_wide smooth =
+                sp_wide_from_int(sp_fetch_dot(half[0], mean[0]) + sp_fetch_dot(half[1], mean[1]));
             sp_wide rise = sp_wide_from_int(sp_fetch_dot(half[0], change[0]) +
                                             sp_fetch_dot(half[1], change[1]));
             across += down[j] * rise;
@@ -218,9 +221,9 @@ static inline sp_wide_mask sp_smooth_slopes(const struct sp_resample *r,
     return is_known;
 }
 
-/* Computes the smooth gradient in world space where rays are at s [gradient_unit], in the lanes of a
- * mask. Returns the lanes that have one: there is none beside samples that are not finite. Each axis
- * has at least RESAMPLE_SMOOTH samples. */
+/* Computes the smooth gradient in world space where rays are at s [gradient_unit], in the lanes of
+ * a mask. Returns the lanes that have one: there is none beside samples that are not finite. Each
+ * axis has at least RESAMPLE_SMOOTH samples. */
 static inline sp_wide_mask sp_smooth_gradient(const struct sp_resample_open_tile *t,
                                               const struct sp_rays *rays, sp_wide s,
                                               sp_wide_mask lanes, sp_wide gradient[3]) {
@@ -232,7 +235,7 @@ static inline sp_wide_mask sp_smooth_gradient(const struct sp_resample_open_tile
         for (int i = 0; t->map[a] && i < SP_WIDE; i++)
             index[t->axis[a]][i] = sp_resample_index(t, a, at[t->axis[a]][i]);
     }
-    sp_smooth_find(t->r->samples, index, &places);
+    sp_smooth_place(t->r->samples, index, &places);
     lanes = sp_smooth_slopes(t->r, &t->reader, &places, slope);
     for (int a = 0; a < 3; a++)
         sp_rescale_slopes(t, a, at[t->axis[a]], &slope[t->axis[a]]);

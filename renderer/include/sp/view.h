@@ -148,10 +148,9 @@ struct sp_shading {                    /* "/shading" */
     enum sp_shading_mode mode;         /* [phong] */
     double ambient, diffuse, specular; /* weights, [0, 4]; 0 = none [0.25, 0.8, 0.25] */
     double exponent;                   /* of the highlight (Blinn 1977), [1, 1024] [24] */
-    /* Sheets that are classified per pixel: the part of the normals' deviation from smooth ones that
-     * is left out, [0, 1]: 0 = normals from the finest gradients, 1 = smooth normals. NaN = as much
-     * as the volume's noise explains, and more where samples are narrower than a pixel
-     * (renderer/draw/resample/gradient.h). [NaN] */
+    /* Sheets and slabs that are classified per pixel: how smooth normals are, [0, 1]: 0 = from the
+     * finest gradients, 1 = from smooth ones. NaN = as smooth as the volume's noise asks for, and
+     * smoother where samples are narrower than 1.2 px (renderer/draw/resample/gradient.h). [NaN] */
     double smoothing;
     /* Strength of ambient occlusion and of the shadow of the first light, [0, 1]; 0 = none [0].
      * They need mode phong, and are drawn with compositing.mode sheet and transfer_function.order

@@ -40,8 +40,8 @@ static double expected(const void *voxels, enum sp_type type, const double x[3],
     for (int k = (int)x[2] - 1; k < (int)x[2] + 3; k++)
         for (int j = (int)x[1] - 1; j < (int)x[1] + 3; j++)
             for (int i = (int)x[0] - 1; i < (int)x[0] + 3; i++) {
-                double value = sp_sample(voxels, type, ((uint64_t)k * SIDE + (uint64_t)j) * SIDE +
-                                                           (uint64_t)i);
+                double value = sp_sample(voxels, type,
+                                         ((uint64_t)k * SIDE + (uint64_t)j) * SIDE + (uint64_t)i);
                 sum += weight(i, x[0], axis == 0) * weight(j, x[1], axis == 1) *
                        weight(k, x[2], axis == 2) * fmin(fmax(value, low), high);
             }
@@ -71,7 +71,7 @@ static void check_samples(const struct sp_samples *samples, const void *voxels, 
             for (int a = 0; a < 3; a++)
                 at[a][i] = (float)place(i, a, round);
         }
-        sp_smooth_find(samples, at, &places);
+        sp_smooth_place(samples, at, &places);
         sp_wide_mask known = sp_smooth_slopes(&r, &reader, &places, slope);
         assert_int_equal(sp_wide_mask_bits(known), places.lanes);
         for (int i = 0; i < SP_WIDE; i++)
@@ -87,9 +87,9 @@ static void it_is_sobel_s_operator_for_all_types(void **state) {
     (void)state;
     for (int type = 0; type < SP_TYPE_COUNT; type++) {
         char *voxels = malloc(COUNT * sizeof(double));
-        struct sp_samples samples = {
-            .voxels = voxels, .type = (enum sp_type)type, .dims = { SIDE, SIDE, SIDE }
-        };
+        struct sp_samples samples = { .voxels = voxels,
+                                      .type = (enum sp_type)type,
+                                      .dims = { SIDE, SIDE, SIDE } };
         const bool has_sign = type != SP_UINT8 && type != SP_UINT16;
         assert_non_null(voxels);
         for (size_t i = 0; i < COUNT; i++)
@@ -120,9 +120,9 @@ static void blocks_give_the_same_as_an_array(void **state) {
         memory[n * BLOCK + (((z & in) << bits) + (y & in)) * SP_BLOCK_SIDE + (x & in)] = voxels[i];
     }
     memory[3 * BLOCK] = 7;
-    struct sp_samples samples = {
-        .blocks = &blocks, .type = SP_INT16, .dims = { SIDE, SIDE, SIDE }
-    };
+    struct sp_samples samples = { .blocks = &blocks,
+                                  .type = SP_INT16,
+                                  .dims = { SIDE, SIDE, SIDE } };
     check_samples(&samples, voxels, 0, 100);
     free(memory);
     free(voxels);
@@ -130,9 +130,9 @@ static void blocks_give_the_same_as_an_array(void **state) {
 
 static void there_is_none_beside_missing_samples(void **state) {
     float *voxels = malloc(COUNT * sizeof *voxels);
-    struct sp_samples samples = {
-        .voxels = voxels, .type = SP_FLOAT32, .dims = { SIDE, SIDE, SIDE }
-    };
+    struct sp_samples samples = { .voxels = voxels,
+                                  .type = SP_FLOAT32,
+                                  .dims = { SIDE, SIDE, SIDE } };
     struct sp_resample r = { .samples = &samples,
                              .curve = { .codes_per_unit = 1, .data = { 0, 100 } } };
     struct sp_smooth_places places = { .lanes = 7 };
@@ -150,7 +150,7 @@ static void there_is_none_beside_missing_samples(void **state) {
         at[a][0] = 11.5f;
         at[a][1] = 28.5f;
     }
-    sp_smooth_find(&samples, at, &places);
+    sp_smooth_place(&samples, at, &places);
     assert_int_equal(sp_wide_mask_bits(sp_smooth_slopes(&r, &reader, &places, slope)), 4);
     free(voxels);
 }
