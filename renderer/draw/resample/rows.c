@@ -23,12 +23,20 @@ static void init_scaling(const struct sp_curve *curve, enum sp_type type,
     s->start = (uint16_t)rint(ROWS_RAISED + code + 0.5); /* scaling rounds down */
 }
 
+/* The samples are floats, and so are the curve's numbers; is that exact enough? */
+static bool is_float_exact(const struct sp_curve *curve, enum sp_type type) {
+    const double most = 1e37;
+    return type == SP_FLOAT32 && fabs(curve->base) < most && curve->codes_per_unit < most &&
+           curve->codes_per_unit > 1 / most;
+}
+
 void sp_rows_init(struct sp_rows *rows, const struct sp_curve *curve, const void *voxels,
                   enum sp_type type, int count, size_t stride) {
     *rows = (struct sp_rows){ .curve = curve,
                               .voxels = voxels,
                               .type = type,
                               .size = (int)sp_type_size(type),
+                              .is_float_exact = is_float_exact(curve, type),
                               .count = count,
                               .stride = (ptrdiff_t)stride };
     if (rows->size <= 2)
@@ -49,13 +57,6 @@ static inline void write_codes(sp_wide code, sp_wide_mask is_finite, uint16_t *o
     code = sp_wide_min(sp_wide_max(code + (CURVE_CODE_MIN + 0.5f), low), high);
     code = sp_wide_select(is_finite, code, sp_wide_all(CURVE_CODE_NONE));
     sp_wide_int_store_short(out, sp_wide_to_int(code) + ROWS_RAISED);
-}
-
-/* The curve's numbers are floats; is that exact enough? */
-static bool is_float_exact(const struct sp_curve *curve) {
-    const double most = 1e37;
-    return fabs(curve->base) < most && curve->codes_per_unit < most &&
-           curve->codes_per_unit > 1 / most;
 }
 
 static inline void write_floats(const struct sp_curve *curve, const float *from, uint16_t *out) {
@@ -146,7 +147,7 @@ static void read_inside(const struct sp_rows *rows, ptrdiff_t line, int begin, i
         read_int32(rows, line, begin, end, out);
         break;
     case SP_FLOAT32:
-        if (is_float_exact(rows->curve))
+        if (rows->is_float_exact)
             read_float32(rows, line, begin, end, out);
         else
             read_wide_float32(rows, line, begin, end, out);

@@ -35,10 +35,11 @@ struct sp_rows {
     const struct sp_blocks *blocks; /* instead of voxels; NULL = none */
     unsigned axis;                  /* of the rows in the blocks */
     enum sp_type type;
-    int size;         /* of a sample [bytes] */
-    int count;        /* samples of a row */
-    ptrdiff_t stride; /* from sample to sample */
-    ptrdiff_t ahead;  /* prefetch distance [samples] */
+    int size;            /* of a sample [bytes] */
+    bool is_float_exact; /* float32, and the curve's numbers are floats that are exact enough */
+    int count;           /* samples of a row */
+    ptrdiff_t stride;    /* from sample to sample */
+    ptrdiff_t ahead;     /* prefetch distance [samples] */
     struct sp_rows_scaling scaling;
 };
 

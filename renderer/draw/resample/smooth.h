@@ -39,8 +39,15 @@ struct sp_smooth_places {
     uint32_t lanes;             /* bits of the lanes that need a gradient */
 };
 
-/* The samples as pairs of 16 bits, or four of 8 bits: [row][half][lane]. */
-typedef int32_t sp_smooth_words[SMOOTH_ROWS][2][SP_WIDE];
+/* The samples of a row in words: one of four samples of 8 bits, two of two samples of 16 bits, or
+ * four with the bits of a float each: [row][word][lane]. */
+typedef int32_t sp_smooth_words[SMOOTH_ROWS][SMOOTH_SIDE][SP_WIDE];
+
+/* Weights of the samples of a row [1/SMOOTH_ONE]: as numbers, and in pairs for integers. */
+struct sp_smooth_weights {
+    sp_wide mean[SMOOTH_SIDE], change[SMOOTH_SIDE];
+    sp_wide_int mean_pair[2], change_pair[2];
+};
 
 /* at: along the volume's axes [samples]. Near the volume's faces, places move inwards by up to a
  * sample. */
@@ -91,35 +98,39 @@ static inline void sp_smooth_read(const struct sp_smooth_cube *cube, int words, 
                        cube->first + (size_t)k * cube->slice + (size_t)j * cube->row + 4 * w, 4);
 }
 
-/* The same of samples that become codes above CURVE_CODE_MIN. False if one is not finite. */
-static inline bool sp_smooth_convert(const struct sp_smooth_cube *cube,
+/* The same of samples that become codes above CURVE_CODE_MIN; NaN stands for no data. */
+static inline void sp_smooth_convert(const struct sp_smooth_cube *cube,
                                      const struct sp_curve *curve, enum sp_type type, int lane,
                                      sp_smooth_words to) {
-    bool is_data = true;
-    for (unsigned i = 0; i < SMOOTH_ROWS * SMOOTH_SIDE; i++) {
-        unsigned row = i / SMOOTH_SIDE, p = i % SMOOTH_SIDE;
-        double x = sp_sample(
-            cube->first + row / SMOOTH_SIDE * cube->slice + row % SMOOTH_SIDE * cube->row, type, p);
-        is_data = is_data && x >= curve->data[0] && x <= curve->data[1];
-        double code = is_data ? (x - curve->base) * curve->codes_per_unit : 0;
-        uint32_t whole = (uint32_t)fmin(fmax(code + 0.5, 0), CURVE_CODE_MAX - CURVE_CODE_MIN);
-        uint32_t *word = (uint32_t *)&to[row][p / 2][lane];
-        *word = p % 2 ? *word | whole << 16 : whole;
+    const double low = curve->data[0], high = curve->data[1], base = curve->base;
+#define SMOOTH_CONVERT(T)                                                                          \
+    for (int row = 0; row < SMOOTH_ROWS; row++) {                                                  \
+        const T *from = (const void *)(cube->first + (size_t)(row / SMOOTH_SIDE) * cube->slice +   \
+                                       (size_t)(row % SMOOTH_SIDE) * cube->row);                   \
+        for (int p = 0; p < SMOOTH_SIDE; p++) {                                                    \
+            const double x = (double)from[p];                                                      \
+            const float code = (float)((x - base) * curve->codes_per_unit);                        \
+            const float known = x >= low && x <= high ? code : NAN;                                \
+            memcpy(&to[row][p][lane], &known, sizeof known);                                       \
+        }                                                                                          \
     }
-    return is_data;
+    switch (type) { SP_TYPE_CASES(SMOOTH_CONVERT) }
+#undef SMOOTH_CONVERT
 }
 
-/* Weights of the two samples of each half of a row [1/SMOOTH_ONE]. is_split: samples 0 and 2, 1
- * and 3; otherwise 0 and 1, 2 and 3. */
-static inline void sp_smooth_weigh(sp_wide f, bool is_split, sp_wide_int mean[2],
-                                   sp_wide_int change[2]) {
-    sp_wide_int q = sp_wide_to_int(f * (SMOOTH_ONE / 4) + 0.5f), one = q * 0 + SMOOTH_ONE / 4;
-    const sp_wide_int means[4] = { one - q, 2 * one - q, one + q, q };
-    const sp_wide_int changes[4] = { 2 * (q - one), -2 * q, 2 * (one - q), 2 * q };
+/* is_split: the pairs hold samples 0 and 2, 1 and 3; otherwise 0 and 1, 2 and 3. */
+static inline void sp_smooth_weigh(sp_wide f, bool is_split, struct sp_smooth_weights *w) {
+    const float quarter = SMOOTH_ONE / 4;
+    const sp_wide q = sp_wide_floor(f * quarter + 0.5f), one = sp_wide_all(quarter);
+    const sp_wide means[SMOOTH_SIDE] = { one - q, 2 * one - q, one + q, q };
+    const sp_wide changes[SMOOTH_SIDE] = { 2 * (q - one), -2 * q, 2 * (one - q), 2 * q };
+    memcpy(w->mean, means, sizeof means);
+    memcpy(w->change, changes, sizeof changes);
     for (int h = 0; h < 2; h++) {
         const int low = is_split ? h : 2 * h, high = is_split ? h + 2 : 2 * h + 1;
-        mean[h] = means[high] << 16 | means[low];
-        change[h] = changes[high] << 16 | (changes[low] & 0xffff);
+        w->mean_pair[h] = sp_wide_to_int(means[high]) << 16 | sp_wide_to_int(means[low]);
+        w->change_pair[h] =
+            sp_wide_to_int(changes[high]) << 16 | (sp_wide_to_int(changes[low]) & 0xffff);
     }
 }
 
@@ -129,96 +140,113 @@ static inline sp_wide_int sp_smooth_limit(sp_wide_int x, const struct sp_rows_sc
         sp_wide_short_min((sp_wide_short)x, sp_wide_short_all(s->high)), sp_wide_short_all(s->low));
 }
 
-/* Returns the two halves of a row as pairs of signed numbers in the range of the codes. */
-static inline void sp_smooth_pair(const struct sp_rows *reader, const int32_t words[2][SP_WIDE],
-                                  sp_wide_int half[2]) {
-    const bool has_sign = reader->type == SP_INT8 || reader->type == SP_INT16;
-    const bool is_limited =
-        reader->scaling.low > 0 || reader->scaling.high < (reader->size == 1 ? 255 : 65535);
-    const int top = (int)0x80008000u;
-    sp_wide_int x = sp_wide_int_load(words[0]);
-    if (reader->size == 1) {
-        x = has_sign ? x ^ (int)0x80808080u : x;
-        half[0] = x & 0xff00ff;
-        half[1] = x >> 8 & 0xff00ff;
-        for (int h = 0; is_limited && h < 2; h++)
-            half[h] = sp_smooth_limit(half[h], &reader->scaling);
-        return;
-    }
+/* Sums a row of integers. They are limited to the range of the codes. */
+static inline void sp_smooth_sum_integers(const struct sp_rows *reader,
+                                          const int32_t words[SMOOTH_SIDE][SP_WIDE],
+                                          const struct sp_smooth_weights *w, sp_wide *mean,
+                                          sp_wide *change) {
+    const bool is_byte = reader->size == 1,
+               has_sign = reader->type == SP_INT8 || reader->type == SP_INT16;
+    const struct sp_rows_scaling *range = &reader->scaling;
+    const bool is_limited = range->low > 0 || range->high < (is_byte ? 255 : 65535);
+    const int signs = (int)(is_byte ? 0x80808080u : 0x80008000u);
+    sp_wide_int sums[2] = { { 0 }, { 0 } };
     for (int h = 0; h < 2; h++) {
-        x = sp_wide_int_load(words[h]);
-        if (reader->size == 2)
-            x = (is_limited ? sp_smooth_limit(has_sign ? x ^ top : x, &reader->scaling)
-                 : has_sign ? x ^ top
-                            : x) ^
-                top;
-        half[h] = x;
+        sp_wide_int x = sp_wide_int_load(words[is_byte ? 0 : h]);
+        x = has_sign ? x ^ signs : x; /* from the smallest number on */
+        x = is_byte ? x >> 8 * h & 0xff00ff : x;
+        if (is_limited)
+            x = (sp_wide_int)sp_wide_short_max(
+                sp_wide_short_min((sp_wide_short)x, sp_wide_short_all(range->high)),
+                sp_wide_short_all(range->low));
+        x = is_byte ? x : x ^ signs; /* sp_fetch_dot() takes numbers with a sign */
+        sums[0] += sp_fetch_dot(x, w->mean_pair[h]);
+        sums[1] += sp_fetch_dot(x, w->change_pair[h]);
+    }
+    *mean = sp_wide_from_int(sums[0]);
+    *change = sp_wide_from_int(sums[1]);
+}
+
+/* The same of floats: samples if is_raw, otherwise codes above CURVE_CODE_MIN. */
+static inline void sp_smooth_sum_reals(const struct sp_curve *curve, bool is_raw,
+                                       const int32_t words[SMOOTH_SIDE][SP_WIDE],
+                                       const struct sp_smooth_weights *w, sp_wide *mean,
+                                       sp_wide *change) {
+    const sp_wide low = sp_wide_all((float)curve->data[0]),
+                  high = sp_wide_all((float)curve->data[1]);
+    const float base = (float)curve->base, unit = (float)curve->codes_per_unit;
+    *mean = *change = sp_wide_all(0);
+    for (int p = 0; p < SMOOTH_SIDE; p++) {
+        const sp_wide x = (sp_wide)sp_wide_int_load(words[p]);
+        const sp_wide_mask is_data =
+            is_raw ? sp_wide_le(low, x) & sp_wide_le(x, high) : sp_wide_eq(x, x);
+        sp_wide code = is_raw ? (x - base) * unit : x;
+        code = sp_wide_clamp(code, 0, CURVE_CODE_MAX - CURVE_CODE_MIN);
+        code = sp_wide_select(is_data, code, sp_wide_all(NAN));
+        *mean += w->mean[p] * code;
+        *change += w->change[p] * code;
     }
 }
 
-/* Fills the words of the lanes; returns the lanes whose samples are all finite. */
-static inline sp_wide_mask sp_smooth_fill(const struct sp_samples *s, const struct sp_curve *curve,
-                                          const struct sp_smooth_places *places,
-                                          sp_smooth_words words) {
-    const size_t size = sp_type_size(s->type);
-    float known[SP_WIDE] = { 0 };
+/* Fills the words of the lanes. */
+static inline void sp_smooth_fill(const struct sp_resample *r, const struct sp_rows *reader,
+                                  const struct sp_smooth_places *places, sp_smooth_words words) {
+    const size_t size = (size_t)reader->size;
     for (int row = 0; row < SMOOTH_ROWS; row++)
-        for (int h = 0; h < (size == 1 ? 1 : 2); h++)
-            sp_wide_int_store(words[row][h], (sp_wide_int){ 0 });
+        for (int p = 0; p < SMOOTH_SIDE && (p == 0 || size > 1); p++)
+            sp_wide_int_store(words[row][p], (sp_wide_int){ 0 });
     for (uint32_t left = places->lanes; left; left &= left - 1) {
-        char copy[SMOOTH_ROWS * SMOOTH_SIDE * sizeof(double)];
+        _Alignas(8) char copy[SMOOTH_ROWS * SMOOTH_SIDE * sizeof(double)];
         const int i = __builtin_ctz(left);
         const uint32_t first[3] = { places->first[0][i], places->first[1][i], places->first[2][i] };
-        struct sp_smooth_cube cube = sp_smooth_open(s, first, size, copy);
-        known[i] = 1;
+        struct sp_smooth_cube cube = sp_smooth_open(r->samples, first, size, copy);
         if (size == 1)
             sp_smooth_read(&cube, 1, i, words);
         else if (size == 2)
             sp_smooth_read(&cube, 2, i, words);
+        else if (reader->is_float_exact)
+            sp_smooth_read(&cube, 4, i, words);
         else
-            known[i] = sp_smooth_convert(&cube, curve, s->type, i, words) ? 1 : 0;
+            sp_smooth_convert(&cube, &r->curve, reader->type, i, words);
     }
-    return sp_wide_lt(sp_wide_all(0), sp_wide_load(known));
 }
 
-/* Computes the smooth gradient at the places [codes per sample]; returns the lanes that have one.
- */
-static inline sp_wide_mask sp_smooth_slopes(const struct sp_resample *r,
-                                            const struct sp_rows *reader,
-                                            const struct sp_smooth_places *places,
-                                            sp_wide gradient[3]) {
-    const sp_wide zero = sp_wide_all(0);
-    _Alignas(64) sp_smooth_words words;
-    sp_wide_int mean[2], change[2];
-    sp_wide_mask is_known = sp_smooth_fill(r->samples, &r->curve, places, words);
-    sp_smooth_weigh(places->part[0], reader->size == 1, mean, change);
-    const sp_wide f = places->part[1], g = places->part[2];
+/* Computes the smooth gradient at the places [codes per sample]; NaN beside samples that stand for
+ * no data. */
+static inline void sp_smooth_slopes(const struct sp_resample *r, const struct sp_rows *reader,
+                                    const struct sp_smooth_places *places, sp_wide gradient[3]) {
+    const sp_wide zero = sp_wide_all(0), f = places->part[1], g = places->part[2];
     const sp_wide down[4] = { 1 - f, 2 - f, 1 + f, f }, fall[4] = { f - 1, -f, 1 - f, f };
     const sp_wide deep[4] = { 1 - g, 2 - g, 1 + g, g }, sink[4] = { g - 1, -g, 1 - g, g };
+    const bool is_integer = reader->size <= 2;
+    _Alignas(64) sp_smooth_words words;
+    struct sp_smooth_weights weights;
+    sp_smooth_fill(r, reader, places, words);
+    sp_smooth_weigh(places->part[0], reader->size == 1, &weights);
     for (int a = 0; a < 3; a++)
         gradient[a] = zero;
     for (int k = 0; k < SMOOTH_SIDE; k++) {
         sp_wide across = zero, along = zero, level = zero; /* of a slice */
         for (int j = 0; j < SMOOTH_SIDE; j++) {
-            sp_wide_int half[2];
-            sp_smooth_pair(reader, (const int32_t(*)[SP_WIDE])words[SMOOTH_SIDE * k + j], half);
-            sp_wide smooth =
-                sp_wide_from_int(sp_fetch_dot(half[0], mean[0]) + sp_fetch_dot(half[1], mean[1]));
-            sp_wide rise = sp_wide_from_int(sp_fetch_dot(half[0], change[0]) +
-                                            sp_fetch_dot(half[1], change[1]));
-            across += down[j] * rise;
-            along += fall[j] * smooth;
-            level += down[j] * smooth;
+            const int32_t(*row)[SP_WIDE] = (const int32_t(*)[SP_WIDE])words[SMOOTH_SIDE * k + j];
+            sp_wide mean, change;
+            if (is_integer)
+                sp_smooth_sum_integers(reader, row, &weights, &mean, &change);
+            else
+                sp_smooth_sum_reals(&r->curve, reader->is_float_exact, row, &weights, &mean,
+                                    &change);
+            across += down[j] * change;
+            along += fall[j] * mean;
+            level += down[j] * mean;
         }
         gradient[0] += deep[k] * across;
         gradient[1] += deep[k] * along;
         gradient[2] += sink[k] * level;
     }
-    const float unit = reader->size <= 2 ? (float)r->curve.codes_per_unit : 1;
-    const float scale[3] = { unit / 16 / SMOOTH_ONE, unit / 8 / SMOOTH_ONE, unit / 8 / SMOOTH_ONE };
+    const float unit = (is_integer ? (float)r->curve.codes_per_unit : 1) / SMOOTH_ONE;
+    const float scale[3] = { unit / 16, unit / 8, unit / 8 };
     for (int a = 0; a < 3; a++)
         gradient[a] *= scale[a];
-    return is_known;
 }
 
 /* Computes the smooth gradient in world space where rays are at s [gradient_unit], in the lanes of
@@ -236,7 +264,8 @@ static inline sp_wide_mask sp_smooth_gradient(const struct sp_resample_open_tile
             index[t->axis[a]][i] = sp_resample_index(t, a, at[t->axis[a]][i]);
     }
     sp_smooth_place(t->r->samples, index, &places);
-    lanes = sp_smooth_slopes(t->r, &t->reader, &places, slope);
+    sp_smooth_slopes(t->r, &t->reader, &places, slope);
+    lanes &= sp_wide_eq(slope[0], slope[0]) & sp_wide_eq(slope[1], slope[1]);
     for (int a = 0; a < 3; a++)
         sp_rescale_slopes(t, a, at[t->axis[a]], &slope[t->axis[a]]);
     for (int w = 0; w < 3; w++) {

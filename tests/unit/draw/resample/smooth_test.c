@@ -72,8 +72,7 @@ static void check_samples(const struct sp_samples *samples, const void *voxels, 
                 at[a][i] = (float)place(i, a, round);
         }
         sp_smooth_place(samples, at, &places);
-        sp_wide_mask known = sp_smooth_slopes(&r, &reader, &places, slope);
-        assert_int_equal(sp_wide_mask_bits(known), places.lanes);
+        sp_smooth_slopes(&r, &reader, &places, slope);
         for (int i = 0; i < SP_WIDE; i++)
             for (int a = 0; a < 3; a++) {
                 const double x[3] = { (double)at[0][i], (double)at[1][i], (double)at[2][i] };
@@ -151,7 +150,9 @@ static void there_is_none_beside_missing_samples(void **state) {
         at[a][1] = 28.5f;
     }
     sp_smooth_place(&samples, at, &places);
-    assert_int_equal(sp_wide_mask_bits(sp_smooth_slopes(&r, &reader, &places, slope)), 4);
+    sp_smooth_slopes(&r, &reader, &places, slope);
+    for (int i = 0; i < 3; i++)
+        assert_int_equal(isnan(slope[0][i]) || isnan(slope[2][i]), i < 2);
     free(voxels);
 }
 
