@@ -7,13 +7,14 @@
 #include "base/compare.h"
 #include "data/volume/sample.h"
 
-enum { MARGIN = 3, GRAIN = 1024 };
+enum { MARGIN = 3, GRAIN = 1024, PLACES_MIN = 1 << 12, PLACES_MAX = 1 << 15, SHARE = 2048 };
 
 struct estimate {
     const struct sp_volume_info *info;
     const void *voxels;
     double scale[3];         /* of a gradient along each axis, so that space is isotropic */
-    double *smooth, *across; /* [NOISE_PLACES]; smooth 0: the place does not count */
+    size_t count;            /* of places */
+    double *smooth, *across; /* [count]; smooth 0: the place does not count */
 };
 
 /* The sample of the axis at a share [0, 1) of its length, without its margins. */
@@ -94,7 +95,7 @@ static void measure_place(const struct estimate *e, size_t number) {
     }
     if (!(square > 0)) /* also NaN */
         return;
-    along = fmax(along / square, 0);
+    along = along > 0 ? along / square : 0;
     for (int a = 0; a < 3; a++)
         across += pow(fine[a] - along * smooth[a], 2);
     if (!isfinite(across)) /* without data */
@@ -112,14 +113,14 @@ static void measure_places(void *user, size_t begin, size_t end, unsigned worker
 /* The median of `across` at the quarter of the places with the longest smooth gradients. */
 static double compute_median(const struct estimate *e, double *sorted) {
     size_t count = 0, kept = 0;
-    for (size_t i = 0; i < NOISE_PLACES; i++)
+    for (size_t i = 0; i < e->count; i++)
         if (e->smooth[i] > 0)
             sorted[count++] = e->smooth[i];
     if (count < 4)
         return 0;
     qsort(sorted, count, sizeof *sorted, sp_compare_doubles);
     const double least = sorted[count - count / 4];
-    for (size_t i = 0; i < NOISE_PLACES; i++)
+    for (size_t i = 0; i < e->count; i++)
         if (e->smooth[i] >= least)
             sorted[kept++] = e->across[i];
     qsort(sorted, kept, sizeof *sorted, sp_compare_doubles);
@@ -130,10 +131,11 @@ bool sp_noise_estimate(const struct sp_volume_info *info, const void *voxels, st
                        double *noise) {
     const double white = 0.95; /* noise per `across` of white noise (measured) */
     struct estimate e = { .info = info, .voxels = voxels };
+    const uint32_t *dims = info->grid.dims;
     double inverse = 0;
     *noise = 0;
     for (int a = 0; a < 3; a++) {
-        if (info->grid.dims[a] <= 2 * MARGIN)
+        if (dims[a] <= 2 * MARGIN)
             return true;
         e.scale[a] = 1 / info->grid.spacing[a];
         inverse = fmax(inverse, e.scale[a]);
@@ -145,13 +147,15 @@ bool sp_noise_estimate(const struct sp_volume_info *info, const void *voxels, st
         mean += pow(e.scale[a] / inverse, 2) / 3;
     for (int a = 0; a < 3; a++)
         e.scale[a] /= inverse * sqrt(mean);
-    double *memory = malloc(3 * NOISE_PLACES * sizeof *memory);
+    const uint64_t share = (uint64_t)dims[0] * dims[1] * dims[2] / SHARE;
+    e.count = share < PLACES_MIN ? PLACES_MIN : share < PLACES_MAX ? (size_t)share : PLACES_MAX;
+    double *memory = malloc(3 * e.count * sizeof *memory);
     if (!memory)
         return false;
     e.smooth = memory;
-    e.across = memory + NOISE_PLACES;
-    sp_parallel_for(pool, NOISE_PLACES, GRAIN, measure_places, &e);
-    *noise = white * compute_median(&e, memory + 2 * NOISE_PLACES);
+    e.across = memory + e.count;
+    sp_parallel_for(pool, e.count, GRAIN, measure_places, &e);
+    *noise = white * compute_median(&e, memory + 2 * e.count);
     free(memory);
     return true;
 }

@@ -7,18 +7,16 @@
  *   smooth   Sobel's operator in three dimensions: the means (1, 2, 1)/4 of differences over two
  *   across   fine − its part in the direction of smooth
  *
- * Of up to NOISE_PLACES places, spread evenly, the quarter with the longest smooth gradients
- * counts: these are surfaces. The median of `across` there is the noise, in such a unit that white
- * noise of deviation s gives s. Details of the data count too, but only if most surfaces have some
- * (measured: 0 to 1.3 % of the range for exact fields, 0.4 to 2 % for scans).
+ * Of 4,096 to 32,768 places, one per 2,048 voxels, spread evenly, the quarter with the longest
+ * smooth gradients counts: these are surfaces. The median of `across` there is the noise, in such a
+ * unit that white noise of deviation s gives s. Details of the data count too, but only if most
+ * surfaces have some (measured: 0 to 1.3 % of the range for exact fields, 0.4 to 2 % for scans).
  */
 #ifndef SP_VOLUME_NOISE_H
 #define SP_VOLUME_NOISE_H
 
 #include "base/parallel_for.h"
 #include "sp/volume.h"
-
-enum { NOISE_PLACES = 1 << 15 };
 
 /* Returns the standard deviation of the noise [data unit]; 0 if all samples are equal, for labels,
  * and if an axis has fewer than 7 samples. info: grid, type, meaning and data[] of the voxels. The
