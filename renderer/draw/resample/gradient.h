@@ -23,9 +23,9 @@
 #include "base/wide.h"
 
 /* Mixes the smooth gradient into the fine one. noise: n² [square of the gradients' unit]; keep_max:
- * [0, 1]. Only in the lanes of `is_known`. */
+ * [0, 1]. Only in the lanes of `lanes`. */
 static inline void sp_gradient_mix(const sp_wide smooth[3], sp_wide noise, sp_wide keep_max,
-                                   sp_wide_mask is_known, sp_wide fine[3]) {
+                                   sp_wide_mask lanes, sp_wide fine[3]) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
     sp_wide square = tiny, along = zero, aside_square = tiny, aside[3];
     for (int c = 0; c < 3; c++) {
@@ -42,7 +42,7 @@ static inline void sp_gradient_mix(const sp_wide smooth[3], sp_wide noise, sp_wi
     sp_wide keep = keep_max * sp_wide_fast_inverse(1 + ratio * ratio);
     along += (one - keep) * sp_wide_max(one - along, zero);
     for (int c = 0; c < 3; c++)
-        fine[c] = sp_wide_select(is_known, along * smooth[c] + keep * aside[c], fine[c]);
+        fine[c] = sp_wide_select(lanes, along * smooth[c] + keep * aside[c], fine[c]);
 }
 
 #endif

@@ -294,7 +294,7 @@ static inline void smooth_gradient(const struct work *work, struct interval *in)
     sp_wide_mask lanes = sp_wide_lt(sp_wide_all(faint), share);
     if (!sp_wide_any(lanes))
         return;
-    lanes = sp_smooth_gradient(work->t, &rays, work->start + in->seen * work->width, lanes, smooth);
+    sp_smooth_gradient(work->t, &rays, work->start + in->seen * work->width, lanes, smooth);
     sp_gradient_mix(smooth, sp_wide_all(r->noise), sp_wide_all(r->keep_max), lanes, in->gradient);
     const sp_wide *g = in->gradient;
     in->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];

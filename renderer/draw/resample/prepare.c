@@ -304,7 +304,8 @@ static void init_smoothing(struct sp_resample *r, const struct sp_volume_info *i
     for (int i = 0; i < 9; i++)
         square += (double)r->to_world[i / 3][i % 3] * (double)r->to_world[i / 3][i % 3] / 3;
     r->noise = (float)(square * pow(explained * noise, 2));
-    r->is_smoothed = r->shade && (r->noise > 0 || r->keep_max < 1);
+    /* Beside holes, gradients are edges of the holes, and differ between backends. */
+    r->is_smoothed = r->shade && (r->noise > 0 || r->keep_max < 1) && !sp_missing_are_holes(info);
     for (int a = 0; a < 3; a++)
         r->is_smoothed = r->is_smoothed && r->samples->dims[a] >= RESAMPLE_SMOOTH;
 }

@@ -8,7 +8,8 @@
  *   mean         (1 − f,  2 − f,  1 + f,  f)/4
  *   difference   (f − 1,     −f,  1 − f,  f)/2
  *
- * It depends on the place alone: not on the ray, nor on the axis of the slices.
+ * It depends on the place alone: not on the ray, nor on the axis of the slices. As elsewhere in
+ * this stage, samples without data count as the lowest code.
  */
 #ifndef SP_RESAMPLE_SMOOTH_H
 #define SP_RESAMPLE_SMOOTH_H
@@ -98,7 +99,7 @@ static inline void sp_smooth_read(const struct sp_smooth_cube *cube, int words, 
                        cube->first + (size_t)k * cube->slice + (size_t)j * cube->row + 4 * w, 4);
 }
 
-/* The same of samples that become codes above CURVE_CODE_MIN; NaN stands for no data. */
+/* The same of samples that become codes above CURVE_CODE_MIN. */
 static inline void sp_smooth_convert(const struct sp_smooth_cube *cube,
                                      const struct sp_curve *curve, enum sp_type type, int lane,
                                      sp_smooth_words to) {
@@ -110,7 +111,7 @@ static inline void sp_smooth_convert(const struct sp_smooth_cube *cube,
         for (int p = 0; p < SMOOTH_SIDE; p++) {                                                    \
             const double x = (double)from[p];                                                      \
             const float code = (float)((x - base) * curve->codes_per_unit);                        \
-            const float known = x >= low && x <= high ? code : NAN;                                \
+            const float known = x >= low && x <= high ? code : 0;                                  \
             memcpy(&to[row][p][lane], &known, sizeof known);                                       \
         }                                                                                          \
     }
@@ -178,11 +179,10 @@ static inline void sp_smooth_sum_reals(const struct sp_curve *curve, bool is_raw
     *mean = *change = sp_wide_all(0);
     for (int p = 0; p < SMOOTH_SIDE; p++) {
         const sp_wide x = (sp_wide)sp_wide_int_load(words[p]);
-        const sp_wide_mask is_data =
-            is_raw ? sp_wide_le(low, x) & sp_wide_le(x, high) : sp_wide_eq(x, x);
-        sp_wide code = is_raw ? (x - base) * unit : x;
+        sp_wide code = x;
+        if (is_raw)
+            code = sp_wide_keep(sp_wide_le(low, x) & sp_wide_le(x, high), (x - base) * unit);
         code = sp_wide_clamp(code, 0, CURVE_CODE_MAX - CURVE_CODE_MIN);
-        code = sp_wide_select(is_data, code, sp_wide_all(NAN));
         *mean += w->mean[p] * code;
         *change += w->change[p] * code;
     }
@@ -211,8 +211,7 @@ static inline void sp_smooth_fill(const struct sp_resample *r, const struct sp_r
     }
 }
 
-/* Computes the smooth gradient at the places [codes per sample]; NaN beside samples that stand for
- * no data. */
+/* Computes the smooth gradient at the places [codes per sample]. */
 static inline void sp_smooth_slopes(const struct sp_resample *r, const struct sp_rows *reader,
                                     const struct sp_smooth_places *places, sp_wide gradient[3]) {
     const sp_wide zero = sp_wide_all(0), f = places->part[1], g = places->part[2];
@@ -250,11 +249,10 @@ static inline void sp_smooth_slopes(const struct sp_resample *r, const struct sp
 }
 
 /* Computes the smooth gradient in world space where rays are at s [gradient_unit], in the lanes of
- * a mask. Returns the lanes that have one: there is none beside samples that are not finite. Each
- * axis has at least RESAMPLE_SMOOTH samples. */
-static inline sp_wide_mask sp_smooth_gradient(const struct sp_resample_open_tile *t,
-                                              const struct sp_rays *rays, sp_wide s,
-                                              sp_wide_mask lanes, sp_wide gradient[3]) {
+ * a mask. Each axis has at least RESAMPLE_SMOOTH samples. */
+static inline void sp_smooth_gradient(const struct sp_resample_open_tile *t,
+                                      const struct sp_rays *rays, sp_wide s, sp_wide_mask lanes,
+                                      sp_wide gradient[3]) {
     struct sp_smooth_places places = { .lanes = sp_wide_mask_bits(lanes) };
     sp_wide at[3], index[3], slope[3];
     sp_place_on_rays(t, rays, s, at);
@@ -265,14 +263,12 @@ static inline sp_wide_mask sp_smooth_gradient(const struct sp_resample_open_tile
     }
     sp_smooth_place(t->r->samples, index, &places);
     sp_smooth_slopes(t->r, &t->reader, &places, slope);
-    lanes &= sp_wide_eq(slope[0], slope[0]) & sp_wide_eq(slope[1], slope[1]);
     for (int a = 0; a < 3; a++)
         sp_rescale_slopes(t, a, at[t->axis[a]], &slope[t->axis[a]]);
     for (int w = 0; w < 3; w++) {
         const float *to = t->r->to_world[w];
         gradient[w] = to[0] * slope[0] + to[1] * slope[1] + to[2] * slope[2];
     }
-    return lanes;
 }
 
 #endif

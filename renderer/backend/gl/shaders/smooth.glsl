@@ -11,13 +11,13 @@ float smooth_change(int i, float f) {
     return i < 2 ? -0.5 * share : 0.5 * share;
 }
 
-// The smooth gradient at sample index x: codes per sample along u, v and w. Returns false beside samples that are not finite.
-bool smooth_slopes(vec3 x, out vec3 slope) {
+// The smooth gradient at sample index x: codes per sample along u, v and w. Samples without data count as the
+// lowest code.
+vec3 smooth_slopes(vec3 x) {
     x = clamp(x, vec3(1.0), vec3(last) - 1.001);
     ivec3 first = ivec3(x) - 1;
     vec3 f = fract(x);
-    bool is_known = true;
-    slope = vec3(0);
+    vec3 slope = vec3(0);
     for (int k = 0; k < 4; k++) {
         vec3 sum = vec3(0); // of a slice
         for (int j = 0; j < 4; j++) {
@@ -25,9 +25,6 @@ bool smooth_slopes(vec3 x, out vec3 slope) {
             for (int i = 0; i < 4; i++) {
                 ivec3 p = first + ivec3(i, j, k);
                 float code = code_of(uint(p.x) * strides.x + uint(p.y) * strides.y + uint(p.z) * strides.z);
-#if SAMPLES != SAMPLES_INTEGER
-                is_known = is_known && code >= NONE_BELOW;
-#endif
                 code = clamp(code, CODE_MIN, CODE_MAX) - CODE_MIN;
                 mean += smooth_mean(i, f.x) * code;
                 rise += smooth_change(i, f.x) * code;
@@ -36,8 +33,7 @@ bool smooth_slopes(vec3 x, out vec3 slope) {
         }
         slope += vec3(smooth_mean(k, f.z), smooth_mean(k, f.z), smooth_change(k, f.z)) * sum;
     }
-    slope /= vec3(spacing_at(0, x.x), spacing_at(1, x.y), spacing_at(2, x.z));
-    return is_known;
+    return slope / vec3(spacing_at(0, x.x), spacing_at(1, x.y), spacing_at(2, x.z));
 }
 
 // Both gradients in world space.

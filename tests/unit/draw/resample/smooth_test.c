@@ -127,33 +127,26 @@ static void blocks_give_the_same_as_an_array(void **state) {
     free(voxels);
 }
 
-static void there_is_none_beside_missing_samples(void **state) {
-    float *voxels = malloc(COUNT * sizeof *voxels);
-    struct sp_samples samples = { .voxels = voxels,
-                                  .type = SP_FLOAT32,
-                                  .dims = { SIDE, SIDE, SIDE } };
-    struct sp_resample r = { .samples = &samples,
-                             .curve = { .codes_per_unit = 1, .data = { 0, 100 } } };
-    struct sp_smooth_places places = { .lanes = 7 };
-    struct sp_rows reader;
-    sp_wide at[3], slope[3];
+/* NaN, infinities, and values that stand for missing data. */
+static void samples_without_data_count_as_the_lowest_code(void **state) {
+    static const double none[] = { NAN, INFINITY, -INFINITY, -9999 };
     (void)state;
-    assert_non_null(voxels);
-    for (size_t i = 0; i < COUNT; i++)
-        voxels[i] = (float)value_at(i);
-    voxels[(10 * SIDE + 10) * SIDE + 10] = NAN;
-    voxels[(30 * SIDE + 30) * SIDE + 30] = -9999;
-    sp_rows_init(&reader, &r.curve, voxels, SP_FLOAT32, SIDE, 1);
-    for (int a = 0; a < 3; a++) {
-        at[a] = sp_wide_all(50);
-        at[a][0] = 11.5f;
-        at[a][1] = 28.5f;
+    for (int type = SP_FLOAT32; type <= SP_FLOAT64; type++) {
+        char *voxels = malloc(COUNT * sizeof(double)), *lowest = malloc(COUNT * sizeof(double));
+        struct sp_samples samples = { .voxels = voxels,
+                                      .type = (enum sp_type)type,
+                                      .dims = { SIDE, SIDE, SIDE } };
+        assert_non_null(voxels);
+        assert_non_null(lowest);
+        for (size_t i = 0; i < COUNT; i++) {
+            bool is_none = i % 7 == 0;
+            sp_sample_set(voxels, samples.type, i, is_none ? none[i / 7 % 4] : value_at(i));
+            sp_sample_set(lowest, samples.type, i, is_none ? 10 : value_at(i));
+        }
+        check_samples(&samples, lowest, 10, 90);
+        free(voxels);
+        free(lowest);
     }
-    sp_smooth_place(&samples, at, &places);
-    sp_smooth_slopes(&r, &reader, &places, slope);
-    for (int i = 0; i < 3; i++)
-        assert_int_equal(isnan(slope[0][i]) || isnan(slope[2][i]), i < 2);
-    free(voxels);
 }
 
 static void mix_one(const double smooth[3], double noise, double sharp, double fine[3]) {
@@ -216,7 +209,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(it_is_sobel_s_operator_for_all_types),
         cmocka_unit_test(blocks_give_the_same_as_an_array),
-        cmocka_unit_test(there_is_none_beside_missing_samples),
+        cmocka_unit_test(samples_without_data_count_as_the_lowest_code),
         cmocka_unit_test(small_differences_are_noise_and_large_ones_are_details),
         cmocka_unit_test(the_largest_share_limits_what_is_kept),
     };

@@ -359,10 +359,8 @@ vec3 compute_gradient(vec3 value[4], float width, float p) {
 #if GRADIENT
 // Mixes the smooth gradient at s into the fine one.
 vec3 smooth_gradient(float s, vec3 fine) {
-    vec3 slope, x = vec3(index_of(ray.xy + s * ray.zw), index_of(2, axes[slices].scale.w + (is_backwards ? -s : s)));
-    if (!smooth_slopes(x, slope))
-        return fine;
-    vec3 own = turn_back(slope);
+    vec3 x = vec3(index_of(ray.xy + s * ray.zw), index_of(2, axes[slices].scale.w + (is_backwards ? -s : s)));
+    vec3 own = turn_back(smooth_slopes(x));
     return mix_gradients(vec3(dot(to_world[0].xyz, own), dot(to_world[1].xyz, own), dot(to_world[2].xyz, own)), fine);
 }
 #endif
