@@ -186,7 +186,8 @@ bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t
     bool ok = m.pool != NULL;
     if (ok) {
         measure_values(&m, info);
-        ok = info->elements.kind != SP_KIND_GRID ||
+        /* A coarse level says nothing about the noise of the finest one. */
+        ok = info->elements.kind != SP_KIND_GRID || info->whole.dims[0] > 0 ||
              sp_noise_estimate(info, voxels, m.pool, &info->noise) ||
              sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for the estimate of noise");
     }

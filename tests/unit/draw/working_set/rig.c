@@ -148,6 +148,7 @@ struct sp_volume *rig_open_file(const struct rig *rig, uint64_t bytes) {
 struct sp_view rig_make_view(const struct rig *rig) {
     struct sp_view view;
     sp_view_init(&view, sp_volume_info(rig->whole), "v");
+    view.shading.smoothing = 0; /* by default it depends on noise, which brick files do not tell */
     view.size[0] = view.size[1] = SIDE;
     view.transfer_function.point_count = 3;
     memset(view.transfer_function.points, 0, sizeof view.transfer_function.points);
