@@ -156,6 +156,7 @@ static void light(struct test_scene *scene, const struct row *row) {
             .diffuse = 0.65,
             .specular = 0.2,
             .exponent = 24,
+            .smoothing = NAN,
             .occlusion = row->occlusion,
             .shadow = row->shadow,
             .light_count = 1,

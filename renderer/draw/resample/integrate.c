@@ -42,6 +42,7 @@ struct interval {
 struct work {
     const struct sp_resample_open_tile *t;
     struct sp_resample_block *block;
+    const float *light; /* transmittance of the pixels so far, through all channels */
     int number;
     bool is_cut; /* it does not reach from sheet to sheet */
     float start; /* s of the first sheet */
@@ -290,7 +291,7 @@ static inline void smooth_gradient(const struct work *work, struct interval *in)
     const struct sp_resample *r = work->t->r;
     const float faint = 1 / 32.0f;
     struct sp_rays rays = load_rays(work->block, in->begin);
-    sp_wide share = sp_wide_load(work->block->light + in->begin) * in->opacity, smooth[3];
+    sp_wide share = sp_wide_load(work->light + in->begin) * in->opacity, smooth[3];
     sp_wide_mask lanes = sp_wide_lt(sp_wide_all(faint), share);
     if (!sp_wide_any(lanes))
         return;
@@ -350,6 +351,7 @@ static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_re
     bool is_alive = false;
     work->t = t;
     work->block = block;
+    work->light = light;
     work->number = number;
     work->start = sp_resample_sheet_s(t, number);
     work->width = end - work->start;

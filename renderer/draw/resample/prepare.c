@@ -273,9 +273,9 @@ static float compute_rounding(enum sp_type type, const struct sp_curve *curve) {
     return (float)fmax(codes, is_real ? 0 : 0.5 * curve->codes_per_unit);
 }
 
-/* Returns the noise by which fine and smooth gradients differ [data unit]. Surfaces of exact fields
- * show up to 0.3 % of the range by details of their own (data/volume/noise.h), which does not
- * count. Rounding to integers does. */
+/* Returns the noise by which fine and smooth gradients differ [data unit]. Surfaces of most exact
+ * fields show up to 0.3 % of the range by details of their own, which does not count. Rounding to
+ * integers does. */
 static double choose_noise(const struct sp_volume_info *info, unsigned level) {
     const double range = info->data[1] - info->data[0], detail = 0.003 * range;
     const double seen = 0.0005 * range; /* less is not seen */
@@ -289,7 +289,7 @@ static double choose_noise(const struct sp_volume_info *info, unsigned level) {
 /* How normals come from fine and smooth gradients (gradient.h). */
 static void init_smoothing(struct sp_resample *r, const struct sp_volume_info *info,
                            unsigned level) {
-    const double explained = sqrt(6); /* by noise: deviations across gradients in its deviation */
+    const double explained = sqrt(6); /* length of `aside` (gradient.h) from noise of deviation 1 */
     const double wide = 1.2; /* px: samples that are as narrow as `narrowest` have smooth normals */
     const double smoothing = r->view->shading.smoothing;
     double noise = choose_noise(info, level) * r->curve.codes_per_unit, square = 0;

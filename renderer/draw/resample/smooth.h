@@ -55,8 +55,9 @@ struct sp_smooth_weights {
 static inline void sp_smooth_place(const struct sp_samples *s, const sp_wide at[3],
                                    struct sp_smooth_places *places) {
     for (int a = 0; a < 3; a++) {
-        sp_wide x = sp_wide_clamp(at[a], 1, (float)s->dims[a] - 2.001f);
-        sp_wide whole = sp_wide_floor(x);
+        const int last = (int)s->dims[a] - SMOOTH_SIDE; /* the largest first one */
+        sp_wide x = sp_wide_clamp(at[a], 1, (float)(last + 2));
+        sp_wide whole = sp_wide_min(sp_wide_floor(x), sp_wide_all((float)(last + 1)));
         int32_t first[SP_WIDE];
         places->part[a] = x - whole;
         sp_wide_int_store(first, sp_wide_to_int(whole) - 1);
@@ -111,7 +112,7 @@ static inline void sp_smooth_convert(const struct sp_smooth_cube *cube,
         for (int p = 0; p < SMOOTH_SIDE; p++) {                                                    \
             const double x = (double)from[p];                                                      \
             const float code = (float)((x - base) * curve->codes_per_unit);                        \
-            const float known = x >= low && x <= high ? code : 0;                                  \
+            const float known = x >= low && x <= high && isfinite(x) ? code : 0;                   \
             memcpy(&to[row][p][lane], &known, sizeof known);                                       \
         }                                                                                          \
     }
@@ -133,12 +134,6 @@ static inline void sp_smooth_weigh(sp_wide f, bool is_split, struct sp_smooth_we
         w->change_pair[h] =
             sp_wide_to_int(changes[high]) << 16 | (sp_wide_to_int(changes[low]) & 0xffff);
     }
-}
-
-/* Limits pairs of unsigned numbers. */
-static inline sp_wide_int sp_smooth_limit(sp_wide_int x, const struct sp_rows_scaling *s) {
-    return (sp_wide_int)sp_wide_short_max(
-        sp_wide_short_min((sp_wide_short)x, sp_wide_short_all(s->high)), sp_wide_short_all(s->low));
 }
 
 /* Sums a row of integers. They are limited to the range of the codes. */
@@ -181,7 +176,9 @@ static inline void sp_smooth_sum_reals(const struct sp_curve *curve, bool is_raw
         const sp_wide x = (sp_wide)sp_wide_int_load(words[p]);
         sp_wide code = x;
         if (is_raw)
-            code = sp_wide_keep(sp_wide_le(low, x) & sp_wide_le(x, high), (x - base) * unit);
+            code = sp_wide_keep(sp_wide_le(low, x) & sp_wide_le(x, high) &
+                                    sp_wide_lt(sp_wide_abs(x), sp_wide_all(INFINITY)),
+                                (x - base) * unit);
         code = sp_wide_clamp(code, 0, CURVE_CODE_MAX - CURVE_CODE_MIN);
         *mean += w->mean[p] * code;
         *change += w->change[p] * code;
@@ -248,8 +245,8 @@ static inline void sp_smooth_slopes(const struct sp_resample *r, const struct sp
         gradient[a] *= scale[a];
 }
 
-/* Computes the smooth gradient in world space where rays are at s [gradient_unit], in the lanes of
- * a mask. Each axis has at least RESAMPLE_SMOOTH samples. */
+/* Computes the smooth gradient in world space [gradient_unit], where the rays are at s, in the
+ * lanes of a mask. Each axis has at least RESAMPLE_SMOOTH samples. */
 static inline void sp_smooth_gradient(const struct sp_resample_open_tile *t,
                                       const struct sp_rays *rays, sp_wide s, sp_wide_mask lanes,
                                       sp_wide gradient[3]) {

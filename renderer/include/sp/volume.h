@@ -169,7 +169,8 @@ struct sp_volume_info {
     uint64_t nonfinite; /* number of NaN and infinite samples or values; they are
                            transparent */
     /* Standard deviation of the noise of the samples, estimated at surfaces [data unit]; 0 = none,
-     * or samples that have no surfaces; NaN = unknown: the samples are not all in memory. */
+     * or no surfaces: labels, equal samples, fewer than 7 samples along an axis; NaN = unknown: the
+     * samples are not all in memory. */
     double noise;
     /* Counts of samples in data[]. Bin b covers data[0] + (data[1] − data[0])·[b, b + 1)/256; the
      * last bin includes data[1]. */

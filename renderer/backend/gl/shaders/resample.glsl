@@ -44,7 +44,6 @@ layout(std430, binding = 6) readonly buffer Places { float places[]; };
 
 const float CODE_MIN = 1024.0, CODE_MAX = 31744.0; // enum of draw/resample/curve.h
 const float FAR_CODE = 1e6;
-const float NONE_BELOW = 512.0; // lower codes stand for samples that are not finite
 const int REGION = 4;
 
 int slices;        // the tile's axis w

@@ -14,9 +14,10 @@ float smooth_change(int i, float f) {
 // The smooth gradient at sample index x: codes per sample along u, v and w. Samples without data count as the
 // lowest code.
 vec3 smooth_slopes(vec3 x) {
-    x = clamp(x, vec3(1.0), vec3(last) - 1.001);
-    ivec3 first = ivec3(x) - 1;
-    vec3 f = fract(x);
+    vec3 spacing = vec3(spacing_at(0, x.x), spacing_at(1, x.y), spacing_at(2, x.z));
+    x = clamp(x, vec3(1.0), vec3(last - 1));
+    ivec3 first = min(ivec3(x), last - 2) - 1;
+    vec3 f = x - vec3(first + 1);
     vec3 slope = vec3(0);
     for (int k = 0; k < 4; k++) {
         vec3 sum = vec3(0); // of a slice
@@ -33,7 +34,7 @@ vec3 smooth_slopes(vec3 x) {
         }
         slope += vec3(smooth_mean(k, f.z), smooth_mean(k, f.z), smooth_change(k, f.z)) * sum;
     }
-    return slope / vec3(spacing_at(0, x.x), spacing_at(1, x.y), spacing_at(2, x.z));
+    return slope / spacing;
 }
 
 // Both gradients in world space.

@@ -172,6 +172,25 @@ static double angle(const double a[3], const double b[3]) {
     return acos(fmin(dot / sqrt(aa * bb), 1));
 }
 
+/* At the faces of the longest volume, and of the shortest one, where all samples serve every place.
+ */
+static void places_at_the_faces_read_no_sample_beyond(void **state) {
+    static const uint32_t dims[] = { 4, 5, 32771, 40000, 65536 };
+    (void)state;
+    for (int i = 0; i < 5; i++) {
+        struct sp_samples samples = { .dims = { dims[i], dims[i], dims[i] } };
+        for (int k = 0; k < 3; k++) {
+            struct sp_smooth_places places;
+            sp_wide at[3];
+            for (int a = 0; a < 3; a++)
+                at[a] = sp_wide_all((float)dims[i] - 0.5f * (float)k - 1);
+            sp_smooth_place(&samples, at, &places);
+            assert_int_equal(places.first[0][0], dims[i] - 4);
+            assert_float_equal((double)places.part[0][0], 1, 1e-6);
+        }
+    }
+}
+
 /* The fine gradient turns towards the smooth one where their difference is noise, and nowhere else.
  */
 static void small_differences_are_noise_and_large_ones_are_details(void **state) {
@@ -210,6 +229,7 @@ int main(void) {
         cmocka_unit_test(it_is_sobel_s_operator_for_all_types),
         cmocka_unit_test(blocks_give_the_same_as_an_array),
         cmocka_unit_test(samples_without_data_count_as_the_lowest_code),
+        cmocka_unit_test(places_at_the_faces_read_no_sample_beyond),
         cmocka_unit_test(small_differences_are_noise_and_large_ones_are_details),
         cmocka_unit_test(the_largest_share_limits_what_is_kept),
     };

@@ -30,6 +30,7 @@ const int RAW = 320, REFINED = 340;
 const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1, SLABS = INTERVALS / REGION + 2;
 const uint REGIONS_MAX = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
+const float NONE_BELOW = 512.0; // lower codes stand for samples that are not finite
 const int COLORS = 1024;
 const float TAP0 = 150.0 / 256.0, TAP1 = -25.0 / 256.0, TAP2 = 3.0 / 256.0;
 
