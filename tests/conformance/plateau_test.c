@@ -70,6 +70,7 @@ static bool make(const struct row *row, struct test_scene *scene) {
     scene->view.transfer_function.order = SP_TF_POST;
     struct sp_shading *s = &scene->view.shading;
     s->mode = SP_SHADING_PHONG;
+    s->smoothing = 0; /* so that the place alone decides */
     s->ambient = 0.1F;
     s->diffuse = 0.8F;
     s->specular = 0;
