@@ -110,34 +110,29 @@ static bool check(const struct row *row, const struct test_scene *scene,
     return most <= row->most && rms <= row->rms;
 }
 
-int main(void) {
-    enum { ROWS = sizeof rows / sizeof rows[0] };
-    struct test_target target;
-    struct sp_error err = { .text = "out of memory" };
+static unsigned check_target(const struct test_target *target,
+                             const struct test_renderer *renderer) {
     unsigned failed = 0;
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct test_scene scene;
+        struct test_image image;
+        struct sp_error err = { .text = "out of memory" };
+        printf("%s %s, %s:", target->backend, target->isa, rows[i].name);
+        if (!make(&rows[i], &scene) || !test_render_scene(renderer, &scene, &image, &err)) {
+            printf(" %s FAILED\n", err.text);
+            return failed + 1;
+        }
+        bool is_good = check(&rows[i], &scene, &image);
+        printf(is_good ? "\n" : " FAILED\n");
+        failed += !is_good;
+        test_image_finish(&image);
+        test_scene_finish(&scene);
+    }
+    return failed;
+}
+
+int main(void) {
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
     printf("largest and rms difference from the plane's colour\n");
-    for (unsigned t = 0; test_target_at(t, &target); t++) {
-        struct test_renderer renderer;
-        if (!test_renderer_open(&renderer, &target, 1, &err)) {
-            printf("skipped: %s %s: %s\n", target.backend, target.isa, err.text);
-            continue;
-        }
-        for (int i = 0; i < ROWS; i++) {
-            struct test_scene scene;
-            struct test_image image;
-            if (!make(&rows[i], &scene) || !test_render_scene(&renderer, &scene, &image, &err)) {
-                printf("%s: %s\n", rows[i].name, err.text);
-                return 1;
-            }
-            printf("%s %s, %s:", target.backend, target.isa, rows[i].name);
-            bool is_good = check(&rows[i], &scene, &image);
-            printf(is_good ? "\n" : " FAILED\n");
-            failed += !is_good;
-            test_image_finish(&image);
-            test_scene_finish(&scene);
-        }
-        test_renderer_close(&renderer);
-    }
-    return failed > 0;
+    return test_check_targets(1, check_target) > 0;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "support/render.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include "backend/cpu/kernels.h"
@@ -65,6 +66,22 @@ void test_renderer_close(struct test_renderer *r) {
     sp_renderer_destroy(&r->renderer);
     if (r->pool)
         sp_frame_pool_destroy(&r->pool);
+}
+
+unsigned test_check_targets(unsigned threads, test_target_check_fn *check) {
+    struct test_target target;
+    unsigned failed = 0;
+    for (unsigned t = 0; test_target_at(t, &target); t++) {
+        struct test_renderer renderer;
+        struct sp_error err;
+        if (!test_renderer_open(&renderer, &target, threads, &err)) {
+            printf("skipped: %s %s: %s\n", target.backend, target.isa, err.text);
+            continue;
+        }
+        failed += check(&target, &renderer);
+        test_renderer_close(&renderer);
+    }
+    return failed;
 }
 
 bool test_render(const struct test_renderer *r, struct sp_volume *volume,

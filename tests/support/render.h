@@ -34,6 +34,13 @@ bool test_renderer_open(struct test_renderer *r, const struct test_target *targe
                         struct sp_error *err);
 void test_renderer_close(struct test_renderer *r);
 
+/* Returns the number of failures that check() reports. */
+typedef unsigned test_target_check_fn(const struct test_target *target,
+                                      const struct test_renderer *renderer);
+/* Calls check() with a renderer for each target that starts on this machine, and prints the others
+ * as skipped. Returns the sum of the failures. */
+unsigned test_check_targets(unsigned threads, test_target_check_fn *check);
+
 /* Renders with RGBAF32 into a new image; false with *err set on failure. */
 bool test_render(const struct test_renderer *r, struct sp_volume *volume,
                  const struct sp_view *view, struct test_image *image, struct sp_error *err);

@@ -48,10 +48,13 @@ export function matters(view, pointer) {
   }
   const mode = valueAt(view, '/filter/mode');
   const isLit = view.shading?.mode !== 'none';
-  const isInterpolated = valueAt(view, '/compositing/mode') === 'sheet' && valueAt(view, '/transfer_function/order') === 'post';
+  const compositing = valueAt(view, '/compositing/mode');
+  const order = valueAt(view, '/transfer_function/order');
+  const isInterpolated = compositing === 'sheet' && order === 'post';
   if (isInterpolated && pointer.startsWith('/filter/')) return false;
+  const isFiltered = Object.keys(DEFAULTS).some((name) => name.startsWith('/filter/') && valueAt(view, name) !== DEFAULTS[name]);
   switch (pointer) {
-    case '/shading/smoothing': return isLit && valueAt(view, '/transfer_function/order') !== 'pre' && valueAt(view, '/compositing/mode') !== 'splat';
+    case '/shading/smoothing': return isLit && order !== 'pre' && compositing !== 'splat' && !(isFiltered && (order === 'auto' || compositing === 'slab'));
     case '/shading/occlusion':
     case '/shading/shadow': return isLit && !hasChannels(layersOf(view));
     case '/filter/kernel': return mode !== 'none';
@@ -61,7 +64,7 @@ export function matters(view, pointer) {
     case '/compositing/colors':
     case '/compositing/zero':
     case '/compositing/absorption': return false;
-    case '/compositing/slab': return valueAt(view, '/compositing/mode') === 'slab';
+    case '/compositing/slab': return compositing === 'slab';
     default: return true;
   }
 }

@@ -79,7 +79,7 @@ void gl_resample_constants_init(struct gl_resample_constants *c, const struct sp
     for (int i = 0; i < 6; i++)
         c->metric[i / 3][i % 3] = (float)r->metric[i];
     c->metric[0][3] = r->rounding;
-    c->smoothing[0] = r->noise;
+    c->smoothing[0] = r->noise_square;
     c->smoothing[1] = r->keep_max;
     c->smoothing[2] = r->is_smoothed ? 1 : 0;
     write_depths(c, r);

@@ -9,8 +9,9 @@
  *
  * Of 4,096 to 32,768 places, one per 2,048 voxels, spread evenly, the quarter with the longest
  * smooth gradients counts: these are surfaces. The median of `across` there is the noise, in such a
- * unit that white noise of deviation s gives s. Details of the data count too, but only if most
- * surfaces have some (measured: 0 to 1.3 % of the range for exact fields, 0.4 to 2 % for scans).
+ * unit that white noise of deviation s gives s. Details of the data also count if most surfaces
+ * have some (measured: at most 0.5 % of the range for exact fields, but 1.3 % for a field that
+ * oscillates everywhere; 0.4 to 2 % for scans).
  */
 #ifndef SP_VOLUME_NOISE_H
 #define SP_VOLUME_NOISE_H

@@ -21,10 +21,11 @@ uint64_t sp_volume_layout(uint64_t voxel_bytes, uint64_t voxels, bool has_vector
                           uint64_t *vectors_at);
 
 /* Creates a volume from existing samples without copying them. `info` gives grid, type, unit,
- * names and source (coordinates are copied); range, histogram, nonfinite, longest, components and
- * sizes are filled in. The grid must have passed sp_grid_check(). `voxels` is 64-byte aligned and
- * `bytes` long; the volume owns it from now on, also when the call fails (then it is released at
- * once). `vectors` lies in the same memory; NULL = none. One reference, or NULL with *err set. */
+ * names and source (coordinates are copied); range, histogram, noise, nonfinite, longest,
+ * components and sizes are filled in. The grid must have passed sp_grid_check(). `voxels` is
+ * 64-byte aligned and `bytes` long; the volume owns it from now on, also when the call fails (then
+ * it is released at once). `vectors` lies in the same memory; NULL = none. One reference, or NULL
+ * with *err set. */
 struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels,
                                   const float (*vectors)[3], size_t bytes,
                                   sp_voxel_source_release *release, struct sp_error *err);
@@ -44,8 +45,8 @@ struct sp_volume *sp_volume_derive(const struct sp_volume *original, enum sp_typ
                                    sp_voxel_source_release *release, struct sp_error *err);
 
 /* Like sp_volume_derive(), on another grid that shows a part of the original at another resolution.
- * `part` gives its position. The range, the histogram, the longest vector and the projected ranges
- * are the original's. `vectors` lies in the memory of the samples; NULL = none. */
+ * `part` gives its position. The range, the histogram, the noise, the longest vector and the
+ * projected ranges are the original's. `vectors` lies in the memory of the samples; NULL = none. */
 struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
                                         const struct sp_grid *grid,
                                         const struct sp_whole_part *part, void *voxels,

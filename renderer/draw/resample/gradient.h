@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The gradient from which an interval's normal comes, out of two:
+ * The gradient that gives an interval its normal. It is mixed from two gradients:
  *
  *   fine     differences over one sample (integrate.c): sharp, with the noise of the samples
  *   smooth   over two samples, with means across (smooth.h): half as sharp, a third of the noise
  *
- * Where both point to different sides by more than noise explains, the fine one sees a detail.
- * Otherwise their difference is noise, and the direction is that of the smooth one:
+ * The directions of both may differ more than noise explains: then the fine gradient sees a detail,
+ * and stays. If they differ less, the difference is noise, and the fine gradient turns into the
+ * direction of the smooth gradient:
  *
  *             fine                  fine  = along + aside    along: its part in the direction of
  *            ▲╲ aside                                        the smooth one
@@ -22,9 +23,9 @@
 
 #include "base/wide.h"
 
-/* Mixes the smooth gradient into the fine one. noise: n² [square of the gradients' unit]; keep_max:
- * [0, 1]. Only in the lanes of `lanes`. */
-static inline void sp_gradient_mix(const sp_wide smooth[3], sp_wide noise, sp_wide keep_max,
+/* Mixes the smooth gradient into the fine one, in the lanes of `lanes`. noise_square: n² [square of
+ * the gradients' unit]; keep_max: upper limit of `keep`, [0, 1]. */
+static inline void sp_gradient_mix(const sp_wide smooth[3], sp_wide noise_square, sp_wide keep_max,
                                    sp_wide_mask lanes, sp_wide fine[3]) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
     sp_wide square = tiny, along = zero, aside_square = tiny, aside[3];
@@ -38,7 +39,8 @@ static inline void sp_gradient_mix(const sp_wide smooth[3], sp_wide noise, sp_wi
         aside[c] = fine[c] - along * smooth[c];
         aside_square += aside[c] * aside[c];
     }
-    sp_wide ratio = sp_wide_min(noise * sp_wide_fast_inverse(aside_square), sp_wide_all(1e9f));
+    sp_wide ratio =
+        sp_wide_min(noise_square * sp_wide_fast_inverse(aside_square), sp_wide_all(1e9f));
     sp_wide keep = keep_max * sp_wide_fast_inverse(1 + ratio * ratio);
     along += (one - keep) * sp_wide_max(one - along, zero);
     for (int c = 0; c < 3; c++)

@@ -285,18 +285,19 @@ static inline void compute_normal(const struct work *work, const struct interval
         normal[c] *= inverse;
 }
 
-/* Mixes the smooth gradient where the interval is seen into the fine one, at the pixels that get
- * some of their light here. */
+/* Mixes the smooth gradient at the place where the interval is seen into the fine gradient. Pixels
+ * that get little of their light here keep the fine gradient. */
 static inline void smooth_gradient(const struct work *work, struct interval *in) {
     const struct sp_resample *r = work->t->r;
-    const float faint = 1 / 32.0f;
+    const float faint = 1 / 32.0f; /* share of a pixel's light */
     struct sp_rays rays = load_rays(work->block, in->begin);
     sp_wide share = sp_wide_load(work->light + in->begin) * in->opacity, smooth[3];
     sp_wide_mask lanes = sp_wide_lt(sp_wide_all(faint), share);
     if (!sp_wide_any(lanes))
         return;
     sp_smooth_gradient(work->t, &rays, work->start + in->seen * work->width, lanes, smooth);
-    sp_gradient_mix(smooth, sp_wide_all(r->noise), sp_wide_all(r->keep_max), lanes, in->gradient);
+    sp_gradient_mix(smooth, sp_wide_all(r->noise_square), sp_wide_all(r->keep_max), lanes,
+                    in->gradient);
     const sp_wide *g = in->gradient;
     in->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
 }

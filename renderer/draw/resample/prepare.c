@@ -273,20 +273,22 @@ static float compute_rounding(enum sp_type type, const struct sp_curve *curve) {
     return (float)fmax(codes, is_real ? 0 : 0.5 * curve->codes_per_unit);
 }
 
-/* Returns the noise by which fine and smooth gradients differ [data unit]. Surfaces of most exact
- * fields show up to 0.3 % of the range by details of their own, which does not count. Rounding to
- * integers does. */
+/* Returns the noise that explains differences of fine and smooth gradients [data unit]. It includes
+ * the rounding of integers. The estimate of most exact fields is below 0.3 % of the range, because
+ * of their own details; so much is subtracted from every estimate. */
 static double choose_noise(const struct sp_volume_info *info, unsigned level) {
     const double range = info->data[1] - info->data[0], detail = 0.003 * range;
     const double seen = 0.0005 * range; /* less is not seen */
     bool is_real = info->type == SP_FLOAT32 || info->type == SP_FLOAT64;
     double square = is_real ? 0 : 1 / 12.0;
-    if (!isnan(info->noise)) /* means of 2 × 2 × 2 samples have about half of it */
+    /* Means of 2 × 2 × 2 samples keep 0.35 of white noise, and more of the noise of scans, whose
+     * neighbours are correlated: half is assumed. */
+    if (!isnan(info->noise))
         square += ldexp(fmax(info->noise * info->noise - detail * detail, 0), -2 * (int)level);
     return sqrt(square) > seen ? sqrt(square) : 0;
 }
 
-/* How normals come from fine and smooth gradients (gradient.h). */
+/* Sets how fine and smooth gradients are mixed (gradient.h). */
 static void init_smoothing(struct sp_resample *r, const struct sp_volume_info *info,
                            unsigned level) {
     const double explained = sqrt(6); /* length of `aside` (gradient.h) from noise of deviation 1 */
@@ -303,9 +305,8 @@ static void init_smoothing(struct sp_resample *r, const struct sp_volume_info *i
     }
     for (int i = 0; i < 9; i++)
         square += (double)r->to_world[i / 3][i % 3] * (double)r->to_world[i / 3][i % 3] / 3;
-    r->noise = (float)(square * pow(explained * noise, 2));
-    /* Beside holes, gradients are edges of the holes, and differ between backends. */
-    r->is_smoothed = r->shade && (r->noise > 0 || r->keep_max < 1) && !sp_missing_are_holes(info);
+    r->noise_square = (float)(square * pow(explained * noise, 2));
+    r->is_smoothed = r->shade && (r->noise_square > 0 || r->keep_max < 1);
     for (int a = 0; a < 3; a++)
         r->is_smoothed = r->is_smoothed && r->samples->dims[a] >= RESAMPLE_SMOOTH;
 }

@@ -86,8 +86,8 @@ struct sp_resample {
                             (rays.h) */
     bool needs_gradient; /* lit, or the transfer function has a gradient axis */
     bool is_smoothed;    /* normals come from fine and smooth gradients (gradient.h) */
-    float noise;         /* their difference that noise explains, squared [gradient_unit²] */
-    float keep_max;      /* largest part of the rest that stays */
+    float noise_square;  /* square of the difference that noise explains [gradient_unit²] */
+    float keep_max;      /* largest part of a fine gradient's deviation that stays, [0, 1] */
     int axis;            /* of the slices; tiles of wide views may use another axis */
     double share[3];     /* of the image that slices along each axis have (axes.h) */
     int columns, rows;   /* of tiles */

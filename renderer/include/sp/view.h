@@ -149,8 +149,9 @@ struct sp_shading {                    /* "/shading" */
     double ambient, diffuse, specular; /* weights, [0, 4]; 0 = none [0.25, 0.8, 0.25] */
     double exponent;                   /* of the highlight (Blinn 1977), [1, 1024] [24] */
     /* Sheets and slabs that are classified per pixel: how smooth normals are, [0, 1]: 0 = from the
-     * finest gradients, 1 = from smooth ones. NaN = as smooth as the volume's noise asks for, and
-     * smoother where samples are narrower than 1.2 px (renderer/draw/resample/gradient.h). [NaN] */
+     * finest gradients, 1 = from smooth ones. NaN = as smooth as the volume's noise asks for, and,
+     * with level of detail, smoother where samples are narrower than 1.2 px
+     * (renderer/draw/resample/gradient.h). [NaN] */
     double smoothing;
     /* Strength of ambient occlusion and of the shadow of the first light, [0, 1]; 0 = none [0].
      * They need mode phong, and are drawn with compositing.mode sheet and transfer_function.order

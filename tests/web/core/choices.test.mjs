@@ -45,8 +45,9 @@ test('smoothing is automatic by default, and has an effect on shaded pixels that
   assert.deepEqual(choose({ shading: { smoothing: 0.5 } }, '/shading/smoothing', null), { shading: { smoothing: null } });
   const lit = { shading: { mode: 'phong' } };
   const views = [lit, { ...lit, ...slabs }, { shading: { mode: 'none' } }, { ...lit, transfer_function: { order: 'pre' } },
-    { ...lit, compositing: { mode: 'splat' } }, { ...lit, compositing: { mode: 'mean' } }];
-  assert.deepEqual(views.map((view) => matters(view, '/shading/smoothing')), [true, true, false, false, false, false]);
+    { ...lit, compositing: { mode: 'splat' } }, { ...lit, compositing: { mode: 'mean' } }, { ...lit, filter: { sigma: 1 } },
+    { ...lit, filter: { sigma: 1 }, transfer_function: { order: 'post' } }];
+  assert.deepEqual(views.map((view) => matters(view, '/shading/smoothing')), [true, true, false, false, false, false, false, true]);
 });
 
 test('valueAt returns the value of the view, or the default of the protocol', () => {

@@ -9,12 +9,6 @@ import { make } from '../controls/dom.js';
 
 const number = (value) => numberText(Number(Number(value).toPrecision(6)));
 
-/** The noise in data units and as a share of the range. */
-function noiseText({ noise, range: [low, high], ...volume }) {
-  const [value, percent] = [noise, 100 * noise / (high - low)].map((x) => numberText(Number(x.toPrecision(2))));
-  return t('info.noise.value', { value: `${value} ${valueUnit(volume)}`.trim(), percent });
-}
-
 /** The samples and the vectors, by name. */
 function fieldText({ name, components, range }) {
   if (components === 1) return name || t('info.fields.values');
@@ -42,7 +36,7 @@ function rows(volume) {
   const list = [
     ...(kind === 'grid' ? gridRows : elementRows)(volume),
     [t('info.range'), hasValues && !isBlank(volume) && volume.range && `${t('info.range.value', { low: number(volume.range[0]), high: number(volume.range[1]) })} ${valueUnit(volume)}`.trim()],
-    [t('info.noise'), volume.noise > 0 && noiseText(volume)],
+    [t('info.noise'), volume.noise > 0 && `${numberText(Number(volume.noise.toPrecision(2)))} ${valueUnit(volume)}`.trim()],
     [t('info.fields'), volume.fields?.some(({ name, components }) => name || components > 1) && volume.fields.map(fieldText).join('; ')],
     [t('info.nonfinite'), volume.nonfinite ? String(volume.nonfinite) : ''],
     [t('info.warnings'), volume.warnings?.join(' ')],

@@ -188,7 +188,6 @@ export default {
   'info.memory': 'Memory',
   'info.memory.value': '{voxels} for the data',
   'info.noise': 'Noise',
-  'info.noise.value': '{value} ({percent} % of the range)',
   'info.nonfinite': 'Not finite',
   'info.range': 'Values',
   'info.range.value': '{low} to {high}',

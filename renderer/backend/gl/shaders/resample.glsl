@@ -23,7 +23,7 @@ layout(std140, binding = 1) uniform Resample {
     vec4 metric[2];   // xx, yy, zz, rounding of gradients; yz, xz, xy, a depth inside the volume
     vec4 depths[3];   // by axis w: s at that depth of the centre's ray, forwards; its change by depth, to the right, down
     vec4 steep;       // between which rays get some half sheets
-    vec4 smoothing;   // noise, largest part that is kept (draw/resample/gradient.h); 1 = gradients are mixed
+    vec4 smoothing;   // noise_square, keep_max (draw/resample/gradient.h); 1 = gradients are mixed
     vec4 code_scale; // codes per unit, base as two floats, lowest code
     vec4 bin_scale;   // bins per code, first bin; codes between which something is visible
     vec4 above_bins;

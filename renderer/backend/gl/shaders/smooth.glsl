@@ -37,7 +37,7 @@ vec3 smooth_slopes(vec3 x) {
     return slope / spacing;
 }
 
-// Both gradients in world space.
+// Mixes the gradients, which are in world space.
 vec3 mix_gradients(vec3 smooth_one, vec3 fine) {
     const float TINY_SQUARE = 1e-20;
     float along = max(dot(fine, smooth_one) / (dot(smooth_one, smooth_one) + TINY_SQUARE), 0.0);

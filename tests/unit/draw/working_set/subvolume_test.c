@@ -120,6 +120,7 @@ static void little_memory_gives_coarser_images(void **state) {
         sp_brick_store_usage(store, &bricks, &used);
         assert_compare(used, <=, bytes);
         assert_compare(sp_volume_info(volume)->voxel_bytes, <=, bytes);
+        assert_true(isnan(sp_volume_info(volume)->noise)); /* unknown */
         assert_false(frame->stats.bricks.is_incomplete);
         assert_int_equal(frame->stats.bricks.asked, 0);
         assert_int_equal(sp_frame_bricks_is_complete(&frame->stats.bricks),
