@@ -142,8 +142,12 @@ bool oom_receive(struct oom_client *client) {
     assert_compare(client->have + 1, <, sizeof client->bytes);
     ssize_t got =
         recv(client->fd, client->bytes + client->have, sizeof client->bytes - 1 - client->have, 0);
+    if (got < 0 && errno == EINTR) /* SIGCONT interrupts a call that has a time limit */
+        return true;
     if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK))
         fail_msg("the daemon does not answer");
+    if (got < 0)
+        print_message("the connection ended: %s\n", strerror(errno));
     if (got <= 0)
         return false;
     client->have += (size_t)got;

@@ -137,8 +137,16 @@ export class Pane {
     this.#isPlanned = true;
     nextFrame(() => {
       this.#isPlanned = false;
-      if (this.isShown && this.#slices.grid) this.#show();
+      if (this.isShown && this.#slices.grid && this.#slices.isOfView) this.#show();
     });
+  }
+
+  /** Loads nothing until the next update(). */
+  stop() {
+    for (const source of this.#sources) {
+      source.loader.stop();
+      source.key = source.shownKey;
+    }
   }
 
   /** Forgets the picture, because there is another volume. */

@@ -94,6 +94,8 @@ class Slices extends Emitter {
   get anatomy() { return anatomyOf(this.#app.viewer.volume); }
   get frame() { return frameOf(this.anatomy, this.#home); }
   get volumeKey() { return this.#volume; }
+  /** False while the view changes to another volume: the daemon has no slices of this one any more. */
+  get isOfView() { return this.#app.viewer.view?.volume === this.#volume; }
   /** The part of a query that names the time step of the view. */
   get stepQuery() {
     const step = this.#app.viewer.view?.time?.step;
@@ -137,6 +139,7 @@ class Slices extends Emitter {
   /** Takes the volume and the view. */
   #follow() {
     const { viewer } = this.#app;
+    if (!this.isOfView) for (const pane of this.panes.values()) pane.stop();
     if (!this.shared || !viewer.isCurrent) return;
     const { volume } = viewer;
     const id = viewer.view.volume;
