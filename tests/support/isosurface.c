@@ -275,8 +275,9 @@ static void trace(const struct test_isosurface *iso, double x, double y, double 
         const struct sp_layer *layer = &view->layers[l];
         if (layer->type != SP_LAYER_SURFACE)
             continue;
+        /* Nothing behind an opaque surface is seen. */
         int n = test_isosurface_hits(iso, eye, ahead, view->camera.near / cosine, layer->value,
-                                     hits, HITS);
+                                     hits, layer->opacity < 1 ? HITS : 1);
         for (int i = 0; i < n; i++) {
             struct colored *c = &all[count++];
             c->distance = hits[i].distance;

@@ -30,7 +30,7 @@ struct block {
     uint32_t first, count;
     float depth;
     uint16_t box[4];
-    uint32_t corner[3], unused;
+    uint32_t corner[3], is_near;
 };
 
 /* A block that a tile draws. shaders/entries.glsl declares the same struct. */
@@ -59,7 +59,8 @@ static void write_constants(struct constants *c, const struct sp_surface *s) {
         .bounds = { f->ratio_max[0], f->ratio_max[1], s->reach, s->stretch },
         .sheet = { s->squeeze, s->bend, s->tolerance, s->depth_first },
         .look = { s->color[0], s->color[1], s->color[2], s->opacity },
-        .cell = { (float)f->unit },
+        .cell = { (float)f->unit, s->near.block_count ? s->focus.growth : 0, SURFACE_SIZE_MIN,
+                  sp_surface_area_step(s, &s->near) },
         .kind = { s->is_opaque, s->cuts_near, sp_grid_is_rectilinear(f->grid),
                   (uint32_t)s->columns },
         .plane_counts = { s->clip.count, s->borders.count },
@@ -72,10 +73,12 @@ static void write_constants(struct constants *c, const struct sp_surface *s) {
 }
 
 static struct block make_block(const struct sp_surface *s, const struct sp_splat *record) {
-    const struct sp_surface_block *from = &s->points->blocks[record->sheet];
+    const struct sp_surface_points *points;
+    const struct sp_surface_block *from = sp_surface_block_at(s, record->sheet, &points);
     const struct sp_grid *grid = s->frame.grid;
     struct block to = { .first = (uint32_t)from->first,
                         .count = from->count,
+                        .is_near = points == &s->near,
                         .depth = record->depth,
                         .box = { (uint16_t)record->x0, (uint16_t)record->y0, (uint16_t)record->x1,
                                  (uint16_t)record->y1 } };
@@ -106,7 +109,8 @@ static void write_coordinates(float *to, const struct sp_grid *grid, unsigned a)
 
 /* Where the words behind the constants begin. */
 struct layout {
-    uint32_t entries, blocks, coordinates, end; /* the first entries of tiles are at 0 */
+    /* The first entries of tiles are at 0. */
+    uint32_t entries, blocks, coordinates, near, end;
     uint32_t block_count;
 };
 
@@ -120,9 +124,10 @@ static struct layout lay_out(const struct sp_surface *s) {
             at.block_count = s->bins.entries[e] + 1;
     at.blocks = at.entries + entries * (uint32_t)(sizeof(struct entry) / WORD);
     at.coordinates = at.blocks + at.block_count * (uint32_t)(sizeof(struct block) / WORD);
-    at.end = at.coordinates;
+    at.near = at.coordinates;
     if (sp_grid_is_rectilinear(grid))
-        at.end += ROW_WORDS * (grid->dims[0] + grid->dims[1] + grid->dims[2]);
+        at.near += ROW_WORDS * (grid->dims[0] + grid->dims[1] + grid->dims[2]);
+    at.end = at.near + (uint32_t)(s->near.count * (sizeof(struct point) / WORD));
     return at;
 }
 
@@ -130,17 +135,30 @@ static struct layout lay_out(const struct sp_surface *s) {
  * tile. */
 static uint32_t write_lists(uint32_t *first, struct entry *entries, const struct sp_surface *s) {
     const struct sp_bins *bins = &s->bins;
+    const struct sp_surface_points *points;
     uint32_t most = 0;
     memcpy(first, bins->first, (bins->tiles + (size_t)1) * sizeof *first);
     for (uint32_t t = 0; t < bins->tiles; t++) {
         uint32_t before = 0;
         for (uint32_t e = bins->first[t]; e < bins->first[t + 1]; e++) {
             entries[e] = (struct entry){ bins->entries[e], before };
-            before += s->points->blocks[s->blocks[bins->entries[e]].sheet].count;
+            before += sp_surface_block_at(s, s->blocks[bins->entries[e]].sheet, &points)->count;
         }
         most = before > most ? before : most;
     }
     return most;
+}
+
+static void copy_points(struct point *to, const struct sp_surface_points *from, uint64_t first,
+                        uint64_t count) {
+    for (uint64_t i = 0; i < count; i++) {
+        for (int a = 0; a < 3; a++) {
+            to[i].numbers[a] = from->at[a][first + i];
+            to[i].numbers[3 + a] = (uint16_t)from->area[a][first + i];
+            to[i].numbers[6 + a] = (uint16_t)from->normal[a][first + i];
+        }
+        to[i].numbers[9] = (uint16_t)from->bend[first + i];
+    }
 }
 
 /* Fills the words; returns the most points of a tile. */
@@ -149,10 +167,11 @@ static uint32_t write_words(uint32_t *to, const struct layout *at, const struct 
     float *row = (float *)(void *)(to + at->coordinates);
     for (uint32_t b = 0; b < at->block_count; b++)
         blocks[b] = make_block(s, &s->blocks[b]);
-    for (unsigned a = 0; a < 3 && at->end > at->coordinates; a++) {
+    for (unsigned a = 0; a < 3 && at->near > at->coordinates; a++) {
         write_coordinates(row, s->frame.grid, a);
         row += ROW_WORDS * s->frame.grid->dims[a];
     }
+    copy_points((struct point *)(void *)(to + at->near), &s->near, 0, s->near.count);
     return write_lists(to, (struct entry *)(void *)(to + at->entries), s);
 }
 
@@ -162,7 +181,7 @@ static bool upload_words(struct gl_surface *to, struct gl_buffer *buffer, struct
     uint64_t bytes = sizeof(struct constants) + (uint64_t)at.end * sizeof(uint32_t);
     struct constants c;
     write_constants(&c, s);
-    memcpy(c.words, (uint32_t[]){ at.entries, at.blocks, at.coordinates }, 3 * sizeof(uint32_t));
+    memcpy(c.words, (uint32_t[]){ at.entries, at.blocks, at.coordinates, at.near }, sizeof c.words);
     for (unsigned a = 0, row = 0; a < 3; row += s->frame.grid->dims[a++]) {
         c.rows[a][0] = row;
         c.rows[a][1] = s->frame.grid->dims[a];
@@ -178,18 +197,6 @@ static bool upload_words(struct gl_surface *to, struct gl_buffer *buffer, struct
     to->constants = buffer;
     state->upload.bytes += bytes;
     return gl_buffer_unmap(buffer, err);
-}
-
-static void copy_points(struct point *to, const struct sp_surface_points *from, uint64_t first,
-                        uint64_t count) {
-    for (uint64_t i = 0; i < count; i++) {
-        for (int a = 0; a < 3; a++) {
-            to[i].numbers[a] = from->at[a][first + i];
-            to[i].numbers[3 + a] = (uint16_t)from->area[a][first + i];
-            to[i].numbers[6 + a] = (uint16_t)from->normal[a][first + i];
-        }
-        to[i].numbers[9] = (uint16_t)from->bend[first + i];
-    }
 }
 
 static bool send_points(struct gl_state *state, const struct gl_buffer *to,

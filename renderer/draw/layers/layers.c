@@ -68,6 +68,7 @@ static bool prepare_surface(struct sp_layers *l, const struct sp_layer *layer,
                                                  .interrupt = from->interrupt };
     struct sp_surface_input input = { .view = from->view,
                                       .layer = layer,
+                                      .volume = from->volume,
                                       .grid = grid,
                                       .points = sp_surface_cache_get(from->surfaces, &points, err),
                                       .camera = from->camera,

@@ -10,6 +10,7 @@ struct Block {
     float depth; // where it begins
     uvec4 box;   // px: first column and row, ends
     uvec3 corner;
+    bool is_near; // its points follow the coordinates
 };
 
 layout(std430, binding = 1) readonly buffer Surface {
@@ -21,15 +22,15 @@ layout(std430, binding = 1) readonly buffer Surface {
     vec4 bounds;    // largest u0/u2, u1/u2; reach of a kernel, its stretch beside the image's centre
     vec4 sheet_of;  // 1 − 1/flatness, factor of bends, tolerance, depth of the first block
     vec4 look;      // colour, opacity
-    vec4 cell;      // unit
+    vec4 cell;      // unit; growth and least size of discs close to the eye (0 = none is close); area step of near points
     uvec4 kind;     // opaque, cuts the near plane, rectilinear, columns of tiles
     uvec4 plane_counts; // clipping planes, borders
-    uvec4 words;    // first word of entries, blocks, coordinates
+    uvec4 words;    // first word of entries, blocks, coordinates, near points
     uvec4 rows[3];  // by axis: first row of coordinates, samples
     vec4 clip[CLIP_PLANES];
     vec4 borders[6];
     // First entry by tile of SIDE × SIDE px; by entry: block, points of the tile before it; blocks; coordinates: place,
-    // length and local spacing of each cell.
+    // length and local spacing of each cell; points close to the eye.
     uint surface_words[];
 };
 layout(std430, binding = 2) readonly buffer Points { uint points[]; }; // 16-bit: place, area, normal, bend
@@ -47,12 +48,13 @@ Block read_block(uint number) {
     uint low = surface_words[at + 6u], high = surface_words[at + 7u];
     return Block(base, surface_words[at + 3u], surface_words[at + 4u], uintBitsToFloat(surface_words[at + 5u]),
                  uvec4(low & 0xffffu, low >> 16, high & 0xffffu, high >> 16),
-                 uvec3(surface_words[at + 8u], surface_words[at + 9u], surface_words[at + 10u]));
+                 uvec3(surface_words[at + 8u], surface_words[at + 9u], surface_words[at + 10u]),
+                 surface_words[at + 11u] != 0u);
 }
 
 // A point in camera space.
 struct Point {
-    vec3 u, area, normal, size; // size: local spacing [mean spacings]
+    vec3 u, area, normal, size; // size: local spacing [mean spacings], less close to the eye
 };
 
 float place_high(uint word) {
@@ -73,11 +75,21 @@ float measure_cell(uint axis, uint corner, float at, out float gap, out float si
     return uintBitsToFloat(surface_words[row]) - uintBitsToFloat(surface_words[start + ROW_WORDS * corner]) + share * gap;
 }
 
+// The size of discs at a distance from the eye, as a share of their size far away (draw/layers/surface/focus.h).
+float disc_size(float distance) {
+    return cell.y > 0.0 ? clamp(distance * cell.y, cell.z, 1.0) : 1.0;
+}
+
+uint point_word(Block block, uint i) {
+    return block.is_near ? surface_words[words.w + i] : points[i];
+}
+
 Point read_point(Block block, uint i) {
     uint w = POINT_WORDS * (block.first + i);
-    uint w0 = points[w], w1 = points[w + 1u], w2 = points[w + 2u], w3 = points[w + 3u], w4 = points[w + 4u];
+    uint w0 = point_word(block, w), w1 = point_word(block, w + 1u), w2 = point_word(block, w + 2u);
+    uint w3 = point_word(block, w + 3u), w4 = point_word(block, w + 4u);
     vec3 at = vec3(float(w0 & 0xffffu), place_high(w0), float(w1 & 0xffffu)) / PLACE_STEPS;
-    vec3 area = vec3(shorts(w1).y, shorts(w2)) / AREA_STEPS, gap = vec3(1), normal = vec3(shorts(w3), shorts(w4).x);
+    vec3 area = vec3(shorts(w1).y, shorts(w2)) * (block.is_near ? cell.w : 1.0 / AREA_STEPS), gap = vec3(1), normal = vec3(shorts(w3), shorts(w4).x);
     Point p;
     p.size = vec3(1);
     for (uint a = 0u; a < 3u && kind.z != 0u; a++)
@@ -89,7 +101,9 @@ Point read_point(Block block, uint i) {
         p.u[r] = block.base[r] + dot(steps[r].xyz, at);
         p.area[r] = dot(areas[r].xyz, area);
     }
-    p.u += p.normal * (shorts(w4).y * sheet_of.y);
+    float share = disc_size(length(p.u));
+    p.size *= share;
+    p.u += p.normal * (shorts(w4).y * sheet_of.y * share * share);
     return p;
 }
 

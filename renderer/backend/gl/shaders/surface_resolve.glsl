@@ -51,11 +51,12 @@ float kernel_variance(vec3 direction, vec3 n) {
 // Raises the weight beside borders of the volume, where kernels are missing, and cuts the surface there.
 float end_at_borders(vec2 px, float depth, vec3 n, float weight, inout float share) {
     vec2 ray = compute_ray(px);
+    float size = disc_size(depth * length(vec3(ray, 1)));
     for (uint i = 0u; i < plane_counts.y; i++) {
         vec2 crossing = cross_plane(borders[i], ray, depth, n);
         if (!(crossing.x < bounds.z + 4.0 * crossing.y))
             continue;
-        float variance = kernel_variance(borders[i].xyz, n) + filter_of.x * crossing.y * crossing.y;
+        float variance = kernel_variance(borders[i].xyz, n) * size * size + filter_of.x * crossing.y * crossing.y;
         weight /= max(normal_share(crossing.x / sqrt(max(variance, 1e-12))), 0.2);
         share *= keep(crossing);
     }

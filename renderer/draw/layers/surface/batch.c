@@ -138,15 +138,16 @@ static void make_points(const struct sp_surface_batch *batch, int first, struct 
     const struct sp_surface_patches *p = &batch->patches;
     const sp_wide highest = sp_wide_all(UINT16_MAX);
     struct derivatives d;
-    sp_wide at[3], gap[3], normal[3];
+    sp_wide at[3], gap[3], normal[3], size = sp_wide_load(batch->size + first);
     for (int a = 0; a < 3; a++) {
         sp_wide_int cell = sp_wide_int_load(batch->cell[a] + first);
-        at[a] =
-            (sp_wide_load(batch->start[a] + first) + sp_wide_load(p->at[a] + first)) * f->share[a];
+        sp_wide start = sp_wide_load(batch->start[a] + first);
+        at[a] = (start + sp_wide_load(p->at[a] + first) * size) * f->share[a];
         gap[a] = sp_wide_gather(batch->gap[a] + 1, cell);
         sp_wide place = (sp_wide_from_int(cell) + at[a]) * SURFACE_PLACE_STEPS + 0.5f;
         sp_wide_int_store_short(out->at[a] + first, sp_wide_to_int(sp_wide_min(place, highest)));
-        store_steps(out->area[a] + first, sp_wide_load(p->area[a] + first) * f->face[a],
+        store_steps(out->area[a] + first,
+                    sp_wide_load(p->area[a] + first) * (size * size * f->face[a]),
                     SURFACE_AREA_STEPS);
     }
     compute_derivatives(batch, first, at, gap, &d);
@@ -182,7 +183,8 @@ static void flush(struct sp_surface_batch *batch) {
 }
 
 void sp_surface_batch_add(struct sp_surface_batch *batch, const float f[8],
-                          const struct sp_surface_parts *parts, const int cell[3], const int i[3]) {
+                          const struct sp_surface_parts *parts, const int cell[3],
+                          const float start[3], float size) {
     struct sp_surface_patches *p = &batch->patches;
     if (p->count + parts->count > SURFACE_BATCH)
         flush(batch);
@@ -194,8 +196,9 @@ void sp_surface_batch_add(struct sp_surface_batch *batch, const float f[8],
         p->sign[to] = parts->are_outside ? -1 : 1;
         for (int a = 0; a < 3; a++) {
             batch->cell[a][to] = cell[a];
-            batch->start[a][to] = (float)i[a];
+            batch->start[a][to] = start[a];
         }
+        batch->size[to] = size;
     }
 }
 

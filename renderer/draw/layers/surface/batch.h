@@ -27,6 +27,7 @@ struct sp_surface_batch {
     struct sp_surface_patches patches;
     int32_t cell[3][SURFACE_BATCH]; /* index of the cell in the block */
     float start[3][SURFACE_BATCH];  /* where the part starts in its cell [parts] */
+    float size[SURFACE_BATCH];      /* length of its edges [parts] */
 };
 
 void sp_surface_batch_frame_init(struct sp_surface_batch_frame *frame,
@@ -37,9 +38,11 @@ void sp_surface_batch_frame_init(struct sp_surface_batch_frame *frame,
  * before it adds pieces. */
 void sp_surface_batch_begin(struct sp_surface_batch *batch, struct sp_surface_block *block);
 
-/* Adds the pieces of part i of a cell whose corners have the values f. */
+/* Adds the pieces of a cube in a cell, whose corners have the values f. `start` and `size` are
+ * counted in the parts into which the points' cells are split. */
 void sp_surface_batch_add(struct sp_surface_batch *batch, const float f[8],
-                          const struct sp_surface_parts *parts, const int cell[3], const int i[3]);
+                          const struct sp_surface_parts *parts, const int cell[3],
+                          const float start[3], float size);
 void sp_surface_batch_end(struct sp_surface_batch *batch);
 
 #endif

@@ -8,12 +8,17 @@
 #include "draw/layers/surface/batch.h"
 #include "draw/layers/surface/samples.h"
 
+/* The weights of a cube's corners k at the corners c of its parts. */
+typedef float part_weights[8][8];
+
 struct extraction {
     const struct sp_surface_job *job;
+    const struct sp_surface_focus *focus; /* NULL: all parts have the same size */
     struct sp_surface_points *points;
     struct sp_surface_batch_frame frame;
     struct sp_surface_parts parts[256]; /* by the inside corners of a cell; 0 and 255: none */
-    float weights[SURFACE_SPLIT_MAX * SURFACE_SPLIT_MAX * SURFACE_SPLIT_MAX][8][8];
+    part_weights weights[SURFACE_SPLIT_MAX * SURFACE_SPLIT_MAX * SURFACE_SPLIT_MAX];
+    part_weights halves[8]; /* of the eight parts with half the edges */
 };
 
 /* The samples of a row of cells. */
@@ -44,51 +49,107 @@ static void read_corners(const struct sp_surface_samples *samples, int x, int y,
         f[c] = samples->f[z + 1 + (c >> 2)][y + 1 + (c >> 1 & 1)][x + 1 + (c & 1)];
 }
 
-/* The weights of a cell's corners k at the corners c of its parts. */
-static void compute_weights(struct extraction *e, const uint8_t split[3]) {
+static void compute_weights(part_weights *weights, const uint8_t split[3]) {
     for (int p = 0; p < split[0] * split[1] * split[2]; p++)
         for (int k = 0; k < 8; k++)
             for (int c = 0; c < 8; c++) {
                 const int i[3] = { p % split[0], p / split[0] % split[1], p / split[0] / split[1] };
-                e->weights[p][k][c] = 1;
+                weights[p][k][c] = 1;
                 for (int a = 0; a < 3; a++) {
                     float share = (float)(i[a] + (c >> a & 1)) / (float)split[a];
-                    e->weights[p][k][c] *= k >> a & 1 ? share : 1 - share;
+                    weights[p][k][c] *= k >> a & 1 ? share : 1 - share;
                 }
             }
 }
 
-/* Visits the parts that a cell is split into. batch: NULL = pieces are only counted. Returns their
- * number. */
+static void compute_corners(const part_weights weights, const float f[8], float own[8]) {
+    for (int c = 0; c < 8; c++)
+        own[c] = 0;
+    for (int k = 0; k < 8; k++)
+        for (int c = 0; c < 8; c++)
+            own[c] += weights[k][c] * f[k];
+}
+
+/* A cell that is being split. */
+struct split {
+    const struct extraction *e;
+    int cell[3];
+    struct sp_surface_frame_cell frame; /* set if there is a focus */
+    struct sp_surface_batch *batch;     /* NULL = pieces are only counted */
+    uint32_t count;
+};
+
+/* True if a cube that starts at `start` and has edges of `size` [parts] is larger than its discs
+ * may be. */
+static bool is_too_large(const struct split *s, const float start[3], float size) {
+    const float *share = s->e->frame.share;
+    float from[3], edges[3];
+    for (int a = 0; a < 3; a++) {
+        from[a] = start[a] * share[a];
+        edges[a] = size * share[a];
+    }
+    return size > SURFACE_SIZE_MIN &&
+           size > sp_surface_focus_size(s->e->focus, &s->frame, from, edges);
+}
+
+/* Adds the pieces in a cube whose corners have the values f, halved as often as it is necessary. */
+static void add_cube(struct split *s, const float f[8], const float start[3], float size) {
+    unsigned inside = 0;
+    for (int c = 0; c < 8; c++)
+        inside |= (unsigned)(f[c] >= 0) << c;
+    if (inside == 0 || inside == 255)
+        return;
+    if (s->e->focus && is_too_large(s, start, size)) {
+        const float half = size / 2;
+        for (int i = 0; i < 8; i++) {
+            const float from[3] = { start[0] + (float)(i & 1) * half,
+                                    start[1] + (float)(i >> 1 & 1) * half,
+                                    start[2] + (float)(i >> 2) * half };
+            float own[8];
+            compute_corners(s->e->halves[i], f, own);
+            add_cube(s, own, from, half);
+        }
+        return;
+    }
+    s->count += s->e->parts[inside].count;
+    if (s->batch)
+        sp_surface_batch_add(s->batch, f, &s->e->parts[inside], s->cell, start, size);
+}
+
+/* Visits the parts that a cell of the block at `corner` is split into. batch: NULL = pieces are
+ * only counted. Returns their number. */
 static uint32_t split_cell(const struct extraction *e, const struct sp_surface_samples *samples,
-                           const int cell[3], struct sp_surface_batch *batch) {
+                           const uint32_t corner[3], const int cell[3],
+                           struct sp_surface_batch *batch) {
     const uint8_t *split = e->points->split;
     const int parts = split[0] * split[1] * split[2];
-    uint32_t count = 0;
-    float f[8], own[8];
+    struct split s = { .e = e, .cell = { cell[0], cell[1], cell[2] }, .batch = batch };
+    float f[8];
+    if (e->focus) {
+        const uint32_t at[3] = { corner[0] + (uint32_t)cell[0], corner[1] + (uint32_t)cell[1],
+                                 corner[2] + (uint32_t)cell[2] };
+        sp_surface_focus_place(e->focus, at, 1, &s.frame);
+    }
     read_corners(samples, cell[0], cell[1], cell[2], f);
     for (int p = 0; p < parts; p++) {
-        const int i[3] = { p % split[0], p / split[0] % split[1], p / split[0] / split[1] };
-        unsigned inside = 0;
-        for (int c = 0; c < 8; c++)
-            own[c] = 0;
-        for (int k = 0; k < 8; k++)
-            for (int c = 0; c < 8; c++)
-                own[c] += e->weights[p][k][c] * f[k];
-        for (int c = 0; c < 8; c++)
-            inside |= (unsigned)(own[c] >= 0) << c;
-        count += e->parts[inside].count;
-        if (batch)
-            sp_surface_batch_add(batch, own, &e->parts[inside], cell, i);
+        const float start[3] = { (float)(p % split[0]), (float)(p / split[0] % split[1]),
+                                 (float)(p / split[0] / split[1]) };
+        float own[8];
+        compute_corners(e->weights[p], f, own);
+        add_cube(&s, own, start, 1);
     }
-    return count;
+    return s.count;
+}
+
+static bool splits_cells(const struct extraction *e) {
+    const uint8_t *split = e->points->split;
+    return e->focus || split[0] * split[1] * split[2] > 1;
 }
 
 /* Counts the points of the blocks. */
 static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     const struct extraction *e = user;
-    const uint8_t *split = e->points->split;
-    const bool is_split = split[0] * split[1] * split[2] > 1;
+    const bool is_split = splits_cells(e);
     (void)worker;
     for (size_t b = begin; b < end && !sp_interrupt_is_cancelled(&e->job->interrupt); b++) {
         struct sp_surface_samples samples;
@@ -102,7 +163,7 @@ static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) 
                 const struct cell_row row = compute_row(&bits, y, z);
                 for (unsigned left = row.crossed; left; left &= left - 1) {
                     const int cell[3] = { __builtin_ctz(left), y, z };
-                    block->count += is_split ? split_cell(e, &samples, cell, NULL)
+                    block->count += is_split ? split_cell(e, &samples, block->corner, cell, NULL)
                                              : e->parts[inside_corners(&row, cell[0])].count;
                 }
             }
@@ -110,8 +171,8 @@ static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) 
 }
 
 static void fill_block(const struct extraction *e, struct sp_surface_batch *batch) {
-    const uint8_t *split = e->points->split;
-    const bool is_split = split[0] * split[1] * split[2] > 1;
+    const bool is_split = splits_cells(e);
+    const float whole[3] = { 0 };
     struct sp_surface_samples samples;
     struct sp_surface_bits bits;
     sp_surface_samples_read(&samples, e->job->volume, e->job->value, batch->block->corner);
@@ -122,15 +183,15 @@ static void fill_block(const struct extraction *e, struct sp_surface_batch *batc
         for (int y = 0; y < SURFACE_BLOCK; y++) {
             const struct cell_row row = compute_row(&bits, y, z);
             for (unsigned left = row.crossed; left; left &= left - 1) {
-                const int cell[3] = { __builtin_ctz(left), y, z }, whole[3] = { 0 };
+                const int cell[3] = { __builtin_ctz(left), y, z };
                 float f[8];
                 if (is_split) {
-                    split_cell(e, &samples, cell, batch);
+                    split_cell(e, &samples, batch->block->corner, cell, batch);
                     continue;
                 }
                 read_corners(&samples, cell[0], y, z, f);
                 sp_surface_batch_add(batch, f, &e->parts[inside_corners(&row, cell[0])], cell,
-                                     whole);
+                                     whole, 1);
             }
         }
 }
@@ -197,17 +258,23 @@ static bool fail(struct sp_surface_points *points, enum sp_code code, struct sp_
                : sp_fail(err, code, "", "out of memory for the points of a surface");
 }
 
+/* points: the extraction's, with `split` set. */
+static void begin(struct extraction *e) {
+    const struct sp_grid *grid = &sp_volume_info(e->job->volume)->grid;
+    sp_surface_batch_frame_init(&e->frame, e->points, grid);
+    compute_weights(e->weights, e->points->split);
+    compute_weights(e->halves, (uint8_t[]){ 2, 2, 2 });
+    for (unsigned inside = 1; inside < 255; inside++)
+        sp_surface_parts_init(inside, &e->parts[inside]);
+}
+
 bool sp_surface_extract(struct sp_surface_points *points, const struct sp_surface_job *job,
                         const struct sp_surface_ranges *ranges, uint64_t bytes_max,
                         struct sp_error *err) {
-    const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
     struct extraction e = { .job = job, .points = points };
     *points = (struct sp_surface_points){ 0 };
-    sp_surface_points_split(grid, points->split);
-    sp_surface_batch_frame_init(&e.frame, points, grid);
-    compute_weights(&e, points->split);
-    for (unsigned inside = 1; inside < 255; inside++)
-        sp_surface_parts_init(inside, &e.parts[inside]);
+    sp_surface_points_split(&sp_volume_info(job->volume)->grid, points->split);
+    begin(&e);
     if (!list_blocks(points, ranges, job->value))
         return fail(points, SP_ERR_MEMORY, err);
     sp_parallel_for(job->pool, points->block_count, 16, count_blocks, &e);
@@ -227,4 +294,45 @@ bool sp_surface_extract(struct sp_surface_points *points, const struct sp_surfac
     if (sp_interrupt_is_cancelled(&job->interrupt))
         return fail(points, SP_ERR_CANCELLED, err);
     return true;
+}
+
+/* Lists the blocks of `far` that are close to the eye. */
+static bool list_near(struct sp_surface_points *points, const struct sp_surface_focus *focus,
+                      const struct sp_surface_points *far, struct sp_arena *arena) {
+    uint32_t n = 0;
+    for (uint32_t b = 0; b < far->block_count; b++)
+        n += sp_surface_focus_has(focus, far->blocks[b].corner);
+    points->blocks = sp_arena_alloc(arena, "near blocks", n ? n : 1, sizeof *points->blocks);
+    if (!points->blocks)
+        return false;
+    for (uint32_t b = 0; b < far->block_count; b++)
+        if (sp_surface_focus_has(focus, far->blocks[b].corner)) {
+            struct sp_surface_block *block = &points->blocks[points->block_count++];
+            *block = (struct sp_surface_block){ 0 };
+            memcpy(block->corner, far->blocks[b].corner, sizeof block->corner);
+        }
+    return true;
+}
+
+bool sp_surface_extract_near(const struct sp_surface_job *job, const struct sp_surface_focus *focus,
+                             const struct sp_surface_points *far, struct sp_arena *arena,
+                             struct sp_surface_points *points, struct sp_error *err) {
+    struct extraction e = { .job = job, .focus = focus, .points = points };
+    *points = (struct sp_surface_points){ 0 };
+    memcpy(points->split, far->split, sizeof points->split);
+    if (!list_near(points, focus, far, arena))
+        return sp_arena_fail(arena, "near points", err);
+    if (!points->block_count)
+        return true;
+    begin(&e);
+    sp_parallel_for(job->pool, points->block_count, 1, count_blocks, &e);
+    number_points(points);
+    uint16_t *memory =
+        sp_arena_alloc(arena, "near points", sp_surface_points_words(points), sizeof *memory);
+    if (!memory)
+        return sp_arena_fail(arena, "near points", err);
+    sp_surface_points_lay_out(points, memory);
+    sp_parallel_for(job->pool, points->block_count, 1, fill_blocks, &e);
+    return !sp_interrupt_is_cancelled(&job->interrupt) ||
+           sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }

@@ -29,7 +29,9 @@ struct sp_surface_footprints {
 
 /* The cells of a block, for set-up. Rectilinear axes have tables. */
 struct sp_surface_cells {
-    float base[3]; /* u of the block's corner [cells] */
+    const struct sp_surface_points *points; /* of the block */
+    float area_step;                        /* sp_surface_area_step() */
+    float base[3];                          /* u of the block's corner [cells] */
     bool is_rectilinear;
     /* By cell: its start and its length, and the local spacing at its two samples [mean spacings].
      */

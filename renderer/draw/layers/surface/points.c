@@ -22,15 +22,24 @@ uint64_t sp_surface_points_bytes(const struct sp_surface_points *points) {
                           : 0;
 }
 
-bool sp_surface_points_allocate(struct sp_surface_points *points) {
-    uint64_t length = array_length(points->count);
-    uint16_t *all = calloc(length * ARRAYS, sizeof *all);
-    for (int a = 0; all && a < 3; a++) {
-        points->at[a] = all + length * (uint64_t)a;
-        points->area[a] = (int16_t *)all + length * (uint64_t)(3 + a);
-        points->normal[a] = (int16_t *)all + length * (uint64_t)(6 + a);
+uint64_t sp_surface_points_words(const struct sp_surface_points *points) {
+    return array_length(points->count) * ARRAYS;
+}
+
+void sp_surface_points_lay_out(struct sp_surface_points *points, uint16_t *memory) {
+    const uint64_t length = array_length(points->count);
+    for (int a = 0; a < 3; a++) {
+        points->at[a] = memory + length * (uint64_t)a;
+        points->area[a] = (int16_t *)memory + length * (uint64_t)(3 + a);
+        points->normal[a] = (int16_t *)memory + length * (uint64_t)(6 + a);
     }
-    points->bend = all ? (int16_t *)all + length * 9 : NULL;
+    points->bend = (int16_t *)memory + length * 9;
+}
+
+bool sp_surface_points_allocate(struct sp_surface_points *points) {
+    uint16_t *all = calloc(sp_surface_points_words(points), sizeof *all);
+    if (all)
+        sp_surface_points_lay_out(points, all);
     return all;
 }
 

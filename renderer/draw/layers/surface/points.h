@@ -50,6 +50,10 @@ struct sp_surface_points {
 /* Chooses into how many parts the cells of a grid are split along each axis. */
 void sp_surface_points_split(const struct sp_grid *grid, uint8_t split[3]);
 
+/* Returns how many numbers of 16 bits the arrays of points->count points have. */
+uint64_t sp_surface_points_words(const struct sp_surface_points *points);
+/* Puts the arrays into memory of that size. */
+void sp_surface_points_lay_out(struct sp_surface_points *points, uint16_t *memory);
 /* Allocates the arrays of points->count points. False: out of memory. */
 bool sp_surface_points_allocate(struct sp_surface_points *points);
 void sp_surface_points_finish(struct sp_surface_points *points);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "data/volume/grid.h"
+#include "draw/layers/surface/extract.h"
 #include "draw/layers/surface/filter.h"
 #include "draw/layers/surface/merge.h"
 #include "draw/layers/surface/surface.h"
@@ -20,6 +21,9 @@ struct preparation {
  * average: then its silhouette keeps its place, and weights inside of it add up to 1 (README.md).
  */
 static const float bend = 1.5f;
+
+/* The largest deviation of a kernel, as a share of its distance from the eye (focus.h). */
+static const float widest = 0.035f;
 
 static void init_frame(struct sp_surface *s, const struct sp_surface_input *input) {
     const struct sp_filter filter = sp_surface_filter(&input->view->filter);
@@ -116,13 +120,17 @@ static int16_t bounded(double x, int limit) {
 static void project(const struct preparation *p, uint32_t b) {
     const struct sp_surface *s = p->surface;
     const struct sp_ewa_frame *f = &s->frame;
-    const struct sp_surface_block *block = &s->points->blocks[b];
+    const struct sp_surface_points *points;
+    const struct sp_surface_block *block = sp_surface_block_at(s, b, &points);
     struct sp_splat *record = &p->records[b];
     const bool is_perspective = f->projection == SP_PERSPECTIVE;
     const double reach = (double)s->reach * compute_growth(f->grid, block), near = (double)f->near;
     double corners[8][3], low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
     double first = INFINITY, last = -INFINITY;
     *record = (struct sp_splat){ .sheet = b };
+    if (s->near.block_count && points == s->points &&
+        sp_surface_focus_has(&s->focus, block->corner))
+        return;
     compute_corners(f, block, corners);
     for (int c = 0; c < 8; c++) {
         first = fmin(first, corners[c][2]);
@@ -170,11 +178,12 @@ enum { DEPTH_RANGES = 4096 };
  * order inside of each. Returns their number. */
 static uint32_t sort_blocks(struct preparation *p, uint32_t *starts) {
     struct sp_surface *s = p->surface;
-    const uint32_t count = s->points->block_count;
+    const uint32_t count = s->points->block_count + s->near.block_count;
+    const struct sp_surface_points *points;
     float low = INFINITY, high = -INFINITY;
     for (uint32_t b = 0; b < count; b++)
         if (p->records[b].x1 > p->records[b].x0) {
-            s->drawn += s->points->blocks[b].count;
+            s->drawn += sp_surface_block_at(s, b, &points)->count;
             low = fminf(low, p->records[b].depth);
             high = fmaxf(high, p->records[b].depth);
         }
@@ -247,6 +256,18 @@ static bool bin_blocks(struct sp_surface *s, uint32_t count, struct sp_arena *ar
     return true;
 }
 
+/* Makes the points close to the eye. */
+static bool focus(struct sp_surface *s, const struct sp_surface_input *input,
+                  struct sp_error *err) {
+    const struct sp_surface_job job = { input->volume, input->layer->value, input->pool,
+                                        input->interrupt };
+    s->focus = (struct sp_surface_focus){ .frame = &s->frame,
+                                          .growth = widest * s->frame.radius / s->reach };
+    if (!input->volume || s->frame.projection != SP_PERSPECTIVE)
+        return true;
+    return sp_surface_extract_near(&job, &s->focus, s->points, input->arena, &s->near, err);
+}
+
 bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface *s,
                         struct sp_error *err) {
     const struct sp_layer *layer = input->layer;
@@ -266,7 +287,9 @@ bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface 
     list_borders(s, input);
     s->columns = (s->frame.size[0] + SP_TILE - 1) / SP_TILE;
     s->rows = (s->frame.size[1] + SP_TILE - 1) / SP_TILE;
-    const uint32_t count = input->points->block_count;
+    if (!focus(s, input, err))
+        return false;
+    const uint32_t count = s->points->block_count + s->near.block_count;
     struct preparation p = { .input = input, .surface = s };
     p.records = sp_arena_alloc(input->arena, "blocks", count ? count : 1, sizeof *p.records);
     s->blocks = sp_arena_alloc(input->arena, "blocks", count ? count : 1, sizeof *s->blocks);

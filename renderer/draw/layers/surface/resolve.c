@@ -91,16 +91,21 @@ static sp_wide end_at_borders(const struct sp_surface *s, int x, int y, sp_wide 
                               const sp_wide n[3], sp_wide weight, sp_wide *share) {
     const struct sp_ewa_frame *f = &s->frame;
     const float least_side = 0.2f;
-    sp_wide ray[2];
+    sp_wide ray[2], size = sp_wide_all(1);
     compute_ray(f, x, y, ray);
     *share = sp_wide_all(1);
+    if (s->near.block_count) {
+        sp_wide distance = depth * sp_wide_sqrt(ray[0] * ray[0] + ray[1] * ray[1] + 1);
+        size = sp_wide_clamp(distance * s->focus.growth, SURFACE_SIZE_MIN, 1);
+    }
     for (uint32_t i = 0; i < s->borders.count; i++) {
         const struct sp_clip_half *h = &s->borders.planes[i];
         struct crossing c;
         cross(f, h, ray, depth, n, &c);
         if (!sp_wide_any(sp_wide_lt(c.value, s->reach + 4 * c.step)))
             continue;
-        sp_wide variance = kernel_variance(s, h->normal, n) + f->lowpass2 * c.step * c.step;
+        sp_wide variance =
+            kernel_variance(s, h->normal, n) * size * size + f->lowpass2 * c.step * c.step;
         sp_wide deviation = sp_wide_sqrt(sp_wide_max(variance, sp_wide_all(1e-12f)));
         sp_wide side = sp_wide_normal_share(c.value / deviation);
         weight /= sp_wide_max(side, sp_wide_all(least_side));

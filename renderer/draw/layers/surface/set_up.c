@@ -26,18 +26,19 @@ struct points {
     sp_wide u[3];      /* [cells] */
     sp_wide area[3];   /* [cells²] */
     sp_wide normal[3]; /* unit, or 0 */
-    sp_wide size[3];   /* local spacing [mean spacings] */
+    sp_wide size[3];   /* local spacing [mean spacings], less close to the eye */
+    sp_wide share;     /* of the kernel's size far from the eye */
 };
 
 static inline void read_places(const struct sp_surface *s, const struct sp_surface_cells *cells,
                                uint64_t first, struct points *p) {
-    const float step = 1 / SURFACE_PLACE_STEPS, face = 1 / SURFACE_AREA_STEPS;
+    const float step = 1 / SURFACE_PLACE_STEPS;
     const sp_wide one = sp_wide_all(1);
     sp_wide at[3], area[3], gap[3] = { one, one, one };
     for (int a = 0; a < 3; a++) {
-        sp_wide_int place = load_places(s->points->at[a] + first);
+        sp_wide_int place = load_places(cells->points->at[a] + first);
         at[a] = sp_wide_from_int(place) * step;
-        area[a] = load_shorts(s->points->area[a] + first) * face;
+        area[a] = load_shorts(cells->points->area[a] + first) * cells->area_step;
         p->size[a] = one;
         if (!cells->is_rectilinear)
             continue;
@@ -57,16 +58,25 @@ static inline void read_places(const struct sp_surface *s, const struct sp_surfa
     }
 }
 
-static inline void read_normals(const struct sp_surface *s, uint64_t first, struct points *p) {
+/* Makes kernels smaller that are close to the eye (focus.h). */
+static inline void focus(const struct sp_surface *s, struct points *p) {
+    sp_wide size = sp_wide_sqrt(dot(p->u, p->u)) * s->focus.growth;
+    p->share = sp_wide_clamp(size, SURFACE_SIZE_MIN, 1);
+    for (int a = 0; a < 3; a++)
+        p->size[a] *= p->share;
+}
+
+static inline void read_normals(const struct sp_surface *s, const struct sp_surface_points *points,
+                                uint64_t first, struct points *p) {
     const float unit = 1 / SURFACE_NORMAL_STEPS;
     sp_wide n[3];
     for (int a = 0; a < 3; a++)
-        n[a] = load_shorts(s->points->normal[a] + first) * unit;
+        n[a] = load_shorts(points->normal[a] + first) * unit;
     for (int r = 0; r < 3; r++) {
         const float *w = s->to_camera[r];
         p->normal[r] = w[0] * n[0] + w[1] * n[1] + w[2] * n[2];
     }
-    sp_wide bend = load_shorts(s->points->bend + first) * s->bend;
+    sp_wide bend = load_shorts(points->bend + first) * s->bend * p->share * p->share;
     for (int r = 0; r < 3; r++)
         p->u[r] += p->normal[r] * bend;
 }
@@ -203,7 +213,10 @@ void sp_surface_set_up(const struct sp_surface *s, const struct sp_surface_cells
     struct points p;
     out->seen = 0;
     read_places(s, cells, first, &p);
-    read_normals(s, first, &p);
+    p.share = one;
+    if (s->near.block_count)
+        focus(s, &p);
+    read_normals(s, cells->points, first, &p);
     sp_wide inverse = is_perspective ? 1 / sp_wide_max(p.u[2], near) : one;
     sp_wide scale = f->scale * inverse;
     sp_wide x = f->centre[0] - (float)corner[0] + scale * p.u[0];

@@ -15,7 +15,7 @@
 #include "base/arena.h"
 #include "base/isa.h"
 #include "draw/footprints/bin.h"
-#include "draw/layers/surface/points.h"
+#include "draw/layers/surface/focus.h"
 #include "frame/fragments.h"
 #include "splat/ewa.h"
 
@@ -28,7 +28,8 @@ enum {
 struct sp_surface_input {
     const struct sp_view *view;
     const struct sp_layer *layer;
-    const struct sp_grid *grid; /* of the volume */
+    const struct sp_volume *volume; /* NULL: discs close to the eye stay large */
+    const struct sp_grid *grid;     /* of the volume */
     const struct sp_surface_points *points;
     const struct sp_camera_transform *camera;
     const struct sp_shade *shade; /* NULL = not lit */
@@ -42,6 +43,8 @@ struct sp_surface_input {
 struct sp_surface {
     struct sp_ewa_frame frame;
     const struct sp_surface_points *points;
+    struct sp_surface_points near; /* of the blocks close to the eye, instead of `points` */
+    struct sp_surface_focus focus; /* growth is 0 if no block is close */
     const struct sp_shade *shade;
     float color[3], opacity;
     bool is_opaque;
@@ -58,10 +61,27 @@ struct sp_surface {
     bool cuts_near;               /* a part of the surface is nearer than the near plane */
     uint64_t drawn;               /* points of the blocks that are in the image */
     int columns, rows;            /* of tiles */
-    struct sp_splat *blocks;      /* in front-to-back order: box, `sheet` = number of the block in
-                                     points, `depth` = where it begins [cells] */
+    struct sp_splat *blocks;      /* in front-to-back order: box, `sheet` = number of the block,
+                                     `depth` = where it begins [cells] */
     struct sp_bins bins;          /* entries: numbers of `blocks` */
 };
+
+/* The block of a number: those of `points` come first, those of `near` follow. *points: its points.
+ */
+static inline const struct sp_surface_block *
+sp_surface_block_at(const struct sp_surface *s, uint32_t number,
+                    const struct sp_surface_points **points) {
+    const uint32_t far = s->points->block_count;
+    *points = number < far ? s->points : &s->near;
+    return &(*points)->blocks[number < far ? number : number - far];
+}
+
+/* Returns the area of a step of sp_surface_points.area [cell faces, of the surface's level]. */
+static inline float sp_surface_area_step(const struct sp_surface *s,
+                                         const struct sp_surface_points *points) {
+    const unsigned coarser = s->points->level - points->level;
+    return 1 / (SURFACE_AREA_STEPS * (float)(1u << 2 * coarser));
+}
 
 struct sp_surface_sheet_row {
     float weight[SURFACE_STRIDE], depth[SURFACE_STRIDE], normal[3][SURFACE_STRIDE];

@@ -202,8 +202,10 @@ static void clip_box(const struct sp_splat *record, const struct sp_fragment_til
 }
 
 static void add_block(const struct sp_surface *s, struct sp_surface_scratch *scratch,
-                      const struct sp_surface_block *block, const int corner[2]) {
+                      uint32_t number, const int corner[2]) {
     struct sp_surface_cells cells;
+    const struct sp_surface_block *block = sp_surface_block_at(s, number, &cells.points);
+    cells.area_step = sp_surface_area_step(s, cells.points);
     init_cells(s, block, &cells);
     for (uint32_t i = 0; i < block->count; i += SP_WIDE) {
         struct sp_surface_footprints f;
@@ -237,7 +239,7 @@ void sp_surface_tile(const struct sp_surface *s, struct sp_surface_scratch *scra
         clip_box(record, tile, box);
         if (depth > compute_end(scratch, box[0], box[1], box[2], box[3]))
             continue;
-        add_block(s, scratch, &s->points->blocks[record->sheet], corner);
+        add_block(s, scratch, record->sheet, corner);
         if (s->is_opaque) {
             update_hidden(s, scratch, tile, record->depth - s->depth_first);
             farthest = compute_end(scratch, 0, 0, size[0], size[1]);
