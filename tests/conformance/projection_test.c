@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Projections (draw/resample/projection.h): every backend and instruction set against brute force,
- * and against the scalar reference; what is left out where samples are not finite.
+ * and against the scalar reference; what is left out where samples are not finite. Overshoot:
+ * projection_range_test.c.
  */
 #include <math.h>
 #include <stdio.h>
@@ -17,7 +18,9 @@ enum { TARGETS_MAX = 16, STEPS = 28, MODES = 5 };
 static const double ZERO = 0.1; /* of the absorption, as a share of the range */
 
 /* dB, half a decibel below the measured value. By column: maximum, minimum, mean, sum, absorption.
- */
+ * Since 2026-11-30 the expected maximum is that of the bounded field (support/interpolant.h), whose
+ * edges have kinks: "orthographic" was 67.6 before, and "anisotropic", "phantom" and "inside" were
+ * up to 1.4 lower. */
 struct row {
     const char *name;
     test_scene_fn *scene;
@@ -26,12 +29,12 @@ struct row {
 
 static const struct row rows[] = {
     { "blobs", test_scene_blobs, { 74, 100, 86, 73.9, 77.2 } },
-    { "orthographic", test_scene_orthographic, { 67.6, 100, 81.8, 73.5, 76.2 } },
+    { "orthographic", test_scene_orthographic, { 66.9, 100, 81.8, 73.5, 76.2 } },
     { "sheared", test_scene_sheared, { 75.1, 100, 88.4, 76.4, 78.2 } },
-    { "anisotropic", test_scene_anisotropic, { 49.6, 100, 60.8, 67, 64.3 } },
+    { "anisotropic", test_scene_anisotropic, { 50.3, 100, 60.8, 67, 64.3 } },
     { "rectilinear blobs", test_scene_rectilinear_blobs, { 74.2, 100, 85.1, 78.7, 81.1 } },
-    { "phantom", test_scene_phantom, { 29.9, 100, 58.5, 58.8, 55.8 } },
-    { "inside", test_scene_inside, { 33.7, 100, 64.4, 68.3, 60.3 } },
+    { "phantom", test_scene_phantom, { 31.3, 100, 58.5, 58.8, 55.8 } },
+    { "inside", test_scene_inside, { 34.2, 100, 64.4, 68.3, 60.3 } },
     { "clip plane", test_scene_clip_plane, { 75, 111.1, 80.3, 70.7, 71.2 } },
     { "clip box", test_scene_clip_box, { 70.1, 91.1, 80.2, 71.8, 71.6 } },
 };

@@ -26,6 +26,10 @@ static void fill(struct test_interpolant *f, int axis) {
                     at = at < 0 ? 0 : at >= n ? n - 1 : at;
                     sum += weight(tap) * line[at * step[axis]];
                 }
+                if (f->is_bounded) {
+                    double before = line[(i - 1) * step[axis]], behind = line[(i + 1) * step[axis]];
+                    sum = fmin(fmax(sum, fmin(before, behind)), fmax(before, behind));
+                }
                 line[i * step[axis]] = sum;
             }
         }
@@ -53,8 +57,10 @@ static bool init_values(struct test_interpolant *f) {
                 low = fmin(low, value);
                 high = fmax(high, value);
             }
-    for (int a = 0; a < 3; a++)
-        fill(f, a);
+    const int across = f->slices == 0 ? 1 : 0, down = f->slices == 2 ? 1 : 2;
+    const int order[3] = { across, f->slices, down };
+    for (int k = 0; k < 3; k++)
+        fill(f, order[k]);
     for (size_t i = 0; i < count; i++)
         f->values[i] = fmin(fmax(f->values[i], low), high);
     return true;
@@ -173,12 +179,39 @@ bool test_interpolant_to_index(const struct test_interpolant *f, const double wo
     return is_kept(f, distance, world);
 }
 
-bool test_interpolant_init(struct test_interpolant *f, const struct test_scene *scene) {
+/* The axis along which the camera looks most, in samples. */
+static int axis_of_slices(const struct test_interpolant *f) {
+    double w[3][3], along[3];
+    int best = 0;
+    test_camera_axes(&f->scene->view.camera, w);
+    for (int a = 0; a < 3; a++) {
+        along[a] = 0;
+        for (int r = 0; r < 3; r++)
+            along[a] += f->inverse[a][r] * w[2][r];
+        along[a] = fabs(along[a] / f->grid->spacing[a]);
+        if (along[a] >= along[best])
+            best = a;
+    }
+    return best;
+}
+
+static bool init(struct test_interpolant *f, const struct test_scene *scene, bool is_bounded) {
     double direction[3][3];
-    *f = (struct test_interpolant){ .scene = scene, .grid = &scene->info.grid };
+    *f = (struct test_interpolant){ .scene = scene,
+                                    .grid = &scene->info.grid,
+                                    .is_bounded = is_bounded };
     memcpy(direction, f->grid->direction, sizeof direction);
     test_invert(direction, f->inverse);
+    f->slices = axis_of_slices(f);
     return init_values(f);
+}
+
+bool test_interpolant_init(struct test_interpolant *f, const struct test_scene *scene) {
+    return init(f, scene, false);
+}
+
+bool test_interpolant_init_bounded(struct test_interpolant *f, const struct test_scene *scene) {
+    return init(f, scene, true);
 }
 
 void test_interpolant_finish(struct test_interpolant *f) {

@@ -9,7 +9,7 @@
 #include "support/sample.h"
 
 struct walker {
-    struct test_interpolant field;
+    struct test_interpolant field, bounded; /* of extremes: the bounded one */
     double zero[2];
     double *second; /* the numbers of the next pixel for the second zero */
 };
@@ -28,8 +28,9 @@ static void follow(void *user, const double eye[3], const double ahead[3], doubl
         if (!test_interpolant_to_index(&w->field, world, index))
             continue;
         double value = test_interpolant_value(&w->field, index);
-        number[0] = fmax(number[0], value);
-        number[1] = fmin(number[1], value);
+        double extreme = test_interpolant_value(&w->bounded, index);
+        number[0] = fmax(number[0], extreme);
+        number[1] = fmin(number[1], extreme);
         number[2] += fmax(value - w->zero[0], 0) * step;
         other += fmax(value - w->zero[1], 0) * step;
         number[3] += step;
@@ -43,10 +44,12 @@ bool test_projected(const struct test_scene *scene, unsigned steps, const double
                     struct test_image numbers[2]) {
     struct walker w = { .zero = { zero[0], zero[1] } };
     bool ok = test_image_init(&numbers[1], scene->view.size[0], scene->view.size[1]) &&
-              test_interpolant_init(&w.field, scene);
+              test_interpolant_init(&w.field, scene) &&
+              test_interpolant_init_bounded(&w.bounded, scene);
     w.second = numbers[1].rgba;
     ok = ok && test_each_ray(scene, steps, follow, &w, &numbers[0]);
     test_interpolant_finish(&w.field);
+    test_interpolant_finish(&w.bounded);
     return ok;
 }
 

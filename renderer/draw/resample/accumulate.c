@@ -2,7 +2,9 @@
  *
  * Reduces the interval of the rays between two sheets to a number, and adds it to the number of
  * each ray. The value in an interval is the polynomial of degree 2 through its ends and its middle
- * (integrate.c): the largest value is that of its vertex, the integral is Simpson's.
+ * (integrate.c): the largest value is that of its vertex, the integral is Simpson's. A maximum or a
+ * minimum is kept between the refined samples around the ends, so that it never overshoots the
+ * volume's own samples there.
  */
 #include "draw/resample/sheet_sample.h"
 #include "frame/resolve.h"
@@ -28,25 +30,26 @@ struct span {
     sp_wide_mask known; /* all samples around are finite */
 };
 
-/* The value on the sheet; the code of no value beside samples that are not finite. */
-static inline sp_wide known_values(const struct sp_resample_open_tile *t,
-                                   const struct sp_rays *rays, int number) {
+/* Returns the values on the sheet, and sets `range` to the range of the four refined samples around
+ * each. */
+static inline sp_wide read_values(const struct sp_resample_open_tile *t, const struct sp_rays *rays,
+                                  int number, sp_wide range[2]) {
     const struct sp_resample_sheet *sheet = &t->scratch->sheets[number % RESAMPLE_SHEETS];
     struct place place;
     compute_place(t, sheet, rays, &place);
-    sp_wide_int pair[2];
-    sp_wide least = sp_wide_all(INFINITY);
-    for (int k = 0; k < 2; k++) {
-        pair[k] = sp_fetch_pairs(sheet->refined + k * sheet->width, place.index);
-        least = sp_wide_min(least, sp_wide_from_int(pair[k] & 0xffff));
-        least = sp_wide_min(least, sp_wide_from_int(pair[k] >> 16));
-    }
-    sp_wide value = mix_pairs(&place, pair[0], pair[1]) * (1.0f / SAMPLE_ONE);
-    return sp_wide_keep(sp_wide_lt(sp_wide_all(none_below), least), value);
+    sp_wide_int above = sp_fetch_pairs(sheet->refined, place.index);
+    sp_wide_int below = sp_fetch_pairs(sheet->refined + sheet->width, place.index);
+    const sp_wide_short pairs[2] = { (sp_wide_short)above, (sp_wide_short)below };
+    sp_wide_int least = (sp_wide_int)sp_wide_short_min(pairs[0], pairs[1]);
+    sp_wide_int most = (sp_wide_int)sp_wide_short_max(pairs[0], pairs[1]);
+    range[0] = sp_wide_min(sp_wide_from_int(least & 0xffff), sp_wide_from_int(least >> 16));
+    range[1] = sp_wide_max(sp_wide_from_int(most & 0xffff), sp_wide_from_int(most >> 16));
+    return mix_pairs(&place, above, below) * (1.0f / SAMPLE_ONE);
 }
 
 static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
                        int number) {
+    const struct sp_reduction *r = &t->r->reduction;
     const int slot = number & 3;
     if (block->value_sheet[slot] == number)
         return;
@@ -54,9 +57,17 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         struct sp_rays rays = { sp_wide_load(block->u + i), sp_wide_load(block->v + i),
                                 sp_wide_load(block->du + i), sp_wide_load(block->dv + i) };
-        sp_wide_store(block->value[slot] + i, t->r->reduction.leaves_out
-                                                  ? known_values(t, &rays, number)
-                                                  : sp_sample_values(t, &rays, number));
+        sp_wide range[2], value;
+        if (!r->is_extreme && !r->leaves_out) {
+            sp_wide_store(block->value[slot] + i, sp_sample_values(t, &rays, number));
+            continue;
+        }
+        value = read_values(t, &rays, number, range);
+        if (r->leaves_out) /* the code of no value beside samples that are not finite */
+            value = sp_wide_keep(sp_wide_lt(sp_wide_all(none_below), range[0]), value);
+        if (r->is_extreme)
+            sp_wide_store(block->slope[slot][0] + i, r->sign > 0 ? range[1] : -range[0]);
+        sp_wide_store(block->value[slot] + i, value);
     }
     t->scratch->sampled += RESAMPLE_PIXELS;
 }
@@ -82,20 +93,30 @@ static inline void read_span(const struct gap *gap, int i, struct span *span) {
                       : sp_wide_all(1);
 }
 
-/* Returns the largest sign·value in the interval, or of that and `before`. */
-static inline sp_wide compute_most(const struct gap *gap, const struct span *span, sp_wide before) {
+/* Returns the largest sign·value in the interval of the rays from pixel i on, or of that and
+ * `before`. */
+static inline sp_wide compute_most(const struct gap *gap, int i, const struct span *span,
+                                   sp_wide before) {
+    const struct sp_resample_block *block = gap->block;
+    const int first = gap->number & 3, second = (gap->number + 1) & 3; /* sheets */
     const float sign = gap->reduction->sign;
     sp_wide a = sign * span->value[0], b = sign * span->value[1], c = sign * span->value[2];
-    sp_wide most = sp_wide_max(sp_wide_max(a, c), sp_wide_max(b, before));
+    sp_wide most = sp_wide_max(sp_wide_max(a, c), b);
     /* The polynomial has a vertex between the ends if its slopes there have other signs. The vertex
      * exceeds the middle by −bend/2 at most. */
     sp_wide bend = a + c - 2 * b, change = c - a;
-    if (!sp_wide_any(sp_wide_lt(most, b - 0.5f * bend)))
-        return most;
+    if (!gap->is_cut && !sp_wide_any(sp_wide_lt(sp_wide_max(most, before), b - 0.5f * bend)))
+        return sp_wide_max(most, before); /* not the middle, unless it is below `before` */
     sp_wide_mask is_inside =
         sp_wide_lt(bend, sp_wide_all(-1e-3f)) & sp_wide_lt(sp_wide_abs(change), -2 * bend);
     sp_wide vertex = b - change * change / (8 * bend);
-    return sp_wide_select(is_inside, sp_wide_max(most, vertex), most);
+    most = sp_wide_select(is_inside, sp_wide_max(most, vertex), most);
+    /* The polynomial overshoots, and clipping may leave no other part of it. */
+    sp_wide low = sp_wide_min(sign * sp_wide_load(block->value[first] + i),
+                              sign * sp_wide_load(block->value[second] + i));
+    sp_wide high = sp_wide_max(sp_wide_load(block->slope[first][0] + i),
+                               sp_wide_load(block->slope[second][0] + i));
+    return sp_wide_max(sp_wide_max(sp_wide_min(most, high), low), before);
 }
 
 /* Adds the interval to SP_WIDE rays from pixel i on; returns their numbers. */
@@ -114,7 +135,7 @@ static inline sp_wide add_span(const struct gap *gap, int i) {
         sp_wide_store(seen, sp_wide_load(seen) + sp_wide_keep(counts, length));
     }
     if (r->is_extreme) {
-        after = compute_most(gap, &span, before);
+        after = compute_most(gap, i, &span, before);
     } else {
         sp_wide sum = zero;
         for (int k = 0; k < 3; k++)

@@ -5,7 +5,8 @@
  *
  *   (3, −25, 150, 150, −25, 3)/256
  *
- * so samples keep their values and thin structures keep their contrast.
+ * so samples keep their values and thin structures keep their contrast. For a maximum or a minimum
+ * it is kept between the two samples beside it (projections.md).
  *
  *   read           double across         (mix)                double down
  *   a row   ──►    a row of the    ──►   rows of six    ──►   two rows of the sheet, from six rows
@@ -66,8 +67,22 @@ static inline sp_wide_short between_known(const sp_wide_short x[TAPS]) {
     return (sp_wide_short_max(value, lowest) & is_known) | (none & ~is_known);
 }
 
-static inline sp_wide_short halfway(const sp_wide_short x[TAPS], bool has_none) {
-    return has_none ? between_known(x) : between(x);
+/* How samples between others are made. */
+struct rule {
+    bool has_none;   /* some codes are none */
+    bool is_bounded; /* a sample is kept between the two beside it */
+};
+
+static inline struct rule rule_of(const struct sp_resample_open_tile *t) {
+    return (struct rule){ t->r->reduction.leaves_out, t->r->reduction.is_extreme };
+}
+
+static inline sp_wide_short halfway(const sp_wide_short x[TAPS], struct rule rule) {
+    sp_wide_short value = rule.has_none ? between_known(x) : between(x);
+    if (rule.is_bounded)
+        value = sp_wide_short_max(sp_wide_short_min(value, sp_wide_short_max(x[2], x[3])),
+                                  sp_wide_short_min(x[2], x[3]));
+    return value;
 }
 
 /* Takes the first columns from a set of units: the columns of neighbouring units, and of units that
@@ -207,12 +222,12 @@ static struct sp_resample_rows *rows_of(const struct sp_resample_open_tile *t,
 }
 
 /* Doubles the samples of a row: its own and those between them, in turns. */
-static inline void double_across(const uint16_t *from, int count, uint16_t *out, bool has_none) {
+static inline void double_across(const uint16_t *from, int count, uint16_t *out, struct rule rule) {
     for (int i = 0; i < count; i += SP_WIDE_SHORT) {
         sp_wide_short x[TAPS], both[2];
         for (int k = 0; k < TAPS; k++)
             x[k] = sp_wide_short_load(from + i + k);
-        sp_fetch_alternate(x[BEFORE], halfway(x, has_none), both);
+        sp_fetch_alternate(x[BEFORE], halfway(x, rule), both);
         sp_wide_short_store(out + 2 * i, both[0]);
         if (i + SP_WIDE < count)
             sp_wide_short_store(out + 2 * i + SP_WIDE_SHORT, both[1]);
@@ -223,19 +238,24 @@ static inline void double_across(const uint16_t *from, int count, uint16_t *out,
  * read across two others waits until these have reached the cache. */
 struct pending {
     int count;
-    bool has_none; /* some codes are none */
+    struct rule rule;
     int columns[PENDING];
     uint16_t *out[PENDING];
     _Alignas(64) uint16_t codes[PENDING][ROWS_MEMORY];
 };
 
 static void double_pending(struct pending *pending) {
+    const struct rule rule = pending->rule;
     for (int i = 0; i < pending->count; i++) {
         const uint16_t *codes = pending->codes[i] + ROWS_MARGIN;
-        if (pending->has_none)
-            double_across(codes, pending->columns[i], pending->out[i], true);
+        uint16_t *out = pending->out[i];
+        int columns = pending->columns[i];
+        if (rule.has_none)
+            double_across(codes, columns, out, (struct rule){ true, rule.is_bounded });
+        else if (rule.is_bounded)
+            double_across(codes, columns, out, (struct rule){ false, true });
         else
-            double_across(codes, pending->columns[i], pending->out[i], false);
+            double_across(codes, columns, out, (struct rule){ false, false });
     }
     pending->count = 0;
 }
@@ -270,7 +290,7 @@ static struct sp_resample_rows *fill_rows(const struct sp_resample_open_tile *t,
     int shift = (sheet->first[0] - rows->origin[0]) >> t->unit_bits;
     struct pending pending;
     pending.count = 0;
-    pending.has_none = t->r->reduction.leaves_out;
+    pending.rule = rule_of(t);
     for (int j = 0; j < count; j++) {
         uint64_t units = t->scratch->around[j] << shift & ~rows->filled[first + j];
         if (units)
@@ -289,7 +309,7 @@ static const uint16_t *start_of(const struct sp_resample_rows *rows, const struc
 /* Makes the rows of a sheet half way between the third and the fourth of six slices. */
 static void mix_rows(const struct sp_resample_open_tile *t, const struct region *region,
                      struct sp_resample_rows *const slices[TAPS], struct sp_resample_rows *out) {
-    const bool has_none = t->r->reduction.leaves_out;
+    const struct rule rule = rule_of(t);
     const uint16_t *from[TAPS];
     int count = region->last[1] - region->first[1] + TAPS, begin, end;
     open_rows(t, region, INT_MIN, out);
@@ -303,7 +323,7 @@ static void mix_rows(const struct sp_resample_open_tile *t, const struct region 
                 sp_wide_short x[TAPS];
                 for (int k = 0; k < TAPS; k++)
                     x[k] = sp_wide_short_load(from[k] + i);
-                sp_wide_short_store(to + i, halfway(x, has_none));
+                sp_wide_short_store(to + i, halfway(x, rule));
             }
         for (int k = 0; k < TAPS; k++)
             from[k] += slices[k]->width;
@@ -319,7 +339,7 @@ static inline void write_codes(sp_wide_short x, sp_wide_short lowest, uint16_t *
 /* Doubles rows down into the sheet. */
 static void double_down(const struct sp_resample_open_tile *t, const struct region *region,
                         const struct sp_resample_rows *rows, struct sp_resample_sheet *sheet) {
-    const bool has_none = t->r->reduction.leaves_out;
+    const struct rule rule = rule_of(t);
     const sp_wide_short lowest = sp_wide_short_all(ROWS_RAISED + (int)t->r->lowest);
     const uint16_t *from = start_of(rows, region);
     const ptrdiff_t width = rows->width, next = sheet->width;
@@ -333,7 +353,7 @@ static void double_down(const struct sp_resample_open_tile *t, const struct regi
                 for (int k = 0; k < TAPS; k++)
                     x[k] = sp_wide_short_load(from + k * width + i);
                 write_codes(x[BEFORE], lowest, out + i);
-                write_codes(halfway(x, has_none), lowest, out + next + i);
+                write_codes(halfway(x, rule), lowest, out + next + i);
             }
             count += end - begin;
         }

@@ -119,11 +119,13 @@ struct sp_resample_block {
     /* Premultiplied. A projection, until it is closed: color[0] is the number so far; color[1] is
      * the length of the ray that counts, if samples can be left out. */
     float color[3][RESAMPLE_PIXELS];
-    float value[4][RESAMPLE_PIXELS];    /* on the last sheets that were read, by number modulo 4 */
-    int value_sheet[4];                 /* numbers of these sheets */
-    float slope[4][2][RESAMPLE_PIXELS]; /* gradients on these sheets, along u and v */
-    uint64_t has_slope[4];              /* bit per pixel */
-    float normal[3][RESAMPLE_PIXELS];   /* gradient of the last surface on the ray */
+    float value[4][RESAMPLE_PIXELS]; /* on the last sheets that were read, by number modulo 4 */
+    int value_sheet[4];              /* numbers of these sheets */
+    /* Gradients on these sheets, along u and v. Maximum and minimum projections: the first one is
+     * the largest sign·code of the refined samples around the value. */
+    float slope[4][2][RESAMPLE_PIXELS];
+    uint64_t has_slope[4];            /* bit per pixel */
+    float normal[3][RESAMPLE_PIXELS]; /* gradient of the last surface on the ray */
     /* The curve's integral where the last interval ended, in an order that the kernel knows. */
     float entry[4][RESAMPLE_PIXELS];
     float entry_bin[RESAMPLE_PIXELS];

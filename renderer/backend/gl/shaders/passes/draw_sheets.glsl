@@ -35,8 +35,13 @@ const int COLORS = 1024;
 const float TAP0 = 150.0 / 256.0, TAP1 = -25.0 / 256.0, TAP2 = 3.0 / 256.0;
 
 shared vec4 rays[PIXELS];      // u, v, du, dv
+#if PROJECTION
+shared float raw[6 * RAW];     // of six slices, (width + 5) × (height + 5) each
+shared vec2 across[RAW];       // width × (height + 5): a sample, and the value half way to the next one
+#else
 shared float raw[RAW];         // (width + 5) × (height + 5)
 shared float between_rows[RAW]; // (width + 5) × height
+#endif
 shared uint refined[REFINED];   // width × 2·height: two 16-bit codes per word
 shared uint seen[SLABS];       // by slab of regions: the intervals in which the block may see something
 shared uint intervals[ACTIVE];    // the same by interval between sheets, from the first one of the dispatch on
@@ -184,13 +189,16 @@ int find_next(int n) {
 
 // The value half way between the third and the fourth of six neighbours.
 float between(float a, float b, float c, float d, float e, float f) {
+    float value = (c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2;
 #if PROJECTION
     if (choices.z != 0 && min(min(min(a, b), min(c, d)), min(e, f)) < NONE_BELOW)
         return min(c, d) < NONE_BELOW ? 0.0 : 0.5 * (c + d);
     if (choices.z != 0)
-        return max((c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2, CODE_MIN);
+        value = max(value, CODE_MIN);
+    if (choices.x != 0)
+        value = clamp(value, min(c, d), max(c, d));
 #endif
-    return (c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2;
+    return value;
 }
 
 // The code of a slice at sample p.
@@ -199,17 +207,76 @@ float read(ivec2 p, int z) {
     return code_of(uint(p.x) * strides.x + uint(p.y) * strides.y + uint(clamp(z, 0, last.z)) * strides.z);
 }
 
+uint to_word(float even, float odd) {
+    vec2 code = min(max(vec2(even, odd), code_scale.w), CODE_MAX) + 0.5;
+    return uint(code.x) | uint(code.y) << 16;
+}
+
+#if PROJECTION
+vec2 between(vec2 x[6]) {
+    return vec2(between(x[0].x, x[1].x, x[2].x, x[3].x, x[4].x, x[5].x),
+                between(x[0].y, x[1].y, x[2].y, x[3].y, x[4].y, x[5].y));
+}
+
+// The third of six neighbours from `raw` on, and the value half way to the fourth one.
+vec2 read_across(int at) {
+    return vec2(raw[at + 2], between(raw[at], raw[at + 1], raw[at + 2], raw[at + 3], raw[at + 4], raw[at + 5]));
+}
+
+// Refines the samples [first, first + count) of the slice of sheet n. Every thread must call it. A value that is kept between
+// its neighbours depends on the order of the axes, so the order is that of the processor: across, between slices, down.
+void refine(ivec2 first, ivec2 count, int n) {
+    int width = count.x + 5, size = width * (count.y + 5), i = int(thread) % width, j = int(thread) / width;
+    ivec2 skip = ivec2(int(PIXELS) % width, int(PIXELS) / width);
+    int whole = int(floor(slice_of(n))), slices_read = slice_of(n) > float(whole) ? 6 : 1;
+    int slice = slices_read == 6 ? whole - 2 : whole;
+    for (int k = int(thread); k < size; k += int(PIXELS)) {
+        for (int z = 0; z < slices_read; z++)
+            raw[z * RAW + k] = read(first - 2 + ivec2(i, j), slice + z);
+        i += skip.x;
+        j += skip.y + (i >= width ? 1 : 0);
+        i -= i >= width ? width : 0;
+    }
+    barrier();
+    size = count.x * (count.y + 5);
+    i = int(thread) % count.x;
+    j = int(thread) / count.x;
+    skip = ivec2(int(PIXELS) % count.x, int(PIXELS) / count.x);
+    for (int k = int(thread); k < size; k += int(PIXELS)) {
+        vec2 own[6];
+        for (int z = 0; z < slices_read; z++)
+            own[z] = read_across(z * RAW + j * width + i);
+        across[k] = own[0];
+        for (int z = 1; z < slices_read; z += 5) // once: software GL computes both sides of a condition
+            across[k] = between(own);
+        i += skip.x;
+        j += skip.y + (i >= count.x ? 1 : 0);
+        i -= i >= count.x ? count.x : 0;
+    }
+    barrier();
+    size = count.x * count.y;
+    i = int(thread) % count.x;
+    for (int k = int(thread); k < size; k += int(PIXELS)) {
+        vec2 own[6];
+        for (int t = 0; t < 6; t++)
+            own[t] = across[k + t * count.x];
+        int word = 2 * k - i; // in row 2·j
+        refined[word] = to_word(own[2].x, own[2].y);
+        vec2 below = between(own);
+        refined[word + count.x] = to_word(below.x, below.y);
+        i += skip.x;
+        i -= i >= count.x ? count.x : 0;
+    }
+    is_live = live_at == n; // before the barrier: later threads may be at the next sheet
+    barrier();
+}
+#else
 // The code half way between slices z and z + 1.
 float read_between(ivec2 p, int z) {
     float own[6];
     for (int k = 0; k < 6; k++)
         own[k] = read(p, z + k - 2);
     return between(own[0], own[1], own[2], own[3], own[4], own[5]);
-}
-
-uint to_word(float even, float odd) {
-    vec2 code = min(max(vec2(even, odd), code_scale.w), CODE_MAX) + 0.5;
-    return uint(code.x) | uint(code.y) << 16;
 }
 
 // Refines the samples [first, first + count) of the slice of sheet n. Every thread must call it.
@@ -249,13 +316,15 @@ void refine(ivec2 first, ivec2 count, int n) {
     is_live = live_at == n; // before the barrier: later threads may be at the next sheet
     barrier();
 }
+#endif
 
 float code_at(ivec2 p, int width) {
     uint word = refined[p.y * width + (p.x >> 1)];
     return float(word >> (16 * (p.x & 1)) & 0xffffu);
 }
 
-// The value on the sheet at refined sample p + part, and its differences along u and v over one sample.
+// The value on the sheet at refined sample p + part, and its differences along u and v over one sample. A projection: the
+// value, and the range of the refined samples around.
 vec3 sample_at(ivec2 p, vec2 part, int width) {
     float a = code_at(p, width), b = code_at(p + ivec2(1, 0), width);
     float c = code_at(p + ivec2(0, 1), width), d = code_at(p + 1, width);
@@ -272,8 +341,10 @@ vec3 sample_at(ivec2 p, vec2 part, int width) {
     return vec3(value, right - left, below - above);
 #else
 #if PROJECTION
-    if (choices.z != 0 && min(min(a, b), min(c, d)) < NONE_BELOW)
+    float least = min(min(a, b), min(c, d)), most = max(max(a, b), max(c, d));
+    if (choices.z != 0 && least < NONE_BELOW)
         value = 0.0;
+    return vec3(value, least, most);
 #endif
     return vec3(value, 0.0, 0.0);
 #endif
@@ -495,10 +566,12 @@ void integrate(int n, vec3 value[4]) {
         return;
     }
     x *= sign;
-    float bend = x.x + x.z - 2.0 * x.y, change = x.z - x.x;
-    pixel.y = max(pixel.y, max(max(x.x, x.z), x.y));
+    float bend = x.x + x.z - 2.0 * x.y, change = x.z - x.x, most = max(max(x.x, x.z), x.y);
+    float low = min(sign * value[1].x, sign * value[2].x);
+    float high = sign > 0.0 ? max(value[1].z, value[2].z) : -min(value[1].y, value[2].y);
     if (bend < -1e-3 && abs(change) < -2.0 * bend)
-        pixel.y = max(pixel.y, x.y - change * change / (8.0 * bend));
+        most = max(most, x.y - change * change / (8.0 * bend));
+    pixel.y = max(pixel.y, max(min(most, high), low));
     if (pixel.y >= numbers[0].z)
         pixel.x = 0.0;
 }
