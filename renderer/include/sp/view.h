@@ -114,7 +114,8 @@ struct sp_filter {            /* "/filter" */
     enum sp_filter_mode mode; /* [adaptive] */
     enum sp_kernel kernel;    /* [gaussian] */
     double sigma;   /* standard deviation of the kernel, voxels, [0.3, 2]; gaussian only [0.7] */
-    double cutoff;  /* Mahalanobis radius where footprints end, [1, 6]; gaussian only [3] */
+    double cutoff;  /* Mahalanobis radius where footprints end, [1, 6]; gaussian only. From 3 on,
+                       post-convolved sheets of the CPU draw the Gaussian without an end [3] */
     double lowpass; /* standard deviation of the low-pass filter, px, [0, 8]; 0 = none [1] */
     double c_min;   /* lower adaptive threshold (Chen et al. 2004, eq. 7), no unit, > 0, <= c_max
                        [0.07] */
