@@ -79,6 +79,19 @@ static void fading(struct scene *s) {
     open_scene(s, true);
 }
 
+/* The mesh has no colours, so the layer's colour is drawn although `colors` is own. The vertices
+ * keep their opacities. */
+static void plain(struct scene *s) {
+    static const double green[3] = { 0.1, 0.7, 0.2 };
+    assert_true(test_mesh_torus(&s->mesh, 24, 5, 2.4));
+    s->mesh.shape.lacks_colors = true;
+    for (uint32_t i = 0; i < s->mesh.shape.vertex_count; i++)
+        s->mesh.colors[i][3] = 0.8f;
+    open_scene(s, true);
+    for (int c = 0; c < 3; c++)
+        s->view.layers[0].color[c] = (float)green[c];
+}
+
 static void near_by(struct scene *s) {
     torus(s);
     look(s, 9);
@@ -137,10 +150,11 @@ struct row {
 static const struct row rows[] = {
     { "torus", torus, 46.7 },       { "ball of many", ball_of_many, 45.7 },
     { "cube", cube, 45.5 },         { "translucent", translucent, 49.9 },
-    { "fading", fading, 49.2 },     { "near", near_by, 47.2 },
-    { "inside", inside, 46.3 },     { "parallel", parallel, 44.8 },
-    { "cut", cut, 46.1 },           { "turned", turned, 46.4 },
-    { "far away", far_away, 44.0 }, { "fine", fine, 48.6 },
+    { "fading", fading, 49.2 },     { "plain", plain, 48.5 },
+    { "near", near_by, 47.2 },      { "inside", inside, 46.3 },
+    { "parallel", parallel, 44.8 }, { "cut", cut, 46.1 },
+    { "turned", turned, 46.4 },     { "far away", far_away, 44.0 },
+    { "fine", fine, 48.6 },
 };
 enum { ROWS = sizeof rows / sizeof rows[0] };
 

@@ -219,14 +219,15 @@ static void volumes_are_encoded(void **state) {
     assert_int_equal(bytes, 13 * 131072);
     free(text);
     proto_json_free(&volume);
-    info.elements = (struct sp_elements_shape){ SP_KIND_GAUSSIANS, 7, 0, 2, false };
+    info.elements =
+        (struct sp_elements_shape){ .kind = SP_KIND_GAUSSIANS, .count = 7, .degree = 2 };
     info.element_spacing = 0.5;
     volume = proto_volume_encode(&info, "an id", false);
     text = proto_json_to_text(proto_json_get(volume, "elements"), NULL);
     assert_string_equal(text, "{\"count\":7,\"spacing\":0.5,\"degree\":2}");
     free(text);
     proto_json_free(&volume);
-    info.elements = (struct sp_elements_shape){ SP_KIND_POINTS, 9, 0, 0, false };
+    info.elements = (struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = 9 };
     info.folded = 4;
     strcpy(info.warnings[0], "One.");
     strcpy(info.warnings[1], "Two.");
@@ -241,7 +242,7 @@ static void volumes_are_encoded(void **state) {
     proto_json_free(&volume);
     info.folded = 0;
     info.warnings[0][0] = 0;
-    info.elements = (struct sp_elements_shape){ SP_KIND_GRID, 0, 0, 0, false };
+    info.elements = (struct sp_elements_shape){ .kind = SP_KIND_GRID };
     const double x[3] = { 0, 1, 4 }, z[2] = { 0, 2.5 };
     info.grid = (struct sp_grid){ .dims = { 3, 64, 2 }, .coordinates = { x, NULL, z } };
     volume = proto_volume_encode(&info, "an id", false);
@@ -274,7 +275,7 @@ static void only_grids_have_noise_and_unknown_noise_is_null(void **state) {
     check_noise(&info, "2.5");
     info.noise = NAN;
     check_noise(&info, "null");
-    info.elements = (struct sp_elements_shape){ SP_KIND_POINTS, 9, 0, 0, false };
+    info.elements = (struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = 9 };
     check_noise(&info, NULL);
 }
 

@@ -224,9 +224,10 @@ static void init_triangles(struct scene *s, const struct sp_elements *mesh) {
             }
             turn_normal(m, mesh->normals[vertex], t->n[k]);
             for (int c = 0; c < 4; c++)
-                t->color[k][c] = c < 3 && s->layer->colors == SP_COLORS_OF_LAYER
-                                     ? (double)s->layer->color[c]
-                                     : (double)mesh->colors[vertex][c];
+                t->color[k][c] =
+                    c < 3 && (s->layer->colors == SP_COLORS_OF_LAYER || mesh->shape.lacks_colors)
+                        ? (double)s->layer->color[c]
+                        : (double)mesh->colors[vertex][c];
         }
         if (!is_finite)
             continue;

@@ -48,7 +48,8 @@ struct sp_elements_shape sp_handover_shape(const struct sp_handover_header *head
                                        .vertex_count = header->vertex_count,
                                        .degree = header->degree,
                                        .has_vectors =
-                                           header->kind != SP_KIND_GRID && header->has_vectors };
+                                           header->kind != SP_KIND_GRID && header->has_vectors,
+                                       .lacks_colors = header->lacks_colors };
 }
 
 /* The samples, vectors and coordinates. */
@@ -179,6 +180,9 @@ static bool check_header(struct sp_handover_header *header, const char *place,
     if (header->has_vectors > 1)
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent vectors of an unknown kind");
+    if (header->lacks_colors > 1)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent colours of an unknown kind");
     if (header->level > 0 && header->level >= header->level_count)
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent a level of detail that is not there");

@@ -37,7 +37,7 @@
 
 enum {
     SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
-    SP_HANDOVER_VERSION = 14,
+    SP_HANDOVER_VERSION = 15,
 };
 
 enum sp_handover_kind {
@@ -78,6 +78,7 @@ struct sp_handover_header {
     uint32_t has_times;          /* 0 or 1: `steps` float64 follow everything else */
     uint32_t kind, count, vertex_count, degree; /* struct sp_elements_shape; of elements the grid is
                                                    one float32 sample */
+    uint32_t lacks_colors;                      /* 0 or 1: the same */
     double spacing[3], origin[3], direction[3][3]; /* as in struct sp_grid */
     uint64_t bytes;                                /* product(dims) · size of the type */
     struct sp_vertical vertical;                   /* its unit is printable and ends with 0 */

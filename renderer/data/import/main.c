@@ -173,6 +173,7 @@ static bool say_header(struct job *job) {
     message.header.count = h->elements.count;
     message.header.vertex_count = h->elements.vertex_count;
     message.header.degree = h->elements.degree;
+    message.header.lacks_colors = h->elements.lacks_colors;
     message.header.has_vectors = h->has_vectors;
     message.header.level = h->level;
     message.header.level_count = h->level_count;

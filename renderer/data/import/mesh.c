@@ -110,6 +110,7 @@ static bool read_triangles(struct mesh *m, struct sp_error *err) {
     bool ok = true;
     for (unsigned n = 0; ok && m->call->part(m->bridge, n, &m->part); n++) {
         const size_t bytes = (m->part.vertices + (size_t)1) * sizeof *m->numbers;
+        m->parts.has_colors |= m->part.has_colors;
         m->numbers = malloc(bytes);
         if (m->numbers)
             memset(m->numbers, 0xff, bytes);

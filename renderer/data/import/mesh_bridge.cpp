@@ -183,24 +183,27 @@ static void close_mesh(mesh_bridge *bridge) {
 // The colour of a mesh whose file gives none.
 static const aiColor4D plain(0.8f, 0.8f, 0.8f, 1);
 
-static aiColor4D material_color(const mesh_bridge *bridge, const aiMesh *mesh) {
-    aiColor4D color = plain;
+// Returns false if the file gives no colour.
+static bool material_color(const mesh_bridge *bridge, const aiMesh *mesh, aiColor4D &color) {
     aiString name, mode;
     float opacity = 1;
+    color = plain;
     if (mesh->mMaterialIndex >= bridge->scene->mNumMaterials)
-        return color;
+        return false;
     const aiMaterial *material = bridge->scene->mMaterials[mesh->mMaterialIndex];
     if (material->Get(AI_MATKEY_NAME, name) == aiReturn_SUCCESS &&
         strcmp(name.C_Str(), AI_DEFAULT_MATERIAL_NAME) == 0)
-        return color;
-    if (material->Get(AI_MATKEY_BASE_COLOR, color) != aiReturn_SUCCESS &&
-        material->Get(AI_MATKEY_COLOR_DIFFUSE, color) == aiReturn_SUCCESS &&
-        material->Get(AI_MATKEY_OPACITY, opacity) == aiReturn_SUCCESS)
-        color.a = opacity;
+        return false;
+    bool is_found = material->Get(AI_MATKEY_BASE_COLOR, color) == aiReturn_SUCCESS;
+    if (!is_found) {
+        is_found = material->Get(AI_MATKEY_COLOR_DIFFUSE, color) == aiReturn_SUCCESS;
+        if (is_found && material->Get(AI_MATKEY_OPACITY, opacity) == aiReturn_SUCCESS)
+            color.a = opacity;
+    }
     if (material->Get(AI_MATKEY_GLTF_ALPHAMODE, mode) == aiReturn_SUCCESS &&
         strcmp(mode.C_Str(), "OPAQUE") == 0)
         color.a = 1;
-    return color;
+    return is_found;
 }
 
 static_assert(sizeof(aiVector3D) == 3 * sizeof(float) && sizeof(aiColor4D) == 4 * sizeof(float),
@@ -211,7 +214,8 @@ static bool describe_part(const mesh_bridge *bridge, unsigned n, mesh_bridge_par
     if (n >= bridge->scene->mNumMeshes)
         return false;
     const aiMesh *mesh = bridge->scene->mMeshes[n];
-    const aiColor4D color = material_color(bridge, mesh);
+    aiColor4D color;
+    const bool has_material = material_color(bridge, mesh, color);
     part->vertices = mesh->mNumVertices;
     part->positions = reinterpret_cast<const float(*)[3]>(mesh->mVertices);
     if (mesh->HasNormals())
@@ -220,6 +224,7 @@ static bool describe_part(const mesh_bridge *bridge, unsigned n, mesh_bridge_par
         part->colors = reinterpret_cast<const float(*)[4]>(mesh->mColors[0]);
     for (unsigned i = 0; i < 4; i++) // only glTF multiplies both
         part->color[i] = part->colors && !bridge->is_linear ? 1 : color[i];
+    part->has_colors = part->colors || has_material;
     part->is_linear = bridge->is_linear;
     for (unsigned i = 0; i < mesh->mNumFaces; i++)
         part->triangles += mesh->mFaces[i].mNumIndices == 3;

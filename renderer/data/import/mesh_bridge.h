@@ -34,7 +34,8 @@ struct mesh_bridge_part {
     const float (*normals)[3]; /* NULL = not known */
     const float (*colors)[4];  /* factors on `color`; NULL = 1 */
     float color[4];
-    bool is_linear; /* colours are linear light, else sRGB */
+    bool has_colors; /* the file gives `colors` or `color` */
+    bool is_linear;  /* colours are linear light, else sRGB */
 };
 
 struct mesh_bridge;

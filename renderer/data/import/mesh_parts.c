@@ -35,7 +35,8 @@ bool import_mesh_parts_describe(const struct import_mesh_parts *parts,
                        triangles, SP_ELEMENTS_MAX);
     const struct sp_elements_shape shape = { .kind = SP_KIND_MESH,
                                              .count = (uint32_t)triangles,
-                                             .vertex_count = (uint32_t)vertices };
+                                             .vertex_count = (uint32_t)vertices,
+                                             .lacks_colors = !parts->has_colors };
     import_header_use_elements(header, &shape);
     header->has_normals = true;
     return true;

@@ -11,6 +11,7 @@
 /* Owns its memory. All zero = empty. */
 struct import_mesh_parts {
     struct import_mesh_builder built;
+    bool has_colors; /* the file gives some vertices a colour */
     struct import_line_points {
         uint64_t count, lines;
         float (*positions)[3];

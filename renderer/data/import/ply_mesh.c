@@ -116,6 +116,10 @@ static bool has_normals(const struct columns *c) {
     return c->normal[0] >= 0 && c->normal[1] >= 0 && c->normal[2] >= 0;
 }
 
+static bool has_colors(const struct columns *c) {
+    return c->color[0] >= 0 || c->color[1] >= 0 || c->color[2] >= 0;
+}
+
 static void set_vertex(const struct columns *c, struct import_shift *shift, const double *row,
                        struct import_vertex *v) {
     for (int a = 0; a < 3; a++) {
@@ -188,6 +192,7 @@ static bool open_mesh(struct ply *ply, struct import_header *header, struct sp_e
                                        .count = (uint32_t)f.triangles,
                                        .vertex_count = (uint32_t)vertex->count };
     fill_columns(ply, vertex, &columns);
+    shape.lacks_colors = !has_colors(&columns);
     header->has_normals = has_normals(&columns);
     if (!header->has_normals && shape.count)
         build_mesh(ply, shape.vertex_count);

@@ -70,6 +70,7 @@ static bool read_points(struct reading *r) {
         return fail_memory(r);
     memset(r->numbers, 0xff, n * sizeof *r->numbers);
     r->color_components = colors ? colors->components : 0;
+    r->parts->has_colors |= colors != NULL;
     if (colors)
         r->color_scale = (float)import_number_color_scale(colors->array.type->number);
     return (r->positions = (float(*)[3])(void *)read_array(r, at, r->v->file->shift)) != NULL &&

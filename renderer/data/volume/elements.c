@@ -17,7 +17,8 @@ const char *sp_elements_shape_problem(const struct sp_elements_shape *shape) {
     if (shape->kind >= SP_KIND_COUNT)
         return "unknown kind of elements";
     if (shape->kind == SP_KIND_GRID)
-        return shape->count || shape->vertex_count || shape->degree || shape->has_vectors
+        return shape->count || shape->vertex_count || shape->degree || shape->has_vectors ||
+                       shape->lacks_colors
                    ? "a grid with elements"
                    : NULL;
     if (shape->count > SP_ELEMENTS_MAX || shape->vertex_count > SP_ELEMENTS_MAX)
@@ -28,6 +29,8 @@ const char *sp_elements_shape_problem(const struct sp_elements_shape *shape) {
         return "triangles without vertices";
     if (shape->has_vectors && shape->kind != SP_KIND_POINTS)
         return "vectors without points";
+    if (shape->lacks_colors && shape->kind != SP_KIND_MESH)
+        return "colours without a mesh";
     if (shape->degree > (shape->kind == SP_KIND_GAUSSIANS ? SP_HARMONICS_DEGREE_MAX : 0))
         return "spherical harmonics of an unknown degree";
     return NULL;

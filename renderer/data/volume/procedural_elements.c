@@ -31,7 +31,8 @@ static void shape_polar(uint32_t size, uint32_t dims[3]) {
 static void count_polar(uint32_t size, struct sp_elements_shape *shape) {
     uint32_t dims[3];
     shape_polar(size, dims);
-    *shape = (struct sp_elements_shape){ SP_KIND_POINTS, dims[0] * dims[1] * dims[2], 0, 0, false };
+    *shape =
+        (struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = dims[0] * dims[1] * dims[2] };
 }
 
 static void place_polar(uint32_t size, const struct sp_elements *e, size_t begin, size_t end) {
@@ -67,7 +68,7 @@ const struct sp_demo_maker sp_demo_polar = {
  * the height, which gives the space around each star.
  */
 static void count_points(uint32_t size, struct sp_elements_shape *shape) {
-    *shape = (struct sp_elements_shape){ SP_KIND_POINTS, 10 * size * size, 0, 0, false };
+    *shape = (struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = 10 * size * size };
 }
 
 static void place_points(uint32_t size, const struct sp_elements *e, size_t begin, size_t end) {
@@ -104,7 +105,9 @@ const struct sp_demo_maker sp_demo_points = {
  * into spherical harmonics.
  */
 static void count_gaussians(uint32_t size, struct sp_elements_shape *shape) {
-    *shape = (struct sp_elements_shape){ SP_KIND_GAUSSIANS, 2 * size * size, 0, 3, false };
+    *shape = (struct sp_elements_shape){ .kind = SP_KIND_GAUSSIANS,
+                                         .count = 2 * size * size,
+                                         .degree = 3 };
 }
 
 /* The harmonics of trained scenes in a direction: the real ones, with the signs of their code. */
@@ -182,7 +185,9 @@ const struct sp_demo_maker sp_demo_gaussians = {
  * A mesh of N·N quadrilaterals whose colour winds around it.
  */
 static void count_torus(uint32_t size, struct sp_elements_shape *shape) {
-    *shape = (struct sp_elements_shape){ SP_KIND_MESH, 2 * size * size, size * size, 0, false };
+    *shape = (struct sp_elements_shape){ .kind = SP_KIND_MESH,
+                                         .count = 2 * size * size,
+                                         .vertex_count = size * size };
 }
 
 static void place_corner(uint32_t size, const struct sp_elements *e, uint32_t i) {

@@ -36,6 +36,9 @@ struct sp_elements_shape {
     /* gaussians: degree of the spherical harmonics, [0, SP_HARMONICS_DEGREE_MAX] */
     uint32_t degree;
     bool has_vectors; /* points: each has a vector */
+    /* mesh: no vertex has a colour of its own; `colors` has opacities alone. Layers draw the mesh
+     * in their own colour. */
+    bool lacks_colors;
 };
 
 /* An array that the kind does not have is NULL. Unless a comment says otherwise, numbers may have

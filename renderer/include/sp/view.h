@@ -253,7 +253,8 @@ struct sp_layer { /* "/layers/0" */
     double transform[16];
     double size;                   /* points: factor on the size of their kernels, [0.1, 10] [1] */
     enum sp_convention convention; /* gaussians [inria] */
-    enum sp_layer_colors colors;   /* geometry: colours of the vertices, or `color` [own] */
+    enum sp_layer_colors colors;   /* geometry: colours of the vertices, or `color`, which
+                                      a mesh without colours also takes [own] */
     /* channel: the transfer function, as in struct sp_transfer_function, with the reference_length
      * of the view. point_count: [0, SP_CHANNEL_POINTS_MAX]; 0 = the function of
      * sp_channel_function() [0]

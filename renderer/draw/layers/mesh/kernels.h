@@ -56,7 +56,7 @@ struct sp_mesh {
     float to_camera[3][3];       /* mesh → camera space */
     float shift[3];              /* the origin in camera space */
     float normal_to_world[3][3]; /* for the mesh's normals; it changes their length */
-    bool has_own_colors;         /* of the vertices */
+    bool has_own_colors;         /* the colours of the vertices are drawn */
     bool has_opacities;          /* the vertices have opacities below 1 */
     float color[3], opacity;     /* of the layer */
     int sheets;                  /* number of sheets that may be visible, [1, SP_MESH_SHEETS] */

@@ -96,7 +96,8 @@ void sp_mesh_init(const struct sp_mesh_input *input, struct sp_mesh *m) {
                            .is_perspective = camera->projection == SP_PERSPECTIVE,
                            .scale = (float)camera->scale,
                            .near = (float)camera->near,
-                           .has_own_colors = input->layer->colors == SP_COLORS_OWN,
+                           .has_own_colors = input->layer->colors == SP_COLORS_OWN &&
+                                             !input->elements->shape.lacks_colors,
                            .opacity = input->layer->opacity,
                            .apart = 4 };
     for (int i = 0; i < 2; i++) {

@@ -119,6 +119,8 @@ static bool set_elements(const char *what, struct sp_handover_header *h) {
         h->kind = SP_KIND_COUNT;
     else if (strcmp(what, "degree") == 0)
         h->kind = SP_KIND_POINTS, h->degree = 1;
+    else if (strcmp(what, "colors") == 0)
+        h->kind = SP_KIND_MESH, h->lacks_colors = 2;
     else if (strcmp(what, "elements") == 0)
         h->kind = SP_KIND_GAUSSIANS;
     else

@@ -70,6 +70,7 @@ static void stl_is_read(void **state) {
     struct sp_volume *volume = load("binary.stl");
     assert_pyramid(mesh_of(volume));
     assert_colors(mesh_of(volume), (double[]){ 0.8, 0.8, 0.8, 1 });
+    assert_true(mesh_of(volume)->shape.lacks_colors);
     sp_volume_unref(&volume);
     char text[4096] = "solid pyramid\n";
     for (int t = 0; t < 4; t++) {
@@ -143,6 +144,7 @@ static void obj_is_read_with_its_materials(void **state) {
     struct sp_volume *volume = load("pyramid.obj");
     assert_pyramid(mesh_of(volume));
     assert_colors(mesh_of(volume), (double[]){ 0.25, 0.5, 0.75, 0.4 });
+    assert_false(mesh_of(volume)->shape.lacks_colors);
     sp_volume_unref(&volume);
     /* If a library is missing or may not be read, assimp's grey remains. */
     write_obj("plain.obj", "mtllib ../../../../../../etc/hostname\nmtllib none.mtl\n", faces);
@@ -153,6 +155,7 @@ static void obj_is_read_with_its_materials(void **state) {
     write_obj("quad.obj", "", "f 1 2 3 4\n");
     volume = load("quad.obj");
     assert_int_equal(mesh_of(volume)->shape.count, 2);
+    assert_true(mesh_of(volume)->shape.lacks_colors);
     sp_volume_unref(&volume);
 }
 
@@ -245,6 +248,7 @@ static void ply_is_read(void **state) {
     const struct sp_elements *e = mesh_of(volume);
     assert_int_equal(e->shape.count, 3);
     assert_colors(e, (double[]){ 1, 0, 0.2, 1 });
+    assert_false(e->shape.lacks_colors);
     /* The side and the bottom meet at an edge of more than 40°, and share no vertices. */
     assert_int_equal(e->shape.vertex_count, 7);
     static const float places[3][2] = { { 0, 0 }, { 2, 3 }, { 0, 3 } };
@@ -260,6 +264,7 @@ static void ply_is_read(void **state) {
                             "property float y\nproperty float z\nelement face 0\n"
                             "property list int int vertex_index\nend_header\n");
     volume = load("empty.ply");
+    assert_true(mesh_of(volume)->shape.lacks_colors);
     assert_int_equal(mesh_of(volume)->shape.count, 0);
     assert_string_equal(sp_volume_info(volume)->warnings[0],
                         "The file has no triangles, so nothing is drawn.");

@@ -32,6 +32,7 @@ static void assert_is_square(const struct sp_volume *volume) {
     double area = 0;
     assert_int_equal(e->shape.count, 2);
     assert_int_equal(e->shape.vertex_count, 4);
+    assert_true(e->shape.lacks_colors);
     for (uint32_t t = 0; t < 2; t++) {
         const float(*p)[3] = (const float(*)[3])e->positions;
         const uint32_t *at = e->triangles[t];
@@ -151,6 +152,7 @@ static void normals_and_colors_are_those_of_the_points(void **state) {
         struct sp_volume *volume = load(files[i][0]);
         const struct sp_elements *e = mesh_of(volume);
         assert_int_equal(e->shape.vertex_count, 4);
+        assert_false(e->shape.lacks_colors);
         for (uint32_t v = 0; v < 4; v++) {
             assert_float_equal(e->normals[v][0], 1, 0);
             assert_float_equal(e->colors[v][0], 1, 1e-6);

@@ -78,7 +78,7 @@ static void points_have_a_box_and_statistics(void **state) {
 static void triangles_must_have_their_vertices(void **state) {
     float normals[4][3] = { { 0, 0, 1 } }, colors[4][4] = { { 1, 1, 1, 1 } };
     uint32_t triangles[1][3] = { { 0, 1, 3 } };
-    struct sp_elements mesh = { .shape = { SP_KIND_MESH, 1, 4, 0 },
+    struct sp_elements mesh = { .shape = { .kind = SP_KIND_MESH, .count = 1, .vertex_count = 4 },
                                 .positions = positions,
                                 .normals = normals,
                                 .colors = colors,
@@ -116,24 +116,26 @@ static void elements_that_coincide_have_a_box(void **state) {
 
 static void bad_shapes_are_refused(void **state) {
     static const struct sp_elements_shape shapes[] = {
-        { SP_KIND_COUNT, 1, 0, 0, false },
-        { SP_KIND_GRID, 1, 0, 0, false },
-        { SP_KIND_POINTS, 1, 1, 0, false },
-        { SP_KIND_POINTS, 1, 0, 1, false },
-        { SP_KIND_GAUSSIANS, 1, 0, 4, false },
-        { SP_KIND_GAUSSIANS, SP_ELEMENTS_MAX + 1u, 0, 0, false },
-        { SP_KIND_MESH, 1, 0, 0, false },
-        { SP_KIND_MESH, 1, SP_ELEMENTS_MAX + 1u, 0, false },
-        { SP_KIND_GRID, 0, 0, 0, true },
-        { SP_KIND_GAUSSIANS, 1, 0, 0, true },
-        { SP_KIND_MESH, 1, 3, 0, true },
+        { .kind = SP_KIND_COUNT, .count = 1 },
+        { .kind = SP_KIND_GRID, .count = 1 },
+        { .kind = SP_KIND_POINTS, .count = 1, .vertex_count = 1 },
+        { .kind = SP_KIND_POINTS, .count = 1, .degree = 1 },
+        { .kind = SP_KIND_GAUSSIANS, .count = 1, .degree = 4 },
+        { .kind = SP_KIND_GAUSSIANS, .count = SP_ELEMENTS_MAX + 1u },
+        { .kind = SP_KIND_MESH, .count = 1 },
+        { .kind = SP_KIND_MESH, .count = 1, .vertex_count = SP_ELEMENTS_MAX + 1u },
+        { .kind = SP_KIND_GRID, .has_vectors = true },
+        { .kind = SP_KIND_GAUSSIANS, .count = 1, .has_vectors = true },
+        { .kind = SP_KIND_MESH, .count = 1, .vertex_count = 3, .has_vectors = true },
+        { .kind = SP_KIND_POINTS, .count = 1, .lacks_colors = true },
+        { .kind = SP_KIND_GRID, .lacks_colors = true },
     };
     (void)state;
     for (size_t i = 0; i < sizeof shapes / sizeof shapes[0]; i++)
         if (!sp_elements_shape_problem(&shapes[i]))
             fail_msg("shape %zu is accepted", i);
     assert_null(sp_elements_shape_problem(
-        &(struct sp_elements_shape){ SP_KIND_GAUSSIANS, 7, 0, 3, false }));
+        &(struct sp_elements_shape){ .kind = SP_KIND_GAUSSIANS, .count = 7, .degree = 3 }));
 }
 
 int main(void) {
