@@ -32,6 +32,7 @@ static void write_halves(struct gl_resample_constants *c, const struct sp_resamp
             double reference = (double)sp_resample_reference(r, a);
             c->halves[h][a] = (float)half->normal[a];
             c->gaps[h][a] = (float)(half->offset - half->normal[a] * reference);
+            c->faces[h][a] = half->face[a];
         }
 }
 

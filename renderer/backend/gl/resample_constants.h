@@ -24,6 +24,7 @@ struct gl_resample_constants {
         uint32_t rows[4];
     } axes[3];
     float halves[RESAMPLE_HALVES_MAX][4], gaps[RESAMPLE_HALVES_MAX][4];
+    float faces[RESAMPLE_HALVES_MAX][4];
     float magnitudes[SP_GRADIENT_POINTS_MAX][4];
 };
 

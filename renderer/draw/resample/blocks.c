@@ -6,10 +6,10 @@
 #include "draw/resample/kernels.h"
 #include "draw/resample/rays.h"
 
-/* Keeps the part of SP_WIDE rays inside a half space. */
-static inline void cut_rays(const struct sp_resample_open_tile *t,
-                            const struct sp_resample_half *half, const sp_wide at[4],
-                            sp_wide *begin, sp_wide *end) {
+/* Keeps the part of SP_WIDE rays inside half space h. face: the cut by which they enter. */
+static inline void cut_rays(const struct sp_resample_open_tile *t, uint32_t h, const sp_wide at[4],
+                            sp_wide *begin, sp_wide *end, sp_wide *face) {
+    const struct sp_resample_half *half = &t->r->halves[h];
     const sp_wide zero = sp_wide_all(0), far = sp_wide_all(1e9f);
     float n[3];
     for (int a = 0; a < 3; a++)
@@ -19,6 +19,8 @@ static inline void cut_rays(const struct sp_resample_open_tile *t,
                   (n[0] * at[0] + n[1] * at[1]);
     sp_wide s = gap / rise;
     sp_wide_mask rises = sp_wide_lt(zero, rise), falls = sp_wide_lt(rise, zero);
+    *face = sp_wide_select(rises & sp_wide_lt(*begin, s), sp_wide_all(half->is_cut ? (float)h : -1),
+                           *face);
     *begin = sp_wide_select(rises, sp_wide_max(*begin, s), *begin);
     *end = sp_wide_select(falls, sp_wide_min(*end, s), *end);
     sp_wide_mask is_outside = ~(rises | falls) & sp_wide_lt(zero, gap);
@@ -49,6 +51,7 @@ void sp_resample_open_block(const struct sp_resample_open_tile *t,
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         block->entry_sheet[i] = -1;
         sp_wide_store(block->light + i, sp_wide_all(1));
+        sp_wide_store(block->face_opacity + i, sp_wide_all(0));
         for (int c = 0; c < 3; c++) {
             sp_wide_store(block->color[c] + i, sp_wide_all(0));
             sp_wide_store(block->normal[c] + i, sp_wide_all(0));
@@ -86,9 +89,9 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_r
         if (is_perspective)
             place[a + 2] += t->is_backwards ? -moved : moved;
     }
-    sp_wide begin = sp_wide_all(-1e9f), end = sp_wide_all(1e9f);
+    sp_wide begin = sp_wide_all(-1e9f), end = sp_wide_all(1e9f), face = sp_wide_all(-1);
     for (uint32_t h = 0; h < r->half_count; h++)
-        cut_rays(t, &r->halves[h], place, &begin, &end);
+        cut_rays(t, h, place, &begin, &end, &face);
     float forward = t->is_backwards ? -1 : 1;
     sp_wide square = (float)m[axis[0]] * place[2] * place[2] +
                      (float)m[axis[1]] * place[3] * place[3] + (float)m[axis[2]] +
@@ -102,6 +105,9 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_r
     sp_wide_store(block->begin + i, begin);
     sp_wide_store(block->end + i, end);
     sp_wide_store(block->length + i, sp_wide_sqrt(square));
+    sp_wide_store(block->face + i, face);
+    block->has_faces |=
+        r->shade && sp_wide_any(sp_wide_lt(begin, end) & ~sp_wide_lt(face, sp_wide_all(0)));
 }
 
 /* Returns false if no ray of the block meets the volume. */
@@ -113,6 +119,7 @@ static bool init_block(const struct sp_resample_open_tile *t, const struct sp_re
     struct sp_resample_bounds *bounds = &t->scratch->bounds;
     const sp_wide far = sp_wide_all(INFINITY);
     sp_wide inside[2] = { -far, far }, span[2] = { far, -far };
+    block->has_faces = false;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         init_pixels(t, rays, block, at, i);
         sp_wide begin = sp_wide_load(block->begin + i), end = sp_wide_load(block->end + i);

@@ -6,14 +6,15 @@
  *           ·──────·──┬───·──────·         degree 3 through four sheets; in each half the value
  *                  └half┘                  changes linearly, and the curve's integral classifies it
  */
-#include "draw/light/read.h"
+#include "draw/resample/cut_face.h"
 #include "draw/resample/gradient.h"
 #include "draw/resample/insert.h"
+#include "draw/resample/opacity.h"
 #include "draw/resample/seen.h"
+#include "draw/resample/shares.h"
 #include "draw/resample/sheet_sample.h"
 #include "draw/resample/smooth.h"
 #include "frame/resolve.h"
-#include "splat/exp2.h"
 
 enum { PARTS = RESAMPLE_PIXELS / SP_WIDE };
 
@@ -51,19 +52,6 @@ struct work {
     int count;
     struct interval parts[PARTS];
 };
-
-/* 1 − opacity of an optical depth. */
-static inline sp_wide transmit(const struct sp_resample *r, sp_wide depth) {
-    if (r->is_linear)
-        return sp_wide_max(1 - depth, sp_wide_all(0));
-    return sp_wide_exp2(depth * -SP_LOG2E);
-}
-
-/* The depth of an opacity that is multiplied by `scale`. */
-static inline sp_wide scale_depth(sp_wide depth, sp_wide scale) {
-    sp_wide opacity = scale * (1 - sp_wide_exp2(depth * -SP_LOG2E));
-    return sp_wide_log2(sp_wide_max(1 - opacity, sp_wide_all(1e-30f))) * (-1 / SP_LOG2E);
-}
 
 /* The bin of a value, and how far the value lies below all bins or above them. */
 static inline sp_wide compute_bin(const struct sp_curve *curve, sp_wide value, sp_wide *beyond) {
@@ -226,33 +214,19 @@ static inline sp_wide gradient_scale(const struct sp_transfer_function *tf, sp_w
     return scale;
 }
 
-/* The shares of ambient light and of the first light that arrive where an interval is seen, at s.
- * They are read about a cell before it, on the eye's side of its surface. A gradient as small as
- * noise is no surface. */
-static inline void compute_share(const struct sp_resample_open_tile *t, const struct sp_rays *rays,
-                                 sp_wide s, const sp_wide normal[3], sp_wide square,
-                                 const sp_wide to_eye[3], sp_wide share[2]) {
-    const struct sp_resample *r = t->r;
-    const struct sp_light_field *light = r->light;
-    const float to_front = 0.75f, off_surface = 0.5f; /* cells */
-    const sp_wide zero = sp_wide_all(0);
-    sp_wide at[3], move[3], side = zero;
-    sp_wide firm = square * (r->light_firmness * r->light_firmness);
-    firm = sp_wide_min(firm, sp_wide_all(1)) * off_surface;
-    sp_place_on_rays(t, rays, s, at);
-    for (int c = 0; c < 3; c++)
-        side += to_eye[c] * normal[c];
-    side = sp_wide_select(sp_wide_lt(side, zero), -firm, firm);
-    for (int c = 0; c < 3; c++)
-        move[c] = side * normal[c] + to_eye[c] * to_front;
-    for (int a = 0; a < 3; a++) {
-        const float *o = light->offset[a];
-        at[a] = at[a] * r->light_scale + r->light_first + o[0] * move[0] + o[1] * move[1] +
-                o[2] * move[2];
-    }
-    sp_light_read(light, at, share);
-    share[0] = 1 - light->occlusion * (1 - share[0] * (1 / 255.0f));
-    share[1] = 1 - light->shadow * (1 - share[1] * (1 / 255.0f));
+/* Notes what the material shows where rays enter by a cut. */
+static inline void enter_faces(const struct work *work, const struct interval *in) {
+    const struct sp_resample *r = work->t->r;
+    struct sp_entries entries[2];
+    sp_wide change[4], beyond, bin = compute_bin(&r->curve, in->value[0], &beyond);
+    for (int k = 0; k < 2; k++)
+        entries[k] =
+            sp_fetch_entries((const float(*)[4])r->curve.integral, sp_wide_to_int(bin + (float)k));
+    sp_fetch_change(&entries[0], &entries[1], change);
+    sp_wide depth = sp_wide_select(sp_wide_lt(sp_wide_all(0), beyond),
+                                   sp_wide_all(r->curve.above[3]), change[3]);
+    depth *= sp_wide_load(work->block->length + in->begin);
+    sp_cut_face_enter(work->block, in->begin, work->start, work->width, 1 - sp_transmit(r, depth));
 }
 
 /* The unit normal of the interval [world space]; zero if there is none. Behind a surface gradients
@@ -302,24 +276,40 @@ static inline void smooth_gradient(const struct work *work, struct interval *in)
     in->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
 }
 
-/* Lights the interval's colour by its gradient. */
-static inline void shade(const struct work *work, struct interval *in) {
+/* Lights a colour of the interval by a normal. square: of the length of the gradient there. */
+static inline void light_color(const struct work *work, const struct interval *in,
+                               const sp_wide normal[3], sp_wide square, sp_wide color[3]) {
     const struct sp_resample *r = work->t->r;
-    sp_wide normal[3], to_eye[3];
-    if (r->is_smoothed)
-        smooth_gradient(work, in);
-    compute_normal(work, in, normal);
+    sp_wide to_eye[3];
     for (int c = 0; c < 3; c++)
         to_eye[c] = sp_wide_load(work->block->to_eye[c] + in->begin);
     if (r->light) {
         struct sp_rays rays = load_rays(work->block, in->begin);
         sp_wide share[2];
-        compute_share(work->t, &rays, work->start + in->seen * work->width, normal, in->square,
-                      to_eye, share);
-        sp_shade_occluded(r->shade, normal, to_eye, share, in->color);
+        sp_compute_shares(work->t, &rays, work->start + in->seen * work->width, normal, square,
+                          to_eye, share);
+        sp_shade_occluded(r->shade, normal, to_eye, share, color);
     } else {
-        sp_shade_direction(r->shade, normal, to_eye, in->color);
+        sp_shade_direction(r->shade, normal, to_eye, color);
     }
+}
+
+/* Lights the interval's colour by its gradient, and by the face of a cut before it. */
+static inline void shade(const struct work *work, struct interval *in) {
+    const struct sp_resample *r = work->t->r;
+    const sp_wide place = work->start + in->seen * work->width;
+    sp_wide normal[3], face[3], cut[3] = { in->color[0], in->color[1], in->color[2] }, square;
+    if (r->is_smoothed)
+        smooth_gradient(work, in);
+    compute_normal(work, in, normal);
+    light_color(work, in, normal, in->square, in->color);
+    if (!work->block->has_faces ||
+        !sp_cut_face_find(r, work->block, in->begin, place, face, &square))
+        return;
+    light_color(work, in, face, square, cut);
+    sp_wide share = square * sp_wide_inverse(sp_wide_max(square + in->square, sp_wide_all(1e-20f)));
+    for (int c = 0; c < 3; c++)
+        in->color[c] += share * (cut[c] - in->color[c]);
 }
 
 /* Reads the values of the rays from pixel `begin` on; false if they show nothing. */
@@ -371,7 +361,7 @@ static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_re
 static inline void classify(const struct sp_resample *r, struct interval *in) {
     sp_wide inverse = sp_wide_inverse(sp_wide_max(in->mean[3], sp_wide_all(1e-20f)));
     in->depth = in->mean[3] * in->length;
-    in->opacity = 1 - transmit(r, in->depth);
+    in->opacity = 1 - sp_transmit(r, in->depth);
     for (int c = 0; c < 3; c++)
         in->color[c] = inverse * in->mean[c];
 }
@@ -391,7 +381,7 @@ static inline void compute_seen(const struct sp_resample *r, struct interval *in
         in->half[k].depth = depth[k] * in->length;
         in->half[k].light = sp_wide_max(light[k], zero) + highlight * depth[k];
     }
-    const sp_wide opacity[2] = { 1 - transmit(r, in->half[0].depth), in->opacity };
+    const sp_wide opacity[2] = { 1 - sp_transmit(r, in->half[0].depth), in->opacity };
     in->seen = in->front + in->share * sp_seen_place(in->half, opacity);
 }
 
@@ -399,8 +389,8 @@ static inline void compute_seen(const struct sp_resample *r, struct interval *in
 static inline void scale_opacity(const struct sp_resample *r, struct interval *in) {
     const struct sp_transfer_function *tf = &r->view->transfer_function;
     sp_wide scale = gradient_scale(tf, sp_wide_sqrt(in->square) * r->gradient_unit);
-    in->depth = scale_depth(in->mean[3], scale) * in->length;
-    in->opacity = 1 - transmit(r, in->depth);
+    in->depth = sp_scale_depth(in->mean[3], scale) * in->length;
+    in->opacity = 1 - sp_transmit(r, in->depth);
 }
 
 /* Adds the interval behind what the rays have met. */
@@ -435,6 +425,8 @@ static inline bool compute_interval(const struct sp_resample_open_tile *t,
             sp_cut_interval(block, in->begin, work->start, work->width, in->value, &in->front);
         in->length *= in->share;
     }
+    for (int k = 0; block->has_faces && k < work->count; k++)
+        enter_faces(work, &work->parts[k]);
     for (int k = 0; k < work->count; k++)
         compute_mean(work, &work->parts[k]);
     for (int k = 0; k < work->count; k++)
@@ -530,7 +522,7 @@ static inline void mix_channels(const struct sp_resample *r, struct mixture *mix
         const sp_wide scale = mixture->brightness[i] *
                               sp_wide_inverse(sp_wide_max(in->depth, least)) *
                               sp_wide_inverse(sp_wide_max(largest(in->color), least));
-        in->opacity = 1 - transmit(r, in->depth);
+        in->opacity = 1 - sp_transmit(r, in->depth);
         for (int c = 0; c < 3; c++)
             in->color[c] *= scale;
         mixture->work.count++;

@@ -110,6 +110,7 @@ static void add_half(struct sp_resample *r, const struct coordinates *c, struct 
         half->normal[a] = n.v[a] / length;
     }
     half->offset = at / length;
+    half->is_cut = true;
 }
 
 /* The volume and what clips it. A channel also has the clip box of the first one: fractions of a
@@ -129,6 +130,7 @@ static void add_halves(struct sp_resample *r, const struct coordinates *c,
             struct sp_resample_half *half = &r->halves[r->half_count++];
             *half = (struct sp_resample_half){ .offset = side ? -at : at };
             half->normal[a] = side ? -1 : 1;
+            half->is_cut = part != side;
         }
     for (int i = 0; r->first && i < 6; i++) {
         struct sp_resample_half half = r->first->halves[i];
@@ -240,6 +242,22 @@ static double init_metric(struct sp_resample *r, const struct coordinates *c) {
         r->to_world[i / 3][i % 3] = (float)(slope.m[i / 3][i % 3] / largest);
     r->gradient_unit = (float)(largest / r->curve.codes_per_unit);
     return unit;
+}
+
+/* Sets the normals of the faces of cuts. */
+static void init_faces(struct sp_resample *r) {
+    for (uint32_t h = 0; h < r->half_count; h++) {
+        struct sp_resample_half *half = &r->halves[h];
+        float square = 0;
+        for (int w = 0; w < 3; w++) {
+            half->face[w] = 0;
+            for (int a = 0; a < 3; a++)
+                half->face[w] += r->to_world[w][a] * (float)half->normal[a];
+            square += half->face[w] * half->face[w];
+        }
+        for (int w = 0; w < 3; w++)
+            half->face[w] *= half->is_cut ? 1 / sqrtf(square) : 0;
+    }
 }
 
 /* Rays that go farther than 1.3 from slice to slice get half sheets, and so do those about 12 px
@@ -408,6 +426,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     if (r->light)
         init_light(r, level);
     double length_unit = init_metric(r, &coordinates);
+    init_faces(r);
     init_smoothing(r, info, level);
     if (is_projection && !init_reduction(input, r, length_unit))
         return sp_arena_fail(input->arena, "data", err);

@@ -40,12 +40,17 @@ enum {
     RESAMPLE_SLACK = 64,     /* a sheet has memory for this many samples around the visible ones */
     RESAMPLE_TAPS = 6,       /* samples from which a sample between them is interpolated */
     RESAMPLE_SMOOTH = 4,     /* samples per axis from which a smooth gradient comes */
+    /* Length of the gradient of the face of a cut (cut_face.h) [codes per sample]: four times the
+     * range of codes, so that one slice behind it no edge is firmer. */
+    RESAMPLE_FACE = 4 * (CURVE_CODE_MAX - CURVE_CODE_MIN),
     RESAMPLE_HALVES_MAX = 2 * 6 + 1 + SP_CLIP_PLANES_MAX
 };
 
 /* The half space normal·(sample coordinates) >= offset. */
 struct sp_resample_half {
     double normal[3], offset;
+    bool is_cut;   /* it cuts the volume, and is none of its own faces */
+    float face[3]; /* a cut: the unit normal of its face (cut_face.h) */
 };
 
 /* The positions of the samples of an axis. The coordinate of a sample is its distance along the
@@ -126,6 +131,11 @@ struct sp_resample_block {
     float slope[4][2][RESAMPLE_PIXELS];
     uint64_t has_slope[4];            /* bit per pixel */
     float normal[3][RESAMPLE_PIXELS]; /* gradient of the last surface on the ray */
+    /* Lit: the cut by which the ray enters, by number in `halves`, and the opacity of a slice of
+     * the material there (cut_face.h). */
+    float face[RESAMPLE_PIXELS]; /* -1 = no cut */
+    float face_opacity[RESAMPLE_PIXELS];
+    bool has_faces; /* some rays enter by cuts */
     /* The curve's integral where the last interval ended, in an order that the kernel knows. */
     float entry[4][RESAMPLE_PIXELS];
     float entry_bin[RESAMPLE_PIXELS];

@@ -35,6 +35,7 @@ layout(std140, binding = 1) uniform Resample {
     Axis axes[3];
     vec4 halves[HALVES]; // normal
     vec4 gaps[HALVES];   // by axis w: offset at s = 0
+    vec4 faces[HALVES];  // unit normal of the face that it cuts (draw/resample/cut_face.h); 0 = it is a face of the volume
     vec4 magnitudes[MAGNITUDES]; // gradient axis: magnitude, scale
 };
 layout(std430, binding = 1) readonly buffer Squares { Square squares[]; };

@@ -6,7 +6,7 @@
 
 layout(local_size_x = TILE, local_size_y = TILE) in;
 // By pixel of the band: transmittance and premultiplied colour; then, again by pixel, the gradient of the last surface and
-// the number of fragments that were composited; then the sum of passes.
+// the number of fragments that were composited plus half of face_opacity; then the sum of passes.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 #if PROJECTION
 layout(std430, binding = 5) readonly buffer Colors { vec4 colors[]; }; // and alpha
@@ -30,6 +30,7 @@ const int RAW = 320, REFINED = 340;
 const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1, SLABS = INTERVALS / REGION + 2;
 const uint REGIONS_MAX = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
+const float FACE = 4.0 * (CODE_MAX - CODE_MIN); // RESAMPLE_FACE of draw/resample/resample.h
 const float NONE_BELOW = 512.0; // lower codes stand for samples that are not finite
 const int COLORS = 1024;
 const float TAP0 = 150.0 / 256.0, TAP1 = -25.0 / 256.0, TAP2 = 3.0 / 256.0;
@@ -53,6 +54,8 @@ uint thread;
 // far, and the length of the ray that it comes from if samples are left out.
 vec4 pixel;
 vec3 normal; // gradient of the surface that was met last
+vec3 face;   // unit normal of the cut by which the ray enters; 0 = no cut
+float face_opacity; // of a slice of the material there
 vec2 at;    // the pixel's centre
 vec4 ray;   // u, v, du, dv
 bool is_live; // some pixel of the block was not opaque at the last sheet
@@ -72,13 +75,15 @@ Square find_square(uvec2 corner) {
 void cut_ray() {
     begin = -1e9;
     end = 1e9;
+    face = vec3(0);
     for (int i = 0; i < base.z; i++) {
         vec3 n = turn(halves[i].xyz);
         float rise = dot(n.xy, ray.zw) + (is_backwards ? -n.z : n.z);
         float gap = gaps[i][slices] - dot(n.xy, ray.xy), s = gap / rise;
-        if (rise > 0.0)
+        if (rise > 0.0) {
+            face = begin < s ? faces[i].xyz : face;
             begin = max(begin, s);
-        else if (rise < 0.0)
+        } else if (rise < 0.0)
             end = min(end, s);
         else if (gap > 0.0)
             end = -1e9;
@@ -437,6 +442,22 @@ vec3 smooth_gradient(float s, vec3 fine) {
 }
 #endif
 
+// Notes what the material of value x shows if the ray enters by a cut between s and s + width (draw/resample/cut_face.h).
+void enter_face(float s, float width, float x) {
+    if (!(s <= begin && begin < s + width && face != vec3(0)))
+        return;
+    float bin = x * bin_scale.x + bin_scale.y, top = float(BINS);
+    int i = int(clamp(bin, 0.0, top));
+    float depth = bin > top ? above_bins.w : integral[i + 1].w - integral[i].w;
+    face_opacity = 1.0 - transmit(depth * ray_length);
+}
+
+// The share of the face's light in an interval that is seen at s. square: of the length of its own gradient.
+float face_share(float s, float square) {
+    float length = FACE * face_opacity * exp2(-2.0 * max(s - begin, 0.0));
+    return length * length / max(length * length + square, TINY);
+}
+
 // The unit normal of an interval; zero if there is none. As compute_normal() of draw/resample/integrate.c says, a surface's gradient
 // stays for a while behind it.
 vec3 compute_normal(vec3 gradient, float width, float opacity) {
@@ -522,6 +543,9 @@ void integrate(int n, vec3 value[4]) {
     if (!(bin_scale.z < high && low < bin_scale.w))
         return;
     float front, share = cut(s, width, x, front), passed = ray_length * width * share;
+#if GRADIENT
+    enter_face(s, width, x.x);
+#endif
     Half own[2] = Half[2](classify_half(x.x, x.y), classify_half(x.y, x.z));
     vec4 sum = own[0].mean + own[1].mean;
     if (!(sum.w > 0.0))
@@ -543,7 +567,11 @@ void integrate(int n, vec3 value[4]) {
         if (smoothing.z > 0.0 && pixel.x * (1.0 - light) > FAINT_LIGHT)
             gradient = smooth_gradient(s + seen_at * width, gradient);
         vec3 to_eye = -normalize(vec3(choice.x != 0u ? (at - lens.yz) / lens.x : vec2(0), 1.0));
-        color = shade_normal(color, compute_normal(gradient, width, 1.0 - light), to_eye);
+        float cut_share = face_share(s + seen_at * width, dot(gradient, gradient));
+        vec3 unlit = color;
+        color = shade_normal(unlit, compute_normal(gradient, width, 1.0 - light), to_eye);
+        if (cut_share > 0.0)
+            color = mix(color, shade_normal(unlit, face, to_eye), cut_share);
     }
 #endif
     composite(s, width, 1.0 - light, color);
@@ -633,6 +661,7 @@ void main() {
     uint pixels = band.x * (band.z - band.y), own = index + pixels;
     vec4 kept = is_inside && range.x > 0 ? image[own] : vec4(0);
     normal = kept.xyz;
+    face_opacity = 2.0 * fract(kept.w);
 #if PROJECTION
     if (is_inside && range.x == 0)
         pixel = vec4(1.0, choices.x != 0 ? numbers[0].y : 0.0, 0.0, 0.0);
@@ -677,7 +706,7 @@ void main() {
     } else if (is_inside) {
         image[index] = pixel;
 #if GRADIENT || LAYERS
-        image[own] = vec4(normal, kept.w);
+        image[own] = vec4(normal, floor(kept.w) + 0.5 * face_opacity);
 #endif
     }
 }
