@@ -140,8 +140,19 @@ def network(folder):
 
 
 def memory(folder):
-    lines = [[r['what'], f'{r["side"]:.0f}² px, {r["layers"]:.0f} layers', short(r['rss_mib']), short(r['peak_mib']), short(r['counted_mib']), f'{r["render_bytes_mib"]:.0f}']
-             for r in read(folder, 'memory.csv')]
+    """One line per state of the daemon; all images of a size share one."""
+    groups = {}
+    for r in read(folder, 'memory.csv'):
+        what = 'images' if r['what'].startswith('image ') else r['what']
+        groups.setdefault((r['side'], what), []).append(r)
+
+    def extent(rows, key):
+        low, high = (short(end(r[key] for r in rows)) for end in (min, max))
+        return low if low == high else f'{low} to {high}'
+
+    lines = [[f'{len(rows)} images' if what == 'images' else what, f'{side:.0f}² px, {rows[0]["layers"]:.0f} layers',
+              *(extent(rows, key) for key in ('rss_mib', 'peak_mib', 'counted_mib')), f'{rows[0]["render_bytes_mib"]:.0f}']
+             for (side, what), rows in groups.items()]
     return table(['after', 'size', 'resident, MiB', 'peak so far', 'counted as frames', 'limit'], lines)
 
 

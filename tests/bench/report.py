@@ -116,7 +116,7 @@ PAGES = [
         ('Memory of frames', memory,
          'Measured by `memory.mjs`: resident memory of the daemon on the CPU backend with two threads after each of twenty images over HTTP, and after a '
          'session, of the volume and seven surfaces, against `--render-bytes`. Three images of 4096² left 3625 MiB for as long as the daemon ran, with a '
-         'peak of 3813 MiB, before the memory of frames was limited; now the peak is 360 MiB.'),
+         'peak of 3813 MiB, before the memory of frames was limited.'),
     ], ['bricks', 'memory']),
     Page('codecs', 'Codecs', codecs_headline, [
         ('Bytes and times', codecs,
