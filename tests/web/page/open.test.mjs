@@ -433,6 +433,7 @@ test('a choice of the dialog is remembered for a file once it opened with it; wh
   await page.fill('#open-unit', 'µm');
   await row.click();
   await shows(page, 'cube');
+  await page.waitForFunction(() => Object.values(localStorage).some((text) => text.includes('µm'))); // an older cube may have been shown
   await page.click('#open-button');
   assert.match(await row.locator('.about').textContent(), /µm$/);
   await page.locator('#open-recent-list button', { hasText: 'cube.nrrd' }).waitFor();
