@@ -21,7 +21,7 @@ static const double least_db = 35, least_step_db = 55;
 static void surface_view(struct test_scene *scene) {
     struct sp_view *view = &scene->view;
     test_view_init(view);
-    view->size[0] = view->size[1] = 64;
+    view->size[0] = view->size[1] = 56;
     view->filter.mode = SP_FILTER_ADAPTIVE;
     view->layer_count = 1;
     view->layers[0] = (struct sp_layer){ .type = SP_LAYER_SURFACE,
@@ -93,7 +93,7 @@ static double mean_alpha(const struct test_image *image) {
 }
 
 /* The scenes and what rays see of them. */
-static const double heights[] = { 8, 4, 2.5, 2, 1, 0.5 }, turns[] = { 0, 100, 220 };
+static const double heights[] = { 8, 4, 2.5, 2, 1, 0.5 }, turns[] = { 100, 220 };
 enum {
     HEIGHTS = sizeof heights / sizeof *heights,
     TURNS = sizeof turns / sizeof *turns,
@@ -158,34 +158,29 @@ static void surfaces_near_the_eye_are_exact(void **state) {
 }
 
 /* Cells are split where the eye comes near. That changes the image no more than a step of the eye
- * by a ten-thousandth of its height. */
-static unsigned check_jumps(const struct test_target *target,
-                            const struct test_renderer *renderer) {
+ * by a ten-thousandth of its height. All targets split the same cells. */
+static void nothing_jumps_where_discs_get_smaller(void **state) {
+    struct test_renderer renderer;
     double worst = INFINITY, where = 0;
-    for (double height = 0.5; height < 40; height *= 1.2) {
+    (void)state;
+    assert_true(test_renderer_open(&renderer, &(struct test_target){ "cpu", "auto" }, 2, NULL));
+    for (double height = 0.5; height < 40; height *= 1.1) {
         struct test_image images[2];
         for (int i = 0; i < 2; i++) {
             struct test_scene scene = { 0 };
             make_ball(&scene, height * (1 + 0.0001 * i));
-            assert_true(test_render_scene(renderer, &scene, &images[i], NULL));
+            assert_true(test_render_scene(&renderer, &scene, &images[i], NULL));
             test_scene_finish(&scene);
         }
         const double db = test_image_psnr(&images[0], &images[1]);
-        if (db < worst) {
-            worst = db;
-            where = height;
-        }
+        where = db < worst ? height : where;
+        worst = fmin(worst, db);
         for (int i = 0; i < 2; i++)
             test_image_finish(&images[i]);
     }
-    printf("%s %s: two images side by side differ by %.1f dB at most, %.3g above a ball\n",
-           target->backend, target->isa, worst, where);
-    return worst < least_step_db;
-}
-
-static void nothing_jumps_where_discs_get_smaller(void **state) {
-    (void)state;
-    assert_int_equal(test_check_targets(2, check_jumps), 0);
+    printf("two images side by side differ by %.1f dB at most, %.3g above a ball\n", worst, where);
+    assert_compare(worst, >, least_step_db);
+    test_renderer_close(&renderer);
 }
 
 int main(void) {
