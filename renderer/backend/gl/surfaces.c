@@ -20,7 +20,7 @@ enum {
 /* shaders/surface.glsl: std430. */
 struct constants {
     float steps[3][4], areas[3][4], kernel[3][4];
-    float view[4], filter[4], bounds[4], sheet[4], look[4], cell[4];
+    float view[4], filter[4], bounds[4], sheet[4], look[4], cell[4], focus[4];
     uint32_t kind[4], plane_counts[4], words[4], rows[3][4];
     float clip[GL_CLIP_PLANES][4], borders[BORDERS][4];
 };
@@ -59,8 +59,9 @@ static void write_constants(struct constants *c, const struct sp_surface *s) {
         .bounds = { f->ratio_max[0], f->ratio_max[1], s->reach, s->stretch },
         .sheet = { s->squeeze, s->bend, s->tolerance, s->depth_first },
         .look = { s->color[0], s->color[1], s->color[2], s->opacity },
-        .cell = { (float)f->unit, s->near.block_count ? s->focus.growth : 0, SURFACE_SIZE_MIN,
-                  sp_surface_area_step(s, &s->near) },
+        .cell = { (float)f->unit },
+        .focus = { s->focus.growth, s->focus.least, s->focus.nearest,
+                   sp_surface_area_step(s, &s->near) },
         .kind = { s->is_opaque, s->cuts_near, sp_grid_is_rectilinear(f->grid),
                   (uint32_t)s->columns },
         .plane_counts = { s->clip.count, s->borders.count },

@@ -30,7 +30,7 @@ const char *sp_elements_shape_problem(const struct sp_elements_shape *shape) {
     if (shape->has_vectors && shape->kind != SP_KIND_POINTS)
         return "vectors without points";
     if (shape->lacks_colors && shape->kind != SP_KIND_MESH)
-        return "colours without a mesh";
+        return "a lack of colours without a mesh";
     if (shape->degree > (shape->kind == SP_KIND_GAUSSIANS ? SP_HARMONICS_DEGREE_MAX : 0))
         return "spherical harmonics of an unknown degree";
     return NULL;

@@ -140,10 +140,11 @@ void oom_send(struct oom_client *client, const void *bytes, size_t size) {
 
 bool oom_receive(struct oom_client *client) {
     assert_compare(client->have + 1, <, sizeof client->bytes);
-    ssize_t got =
-        recv(client->fd, client->bytes + client->have, sizeof client->bytes - 1 - client->have, 0);
-    if (got < 0 && errno == EINTR) /* SIGCONT interrupts a call that has a time limit */
-        return true;
+    ssize_t got;
+    do
+        got = recv(client->fd, client->bytes + client->have,
+                   sizeof client->bytes - 1 - client->have, 0);
+    while (got < 0 && errno == EINTR); /* SIGCONT interrupts a call that has a time limit */
     if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK))
         fail_msg("the daemon does not answer");
     if (got < 0)

@@ -435,7 +435,7 @@ test('a choice of the dialog is remembered for a file once it opened with it; wh
   await shows(page, 'cube');
   await page.waitForFunction(() => Object.values(localStorage).some((text) => text.includes('µm'))); // an older cube may have been shown
   await page.click('#open-button');
-  assert.match(await row.locator('.about').textContent(), /µm$/);
+  await row.locator('.about', { hasText: /µm$/ }).waitFor(); // the dialog shows its last list until it has a new one
   await page.locator('#open-recent-list button', { hasText: 'cube.nrrd' }).waitFor();
   assert.deepEqual(said, []);
 });

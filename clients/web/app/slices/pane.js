@@ -141,7 +141,7 @@ export class Pane {
     });
   }
 
-  /** Loads nothing until the next update(). */
+  /** Loads nothing until the next update(), which asks again for what is not shown yet. */
   stop() {
     for (const source of this.#sources) {
       source.loader.stop();

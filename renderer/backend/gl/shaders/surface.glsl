@@ -22,7 +22,8 @@ layout(std430, binding = 1) readonly buffer Surface {
     vec4 bounds;    // largest u0/u2, u1/u2; reach of a kernel, its stretch beside the image's centre
     vec4 sheet_of;  // 1 − 1/flatness, factor of bends, tolerance, depth of the first block
     vec4 look;      // colour, opacity
-    vec4 cell;      // unit; growth and least size of discs close to the eye (0 = none is close); area step of near points
+    vec4 cell;      // unit
+    vec4 focus;     // struct sp_surface_focus: growth (0 = no block is close), least, nearest; area step of near points
     uvec4 kind;     // opaque, cuts the near plane, rectilinear, columns of tiles
     uvec4 plane_counts; // clipping planes, borders
     uvec4 words;    // first word of entries, blocks, coordinates, near points
@@ -77,7 +78,7 @@ float measure_cell(uint axis, uint corner, float at, out float gap, out float si
 
 // The size of discs at a distance from the eye, as a share of their size far away (draw/layers/surface/focus.h).
 float disc_size(float distance) {
-    return cell.y > 0.0 ? clamp(distance * cell.y, cell.z, 1.0) : 1.0;
+    return focus.x > 0.0 ? clamp(distance * focus.x, focus.y, 1.0) : 1.0;
 }
 
 uint point_word(Block block, uint i) {
@@ -89,7 +90,7 @@ Point read_point(Block block, uint i) {
     uint w0 = point_word(block, w), w1 = point_word(block, w + 1u), w2 = point_word(block, w + 2u);
     uint w3 = point_word(block, w + 3u), w4 = point_word(block, w + 4u);
     vec3 at = vec3(float(w0 & 0xffffu), place_high(w0), float(w1 & 0xffffu)) / PLACE_STEPS;
-    vec3 area = vec3(shorts(w1).y, shorts(w2)) * (block.is_near ? cell.w : 1.0 / AREA_STEPS), gap = vec3(1), normal = vec3(shorts(w3), shorts(w4).x);
+    vec3 area = vec3(shorts(w1).y, shorts(w2)) * (block.is_near ? focus.w : 1.0 / AREA_STEPS), gap = vec3(1), normal = vec3(shorts(w3), shorts(w4).x);
     Point p;
     p.size = vec3(1);
     for (uint a = 0u; a < 3u && kind.z != 0u; a++)
@@ -165,6 +166,8 @@ bool set_up(Block block, uint i, vec2 corner, float half_side, out Footprint f) 
     float largest = max(max(p.size.x, p.size.y), p.size.z), blur = filter_of.y * sqrt(filter_of.x);
     float most = blur + half_side + bounds.z * bounds.w * largest * scale;
     f.place = vec4(view.yz - corner + scale * p.u.xy, 0.0, 0.0);
+    if (focus.x > 0.0 && !(length(p.u) > focus.z))
+        return false;
     if (!(p.u.z >= 0.5 * view.w && all(lessThan(abs(f.place.xy - half_side), vec2(most)))))
         return false;
     return is_kept(p, bounds.z * largest + (blur + 2.0) / scale) && set_up_ellipse(p, inverse, half_side, f);

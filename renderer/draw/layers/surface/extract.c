@@ -79,17 +79,17 @@ struct split {
     uint32_t count;
 };
 
-/* True if a cube that starts at `start` and has edges of `size` [parts] is larger than its discs
- * may be. */
+/* True if a cube that starts at `start` and has edges of `size` [parts] is larger than its discs.
+ */
 static bool is_too_large(const struct split *s, const float start[3], float size) {
     const float *share = s->e->frame.share;
-    float from[3], edges[3];
+    float from[3], edges[3], sizes[2];
     for (int a = 0; a < 3; a++) {
         from[a] = start[a] * share[a];
         edges[a] = size * share[a];
     }
-    return size > SURFACE_SIZE_MIN &&
-           size > sp_surface_focus_size(s->e->focus, &s->frame, from, edges);
+    sp_surface_focus_sizes(s->e->focus, &s->frame, from, edges, sizes);
+    return size > SURFACE_SIZE_MIN && sizes[0] < 1 && size > sizes[0] * s->e->focus->coarse;
 }
 
 /* Adds the pieces in a cube whose corners have the values f, halved as often as it is necessary. */
@@ -299,7 +299,15 @@ bool sp_surface_extract(struct sp_surface_points *points, const struct sp_surfac
 /* Lists the blocks of `far` that are close to the eye. */
 static bool list_near(struct sp_surface_points *points, const struct sp_surface_focus *focus,
                       const struct sp_surface_points *far, struct sp_arena *arena) {
-    uint32_t n = 0;
+    const uint32_t *dims = focus->frame->grid->dims, first[3] = { 0 };
+    const float start[3] = { 0 }, whole[3] = { 1, 1, 1 };
+    struct sp_surface_frame_cell volume;
+    float sizes[2];
+    uint32_t n = 0, most = dims[0] > dims[1] ? dims[0] : dims[1];
+    sp_surface_focus_place(focus, first, most > dims[2] ? most : dims[2], &volume);
+    sp_surface_focus_sizes(focus, &volume, start, whole, sizes);
+    if (sizes[0] >= 1) /* the eye is far away, as for most frames */
+        return true;
     for (uint32_t b = 0; b < far->block_count; b++)
         n += sp_surface_focus_has(focus, far->blocks[b].corner);
     points->blocks = sp_arena_alloc(arena, "near blocks", n ? n : 1, sizeof *points->blocks);

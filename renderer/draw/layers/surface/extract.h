@@ -19,7 +19,7 @@ bool sp_surface_extract(struct sp_surface_points *points, const struct sp_surfac
 
 /* Extracts the points of the blocks of `far` that are close to the eye (sp_surface_focus_has()), in
  * parts of cells that are as small as the focus says. The points lie in the arena. SP_ERR_MEMORY,
- * SP_ERR_FRAME_BUDGET, SP_ERR_CANCELLED. */
+ * SP_ERR_FRAME_BUDGET, SP_ERR_CANCELLED; *points has no valid contents then. */
 bool sp_surface_extract_near(const struct sp_surface_job *job, const struct sp_surface_focus *focus,
                              const struct sp_surface_points *far, struct sp_arena *arena,
                              struct sp_surface_points *points, struct sp_error *err);

@@ -25,16 +25,21 @@ void sp_surface_focus_place(const struct sp_surface_focus *focus, const uint32_t
     }
 }
 
-/* False if no kernel in the ball around u reaches into the image. */
+/* False if the image shows nothing of the ball around u. Kernels reach a little farther: less than
+ * the margin of ratio_max. */
 static bool is_in_image(const struct sp_ewa_frame *f, const float u[3], float radius) {
     const float depth = u[2] + radius;
-    return depth > 0 && fabsf(u[0]) - radius < f->ratio_max[0] * depth &&
+    return depth > 0.5f * f->near && fabsf(u[0]) - radius < f->ratio_max[0] * depth &&
            fabsf(u[1]) - radius < f->ratio_max[1] * depth;
 }
 
-float sp_surface_focus_size(const struct sp_surface_focus *focus,
+static float bounded(float size, float least) {
+    return size < 1 ? size > least ? size : least : 1;
+}
+
+void sp_surface_focus_sizes(const struct sp_surface_focus *focus,
                             const struct sp_surface_frame_cell *cell, const float start[3],
-                            const float size[3]) {
+                            const float size[3], float sizes[2]) {
     float u[3], square = 0, reach = 0;
     for (int r = 0; r < 3; r++) {
         float half = 0;
@@ -46,15 +51,16 @@ float sp_surface_focus_size(const struct sp_surface_focus *focus,
         square += u[r] * u[r];
         reach += half * half;
     }
-    const float radius = sqrtf(reach), share = focus->growth * (sqrtf(square) - radius);
-    if (!is_in_image(focus->frame, u, radius))
-        return 1;
-    return share < 1 ? share > SURFACE_SIZE_MIN ? share : SURFACE_SIZE_MIN : 1;
+    const float distance = sqrtf(square), radius = sqrtf(reach);
+    const bool is_seen = is_in_image(focus->frame, u, radius);
+    sizes[0] = is_seen ? bounded(focus->growth * (distance - radius), focus->least) : 1;
+    sizes[1] = is_seen ? bounded(focus->growth * (distance + radius), focus->least) : 1;
 }
 
-bool sp_surface_focus_has(const struct sp_surface_focus *focus, const uint32_t corner[3]) {
+void sp_surface_focus_block(const struct sp_surface_focus *focus, const uint32_t corner[3],
+                            float sizes[2]) {
     const float start[3] = { 0 }, size[3] = { 1, 1, 1 };
     struct sp_surface_frame_cell block;
     sp_surface_focus_place(focus, corner, SURFACE_BLOCK, &block);
-    return sp_surface_focus_size(focus, &block, start, size) < 1;
+    sp_surface_focus_sizes(focus, &block, start, size, sizes);
 }

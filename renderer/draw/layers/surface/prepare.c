@@ -124,13 +124,17 @@ static void project(const struct preparation *p, uint32_t b) {
     const struct sp_surface_block *block = sp_surface_block_at(s, b, &points);
     struct sp_splat *record = &p->records[b];
     const bool is_perspective = f->projection == SP_PERSPECTIVE;
-    const double reach = (double)s->reach * compute_growth(f->grid, block), near = (double)f->near;
+    double reach = (double)s->reach * compute_growth(f->grid, block);
+    const double near = (double)f->near;
+    float sizes[2] = { 1, 1 };
     double corners[8][3], low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
     double first = INFINITY, last = -INFINITY;
     *record = (struct sp_splat){ .sheet = b };
-    if (s->near.block_count && points == s->points &&
-        sp_surface_focus_has(&s->focus, block->corner))
+    if (s->focus.growth > 0)
+        sp_surface_focus_block(&s->focus, block->corner, sizes);
+    if (points == s->points && sizes[0] < 1) /* the points of `near` replace these */
         return;
+    reach *= (double)sizes[1];
     compute_corners(f, block, corners);
     for (int c = 0; c < 8; c++) {
         first = fmin(first, corners[c][2]);
@@ -256,16 +260,32 @@ static bool bin_blocks(struct sp_surface *s, uint32_t count, struct sp_arena *ar
     return true;
 }
 
-/* Makes the points close to the eye. */
+/* Makes the points close to the eye. Without memory for them, discs close to the eye stay large. */
 static bool focus(struct sp_surface *s, const struct sp_surface_input *input,
                   struct sp_error *err) {
     const struct sp_surface_job job = { input->volume, input->layer->value, input->pool,
                                         input->interrupt };
-    s->focus = (struct sp_surface_focus){ .frame = &s->frame,
-                                          .growth = widest * s->frame.radius / s->reach };
+    const float deviation = s->reach / s->frame.radius;
+    const float coarse = input->is_enlarged ? (float)(1u << input->points->level) : 1;
+    struct sp_error why;
+    s->focus = (struct sp_surface_focus){ .frame = &s->frame };
     if (!input->volume || s->frame.projection != SP_PERSPECTIVE)
         return true;
-    return sp_surface_extract_near(&job, &s->focus, s->points, input->arena, &s->near, err);
+    s->focus.growth = widest / deviation;
+    s->focus.least = SURFACE_SIZE_MIN / coarse;
+    s->focus.nearest = s->focus.least * deviation / SURFACE_WIDEST;
+    s->focus.coarse = coarse;
+    if (!sp_surface_extract_near(&job, &s->focus, s->points, input->arena, &s->near, &why)) {
+        s->near = (struct sp_surface_points){ 0 };
+        if (why.code == SP_ERR_CANCELLED) {
+            if (err)
+                *err = why;
+            return false;
+        }
+    }
+    if (!s->near.block_count)
+        s->focus.growth = 0;
+    return true;
 }
 
 bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface *s,

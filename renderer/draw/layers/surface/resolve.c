@@ -94,9 +94,9 @@ static sp_wide end_at_borders(const struct sp_surface *s, int x, int y, sp_wide 
     sp_wide ray[2], size = sp_wide_all(1);
     compute_ray(f, x, y, ray);
     *share = sp_wide_all(1);
-    if (s->near.block_count) {
+    if (s->focus.growth > 0) {
         sp_wide distance = depth * sp_wide_sqrt(ray[0] * ray[0] + ray[1] * ray[1] + 1);
-        size = sp_wide_clamp(distance * s->focus.growth, SURFACE_SIZE_MIN, 1);
+        size = sp_wide_clamp(distance * s->focus.growth, s->focus.least, 1);
     }
     for (uint32_t i = 0; i < s->borders.count; i++) {
         const struct sp_clip_half *h = &s->borders.planes[i];

@@ -58,12 +58,13 @@ static inline void read_places(const struct sp_surface *s, const struct sp_surfa
     }
 }
 
-/* Makes kernels smaller that are close to the eye (focus.h). */
-static inline void focus(const struct sp_surface *s, struct points *p) {
-    sp_wide size = sp_wide_sqrt(dot(p->u, p->u)) * s->focus.growth;
-    p->share = sp_wide_clamp(size, SURFACE_SIZE_MIN, 1);
+/* Makes kernels smaller that are close to the eye (focus.h). Returns where kernels are kept. */
+static inline sp_wide_mask focus(const struct sp_surface *s, struct points *p) {
+    sp_wide distance = sp_wide_sqrt(dot(p->u, p->u));
+    p->share = sp_wide_clamp(distance * s->focus.growth, s->focus.least, 1);
     for (int a = 0; a < 3; a++)
         p->size[a] *= p->share;
+    return sp_wide_lt(sp_wide_all(s->focus.nearest), distance);
 }
 
 static inline void read_normals(const struct sp_surface *s, const struct sp_surface_points *points,
@@ -214,8 +215,9 @@ void sp_surface_set_up(const struct sp_surface *s, const struct sp_surface_cells
     out->seen = 0;
     read_places(s, cells, first, &p);
     p.share = one;
-    if (s->near.block_count)
-        focus(s, &p);
+    sp_wide_mask alive = sp_wide_first(n);
+    if (s->focus.growth > 0)
+        alive = alive & focus(s, &p);
     read_normals(s, cells->points, first, &p);
     sp_wide inverse = is_perspective ? 1 / sp_wide_max(p.u[2], near) : one;
     sp_wide scale = f->scale * inverse;
@@ -224,9 +226,8 @@ void sp_surface_set_up(const struct sp_surface *s, const struct sp_surface_cells
     sp_wide largest = sp_wide_max(sp_wide_max(p.size[0], p.size[1]), p.size[2]);
     sp_wide blur = sp_wide_all(f->radius * sqrtf(f->lowpass2));
     sp_wide most = blur + half_side + s->reach * s->stretch * largest * scale;
-    sp_wide_mask alive = sp_wide_first(n) & sp_wide_le(near, p.u[2]) &
-                         sp_wide_lt(sp_wide_abs(x - half_side), most) &
-                         sp_wide_lt(sp_wide_abs(y - half_side), most);
+    alive = alive & sp_wide_le(near, p.u[2]) & sp_wide_lt(sp_wide_abs(x - half_side), most) &
+            sp_wide_lt(sp_wide_abs(y - half_side), most);
     if (s->clip.count)
         alive = alive & is_kept(s, &p, s->reach * largest + (blur + 2) / scale);
     if (!sp_wide_any(alive))

@@ -252,7 +252,7 @@ void refine(ivec2 first, ivec2 count, int n) {
         for (int z = 0; z < slices_read; z++)
             own[z] = read_across(z * RAW + j * width + i);
         across[k] = own[0];
-        for (int z = 1; z < slices_read; z += 5) // once: software GL computes both sides of a condition
+        for (int z = 1; z < slices_read; z += 5) // once, if there are slices: software GL computes both sides of a condition
             across[k] = between(own);
         i += skip.x;
         j += skip.y + (i >= count.x ? 1 : 0);
