@@ -101,7 +101,7 @@ static void scale_to_one(double v[3]) {
         v[a] /= length;
 }
 
-/* The direction of the ray through the middle of a pixel, and its start. */
+/* Computes where the ray through the middle of pixel (x, y) starts, and its direction. */
 static void compute_ray(const struct sp_view *view, double x, double y, double start[3],
                         double ray[3]) {
     const struct sp_camera *c = &view->camera;
@@ -126,7 +126,8 @@ static void compute_ray(const struct sp_view *view, double x, double y, double s
     scale_to_one(ray);
 }
 
-/* The colour of the face in a pixel; false if the pixel does not lie well inside of it. */
+/* Computes the colour that a pixel of the face must have. Returns false if the pixel is outside of
+ * the face or close to its border. */
 static bool find_color(const struct row *row, const struct test_scene *scene, unsigned x,
                        unsigned y, double color[3]) {
     const struct sp_shading *s = &scene->view.shading;

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * filter.cutoff beyond 3 standard deviations, on every backend and instruction set: a footprint
- * ends there, and the larger the cutoff, the nearer is the image to that of the Gaussian without an
- * end. Of that Gaussian the part exp(−c²/2) lies beyond c standard deviations; a footprint that
- * ends at c is 1/(1 − exp(−c²/2)) times as high. Post-convolved sheets draw the Gaussian without an
- * end for every cutoff from 3 on.
+ * filter.cutoff beyond 3 standard deviations, on every backend and instruction set. A footprint
+ * ends at the cutoff c. The whole Gaussian has the part exp(−c²/2) beyond c, so the footprint is
+ * 1/(1 − exp(−c²/2)) times as high. A larger cutoff draws an image that is nearer to the whole
+ * Gaussian. Post-convolved sheets draw the whole Gaussian for every cutoff from 3 on.
  */
 #include <math.h>
 #include <stdio.h>
@@ -41,7 +40,7 @@ static bool build(struct test_scene *scene) {
                              SP_UINT8, middle, NULL);
 }
 
-/* What an image of one voxel shows. */
+/* Numbers that are measured in the image of a single voxel. */
 struct footprint {
     double outer;    /* part of the optical depth that lies beyond 3 standard deviations */
     double expected; /* the same of a Gaussian that ends at the cutoff */

@@ -18,7 +18,8 @@ enum { TARGETS_MAX = 16, STEPS = 28, MODES = 5 };
 static const double ZERO = 0.1; /* of the absorption, as a share of the range */
 
 /* dB, half a decibel below the measured value. By column: maximum, minimum, mean, sum, absorption.
- * Expected extremes are those of the bounded field (support/interpolant.h), whose edges have kinks.
+ * The expected maximum and minimum come from values that are kept between the samples around
+ * (support/interpolant.h).
  */
 struct row {
     const char *name;

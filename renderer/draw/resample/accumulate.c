@@ -2,9 +2,9 @@
  *
  * Reduces the interval of the rays between two sheets to a number, and adds it to the number of
  * each ray. The value in an interval is the polynomial of degree 2 through its ends and its middle
- * (integrate.c): the largest value is that of its vertex, the integral is Simpson's. A maximum or a
- * minimum is kept between the refined samples around the ends, so that it never overshoots the
- * volume's own samples there.
+ * (integrate.c). Its largest value is at its vertex; Simpson's rule integrates it. A maximum or a
+ * minimum is kept between the refined samples around the two ends. So it is never beyond the
+ * samples of the volume there.
  */
 #include "draw/resample/sheet_sample.h"
 #include "frame/resolve.h"

@@ -12,8 +12,10 @@
  * gradient and of its own. So opaque material looks like a flat face, a surface a few slices behind
  * it keeps its own normal, and where the material at the entry is transparent there is no face. f
  * depends on the place where the interval is seen and not on the sheets, and two lights are mixed,
- * not two normals: both avoid bands. The opacity at the entry is that of the value alone: a
- * gradient axis of the transfer function does not reduce it. (Ours.)
+ * not two normals: both avoid bands. (Ours.)
+ *
+ * The opacity at the entry comes from the value there. A gradient axis of the transfer function
+ * does not change it.
  */
 #ifndef SP_RESAMPLE_CUT_FACE_H
 #define SP_RESAMPLE_CUT_FACE_H

@@ -228,8 +228,8 @@ vec2 read_across(int at) {
     return vec2(raw[at + 2], between(raw[at], raw[at + 1], raw[at + 2], raw[at + 3], raw[at + 4], raw[at + 5]));
 }
 
-// Refines the samples [first, first + count) of the slice of sheet n. Every thread must call it. A value that is kept between
-// its neighbours depends on the order of the axes, so the order is that of the processor: across, between slices, down.
+// Refines the samples [first, first + count) of the slice of sheet n. Every thread must call it. Values are kept between their
+// neighbours, so the result depends on the order of the axes. The CPU backend has the same order: across, between slices, down.
 void refine(ivec2 first, ivec2 count, int n) {
     int width = count.x + 5, size = width * (count.y + 5), i = int(thread) % width, j = int(thread) / width;
     ivec2 skip = ivec2(int(PIXELS) % width, int(PIXELS) / width);
