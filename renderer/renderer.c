@@ -10,7 +10,10 @@
 #include "backend/support.h"
 #include "base/clock.h"
 #include "data/volume/volume.h"
+#include "draw/layers/layers.h"
+#include "draw/resample/resample.h"
 #include "draw/slices/slices.h"
+#include "frame/antialias.h"
 #include "renderer/renderer_private.h"
 #include "sp/budget.h"
 
@@ -62,11 +65,13 @@ struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options
         return NULL;
     }
     atomic_init(&r->backend, NULL);
+    sp_arena_init(&r->rows);
     r->is_auto = strcmp(name, "auto") == 0;
     const struct sp_backend *backend = NULL;
     void *state = NULL;
     if (read_options(r, o, err))
         backend = sp_registry_start(name, &r->wanted, &state, err);
+    r->rows.budget = r->wanted.frame_budget;
     r->wanted.refused = NULL; /* the caller's user pointer is valid in this call only */
     if (backend)
         sp_renderer_adopt(r, backend, state);
@@ -99,6 +104,7 @@ void sp_renderer_destroy(struct sp_renderer **renderer) {
     sp_volume_unref(&r->edited);
     sp_pool_destroy(&r->workers);
     sp_frame_pool_destroy(&r->frames);
+    sp_arena_finish(&r->rows);
     free((char *)r->wanted.isa);
     free(r);
     *renderer = NULL;
@@ -157,13 +163,18 @@ static bool draw_part(void *user, const struct sp_clip *clip, struct sp_frame *f
     return true;
 }
 
+/* Starts the threads that work on finished images. */
+static bool open_workers(struct sp_renderer *r, struct sp_error *err) {
+    if (!r->workers)
+        r->workers = sp_pool_create(r->wanted.threads, err);
+    return r->workers != NULL;
+}
+
 static bool draw_composed(struct sp_renderer *r, struct sp_renderer_frame *f,
                           struct sp_error *err) {
     const size_t idle_bytes = (size_t)64 << 20;
     struct composing composing = { r, f };
-    if (!r->workers)
-        r->workers = sp_pool_create(r->wanted.threads, err);
-    if (r->workers && !r->frames && (r->frames = sp_frame_pool_create(idle_bytes, err)))
+    if (open_workers(r, err) && !r->frames && (r->frames = sp_frame_pool_create(idle_bytes, err)))
         sp_frame_pool_set_budget(r->frames, r->wanted.frame_budget);
     if (!r->workers || !r->frames)
         return false;
@@ -176,6 +187,19 @@ static bool draw_composed(struct sp_renderer *r, struct sp_renderer_frame *f,
                                         .draw = draw_part,
                                         .user = &composing };
     return sp_compose(&job, f->job.frame, err);
+}
+
+/* Filters the pixels of the finished image as its samples need. */
+static bool antialias(struct sp_renderer *r, const struct sp_renderer_frame *f,
+                      struct sp_error *err) {
+    const float strength =
+        sp_layers_have_volume(&f->view)
+            ? sp_resample_antialiasing(&f->view, &sp_volume_info(f->original)->grid)
+            : 0;
+    if (strength == 0)
+        return true;
+    sp_arena_reset(&r->rows);
+    return open_workers(r, err) && sp_antialias(f->job.frame, strength, &r->rows, r->workers, err);
 }
 
 unsigned sp_renderer_depth(const struct sp_renderer *renderer) {
@@ -250,6 +274,7 @@ void sp_renderer_trim(struct sp_renderer *renderer) {
     trim(renderer->fallback.backend, renderer->fallback.state);
     if (renderer->frames)
         sp_frame_pool_trim(renderer->frames);
+    sp_arena_trim(&renderer->rows);
 }
 
 /* Leaves the memory to others if it is scarce. */
@@ -265,6 +290,7 @@ struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_erro
     double start_ms = sp_job_clock_ms(&f->job), start_cpu_ms = sp_clock_cpu_ms();
     bool ok = sp_view_draws_slices(&f->view) ? draw_composed(renderer, f, err)
                                              : sp_renderer_draw(renderer, f, err);
+    ok = ok && antialias(renderer, f, err);
     struct sp_frame *frame = ok ? sp_frame_ref(f->job.frame) : NULL;
     if (frame) {
         frame->stats.render_ms = fmax(f->ms + sp_job_clock_ms(&f->job) - start_ms, 0);

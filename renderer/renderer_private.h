@@ -12,6 +12,7 @@
 #include <stdatomic.h>
 
 #include "backend/backend.h"
+#include "base/arena.h"
 #include "draw/layers/layer_volumes.h"
 #include "sp/inflight.h"
 #include "sp/renderer.h"
@@ -46,10 +47,11 @@ struct sp_renderer {
     bool is_auto;                     /* created with "auto": may change the backend */
     unsigned failures;                /* of the backend, in a row */
     struct sp_renderer_frame queue[SP_IN_FLIGHT_MAX];
-    struct sp_volume *edited; /* the last one that was drawn, a reference; NULL = none */
-    unsigned oldest, begun;   /* a ring: `begun` frames from queue[oldest] on */
-    struct sp_pool *workers;  /* compose slices; both are NULL until the first one */
-    struct sp_frame_pool *frames;
+    struct sp_volume *edited;     /* the last one that was drawn, a reference; NULL = none */
+    unsigned oldest, begun;       /* a ring: `begun` frames from queue[oldest] on */
+    struct sp_pool *workers;      /* compose slices, filter pixels; NULL until they are needed */
+    struct sp_frame_pool *frames; /* for slices; NULL until the first ones */
+    struct sp_arena rows;         /* for the filter of pixels */
 };
 
 /* Returns the frame in flight that is number `i` from the oldest one. */

@@ -61,6 +61,19 @@ unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_tr
     return level;
 }
 
+float sp_resample_antialiasing(const struct sp_view *view, const struct sp_grid *grid) {
+    const double narrow = 1.8, wide = 2.3; /* px */
+    const double finest = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
+    struct sp_camera_transform camera;
+    double far;
+    if (!sp_resample_draws(view) || view->level_of_detail == SP_LOD_OFF)
+        return 0;
+    sp_camera_transform_init(&camera, &view->camera, view->size);
+    const double mean = cbrt(grid->spacing[0] * grid->spacing[1] * grid->spacing[2]);
+    const double px = compute_width_px(grid, &camera, &far) * finest / mean;
+    return (float)fmin(fmax((wide - px) / (wide - narrow), 0), 1);
+}
+
 static unsigned choose_level(const struct sp_resample_input *input) {
     const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
     unsigned level = input->mip_level, longest = 1;
