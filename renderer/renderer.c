@@ -192,10 +192,10 @@ static bool draw_composed(struct sp_renderer *r, struct sp_renderer_frame *f,
 /* Filters the pixels of the finished image as its samples need. */
 static bool antialias(struct sp_renderer *r, const struct sp_renderer_frame *f,
                       struct sp_error *err) {
+    if (!sp_layers_have_volume(&f->view))
+        return true;
     const float strength =
-        sp_layers_have_volume(&f->view)
-            ? sp_resample_antialiasing(&f->view, &sp_volume_info(f->original)->grid)
-            : 0;
+        sp_resample_antialiasing(&f->view, &sp_volume_info(f->job.volume)->grid, f->job.mip_level);
     if (strength == 0)
         return true;
     sp_arena_reset(&r->rows);

@@ -105,6 +105,7 @@ static void make_view(struct rig *rig, int first, int count, struct sp_view *vie
     tf->point_count = 2;
     memcpy(tf->points, colors[first % FIELDS], sizeof colors[0]);
     *view = scene->view;
+    view->level_of_detail = SP_LOD_OFF; /* a pixel shows the ray through its centre */
     view->filter.mode = SP_FILTER_ADAPTIVE;
     view->transfer_function.order = SP_TF_AUTO;
     view->compositing.mode = SP_COMPOSITE_SHEET;

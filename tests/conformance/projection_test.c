@@ -215,6 +215,7 @@ static unsigned check_finite(const struct run *run) {
         return 1;
     leave_out(&scene);
     scene.view.size[0] = scene.view.size[1] = SIDE;
+    scene.view.level_of_detail = SP_LOD_OFF; /* a pixel shows the ray through its centre */
     scene.view.camera = (struct sp_camera){ .projection = SP_ORTHOGRAPHIC,
                                             .position = { 0, 0, -50 },
                                             .target = { 0, 0, 0 },

@@ -39,6 +39,7 @@ void test_medium_init(struct test_medium *s, enum sp_projection projection) {
         return;
     sp_view_init(&s->view, sp_volume_info(s->volume), "medium");
     s->view.size[0] = s->view.size[1] = SIDE;
+    s->view.level_of_detail = SP_LOD_OFF; /* a pixel shows the ray through its centre */
     s->view.camera.projection = projection;
     s->view.shading.mode = SP_SHADING_NONE;
     s->view.background[2] = 0.25f;
