@@ -338,7 +338,7 @@ struct sp_view {
     struct sp_clip clip;
     uint32_t edit_count;                /* [0, SP_EDITS_MAX] [0] */
     struct sp_edit edits[SP_EDITS_MAX]; /* "/edits": in this order */
-    enum sp_lod level_of_detail;        /* "/quality/level_of_detail" [auto] */
+    enum sp_lod level_of_detail;        /* "/quality/level_of_detail" [auto]; also filters pixels */
     struct sp_time time;
     struct sp_slices slices;
 };
