@@ -25,7 +25,12 @@ light from the viewer. VTK's shading limits the comparison:
   there. Inside of the phantom this matters: the exact image differs by 45 dB from either rule. In other fields it is over 60 dB.
 
 Scans have noise, and often 8 bits. The shaded fields are drawn again from samples with Gaussian noise, whose standard deviation
-is 1 or 3 % of the range, in 16 and in 8 bits, by the default of this renderer and by VTK. The exact image has no noise.
+is 1 or 3 % of the range, in 16 and in 8 bits, by the default of this renderer and by VTK. The exact image has no noise. They are
+also drawn from every second slice alone, without a filter before: surfaces then have steps.
+
+Narrow samples: each field is drawn at NARROW² px, where a sample is one pixel wide, and again after a turn of NARROW_TURN degrees.
+The exact image is then the mean of 4 × 4 rays per pixel. "change" is the rms change from one image to the next, in thousandths of
+the range; one row has that of the exact images.
 """
 import argparse
 import csv
@@ -48,10 +53,13 @@ DARK = 1e-5  # light at which a ray ends; 8 bits are 400 times as coarse
 GRADIENT_STEP = 1e-4  # voxels
 SHADING = {'mode': 'phong', 'ambient': 0, 'diffuse': 0.7, 'specular': 0.3, 'exponent': 32,
            'lights': [{'direction': [0, 0, 1], 'space': 'camera', 'color': [1, 1, 1]}]}
-COLUMNS = ['field', 'shading', 'samples', 'method', 'psnr_db', 'rise_px', 'exact_rise_px', 'ms']
+COLUMNS = ['field', 'shading', 'samples', 'method', 'psnr_db', 'rise_px', 'exact_rise_px', 'ms', 'change']
 CLEAN = '16 bits'
-SAMPLE_KINDS = {CLEAN: (16, 0), '8 bits': (8, 0), '16 bits, noise 1 %': (16, 0.01), '8 bits, noise 1 %': (8, 0.01),
-                '16 bits, noise 3 %': (16, 0.03), '8 bits, noise 3 %': (8, 0.03)}  # bits, standard deviation of the noise
+# Bits, standard deviation of the noise, slices from one to the next.
+SAMPLE_KINDS = {CLEAN: (16, 0, 1), '8 bits': (8, 0, 1), '16 bits, noise 1 %': (16, 0.01, 1), '8 bits, noise 1 %': (8, 0.01, 1),
+                '16 bits, noise 3 %': (16, 0.03, 1), '8 bits, noise 3 %': (8, 0.03, 1), 'every second slice': (16, 0, 2)}
+NARROW, NARROW_RAYS, NARROW_TURN = 112, 4, 0.1
+NARROW_KIND = '16 bits, 1 px wide'
 SEED = 40
 RAMP = [(0.0, (0.2, 0.9, 0.9), 0.0), (0.3, (0.2, 0.9, 0.9), 0.0), (0.45, (0.9, 0.6, 0.3), 0.25), (0.6, (1.0, 0.9, 0.6), 0.45),
         (1.0, (1.0, 1.0, 1.0), 0.6)]
@@ -150,15 +158,15 @@ def turned(eye, degrees):
     return np.array([c * x + n * z, y, c * z - n * x]) + CENTRE
 
 
-def rays(eye, fov):
-    """Returns the direction of view, and the directions to the pixels' centres, row by row."""
+def rays(eye, fov, size):
+    """Returns the direction of view, and the directions to the centres of size² pixels, row by row."""
     ahead = np.full(3, CENTRE) - eye
     ahead /= np.linalg.norm(ahead)
     right = np.cross(ahead, [0, 1, 0])
     right /= np.linalg.norm(right)
     down = np.cross(ahead, right)
-    scale = SIZE / 2 / np.tan(np.radians(fov / 2))
-    x, y = np.meshgrid((np.arange(SIZE) + 0.5 - SIZE / 2) / scale, (np.arange(SIZE) + 0.5 - SIZE / 2) / scale)
+    scale = size / 2 / np.tan(np.radians(fov / 2))
+    x, y = np.meshgrid((np.arange(size) + 0.5 - size / 2) / scale, (np.arange(size) + 0.5 - size / 2) / scale)
     d = (ahead + x[..., None] * right + y[..., None] * down).reshape(-1, 3)
     return ahead, d / np.linalg.norm(d, axis=-1, keepdims=True)
 
@@ -184,11 +192,13 @@ def shade(color, normal, ahead, d):
     return [c * (SHADING['ambient'] + diffuse) + shine for c in color]
 
 
-def exact_image(field, shading):
+def exact_image(field, shading, size=SIZE, turn=0.0, last=SAMPLES - 1):
+    """turn: degrees; last: where the volume ends along the third axis."""
     eye, fov = camera(shading)
-    ahead, d = rays(eye, fov)
+    eye = turned(eye, turn)
+    ahead, d = rays(eye, fov, size)
     with np.errstate(divide='ignore'):
-        near, far = (0 - eye) / d, (SAMPLES - 1 - eye) / d
+        near, far = (0 - eye) / d, (np.array([SAMPLES - 1, SAMPLES - 1, last]) - eye) / d
     begin, end = np.minimum(near, far).max(-1), np.maximum(near, far).min(-1)
     light, image = np.ones(len(d)), np.zeros((len(d), 3))
     length = np.maximum(end - begin, 0)
@@ -206,7 +216,7 @@ def exact_image(field, shading):
         for c in range(3):
             image[rest, c] += light[rest] * opacity * color[c]
         light[rest] *= 1 - opacity
-    return np.round(np.clip(image, 0, 1) * 255).reshape(SIZE, SIZE, 3)
+    return np.round(np.clip(image, 0, 1) * 255).reshape(size, size, 3)
 
 
 def chunks(data):
@@ -283,27 +293,28 @@ def rise(image):
     return float(np.mean(distances))
 
 
-def write_volume(path, field, bits, noise):
+def write_volume(path, field, bits, noise, step):
     index = np.arange(SAMPLES, dtype=float)
-    z, y, x = np.meshgrid(index, index, index, indexing='ij')
+    z, y, x = np.meshgrid(index[::step], index, index, indexing='ij')
     values = np.clip(field(x, y, z), 0, 1)
     if noise:
         values = np.clip(values + np.random.default_rng(SEED).normal(0, noise, values.shape), 0, 1)
     with open(path, 'wb') as file:
-        file.write(f'NRRD0004\ntype: uint{bits}\ndimension: 3\nsizes: {SAMPLES} {SAMPLES} {SAMPLES}\nspacings: 1 1 1\n'
+        file.write(f'NRRD0004\ntype: uint{bits}\ndimension: 3\nsizes: {SAMPLES} {SAMPLES} {len(z)}\nspacings: 1 1 {step}\n'
                    'endian: little\nencoding: raw\n\n'.encode())
         file.write(np.round(values * (2 ** bits - 1)).astype(f'<u{bits // 8}').tobytes())
 
 
-def scene(name, shading, bits, change):
+def scene(name, shading, kind, change, size=SIZE, turn=0.0):
+    bits, _, step = SAMPLE_KINDS.get(kind, SAMPLE_KINDS[CLEAN])
     points = [{'value': p[0] * (2 ** bits - 1), 'color': list(p[1]), 'opacity': p[2]} for p in RAMP]
-    edge = 0.5 / SAMPLES  # the volume of other renderers ends at its outermost samples
-    view = {'size': [SIZE, SIZE], 'background': [0, 0, 0, 1], 'shading': SHADING if shading == 'phong' else {'mode': 'none'},
+    edge = [0.5 / SAMPLES, 0.5 / SAMPLES, 0.5 * step / SAMPLES]  # the volume of other renderers ends at its outermost samples
+    view = {'size': [size, size], 'background': [0, 0, 0, 1], 'shading': SHADING if shading == 'phong' else {'mode': 'none'},
             'transfer_function': {'reference_length': 1.0, 'points': points, 'order': change.get('order', 'pre')},
             'filter': change.get('filter', {}), 'compositing': change.get('compositing', {}),
-            'clip': {'box': [[edge] * 3, [1 - edge] * 3]}}
+            'clip': {'box': [edge, [1 - e for e in edge]]}}
     eye, fov = camera(shading)
-    cameras = [{'projection': 'perspective', 'fov_y': fov, 'position': list(turned(eye, TURN * (i - 2))), 'target': [CENTRE] * 3, 'up': [0, 1, 0]}
+    cameras = [{'projection': 'perspective', 'fov_y': fov, 'position': list(turned(eye, TURN * (i - 2) + turn)), 'target': [CENTRE] * 3, 'up': [0, 1, 0]}
                for i in range(VIEWS)]
     return {'name': name, 'volume': name + '.nrrd', 'visible_voxels': 0, 'note': '', 'view': view, 'cameras': cameras}
 
@@ -316,39 +327,70 @@ def measure(command, folder):
     return json.loads(lines[-1])['median_ms']
 
 
-def compare(options, name, shading, kind, exact, folder, write):
-    """Returns the images of one field by method."""
-    bits = SAMPLE_KINDS[kind][0]
-    stem = name.lower()
-    wanted = rise(exact) if (name, shading) == ('shell', 'none') else ''
-    images = {'exact': exact}
+class Drawing:
+    """Draws a field with one kind of samples, by this renderer and by VTK, and writes the images and rows."""
 
-    def save(method, image):
-        if options.images:
-            parts = [stem] + ['shaded'] * (shading == 'phong') + [kind] * (kind != CLEAN) + [method]
-            write_png(os.path.join(options.images, '-'.join(parts).replace(', ', '-').replace(' ', '-') + '.png'), image)
+    def __init__(self, options, folder, write):
+        self.options, self.folder, self.write = options, folder, write
+        self.name = self.shading = self.kind = None
 
-    def record(method, command):
-        ms = measure(command, folder)
-        images[method] = image = read_png(os.path.join(folder, stem + '.png'))
-        save(method, image)
-        write([name, shading, kind, method, round(psnr(image, exact), 1), round(rise(image), 2) if wanted else '',
-               round(wanted, 2) if wanted else '', round(ms, 2)])
+    def open(self, name, shading, kind):
+        self.name, self.shading, self.kind = name, shading, kind
 
-    if kind == CLEAN:
-        save('exact', exact)
-    path = os.path.join(folder, 'scene.json')
-    common = ['--threads', str(options.threads), '--size', str(SIZE), '--views', str(VIEWS), '--warm', str(WARM), '--data', folder,
-              '--out', folder + '/', path]
-    for method, change in METHODS.items() if kind == CLEAN else [(DEFAULT, METHODS[DEFAULT])]:
+    def save(self, method, image):
+        if self.options.images:
+            parts = [self.name.lower()] + ['shaded'] * (self.shading == 'phong') + [self.kind] * (self.kind != CLEAN) + [method]
+            write_png(os.path.join(self.options.images, '-'.join(parts).replace(', ', '-').replace(' ', '-') + '.png'), image)
+
+    def methods(self, all_of_them):
+        vtk = [f'VTK, distance {distance}' for distance in ('1.0', '0.5')] if self.options.vtk_bench else []
+        return (list(METHODS) if all_of_them else [DEFAULT]) + vtk
+
+    def draw(self, method, size=SIZE, turn=0.0):
+        """Returns an image, and milliseconds per frame."""
+        stem, path = self.name.lower(), os.path.join(self.folder, 'scene.json')
         with open(path, 'w', encoding='utf-8') as file:
-            json.dump(scene(stem, shading, bits, change), file)
-        record(method, [os.path.join(options.bin, 'splat-bench'), '--backend', 'cpu', *common])
-    for distance in ('1.0', '0.5') if options.vtk_bench else ():
-        record(f'VTK, distance {distance}',
-               ['xvfb-run', '-a', '-s', '-screen 0 1280x1280x24', '/usr/bin/python3', options.vtk_bench, '--sample-distance', distance,
-                *(['--shade'] if shading == 'phong' else []), *common])
-    return images
+            json.dump(scene(stem, self.shading, self.kind, METHODS.get(method, {}), size, turn), file)
+        common = ['--threads', str(self.options.threads), '--size', str(size), '--views', str(VIEWS), '--warm', str(WARM),
+                  '--data', self.folder, '--out', self.folder + '/', path]
+        if method in METHODS:
+            command = [os.path.join(self.options.bin, 'splat-bench'), '--backend', 'cpu', *common]
+        else:
+            command = ['xvfb-run', '-a', '-s', '-screen 0 1280x1280x24', '/usr/bin/python3', self.options.vtk_bench, '--sample-distance',
+                       method.split()[-1], *(['--shade'] if self.shading == 'phong' else []), *common]
+        ms = measure(command, self.folder)
+        return read_png(os.path.join(self.folder, stem + '.png')), ms
+
+    def compare(self, exact):
+        """Returns the images of one field by method."""
+        wanted = rise(exact) if (self.name, self.shading) == ('shell', 'none') else ''
+        images = {'exact': exact}
+        if self.kind in (CLEAN, 'every second slice'):
+            self.save('exact', exact)
+        for method in self.methods(self.kind == CLEAN):
+            images[method], ms = self.draw(method)
+            self.save(method, images[method])
+            self.write([self.name, self.shading, self.kind, method, round(psnr(images[method], exact), 1),
+                        round(rise(images[method]), 2) if wanted else '', round(wanted, 2) if wanted else '', round(ms, 2), ''])
+        return images
+
+    def compare_narrow(self):
+        """Of samples as narrow as pixels: the distance from means over the pixels' areas, and the change while the view turns."""
+        def mean(turn):
+            fine = exact_image(FIELDS[self.name], self.shading, NARROW * NARROW_RAYS, turn)
+            return fine.reshape(NARROW, NARROW_RAYS, NARROW, NARROW_RAYS, 3).mean((1, 3))
+
+        def change(pair):
+            return round(1000 * np.sqrt(np.mean(((pair[0] - pair[1]) / 255) ** 2)), 2)
+        exact = [mean(turn) for turn in (0, NARROW_TURN)]
+        self.save('exact', np.round(exact[0]))
+        self.write([self.name, self.shading, self.kind, 'exact', '', '', '', '', change(exact)])
+        for method in self.methods(False):
+            drawn = [self.draw(method, NARROW, turn) for turn in (0, NARROW_TURN)]
+            images = [image.astype(float) for image, _ in drawn]
+            self.save(method, images[0])
+            self.write([self.name, self.shading, self.kind, method, round(psnr(images[0], exact[0]), 1), '', '', round(drawn[0][1], 2),
+                        change(images)])
 
 
 def write_sheet(path, images):
@@ -365,7 +407,8 @@ def main():
     p.add_argument('--images', default='', help='folder for the images; "" = none')
     p.add_argument('--sheet', default='', help='an image with some of them side by side; "" = none')
     p.add_argument('--fields', nargs='+', default=list(FIELDS), choices=list(FIELDS), help='fields to measure; default all')
-    p.add_argument('--samples', nargs='+', default=list(SAMPLE_KINDS), choices=list(SAMPLE_KINDS), help='kinds of samples; default all')
+    p.add_argument('--samples', nargs='+', default=[*SAMPLE_KINDS, NARROW_KIND], choices=[*SAMPLE_KINDS, NARROW_KIND],
+                   help='kinds of samples; default all')
     p.add_argument('--threads', type=int, default=2)
     options = p.parse_args()
     if options.sheet and CLEAN not in options.samples:
@@ -383,13 +426,19 @@ def main():
         def write(row):
             table.writerow(row)
             print('  '.join(str(x) for x in row), flush=True)
+        drawing = Drawing(options, folder, write)
         for name in options.fields:
             for shading in ('none', 'phong'):
-                kinds = [kind for kind in options.samples if kind == CLEAN or shading == 'phong']
-                exact = exact_image(FIELDS[name], shading) if kinds else None
-                for kind in kinds:
-                    write_volume(os.path.join(folder, name.lower() + '.nrrd'), FIELDS[name], *SAMPLE_KINDS[kind])
-                    found = compare(options, name, shading, kind, exact, folder, write)
+                for kind in options.samples:
+                    if shading == 'none' and kind not in (CLEAN, NARROW_KIND):
+                        continue
+                    values = SAMPLE_KINDS.get(kind, SAMPLE_KINDS[CLEAN])
+                    drawing.open(name, shading, kind)
+                    write_volume(os.path.join(folder, name.lower() + '.nrrd'), FIELDS[name], *values)
+                    if kind == NARROW_KIND:
+                        drawing.compare_narrow()
+                        continue
+                    found = drawing.compare(exact_image(FIELDS[name], shading, last=SAMPLES - values[2]))
                     if kind == CLEAN:
                         images[name, shading] = found
     if options.sheet:

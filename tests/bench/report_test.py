@@ -305,6 +305,25 @@ class Report(unittest.TestCase):
         self.assertIn('| 8 bits, noise 3 % | sheets | 33.4 dB | 38.2 dB |', text)
         self.assertIn('| 8 bits, noise 3 % | VTK | 34.5 dB | – |', text)
 
+    def test_exact_with_narrow_samples(self):
+        columns = ['field', 'shading', 'samples', 'method', 'psnr_db', 'rise_px', 'exact_rise_px', 'ms', 'change']
+        clean = {'field': 'tubes', 'shading': 'none', 'samples': '16 bits', 'method': 'sheets', 'psnr_db': 41.23, 'rise_px': '', 'exact_rise_px': '', 'ms': 5,
+                 'change': ''}
+        narrow = {**clean, 'samples': '16 bits, 1 px wide', 'psnr_db': 38.66, 'change': 1.24}
+        self.write('exact.csv', columns, clean, narrow, {**narrow, 'method': 'exact', 'psnr_db': '', 'ms': '', 'change': 1.1})
+        text = report.exact(self.folder.name)
+        self.assertIn('| sheets | 38.7 dB, 1.2 |\n', text)
+        self.assertIn('| exact | 1.1 |\n', text)
+        self.assertEqual(report.exact_headline(self.folder.name), '')
+
+    def test_scans(self):
+        columns = ['scene', 'shading', 'size', 'march_db', 'means_db', 'change', 'point_change']
+        head = {'scene': 'head', 'shading': 'none', 'size': 256, 'march_db': 33.21, 'means_db': 44.44, 'change': 1.26, 'point_change': 1.8}
+        self.write('scans.csv', columns, head, {**head, 'shading': 'phong', 'means_db': 42.1}, {**head, 'size': 512, 'march_db': ''})
+        text = report.scans(self.folder.name)
+        self.assertIn('| head | 256² | 33.2 dB | 44.4 dB | 1.26, 1.80 | 33.2 dB | 42.1 dB | 1.26, 1.80 |', text)
+        self.assertIn('| head | 512² | – | 44.4 dB | 1.26, 1.80 | – | – | – |', text)
+
     def test_layers(self):
         row = {'scene': 'engine', 'setting': 'shell fast', 'speedup': 7.31, 'cpu_speedup': 8.09}
         self.write('layers.csv', run_all.PAIR_COLUMNS, row, {**row, 'setting': 'mean', 'speedup': 0.5, 'cpu_speedup': 0.55}, {**row, 'setting': 'shell fast and volume'})

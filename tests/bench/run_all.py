@@ -26,7 +26,7 @@ from peer import Peer, chosen, demos, describe, find
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'layers', 'elements', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'bricks', 'memory', 'codecs', 'tls', 'soak')
+PARTS = ('limit', 'scenes', 'pixels', 'exact', 'scans', 'adaptive', 'detail', 'edits', 'layers', 'elements', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'bricks', 'memory', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -383,9 +383,13 @@ def measure_codecs(run):
     keep_table(run, 'codecs.csv', run.program('codecs', command + ([v for v in volumes if v] or ['demo:engine'])))
 
 
+def missing_numpy():
+    done = subprocess.run(['/usr/bin/python3', '-c', 'import numpy'], capture_output=True, check=False)
+    return 'python3-numpy is not installed' if done.returncode else ''
+
+
 def measure_exact(run):
-    why = missing('/usr/bin/python3') or (subprocess.run(['/usr/bin/python3', '-c', 'import numpy'], capture_output=True, check=False).returncode
-                                          and 'python3-numpy is not installed')
+    why = missing('/usr/bin/python3') or missing_numpy()
     if why:
         run.skip(1, f'the exact images; {why}')
         return
@@ -395,6 +399,19 @@ def measure_exact(run):
                                             '--vtk-bench', run.o.vtk_bench, *sheet]):
         with open(made, encoding='utf-8') as f:
             keep_table(run, 'exact.csv', f.read())
+
+
+def measure_scans(run):
+    why = missing('/usr/bin/python3') or missing_numpy()
+    scenes = run.o.scenes
+    if why or not os.path.exists(os.path.join(scenes, 'engine.json')):
+        run.skip(1, f'images of scans; {why or "the scenes are missing"}')
+        return
+    made = os.path.join(run.work, 'scans.csv')
+    if run.program('scans', ['/usr/bin/python3', os.path.join(ROOT, 'tests/bench/scans.py'), '--bin', run.o.bin, '--scenes', scenes, '--data', run.o.data,
+                             '--out', made, *(['--only', 'engine'] if run.o.quick else [])]):
+        with open(made, encoding='utf-8') as f:
+            keep_table(run, 'scans.csv', f.read())
 
 
 def measure_tls(run):
@@ -484,6 +501,7 @@ def main():
             'pixels': (2 * len(sizes) + (len(demos(run.scenes_of('scenes'))) + 2 * len(sizes) if options.vtk_bench else 0),
                        lambda: measure_pixels(run, sizes)),
             'exact': (1, lambda: measure_exact(run)),
+            'scans': (1, lambda: measure_scans(run)),
             'adaptive': (levels, lambda: measure_pairs(run, 'adaptive.csv', ('--mode', 'adaptive'), 'mode=adaptive', 'mode=ewa')),
             'detail': (levels, lambda: measure_pairs(run, 'detail.csv', ('--lod', 'auto'), 'lod=auto', 'lod=off')),
             'edits': (3, lambda: measure_edits(run)),

@@ -232,26 +232,30 @@ static inline void enter_faces(const struct work *work, const struct interval *i
 /* The unit normal of the interval [world space]; zero if there is none. Behind a surface gradients
  * are small: noise, ringing of the interpolation and rounding would give the material there any
  * normal. So the surface's gradient stays, a quarter as long after each slice. A gradient that is
- * shorter than 0.8 of it, or than rounding, is mixed with it. */
+ * shorter than 0.8 of it, or than rounding, is mixed with it. Light falls on both sides of a
+ * surface: of the surface's gradient and its opposite, the one on the side of the new gradient is
+ * mixed, so that both never cancel. Behind the middle of thin material gradients point back. */
 static inline void compute_normal(const struct work *work, const struct interval *in,
                                   sp_wide normal[3]) {
     const float share = 0.8f, faint = 64, rounding = work->t->r->rounding;
     struct sp_resample_block *block = work->block;
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
-    sp_wide past[3], past_square = zero, square = zero;
+    sp_wide last[3], past_square = zero, dot = zero, square = zero;
     for (int c = 0; c < 3; c++) {
-        past[c] = sp_wide_load(block->normal[c] + in->begin) * work->decay;
-        past_square += past[c] * past[c];
+        last[c] = sp_wide_load(block->normal[c] + in->begin);
+        past_square += last[c] * last[c];
+        dot += last[c] * in->gradient[c];
     }
+    past_square *= work->decay * work->decay;
+    sp_wide side = sp_wide_copysign(one, dot);
     sp_wide least = past_square * (share * share) + rounding * rounding;
     sp_wide firm = sp_wide_min(in->square * sp_wide_inverse(least), one);
     sp_wide weight = sp_wide_min(in->opacity * faint, one); /* what is not seen is no surface */
     for (int c = 0; c < 3; c++) {
-        float *last = block->normal[c] + in->begin;
-        sp_wide old = sp_wide_load(last);
-        normal[c] = past[c] + firm * (in->gradient[c] - past[c]);
+        sp_wide old = side * last[c], past = work->decay * old;
+        normal[c] = past + firm * (in->gradient[c] - past);
         square += normal[c] * normal[c];
-        sp_wide_store(last, old + weight * (normal[c] - old));
+        sp_wide_store(block->normal[c] + in->begin, old + weight * (normal[c] - old));
     }
     sp_wide inverse =
         sp_wide_keep(sp_wide_lt(tiny, square), sp_wide_inverse_sqrt(sp_wide_max(square, tiny)));

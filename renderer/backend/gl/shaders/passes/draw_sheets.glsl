@@ -463,6 +463,7 @@ float face_share(float s, float square) {
 vec3 compute_normal(vec3 gradient, float width, float opacity) {
     const float SHARE = 0.8, FAINT = 64.0;
     float rounding = metric[0].w;
+    normal = dot(normal, gradient) < 0.0 ? -normal : normal; // light falls on both sides
     vec3 past = normal * exp2(-2.0 * width);
     float least = SHARE * SHARE * dot(past, past) + rounding * rounding;
     float firm = min(dot(gradient, gradient) / least, 1.0);
