@@ -38,6 +38,9 @@
  * kernels are exact, farther ones are affine. */
 #define SP_CLOSE_EXACT 12.0f
 #define SP_CLOSE_AFFINE 24.0f
+/* Distances of trained Gaussians count this many times. The affine map is part of how they were
+ * trained, so they leave it only where it is far off. */
+#define SP_CLOSE_TRAINED 2.0f
 
 enum {
     SP_CLOSE_FAR = 0,

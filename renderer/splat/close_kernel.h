@@ -82,8 +82,10 @@ static inline double sp_close_share(const struct sp_close_kernel *k, const doubl
     for (int r = 0; r < 3; r++)
         away += k->u[r] * k->u[r];
     double distance = sqrt(3 * away / k->size);
-    if (!is_integral && k->u[2] > 0)
-        distance = fmax(distance, k->u[2] / sqrt(k->v[2][2]));
+    if (!is_integral) {
+        const double ahead = k->u[2] > 0 ? k->u[2] / sqrt(k->v[2][2]) : 0;
+        distance = (double)SP_CLOSE_TRAINED * fmax(distance, ahead);
+    }
     const double near = (affine - distance) / (affine - exact), w = fmax(fmin(near, 1), 0);
     for (int i = 0; i < 2; i++)
         aside = fmax(aside, fabs(k->u[i]) / ratio_max[i]);

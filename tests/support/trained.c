@@ -166,14 +166,14 @@ static double multiply(const double a[3], const double m[3][3], const double b[3
     return sum;
 }
 
-/* Gaussians closer than 12 times their size are exact, those beyond 24 times are affine, and so
+/* Gaussians closer than 6 times their size are exact, those beyond 12 times are affine, and so
  * are flat ones that face the image. Beside the image, Gaussians become exact sooner
  * (renderer/splat/close.h). v: variance in the camera. */
 static void place_close(const struct eye *eye, double v[3][3], double filter, struct splat *s) {
     const double *u = s->u, size = v[0][0] + v[1][1] + v[2][2];
     const double away = sqrt(3 * dot(u, u) / size);
     const double far = u[2] > 0 ? fmax(away, u[2] / sqrt(v[2][2])) : away;
-    const double near = fmax(fmin((24 - far) / 12, 1), 0);
+    const double near = fmax(fmin((12 - far) / 6, 1), 0);
     double beside = 1.25;
     if (u[2] > 0)
         beside = fmax(fabs(u[0]) / eye->tangent[0], fabs(u[1]) / eye->tangent[1]) / (1.3 * u[2]);

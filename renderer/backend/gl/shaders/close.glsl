@@ -6,7 +6,7 @@ bool may_be_close(vec3 u, vec3 k[3]) {
     return false;
 }
 #else
-const float CLOSE_EXACT = 12.0, CLOSE_AFFINE = 24.0, CLOSE_LEAST = 1e-3, EVERYWHERE = 1e30;
+const float CLOSE_EXACT = 12.0, CLOSE_AFFINE = 24.0, CLOSE_TRAINED = 2.0, CLOSE_LEAST = 1e-3, EVERYWHERE = 1e30;
 
 struct Kernel {
     vec3 u, su;   // centre; adj Σ · u
@@ -46,8 +46,8 @@ Kernel make_kernel(vec3 u, vec3 k[3], float h2) {
 
 float close_share(Kernel k, bool is_integral) {
     float away = sqrt(3.0 * dot(k.u, k.u) / k.size);
-    if (!is_integral && k.u.z > 0.0)
-        away = max(away, k.u.z * inversesqrt(k.v[2][2]));
+    if (!is_integral)
+        away = CLOSE_TRAINED * max(away, k.u.z > 0.0 ? k.u.z * inversesqrt(k.v[2][2]) : 0.0);
     float w = clamp((CLOSE_AFFINE - away) / (CLOSE_AFFINE - CLOSE_EXACT), 0.0, 1.0), own = w * w * (3.0 - 2.0 * w);
     vec2 ratio = abs(k.u.xy) / bounds.xy;
     float beside = k.u.z > 0.0 ? clamp(5.0 * (max(ratio.x, ratio.y) / k.u.z - 0.8), 0.0, 1.0) : 1.0;
