@@ -22,6 +22,7 @@
  * SP_EWA_SLACK); this changes only voxels whose centre lies outside the image. Voxels nearer than
  * the near plane or a thousandth of a cell are not drawn. Footprints are clipped to the image,
  * depths are limited to SP_DEPTH_MAX, and splats with a value that is not finite are not drawn.
+ * Layers of splats have other formulas close to the eye (close.h).
  *
  * Along the ray, for slabs and clipping: with m2, the third row of J·K, the depth of the kernel on
  * the ray of a pixel at d from the centre has a normal distribution with

@@ -8,10 +8,12 @@
 #include "base/vec.h"
 #include "classify/transfer.h"
 #include "splat/camera.h"
+#include "splat/close_kernel.h"
+#include "splat/ewa_frame.h"
 
 /* As for drawing (draw/layers/cloud/README.md). */
 static const double trained_lowpass2 = 0.3, trained_opacity_max = 0.99,
-                    trained_opacity_min = 1 / 255.0, trained_ratio_max = 1.3;
+                    trained_opacity_min = 1 / 255.0;
 
 /* A layer and the ray. Elements lie in the world of the data, from which `turn` and `moved` lead to
  * the world of the view. */
@@ -61,11 +63,51 @@ static bool add_event(struct sp_pick_events *events, double t, double depth, dou
 struct footprint {
     double u2, distance2; /* depth; squared distance of the point, in standard deviations */
     double det, plain;    /* determinants of the variance with and without the low-pass filter */
-    double jacobian;      /* |det J| */
+    double gain;          /* |det J| / √det */
+    double beyond;        /* share that lies beyond the near plane */
 };
 
-static void compute_footprint(const struct picking *p, uint32_t i, double size, double lowpass2,
-                              double ratio_max, struct footprint *f) {
+/* Changes the footprint of a kernel close to the eye (splat/close.h). False if it is not drawn. */
+static bool refine_footprint(const struct picking *p, const struct sp_vec3 *u,
+                             const double kernel[3][3], double lowpass2, const double ratio_max[2],
+                             bool is_integral, struct footprint *f) {
+    struct sp_close_kernel k;
+    double d[3] = { 0, 0, 1 }, w[3], middle[3], lengths[2] = { 0, 0 };
+    sp_close_kernel_init(&k, u->v, kernel, lowpass2 / (p->camera.scale * p->camera.scale));
+    double share = sp_close_share(&k, ratio_max, is_integral);
+    const bool is_aside =
+        fabs(u->v[0]) > ratio_max[0] * u->v[2] || fabs(u->v[1]) > ratio_max[1] * u->v[2];
+    share = is_aside && share > SP_CLOSE_LEAST ? 1 : share;
+    if (!(share > SP_CLOSE_LEAST) || (share < 1 && u->v[2] < p->camera.near))
+        return u->v[2] >= p->camera.near;
+    for (int r = 0; r < 2; r++)
+        d[r] = (p->input->at[r] - p->camera.centre[r]) / p->camera.scale;
+    if (share < 1) {
+        for (int r = 0; r < 3; r++) {
+            middle[r] = u->v[r] / u->v[2];
+            w[r] = middle[r] + share * (d[r] - middle[r]);
+            lengths[0] += middle[r] * middle[r];
+            lengths[1] += w[r] * w[r];
+        }
+        const double ratio = sp_close_form((const double(*)[3])k.s, middle) /
+                             sp_close_form((const double(*)[3])k.s, w);
+        f->distance2 *= ratio;
+        f->gain *= sqrt(ratio * lengths[1] / lengths[0]);
+        return true;
+    }
+    const double own = sp_close_form((const double(*)[3])k.s, d);
+    const double t = (d[0] * k.su[0] + d[1] * k.su[1] + k.su[2]) / sqrt(own);
+    f->distance2 = k.square - t * t;
+    f->plain = k.own;
+    f->det = k.det * k.square;
+    f->gain = sqrt((d[0] * d[0] + d[1] * d[1] + 1) / (own * k.det));
+    f->beyond = 0.5 * erfc((p->camera.near * sqrt(own) - t) * M_SQRT1_2);
+    return true;
+}
+
+/* False if the element is not drawn. */
+static bool compute_footprint(const struct picking *p, uint32_t i, double size, double lowpass2,
+                              bool is_trained, struct footprint *f) {
     const float *e = p->elements->factors[i], *at = p->elements->positions[i];
     const double position[3] = { (double)at[0], (double)at[1], (double)at[2] };
     const double factor[3][3] = { { (double)e[0], 0, 0 },
@@ -75,14 +117,15 @@ static void compute_footprint(const struct picking *p, uint32_t i, double size, 
         sp_vec3_add(sp_mat3_apply(&p->to_camera, sp_vec3_from(position)), p->offset);
     const bool is_flat = p->camera.projection == SP_ORTHOGRAPHIC;
     const double scale = is_flat ? p->camera.scale : p->camera.scale / u.v[2];
-    double kernel[3][3], m[2][3], d[2], slopes = 1;
+    double kernel[3][3], m[2][3], d[2], ratio_max[2], slopes = 1;
     for (int r = 0; r < 3; r++)
         for (int a = 0; a < 3; a++)
             kernel[r][a] =
                 size * (p->to_camera.m[r][0] * factor[0][a] + p->to_camera.m[r][1] * factor[1][a] +
                         p->to_camera.m[r][2] * factor[2][a]);
     for (int r = 0; r < 2; r++) {
-        const double most = ratio_max * p->camera.tan_half[r];
+        const double slack = is_trained ? 0 : (double)SP_EWA_SLACK;
+        const double most = ratio_max[r] = (double)SP_EWA_MARGIN * p->camera.tan_half[r] + slack;
         const double ratio = is_flat ? 0 : fmin(fmax(u.v[r] / u.v[2], -most), most);
         for (int a = 0; a < 3; a++)
             m[r][a] = scale * (kernel[r][a] - ratio * kernel[2][a]);
@@ -99,7 +142,11 @@ static void compute_footprint(const struct picking *p, uint32_t i, double size, 
     f->distance2 =
         ((c + lowpass2) * d[0] * d[0] - 2 * b * d[0] * d[1] + (a + lowpass2) * d[1] * d[1]) /
         f->det;
-    f->jacobian = scale * scale * (is_flat ? 1 : sqrt(slopes));
+    f->gain = scale * scale * (is_flat ? 1 : sqrt(slopes)) / sqrt(f->det);
+    f->beyond = 1;
+    if (is_flat)
+        return u.v[2] >= p->camera.near;
+    return refine_footprint(p, &u, (const double(*)[3])kernel, lowpass2, ratio_max, !is_trained, f);
 }
 
 /* True if the kernel of an element may reach the ray within `cutoff` standard deviations. */
@@ -113,17 +160,22 @@ static bool is_near(const struct picking *p, uint32_t i, double size, double low
     const double length2 = sp_vec3_dot(p->way, p->way);
     const double u2 = p->to_camera.m[2][0] * position[0] + p->to_camera.m[2][1] * position[1] +
                       p->to_camera.m[2][2] * position[2] + p->offset.v[2];
-    const double px = (p->camera.projection == SP_ORTHOGRAPHIC ? 1 : u2) / p->camera.scale;
+    const double px = (p->camera.projection == SP_ORTHOGRAPHIC ? 1 : fabs(u2)) / p->camera.scale;
     double factor2 = 0;
     for (int k = 0; k < 6; k++)
         factor2 += (double)e[k] * (double)e[k];
     const double reach = slack * cutoff * (size * sqrt(factor2) + lowpass * px * p->stretch);
-    return u2 >= p->camera.near && sp_vec3_dot(cross, cross) <= reach * reach * length2;
+    const bool is_flat = p->camera.projection == SP_ORTHOGRAPHIC;
+    const struct sp_vec3 forward = sp_vec3_from(p->to_camera.m[2]);
+    const double behind = is_flat ? 0 : cutoff * size * sqrt(factor2) * sp_vec3_length(forward);
+    return u2 + behind >= p->camera.near && sp_vec3_dot(cross, cross) <= reach * reach * length2;
 }
 
-/* Adds an event at a depth in the camera, if that is on the ray. */
+/* Adds an event at a depth in the camera, if that is on the ray. Kernels that reach beyond the near
+ * plane although their centre does not are at the near plane. */
 static bool add_at(const struct picking *p, double u2, double depth, double value) {
-    const double t = u2 / p->slope;
+    const bool is_flat = p->camera.projection == SP_ORTHOGRAPHIC;
+    const double t = (is_flat ? u2 : fmax(u2, p->camera.near)) / p->slope;
     if (!(t >= p->ray->begin && t <= p->ray->end && depth > 0))
         return true;
     return add_event(p->events, t, depth, value);
@@ -139,13 +191,14 @@ static bool pick_points(const struct picking *p) {
         struct sp_class class;
         if (!is_near(p, i, p->layer->size, filter->lowpass, cutoff))
             continue;
-        compute_footprint(p, i, p->layer->size, filter->lowpass * filter->lowpass, INFINITY, &f);
-        if (!(f.distance2 <= cutoff * cutoff && f.det > 0))
+        if (!compute_footprint(p, i, p->layer->size, filter->lowpass * filter->lowpass, false,
+                               &f) ||
+            !(f.distance2 <= cutoff * cutoff && f.det > 0))
             continue;
         const double value = (double)p->elements->values[i];
         sp_transfer_function_eval(tf, value, &class);
-        const double depth = (double)class.depth / tf->reference_length * gain * f.jacobian *
-                             (double)p->elements->volumes[i] * fabs(p->det) / sqrt(f.det) *
+        const double depth = (double)class.depth / tf->reference_length * gain * f.gain *
+                             (double)p->elements->volumes[i] * fabs(p->det) * f.beyond *
                              exp(-f.distance2 / 2);
         if (!add_at(p, f.u2, depth, value))
             return false;
@@ -161,8 +214,9 @@ static bool pick_gaussians(const struct picking *p) {
         double opacity = (double)p->elements->opacities[i] * (double)p->layer->opacity;
         if (!(opacity >= trained_opacity_min) || !is_near(p, i, 1, sqrt(trained_lowpass2), cutoff))
             continue;
-        compute_footprint(p, i, 1, trained_lowpass2, trained_ratio_max, &f);
-        opacity *= exp(-f.distance2 / 2) * (is_normalised ? sqrt(f.plain / f.det) : 1);
+        if (!compute_footprint(p, i, 1, trained_lowpass2, true, &f))
+            continue;
+        opacity *= f.beyond * exp(-f.distance2 / 2) * (is_normalised ? sqrt(f.plain / f.det) : 1);
         if (opacity >= trained_opacity_min &&
             !add_at(p, f.u2, -log1p(-fmin(opacity, trained_opacity_max)), NAN))
             return false;

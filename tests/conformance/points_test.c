@@ -32,7 +32,8 @@ static const struct row {
     { "orthographic", test_scene_orthographic, 81.0 },
     { "rectilinear", test_scene_rectilinear_blobs, 79.1 },
     { "checkerboard", test_scene_checkerboard, 75.6 },
-    { "inside", test_scene_inside, 63.5 },
+    /* Points close to the eye are exact (conformance.splat_close); voxels of a grid are affine. */
+    { "inside", test_scene_inside, 46.4 },
 };
 enum { ROWS = sizeof rows / sizeof rows[0] };
 

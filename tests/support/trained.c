@@ -123,6 +123,10 @@ static void open_eye(const struct sp_view *view, struct eye *eye) {
 /* A Gaussian in the image. */
 struct splat {
     double depth, x, y, conic[3], opacity, color[3];
+    /* Close to the eye: the share of the exact value, the centre, and the inverse of the variance
+     * with the filter, in the camera. */
+    double share, u[3], inverse[3][3];
+    double scale, half[2], near; /* of the camera */
 };
 
 static int compare_depths(const void *a, const void *b) {
@@ -142,6 +146,64 @@ static void compute_jacobian(const struct eye *eye, const double u[3], double j[
     }
 }
 
+/* The inverse of a symmetric matrix. */
+static void invert(const double m[3][3], double out[3][3]) {
+    double det = 0;
+    for (int r = 0; r < 3; r++) {
+        double row[3];
+        cross(m[(r + 1) % 3], m[(r + 2) % 3], row);
+        det = dot(m[r], row);
+        memcpy(out[r], row, sizeof row);
+    }
+    for (int i = 0; i < 9; i++)
+        out[i / 3][i % 3] /= det;
+}
+
+static double multiply(const double a[3], const double m[3][3], const double b[3]) {
+    double sum = 0;
+    for (int r = 0; r < 3; r++)
+        sum += a[r] * dot(m[r], b);
+    return sum;
+}
+
+/* Gaussians closer than 6 times their size are exact, those beyond 12 times are affine, and so
+ * are flat ones that face the image. Beside the image, Gaussians become exact sooner
+ * (renderer/splat/close.h). v: variance in the camera. */
+static void place_close(const struct eye *eye, double v[3][3], double filter, struct splat *s) {
+    const double *u = s->u, size = v[0][0] + v[1][1] + v[2][2];
+    const double away = sqrt(3 * dot(u, u) / size);
+    const double far = u[2] > 0 ? fmax(away, u[2] / sqrt(v[2][2])) : away;
+    const double near = fmax(fmin((12 - far) / 6, 1), 0);
+    double beside = 1.25;
+    if (u[2] > 0)
+        beside = fmax(fabs(u[0]) / eye->tangent[0], fabs(u[1]) / eye->tangent[1]) / (1.3 * u[2]);
+    s->share = near * near * (3 - 2 * near);
+    s->share += (1 - s->share) * fmin(4 * near, 1) * fmax(fmin(5 * beside - 4, 1), 0);
+    s->share = beside > 1 && s->share > 1e-3 ? 1 : s->share;
+    s->scale = eye->scale;
+    for (int r = 0; r < 2; r++) {
+        s->half[r] = eye->half[r];
+        v[r][r] += filter * u[2] * u[2] / (eye->scale * eye->scale);
+    }
+    invert((const double(*)[3])v, s->inverse);
+}
+
+/* What remains of the opacity at a point of the image, in the distance from the ray. */
+static double compute_close(const struct splat *s, double x, double y, double square) {
+    const double right = (x - s->half[0]) / s->scale, down = (y - s->half[1]) / s->scale;
+    const double middle[3] = { s->u[0] / s->u[2], s->u[1] / s->u[2], 1 };
+    if (s->share < 1) {
+        const double d[3] = { middle[0] + s->share * (right - middle[0]),
+                              middle[1] + s->share * (down - middle[1]), 1 };
+        return exp(-0.5 * square * multiply(middle, s->inverse, middle) /
+                   multiply(d, s->inverse, d));
+    }
+    const double d[3] = { right, down, 1 };
+    const double own = multiply(d, s->inverse, d), t = multiply(d, s->inverse, s->u) / sqrt(own);
+    const double beyond = 0.5 * erfc((s->near * sqrt(own) - t) * M_SQRT1_2);
+    return exp(-0.5 * (multiply(s->u, s->inverse, s->u) - t * t)) * beyond;
+}
+
 static bool project(const struct test_gaussian *g, unsigned degree, const struct eye *eye,
                     const struct sp_layer *layer, double near, struct splat *s) {
     const double *m = layer->transform, filter = 0.3;
@@ -155,7 +217,19 @@ static bool project(const struct test_gaussian *g, unsigned degree, const struct
     }
     for (int r = 0; r < 3; r++)
         u[r] = dot(eye->axes[r], away);
-    if (u[2] < near)
+    double turn[3][3], camera[3][3] = { { 0 } };
+    for (int i = 0; i < 9; i++) {
+        turn[i / 3][i % 3] = 0;
+        for (int k = 0; k < 3; k++)
+            turn[i / 3][i % 3] += eye->axes[i / 3][k] * m[4 * k + i % 3];
+    }
+    for (int i = 0; i < 9; i++)
+        camera[i / 3][i % 3] = multiply(turn[i / 3], (const double(*)[3])v, turn[i % 3]);
+    memcpy(s->u, u, sizeof s->u);
+    s->near = near;
+    place_close(eye, camera, filter, s);
+    s->share = eye->is_parallel ? 0 : s->share;
+    if (u[2] < near && s->share < 1)
         return false;
     compute_jacobian(eye, u, j);
     for (int i = 0; i < 2; i++) /* T = J W M */
@@ -196,7 +270,8 @@ static bool project(const struct test_gaussian *g, unsigned degree, const struct
 static double compute_alpha(const struct splat *s, double x, double y) {
     double dx = x - s->x, dy = y - s->y;
     double square = s->conic[0] * dx * dx + 2 * s->conic[1] * dx * dy + s->conic[2] * dy * dy;
-    double alpha = fmin(0.99, s->opacity * exp(-0.5 * square));
+    double value = s->share > 0 ? compute_close(s, x, y, square) : exp(-0.5 * square);
+    double alpha = fmin(0.99, s->opacity * value);
     return alpha < 1.0 / 255 ? 0 : alpha;
 }
 

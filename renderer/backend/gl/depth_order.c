@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "backend/gl/band.h"
+#include "draw/layers/cloud/order.h"
 
 enum {
     DIGIT_BITS = 8,
@@ -41,7 +42,8 @@ static void compute_depths(struct gl_state *s, const struct gl_splats_made *made
     glUseProgram(s->depth_order.depths.program);
     glUniform4ui(0, count, gl_cloud_elements(cloud), is_chosen, made->kind == GL_SPLAT_GAUSSIANS);
     glUniform4fv(1, 1, depth);
-    glUniform3f(2, frame->ewa.near, cloud->opacity, SP_TRAINED_OPACITY_MIN);
+    glUniform4f(2, frame->ewa.near, cloud->opacity, SP_TRAINED_OPACITY_MIN,
+                sp_cloud_reach(cloud, frame));
     glUniform1ui(3, clip->count);
     if (clip->count)
         glUniform4fv(4, (GLsizei)clip->count, planes[0]);

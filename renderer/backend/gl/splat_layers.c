@@ -13,7 +13,7 @@ enum {
     STATE_WORDS = 2 + 2 * SP_FRAGMENTS_MAX,
     ROW_WORDS = 2,           /* of a sample of a rectilinear axis */
     PIECE_WORDS = 9,         /* of a transfer function */
-    PLAIN_RECORD_BYTES = 48, /* of a splat without streaks */
+    PLAIN_RECORD_BYTES = 64, /* of a splat without streaks */
     BLOCK_LEAST = 64,        /* records of a batch that are in one layer of the bins */
     PAIRS_PER_BIN = 4,       /* about, if a splat lies on a few tiles */
     LAYERS_MAX = 1 << 14,    /* a span has 14 bits for a layer */
@@ -302,16 +302,18 @@ static bool open_programs(struct gl_state *s, enum gl_splat_kind kind, bool is_a
     if (!is_alone)
         snprintf(defines + used, sizeof defines - (size_t)used, "#define FRAGMENTS_ACCESS\n");
     if (!gl_program_late(&s->splats.blend[kind][is_alone],
-                         is_alone ? "bins records splats draw_splats"
-                                  : "bins records fragments fragment_lists splats draw_splats",
+                         is_alone
+                             ? "bins records normal splats draw_splats"
+                             : "bins records fragments fragment_lists normal splats draw_splats",
                          defines, s->device, "layers of splats", err))
         return false;
     snprintf(defines + used, sizeof defines - (size_t)used, "#define RECORDS_ACCESS\n");
     return gl_program_late(
         &s->splats.set_up[kind],
-        is_cloud(kind) ? "frame bins records counts splats footprints streaks cloud set_up_splats"
-                       : "frame bins records counts gradient shade splats footprints streaks "
-                         "voxels set_up_splats",
+        is_cloud(kind)
+            ? "frame bins records counts splats footprints close streaks cloud set_up_splats"
+            : "frame bins records counts gradient shade splats footprints close streaks "
+              "voxels set_up_splats",
         defines, s->device, "layers of splats", err);
 }
 

@@ -86,7 +86,8 @@ struct sp_camera {                 /* "/camera" */
     double fov_y;     /* vertical angle, degrees, [1, 170]; perspective only [30] */
     double height;    /* world units that the image shows vertically, > 0; orthographic only
                          [diameter of the volume] */
-    double near;      /* distance of the near plane, world units, > 0: nearer voxels are not drawn
+    double near;      /* distance of the near plane, world units, > 0: nearer voxels are not drawn;
+                         of splats close to the eye, nearer parts are not
                          [0.1 · smallest spacing] */
 };
 

@@ -54,15 +54,23 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     if (e == UNSEEN)
         return false;
     vec3 position, k[3], u = locate(e, position, k);
+    bool is_close = may_be_close(u, k);
     Footprint f = compute_footprint(u, k, LOWPASS2);
-    float opacity = elements[9u * cloud.x + e] * eye.w;
+    Kernel own;
+    float opacity = elements[9u * cloud.x + e] * eye.w, filtered = f.own_det / f.det, gain;
+    if (is_close) {
+        own = make_kernel(u, k, LOWPASS2);
+        filtered = own.own / (own.det * own.square);
+    }
     if (cloud.z != 0u)
-        opacity *= sqrt(f.own_det / f.det);
-    float parts = opacity / TRAINED_OPACITY_MIN;
-    if (!(parts > 1.0 && f.det < 1e36))
+        opacity *= sqrt(filtered);
+    float parts = opacity / TRAINED_OPACITY_MIN, radius = SLACK * sqrt(2.0 / LOG2E * log2(max(parts, 1.000001)));
+    if (!(parts > 1.0 && (f.det < 1e36 || is_close)))
         return false;
-    box = set_ellipse(f, SLACK * sqrt(2.0 / LOG2E * log2(max(parts, 1.000001))), s);
-    s.shape.y = opacity;
+    box = set_ellipse(f, radius, s);
+    s.shape.yz = vec2(opacity, 0.0);
+    if (is_close && !place_close(own, k, LOWPASS2, radius, false, s, box, gain))
+        return false;
     s.color = vec4(compute_color(e, position), u.z);
     return true;
 }
@@ -176,18 +184,27 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     if (rows.x > 1u)
         reduce_to_part(number % rows.x, u, k);
     Footprint f = compute_footprint(u, k, filter_of.x);
+    bool is_close = false;
 #if STREAKS
     if (!stretch_along_vector(e, u, f, s))
         return false;
+#else
+    is_close = may_be_close(u, k);
 #endif
-    if (!(f.det < 1e36))
+    if (!(f.det < 1e36 || is_close))
         return false;
     float value = elements[9u * n + e] - eye.x;
     vec4 own = e < cloud.z ? classify(value) : classify_merged(value, floatBitsToUint(elements[11u * n + e - cloud.z]));
     if (cloud.y != 0u)
         own.rgb = classify(compute_color_value(e)).rgb;
+    float gain = f.gain * filter_of.w / sqrt(f.det);
     box = set_ellipse(f, filter_of.y, s);
-    s.shape.y = min(own.a * bounds.w * elements[10u * n + e] * eye.w * (f.gain * filter_of.w / sqrt(f.det)), DEPTH_MAX);
+#if !STREAKS
+    s.shape.z = 0.0;
+    if (is_close && !place_close(make_kernel(u, k, filter_of.x), k, filter_of.x, filter_of.y, true, s, box, gain))
+        return false;
+#endif
+    s.shape.y = min(own.a * bounds.w * elements[10u * n + e] * eye.w * gain, DEPTH_MAX);
     s.color = vec4(own.rgb, u.z);
     return s.shape.y > 0.0;
 }

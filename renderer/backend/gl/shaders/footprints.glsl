@@ -5,15 +5,22 @@ const float VARIANCE_MIN = 1e-6, PI = 3.14159265;
 
 bool is_perspective;
 float area; // of the splat [px]
+#if !STREAKS
+vec4 close_words; // of a kernel close to the eye
+#endif
 
 void write_splat(uint record, Splat s) {
     uint at = RECORD_WORDS * record;
     records[at] = s.place;
     records[at + 1u] = s.color;
-    records[at + 2u] = vec4(s.shape, 0.0, 0.0);
 #if STREAKS
+    records[at + 2u] = vec4(s.shape, 0.0, 0.0);
     records[at + 3u] = s.turn;
     records[at + 4u] = s.wave;
+#else
+    records[at + 2u] = s.shape;
+    if (s.shape.z != 0.0)
+        records[at + 3u] = close_words;
 #endif
 }
 
@@ -27,15 +34,18 @@ struct Footprint {
     float gain;    // |det J|
 };
 
-// Rows of K.
-Footprint compute_footprint(vec3 u, vec3 k[3], float h2) {
+// Rows of K; u0/u2 and u1/u2 in the Jacobian.
+Footprint compute_footprint_at(vec3 u, vec3 k[3], float h2, vec2 ratio) {
     float inverse = is_perspective ? 1.0 / u.z : 1.0, f = view.x * inverse;
-    vec2 ratio = is_perspective ? clamp(u.xy * inverse, -bounds.xy, bounds.xy) : vec2(0);
     vec3 m0 = f * (k[0] - ratio.x * k[2]), m1 = f * (k[1] - ratio.y * k[2]), area = cross(m0, m1);
     vec2 v = vec2(dot(m0, m0), dot(m1, m1)) + h2;
     float own = dot(area, area);
     return Footprint(view.yz + view.x * (u.xy * inverse), ratio, vec3(v.x, dot(m0, m1), v.y), own + h2 * (v.x + v.y - h2), own,
                      f * f * sqrt(1.0 + dot(ratio, ratio)));
+}
+
+Footprint compute_footprint(vec3 u, vec3 k[3], float h2) {
+    return compute_footprint_at(u, k, h2, is_perspective ? clamp(u.xy / u.z, -bounds.xy, bounds.xy) : vec2(0));
 }
 
 // Sets the ellipse of a splat. Returns the box of pixels whose centres lie within `radius` standard deviations, half open.

@@ -26,15 +26,19 @@ layout(std430, binding = 1) readonly buffer Layer {
 layout(std430, binding = 5) RECORDS_ACCESS buffer Records { vec4 records[]; };
 
 const float DEPTH_MAX = 1e6, LOG2E = 1.44269504, TRAINED_OPACITY_MIN = 1.0 / 255.0, TRAINED_OPACITY_MAX = 0.99;
-const uint RECORD_WORDS = STREAKS != 0 ? 5u : 3u; // of four
+const uint RECORD_WORDS = STREAKS != 0 ? 5u : 4u; // of four
 
 struct Splat {
     vec4 place; // x, y, a, b; flat: its box, columns [x, z) and rows [y, w)
     vec4 color; // shaded; u2
-    vec2 shape; // c, optical depth at the centre; TRAINED: opacity
 #if STREAKS
+    vec2 shape; // c, optical depth at the centre
     vec4 turn;  // the map from pixels to standard deviations along and across the vector, row by row
     vec4 wave;  // periods per standard deviation, contrast, shift of rows [rows], phase [periods]
+#else
+    // c, optical depth at the centre; TRAINED: opacity. Kernels close to the eye (splat/close.h): ahead, the share w; around,
+    // −1 − n·√S22. Then, of these, the record, whose fourth word is: struct sp_close, `more`, `area` and ρ².
+    vec4 shape;
 #endif
 };
 
@@ -43,10 +47,12 @@ Splat read_splat(uint record) {
     Splat s;
     s.place = records[at];
     s.color = records[at + 1u];
-    s.shape = records[at + 2u].xy;
 #if STREAKS
+    s.shape = records[at + 2u].xy;
     s.turn = records[at + 3u];
     s.wave = records[at + 4u];
+#else
+    s.shape = vec4(records[at + 2u].xyz, float(record));
 #endif
     return s;
 }

@@ -57,10 +57,11 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     uint w = VOXEL_WORDS * i, w0 = voxels[w], w1 = voxels[w + 1u], w3 = voxels[w + 3u];
     vec3 u, size, k[3], direction = vec3(0);
     locate(uvec3(w0 & 0xffffu, w0 >> 16, w1 & 0xffffu), u, size);
-    if (!(u.z >= view.w && u.z < 1e18))
-        return false;
     for (int r = 0; r < 3; r++)
         k[r] = kernel[r].xyz * size;
+    bool is_close = STREAKS == 0 && kind.x == 0u && may_be_close(u, k);
+    if (!((u.z >= view.w || is_close) && u.z < 1e18))
+        return false;
 #if STREAKS
     vec3 world = unpack_gradient(voxels[w + 2u]);
     direction = vec3(dot(streak_axes[0].xyz, world), dot(streak_axes[1].xyz, world), dot(streak_axes[2].xyz, world));
@@ -68,6 +69,11 @@ bool set_up(uint i, out Splat s, out vec4 box) {
         return false;
 #endif
     float gain = outline(u, k, direction, size, s, box);
+#if !STREAKS
+    s.shape.z = 0.0;
+    if (is_close && !place_close(make_kernel(u, k, filter_of.x), k, filter_of.x, filter_of.y, true, s, box, gain))
+        return false;
+#endif
     if (!(gain > 0.0))
         return false;
     s.shape.y = compute_depth(uintBitsToFloat(voxels[w + 5u]), (w1 >> 16 & OPAQUE) != 0u, gain * size.x * size.y * size.z);

@@ -36,11 +36,12 @@ struct sp_cloud_input {
 };
 
 /* Prepares the layer for draw/layers/splat_list/draw.h: the elements that the camera may see, or
- * their splats, front to back by the depth of their centres. Leaves out elements nearer than the
- * near plane, elements whose centre is clipped, transparent elements, and elements that are not
- * finite. Large clouds of points are drawn with levels of detail (tree.h). Without set_up, `order`
- * has the chosen points and merged points in no particular order, also invisible ones; order.voxels
- * NULL = all elements. Valid until the arena is reset. SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+ * their splats, front to back by the depth of their centres. Leaves out elements that
+ * do not reach beyond the near plane, elements whose centre is clipped, transparent elements, and
+ * elements that are not finite. Large clouds of points are drawn with levels of detail (tree.h).
+ * Without set_up, `order` has the chosen points and merged points in no particular order, also
+ * invisible ones; order.voxels NULL = all elements. Valid until the arena is reset. SP_ERR_MEMORY,
+ * SP_ERR_CANCELLED. */
 bool sp_cloud_prepare(const struct sp_cloud_input *input, struct sp_cloud *cloud,
                       struct sp_voxel_source *source, struct sp_error *err);
 

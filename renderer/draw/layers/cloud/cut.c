@@ -227,7 +227,9 @@ static void list_planes(struct cut *c) {
     const struct sp_ewa_frame *f = &c->frame->ewa;
     for (uint32_t i = 0; i < f->clip.count; i++)
         add_plane(c, f->clip.planes[i].normal, 0, -f->clip.planes[i].offset);
-    add_plane(c, (const float[3]){ 0, 0, 1 }, 0, -f->near);
+    add_plane(c, (const float[3]){ 0, 0, 1 },
+              sp_cloud_reach(c->cloud, c->frame) * c->cloud->size * bound_growth(c->cloud),
+              -f->near);
     for (int axis = 0; axis < 2; axis++) {
         add_side(c, axis, 1, f->centre[axis]);
         add_side(c, axis, -1, (float)f->size[axis] - f->centre[axis]);

@@ -51,18 +51,54 @@ static inline sp_wide_mask mask_kept(const struct sp_clip_frame *clip, const sp_
     return kept;
 }
 
-/* Outlines of trained Gaussians, which end where their opacity does. `opacity` becomes the opacity
- * at the centre. */
-static inline sp_wide_mask outline_trained(const struct sp_cloud *cloud,
-                                           const struct sp_ewa_frame *f, struct sp_places *p,
-                                           sp_wide *opacity, struct sp_outlines *o) {
+/* Some Gaussians in the image. */
+struct splats {
+    struct sp_outlines outline;
+    sp_wide opacity;                /* at the centre */
+    struct sp_close close[SP_WIDE]; /* of the lanes in the bits `is_close` */
+    unsigned is_close;
+};
+
+/* Changes the splats of Gaussians close to the eye, whose opacity without the filter is `own`.
+ * Returns the lanes that are drawn; `seen`: if none were close. */
+static __attribute__((noinline)) unsigned
+place_close(const struct sp_cloud *cloud, const struct sp_ewa_frame *f, const struct sp_places *p,
+            const float own[SP_WIDE], unsigned seen, struct splats *s) {
+    for (unsigned bits = s->is_close; bits; bits &= bits - 1) {
+        const int i = __builtin_ctz(bits);
+        const unsigned bit = 1u << i;
+        const bool is_seen = seen & bit;
+        struct sp_close_kernel k;
+        seen &= ~bit;
+        sp_close_measure(f, p, i, SP_CLOUD_LOWPASS2, &k);
+        const double filtered = cloud->is_normalised ? sqrt(k.own / (k.det * k.square)) : 1;
+        const double opacity = (double)own[i] * filtered;
+        const double parts = opacity / (double)SP_TRAINED_OPACITY_MIN;
+        if (!(parts > 1))
+            continue;
+        if (sp_close_place(f, &k, sqrt(2 * log(parts)), false, is_seen, i, &s->outline,
+                           &s->close[i]))
+            seen |= bit;
+        if (sp_close_is_around(&s->close[i]))
+            s->opacity[i] = (float)(opacity * sp_close_fold(&k, &s->close[i]));
+    }
+    return seen;
+}
+
+/* Outlines of trained Gaussians, which end where their opacity does. s->opacity is that of
+ * the data, and becomes the opacity at the centre. Returns the lanes that are drawn. */
+static inline unsigned outline_trained(const struct sp_cloud *cloud, const struct sp_ewa_frame *f,
+                                       struct sp_places *p, struct splats *s) {
+    struct sp_outlines *o = &s->outline;
+    const sp_wide own = s->opacity * cloud->opacity;
     sp_wide v[3];
-    sp_wide_mask seen = sp_place_centres(f, p, o) & mask_kept(&f->clip, p->u);
+    const sp_wide_mask kept = mask_kept(&f->clip, p->u);
+    sp_wide_mask seen = sp_place_centres(f, p, o) & kept;
     sp_wide det = sp_place_variance((const sp_wide(*)[3])p->m, SP_CLOUD_LOWPASS2, v);
-    *opacity *= cloud->opacity;
+    s->opacity = own;
     if (cloud->is_normalised)
-        *opacity *= sp_wide_sqrt(sp_place_cross((const sp_wide(*)[3])p->m) / det);
-    sp_wide parts = *opacity * (1 / SP_TRAINED_OPACITY_MIN);
+        s->opacity *= sp_wide_sqrt(sp_place_cross((const sp_wide(*)[3])p->m) / det);
+    sp_wide parts = s->opacity * (1 / SP_TRAINED_OPACITY_MIN);
     seen &= sp_wide_lt(sp_wide_all(1), parts) & sp_wide_lt(det, sp_wide_all(1e36f));
     sp_wide radius =
         sp_wide_sqrt(2 / SP_LOG2E * sp_wide_log2(sp_wide_max(parts, sp_wide_all(1.000001f))));
@@ -74,8 +110,15 @@ static inline sp_wide_mask outline_trained(const struct sp_cloud *cloud,
     /* A little more than the logarithm's error: pixels decide by their own opacity. */
     const float slack = 1.0001f;
     sp_wide rx = slack * radius * sp_wide_sqrt(v[0]), ry = slack * radius * sp_wide_sqrt(v[2]);
-    return seen & sp_place_cover(o->y, ry, f->rows[0], f->rows[1], &o->y0, &o->y1) &
-           sp_place_cover(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
+    seen &= sp_place_cover(o->y, ry, f->rows[0], f->rows[1], &o->y0, &o->y1) &
+            sp_place_cover(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
+    const sp_wide_mask close = sp_close_select(f, p) & kept;
+    s->is_close = sp_wide_any(close) ? sp_wide_mask_bits(close) : 0;
+    if (!s->is_close)
+        return sp_wide_mask_bits(seen);
+    float opacities[SP_WIDE];
+    sp_wide_store(opacities, own);
+    return place_close(cloud, f, p, opacities, sp_wide_mask_bits(seen), s);
 }
 
 /* Directions from the eye, of unit length, in the world of the data. */
@@ -144,9 +187,8 @@ static inline void compute_color(const struct sp_elements *e, uint32_t element,
 }
 
 static inline void write_records(const struct sp_cloud *cloud, const struct lanes *lanes,
-                                 const struct sp_outlines *o, sp_wide opacity, sp_wide u2,
-                                 const uint32_t *elements, unsigned bits,
-                                 struct sp_voxel_record *out) {
+                                 const struct splats *s, sp_wide u2, const uint32_t *elements,
+                                 unsigned bits, struct sp_voxel_record *out) {
     const struct sp_elements *e = cloud->elements;
     _Alignas(64) float basis[16][SP_WIDE];
     sp_wide d[3];
@@ -154,7 +196,8 @@ static inline void write_records(const struct sp_cloud *cloud, const struct lane
     compute_harmonics(e->shape.degree, d, basis);
     for (; bits; bits &= bits - 1, out++) {
         const int i = __builtin_ctz(bits);
-        sp_voxel_record_write(o, i, opacity[i], u2[i], out);
+        sp_voxel_record_write(&s->outline, i, s->opacity[i], u2[i],
+                              s->is_close >> i & 1 ? &s->close[i] : NULL, out);
         compute_color(e, elements[i], (const float(*)[SP_WIDE])basis, i, out->color);
     }
 }
@@ -187,18 +230,18 @@ uint32_t sp_cloud_set_up_gaussians(const struct sp_voxel_frame *frame, const str
         const int left = count - n < SP_WIDE ? (int)(count - n) : SP_WIDE;
         struct lanes lanes;
         struct sp_places p;
-        struct sp_outlines o;
+        struct splats s;
         for (uint32_t i = n + AHEAD; i < n + AHEAD + SP_WIDE && i < count; i++)
             prefetch(cloud->elements, elements[i]);
         read_gaussians(cloud->elements, elements + n, left, &lanes);
         sp_cloud_place(cloud, lanes.position, lanes.factor, &p);
-        sp_wide opacity = lanes.opacity;
-        const sp_wide_mask seen = outline_trained(cloud, &frame->ewa, &p, &opacity, &o);
-        unsigned bits = sp_wide_mask_bits(seen & sp_wide_first(left));
+        s.opacity = lanes.opacity;
+        unsigned bits =
+            outline_trained(cloud, &frame->ewa, &p, &s) & sp_wide_mask_bits(sp_wide_first(left));
         if (frame->closed)
-            bits = sp_voxel_drop_covered(frame, &o, bits);
+            bits = sp_voxel_drop_covered(frame, &s.outline, bits);
         if (bits)
-            write_records(cloud, &lanes, &o, opacity, p.u[2], elements + n, bits, out + written);
+            write_records(cloud, &lanes, &s, p.u[2], elements + n, bits, out + written);
         written += (uint32_t)__builtin_popcount(bits);
     }
     return written;

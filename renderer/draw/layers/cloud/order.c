@@ -53,21 +53,13 @@ static uint32_t choose(const struct sort *s, size_t i) {
     return element_at(s, i) * parts + (parts == 1 ? 0 : (uint32_t)(i % parts));
 }
 
-/* The deviation of a kernel's depth. */
-static float compute_deviation(const struct sp_cloud *c, const float l[6]) {
-    const float *w = c->place[2];
-    const float row[3] = { w[0] * l[0] + w[1] * l[1] + w[2] * l[3], w[1] * l[2] + w[2] * l[4],
-                           w[2] * l[5] };
-    return c->size * sqrtf(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]);
-}
-
 /* Depth of an element or, with parts, of one of its parts; infinity if it cannot be seen. */
 static float compute_depth(const struct sort *s, const struct sp_cloud_element *e, uint32_t part) {
     const struct sp_cloud *c = s->cloud;
     const float depth = sp_cloud_depth(c, s->frame, e);
     if (!(depth < INFINITY) || c->parts == 1)
         return depth;
-    return depth + c->part_at[part] * compute_deviation(c, e->factor);
+    return depth + c->part_at[part] * sp_cloud_deviation(c, e->factor);
 }
 
 static void record(const struct sp_cloud *cloud, uint32_t number, const struct sp_cloud_element *e,

@@ -30,6 +30,34 @@ static inline bool sp_cloud_is_kept(const struct sp_clip_frame *clip, const floa
     return true;
 }
 
+/* The deviation of a kernel's depth [cells]. */
+static inline float sp_cloud_deviation(const struct sp_cloud *c, const float l[6]) {
+    const float *w = c->place[2];
+    const float row[3] = { w[0] * l[0] + w[1] * l[1] + w[2] * l[3], w[1] * l[2] + w[2] * l[4],
+                           w[2] * l[5] };
+    return c->size * sqrtf(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]);
+}
+
+/* How far kernels reach beyond their centres [deviations] that are drawn although the centre lies
+ * before the near plane (splat/close.h): points end at the cutoff, Gaussians where their opacity is
+ * below SP_TRAINED_OPACITY_MIN. */
+static inline float sp_cloud_reach(const struct sp_cloud *cloud,
+                                   const struct sp_voxel_frame *frame) {
+    if (cloud->is_orthographic || frame->has_streaks)
+        return 0;
+    return frame->is_trained ? 3.33f : frame->ewa.radius;
+}
+
+/* True if an element whose centre has the depth u2 may reach beyond the near plane. */
+static inline bool sp_cloud_is_beyond(const struct sp_cloud *cloud,
+                                      const struct sp_voxel_frame *frame, const float factor[6],
+                                      float u2) {
+    if (u2 >= frame->ewa.near)
+        return true;
+    const float reach = sp_cloud_reach(cloud, frame);
+    return reach > 0 && u2 + reach * sp_cloud_deviation(cloud, factor) >= frame->ewa.near;
+}
+
 /* Returns the depth of an element's centre [cells]; infinity if the element is not drawn. */
 static inline float sp_cloud_depth(const struct sp_cloud *cloud, const struct sp_voxel_frame *frame,
                                    const struct sp_cloud_element *e) {
@@ -38,7 +66,7 @@ static inline float sp_cloud_depth(const struct sp_cloud *cloud, const struct sp
     for (int r = 0; r < 3; r++)
         u[r] = cloud->place[r][0] * p[0] + cloud->place[r][1] * p[1] + cloud->place[r][2] * p[2] +
                cloud->offset[r];
-    const bool is_drawn = u[2] >= frame->ewa.near && u[2] < 1e18f &&
+    const bool is_drawn = sp_cloud_is_beyond(cloud, frame, e->factor, u[2]) && u[2] < 1e18f &&
                           (e->volume ? isfinite(*e->value) && *e->volume > 0
                                      : *e->value * cloud->opacity > SP_TRAINED_OPACITY_MIN) &&
                           sp_cloud_is_kept(&frame->ewa.clip, u);

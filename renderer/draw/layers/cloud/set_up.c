@@ -166,6 +166,8 @@ static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
 struct splats {
     struct sp_outlines outline;
     struct sp_streak_places streaks; /* of a layer of vectors */
+    struct sp_close close[SP_WIDE];  /* of the lanes in the bits `is_close` */
+    unsigned is_close;
     sp_wide u2, depth, color[3];
 };
 
@@ -193,13 +195,17 @@ static inline void classify(const struct sp_cloud *cloud, const struct lanes *la
     planes[3] = sp_wide_select(is_merged, (1.0f / SP_CLOUD_SHARES) * sum[3], planes[3]);
 }
 
-static inline sp_wide_mask set_up_points(const struct sp_voxel_frame *frame,
-                                         const struct sp_cloud *cloud, const struct lanes *lanes,
-                                         struct sp_places *p, struct splats *s) {
+/* Returns the lanes that are drawn. */
+static inline unsigned set_up_points(const struct sp_voxel_frame *frame,
+                                     const struct sp_cloud *cloud, const struct lanes *lanes,
+                                     struct sp_places *p, struct splats *s) {
     sp_wide planes[4];
-    sp_wide_mask seen = frame->has_streaks
-                            ? place_streaks(frame, cloud, lanes, p, &s->outline, &s->streaks)
-                            : sp_place_splats(&frame->ewa, p, frame->mode, &s->outline);
+    unsigned seen = sp_wide_mask_bits(
+        frame->has_streaks ? place_streaks(frame, cloud, lanes, p, &s->outline, &s->streaks)
+                           : sp_place_splats(&frame->ewa, p, frame->mode, &s->outline));
+    s->is_close = 0;
+    if (!frame->has_streaks)
+        seen = sp_close_place_all(&frame->ewa, p, seen, &s->outline, &s->is_close, s->close);
     classify(cloud, lanes, planes);
     const sp_wide opacity = planes[3];
     if (sp_cloud_has_colors(cloud))
@@ -209,14 +215,15 @@ static inline sp_wide_mask set_up_points(const struct sp_voxel_frame *frame,
     s->depth = opacity * frame->ewa.gain * (sp_wide_load(lanes->volume) * cloud->per_volume) *
                s->outline.gain;
     s->depth = sp_wide_min(s->depth, sp_wide_all(SP_DEPTH_MAX));
-    return seen & sp_wide_lt(sp_wide_all(0), s->depth);
+    return seen & sp_wide_mask_bits(sp_wide_lt(sp_wide_all(0), s->depth));
 }
 
 static inline void write_records(const struct splats *s, unsigned bits,
                                  struct sp_voxel_record *out) {
     for (; bits; bits &= bits - 1, out++) {
         const int i = __builtin_ctz(bits);
-        sp_voxel_record_write(&s->outline, i, s->depth[i], s->u2[i], out);
+        sp_voxel_record_write(&s->outline, i, s->depth[i], s->u2[i],
+                              s->is_close >> i & 1 ? &s->close[i] : NULL, out);
         for (int k = 0; k < 3; k++)
             out->color[k] = s->color[k][i];
     }
@@ -233,7 +240,6 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
         struct lanes lanes;
         struct sp_places p;
         struct splats s;
-        sp_wide_mask seen;
         read_elements(cloud, elements + n, (int)(count - n), &lanes);
         if (cloud->tree)
             read_spreads(cloud, elements + n, (int)(count - n), &lanes);
@@ -244,9 +250,9 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
         locate(cloud, &lanes, &p);
         if (cloud->parts > 1)
             reduce_to_parts(cloud, &lanes, &p);
-        seen = set_up_points(frame, cloud, &lanes, &p, &s);
+        unsigned bits =
+            set_up_points(frame, cloud, &lanes, &p, &s) & sp_wide_mask_bits(sp_wide_first(left));
         s.u2 = p.u[2];
-        unsigned bits = sp_wide_mask_bits(seen & sp_wide_first(left));
         if (frame->closed)
             bits = sp_voxel_drop_covered(frame, &s.outline, bits);
         write_records(&s, bits, out + written);

@@ -78,6 +78,15 @@ static inline void count_span(uint32_t *counts, unsigned columns, const struct s
             counts[r * columns + c]++;
 }
 
+/* Pixels inside the footprint; of a kernel around the eye, `area` is another number, and its box is
+ * used. */
+static inline double compute_area(const struct sp_voxel_frame *frame,
+                                  const struct sp_voxel_record *r) {
+    if (!frame->has_streaks && sp_close_is_around(&r->close))
+        return (double)(r->x1 - r->x0) * (r->y1 - r->y0);
+    return (double)r->area;
+}
+
 /* Sets up blocks of voxels and counts on how many tiles their splats lie. */
 static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     struct band *b = user;
@@ -94,7 +103,7 @@ static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker)
         memset(counts, 0, b->tiles * sizeof *counts);
         for (uint32_t i = 0; i < b->written[n]; i++) {
             struct span s = compute_span(b, &records[i]);
-            area += (double)records[i].area;
+            area += compute_area(&b->source->frame, &records[i]);
             count_span(counts, columns, &s);
         }
         b->areas[n] = area;

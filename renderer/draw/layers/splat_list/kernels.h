@@ -13,6 +13,7 @@
 #include "frame/fragments.h"
 #include "frame/resolve.h"
 #include "sp/frame.h"
+#include "splat/close.h"
 #include "splat/ewa.h"
 
 enum { SP_VOXEL_TILE = SP_FRAGMENT_TILE, SP_VOXEL_PIXELS = SP_FRAGMENT_PIXELS };
@@ -74,12 +75,18 @@ struct sp_voxel_record {
     float u2;               /* of the voxel [cells] */
     int16_t x0, y0, x1, y1; /* box in px, half open, inside the image, not empty */
     float area;             /* px */
-    /* Vectors: */
-    float d;
-    float periods;           /* of the pattern per standard deviation along the vector */
-    uint8_t contrast, shift; /* of the pattern [255ths]; of its rows [256ths of their distance] */
-    uint16_t phase;          /* [65536ths of a period] */
+    union {
+        struct { /* vectors: */
+            float d;
+            float periods;           /* of the pattern per standard deviation along the vector */
+            uint8_t contrast, shift; /* of the pattern [255ths]; of its rows [256ths of their
+                                        distance] */
+            uint16_t phase;          /* [65536ths of a period] */
+        };
+        struct sp_close close; /* other layers */
+    };
 };
+_Static_assert(sizeof(struct sp_voxel_record) == 64, "one line of the cache");
 
 /* A tile while it is composited. `cells` holds transmittance, red, green and blue of SP_WIDE pixels
  * each. */

@@ -71,13 +71,21 @@ static inline sp_wide compute_depths(const struct sp_voxel_frame *frame, const s
     return sp_wide_min(depth, sp_wide_all(SP_DEPTH_MAX));
 }
 
-static inline void write_records(const struct sp_outlines *o, const struct lanes *lanes, sp_wide u2,
-                                 sp_wide depth, unsigned bits, struct sp_voxel_record *out,
-                                 uint32_t written) {
+/* The splats of some voxels; close[]: of the lanes in the bits `is_close`. */
+struct splats {
+    struct sp_outlines outline;
+    struct sp_streak_places streaks;
+    struct sp_close close[SP_WIDE];
+    unsigned is_close;
+};
+
+static inline void write_records(const struct splats *s, const struct lanes *lanes, sp_wide u2,
+                                 sp_wide depth, unsigned bits, struct sp_voxel_record *out) {
     for (; bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
-        struct sp_voxel_record *r = &out[written++];
-        sp_voxel_record_write(o, i, depth[i], u2[i], r);
+        struct sp_voxel_record *r = out++;
+        sp_voxel_record_write(&s->outline, i, depth[i], u2[i],
+                              s->is_close >> i & 1 ? &s->close[i] : NULL, r);
         for (int k = 0; k < 3; k++)
             r->color[k] = lanes->color[k][i];
     }
@@ -129,6 +137,20 @@ static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
                                  sp_wide_int_lt(sp_wide_int_all(0), packed >> 22 & 1023), s);
 }
 
+/* Places the splats of the first `left` lanes; returns the lanes that are drawn. */
+static inline unsigned place_splats(const struct sp_voxel_frame *frame, const struct lanes *lanes,
+                                    int left, struct sp_places *p, struct splats *s) {
+    const struct sp_ewa_frame *f = &frame->ewa;
+    const sp_wide_mask used = sp_wide_first(left);
+    s->is_close = 0;
+    if (frame->has_streaks)
+        return sp_wide_mask_bits(used & place_streaks(frame, lanes, p, &s->outline, &s->streaks));
+    unsigned bits = sp_wide_mask_bits(sp_place_splats(f, p, frame->mode, &s->outline));
+    if (frame->mode != SP_FILTER_NONE)
+        bits = sp_close_place_all(f, p, bits, &s->outline, &s->is_close, s->close);
+    return bits & sp_wide_mask_bits(used);
+}
+
 uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const void *from,
                          const uint32_t *voxels, uint32_t count, struct sp_voxel_record *out) {
     const struct sp_voxel_list *list = from;
@@ -137,23 +159,20 @@ uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const void *from,
         int left = count - n < SP_WIDE ? (int)(count - n) : SP_WIDE;
         struct lanes lanes;
         struct sp_places p;
-        struct sp_outlines o;
+        struct splats s;
         read_voxels(list, voxels + n, (int)(count - n), &lanes);
         sp_wide volume = locate(frame, &lanes, &p);
-        struct sp_streak_places streaks;
-        sp_wide_mask seen = frame->has_streaks ? place_streaks(frame, &lanes, &p, &o, &streaks)
-                                               : sp_place_splats(&frame->ewa, &p, frame->mode, &o);
-        unsigned bits = sp_wide_mask_bits(seen & sp_wide_first(left));
+        unsigned bits = place_splats(frame, &lanes, left, &p, &s);
         if (frame->closed)
-            bits = sp_voxel_drop_covered(frame, &o, bits);
+            bits = sp_voxel_drop_covered(frame, &s.outline, bits);
         if (!bits)
             continue;
-        sp_wide depth = compute_depths(frame, &lanes, o.gain * volume);
+        sp_wide depth = compute_depths(frame, &lanes, s.outline.gain * volume);
         if (frame->shade)
             shade(frame, &p, &lanes);
-        write_records(&o, &lanes, p.u[2], depth, bits, out, written);
+        write_records(&s, &lanes, p.u[2], depth, bits, out + written);
         if (frame->has_streaks)
-            sp_streak_write(&frame->streaks, lanes.phase, &streaks, bits, out + written);
+            sp_streak_write(&frame->streaks, lanes.phase, &s.streaks, bits, out + written);
         written += (uint32_t)__builtin_popcount(bits);
     }
     return written;

@@ -14,6 +14,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "draw/layers/splat_list/close.h"
 #include "draw/layers/splat_list/kernels.h"
 #include "draw/layers/splat_list/streak.h"
 #include "splat/exp2.h"
@@ -274,11 +275,11 @@ static inline void add_gaussian(struct sp_voxel_tile *tile, struct open_fragment
         }
 }
 
-/* What passes a trained Gaussian of that power; *covered loses the pixels that it does not reach.
+/* What passes a trained Gaussian of that weight; *covered loses the pixels that it does not reach.
  */
-static inline sp_wide pass_trained(const struct sp_voxel_record *r, sp_wide power,
+static inline sp_wide pass_trained(const struct sp_voxel_record *r, sp_wide weight,
                                    sp_wide_mask *covered) {
-    sp_wide opacity = r->depth * exp2_within(sp_wide_max(-power, sp_wide_all(-126)));
+    sp_wide opacity = r->depth * weight;
     *covered &= sp_wide_le(sp_wide_all(SP_TRAINED_OPACITY_MIN), opacity);
     return 1 - sp_wide_min(opacity, sp_wide_all(SP_TRAINED_OPACITY_MAX));
 }
@@ -292,9 +293,33 @@ static inline void add_trained(struct sp_voxel_tile *tile, struct open_fragments
         for (uint64_t bits = mask_open_cells(tile, &c, word); bits; bits &= bits - 1) {
             const int cell = 64 * word + __builtin_ctzll(bits);
             const sp_wide dx = dx0 + column_of(cell), dy = dy0 + row_of(cell);
+            sp_wide power = sp_wide_min(compute_power(r, dx, dy), sp_wide_all(126));
             sp_wide_mask covered = mask_open(tile, open, cell);
-            sp_wide pass = pass_trained(r, compute_power(r, dx, dy), &covered);
+            sp_wide pass = pass_trained(r, exp2_within(-power), &covered);
             composite(tile, open, f, r, pass, NULL, covered, cell);
+        }
+}
+
+/* Adds a splat close to the eye. Not inline: most frames have none. */
+static __attribute__((noinline)) void add_close(struct sp_voxel_tile *tile,
+                                                struct open_fragments *open,
+                                                const struct sp_voxel_frame *f,
+                                                const struct sp_voxel_record *r) {
+    struct cells c = compute_cells(tile, r);
+    const struct sp_voxel_close close = sp_voxel_close_begin(f, r);
+    const float x = close.is_ahead ? r->x : 0, y = close.is_ahead ? r->y : 0;
+    const sp_wide x0 = lane_columns() + ((float)tile->x + 0.5f - x);
+    const sp_wide y0 = lane_rows() + ((float)tile->y + 0.5f - y);
+    for (int word = c.y0 / 8; word <= c.y1 / 8; word++)
+        for (uint64_t bits = mask_open_cells(tile, &c, word); bits; bits &= bits - 1) {
+            const int cell = 64 * word + __builtin_ctzll(bits);
+            const sp_wide right = x0 + column_of(cell), down = y0 + row_of(cell);
+            sp_wide_mask covered = mask_open(tile, open, cell);
+            const sp_wide weight = sp_voxel_close_weigh(&close, right, down, &covered);
+            sp_wide pass =
+                f->is_trained ? pass_trained(r, weight, &covered) : attenuate(f, r->depth * weight);
+            if (sp_wide_any(covered))
+                composite(tile, open, f, r, pass, NULL, covered, cell);
         }
 }
 
@@ -364,10 +389,12 @@ static inline void add_records(struct sp_voxel_tile *tile, struct open_fragments
     for (uint32_t e = 0; e < count && tile->open_count; e++) {
         if (e + AHEAD < count)
             __builtin_prefetch(&records[entries[e + AHEAD]]);
-        if (frame->is_trained)
-            add_trained(tile, open, frame, &records[entries[e]]);
-        else if (frame->has_streaks)
+        if (frame->has_streaks)
             add_streak(tile, open, frame, &records[entries[e]]);
+        else if (records[entries[e]].close.kind != SP_CLOSE_FAR)
+            add_close(tile, open, frame, &records[entries[e]]);
+        else if (frame->is_trained)
+            add_trained(tile, open, frame, &records[entries[e]]);
         else if (frame->mode == SP_FILTER_NONE)
             add_flat(tile, open, frame, &records[entries[e]]);
         else

@@ -8,7 +8,7 @@ layout(std430, binding = 5) readonly buffer Choice { uint choice[]; };      // t
 
 layout(location = 0) uniform uvec4 batch;    // how many parts; elements in the buffer; 1 = they are chosen, 1 = trained Gaussians
 layout(location = 1) uniform vec4 steps;     // from a position to its depth [cells]
-layout(location = 2) uniform vec3 least;     // near plane [cells]; factor of opacities, least opacity
+layout(location = 2) uniform vec4 least;     // near plane [cells]; factor of opacities, least opacity; reach of kernels [deviations]
 layout(location = 3) uniform uint planes;    // of clipping
 layout(location = 4) uniform vec4 clip[CLIP_PLANES]; // from a position to what is kept, ≥ 0
 
@@ -28,7 +28,7 @@ float compute_deviation(uint e) {
 float compute_depth(uint e, uint part) {
     vec3 p = vec3(elements[3u * e], elements[3u * e + 1u], elements[3u * e + 2u]);
     float depth = steps.w + dot(steps.xyz, p), value = elements[9u * batch.y + e];
-    bool is_drawn = depth >= least.x && depth < 1e18 &&
+    bool is_drawn = (depth >= least.x || (least.w > 0.0 && depth + least.w * compute_deviation(e) >= least.x)) && depth < 1e18 &&
                     (batch.w != 0u ? value * least.y > least.z : abs(value) < INFINITE && elements[10u * batch.y + e] > 0.0);
     for (uint i = 0u; i < planes; i++)
         is_drawn = is_drawn && clip[i].w + dot(clip[i].xyz, p) >= 0.0;

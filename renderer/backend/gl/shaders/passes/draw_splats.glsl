@@ -64,26 +64,52 @@ float compute_pass(Splat s, out vec3 color) {
         weight *= 1.0 - s.wave.y + s.wave.y / MEAN * intensity;
     return attenuate(s.shape.y * weight);
 }
-#elif TRAINED
-float compute_pass(Splat s, out vec3 color) {
-    vec2 d = at - s.place.xy;
-    float p = (s.place.z * d.x + s.place.w * d.y) * d.x + s.shape.x * d.y * d.y, opacity = s.shape.y * exp2(-p);
-    color = s.color.rgb;
-    return opacity >= TRAINED_OPACITY_MIN ? 1.0 - min(opacity, TRAINED_OPACITY_MAX) : 1.0;
-}
 #else
-float compute_pass(Splat s, out vec3 color) {
-    float depth = s.shape.y;
-    color = s.color.rgb;
-    if (kind.x != 0u) {
-        if (!(all(lessThan(s.place.xy, at)) && all(lessThan(at, s.place.zw))))
-            return 1.0;
-    } else {
-        vec2 d = at - s.place.xy;
-        float p = (s.place.z * d.x + s.place.w * d.y) * d.x + s.shape.x * d.y * d.y;
-        depth *= p <= filter_of.z ? exp2(-p) : 0.0;
+// The weight of a kernel ahead of the eye at the pixel (draw/layers/splat_list/close.h).
+float weigh_ahead(Splat s, vec4 more) {
+    vec2 d = at - s.place.xy, ratio = (s.place.xy - view.yz) / view.x, near = s.shape.z * d;
+    float p = (s.place.z * d.x + s.place.w * d.y) * d.x + s.shape.x * d.y * d.y;
+    float b = 1.0 + dot(more.xy, near), own = b * b + 2.0 / LOG2E * s.shape.z * s.shape.z * p / more.w;
+    float e = 1.0 + (2.0 * dot(ratio, near) + dot(near, near) / view.x) / (view.x * (1.0 + dot(ratio, ratio)));
+    if (!(b > 0.0 && (TRAINED != 0 || p <= filter_of.z * own)))
+        return 0.0;
+    return exp2(-p / own) * (TRAINED != 0 ? 1.0 : sqrt(max(e, 0.0) / own));
+}
+
+// The same for a kernel around the eye.
+float weigh_around(Splat s, vec4 more) {
+    const float FADE = 4.0;
+    vec2 d = (at - view.yz) / view.x;
+    float own = (s.place.z * d.x + s.place.w * d.y + s.place.x) * d.x + (s.shape.x * d.y + s.place.y) * d.y + 1.0;
+    float root = sqrt(own), t = (dot(more.xy, d) + more.z) / root, p = 0.5 * LOG2E * (more.w - t * t);
+    float weight = exp2(-p) * normal_share(t + (s.shape.z + 1.0) * root);
+    if (TRAINED != 0)
+        return weight;
+    if (t <= 0.0)
+        weight *= clamp(FADE * (filter_of.y - sqrt(more.w)), 0.0, 1.0);
+    return p <= filter_of.z ? weight * sqrt(1.0 + dot(d, d)) / root : 0.0;
+}
+
+float weigh(Splat s) {
+    if (s.shape.z != 0.0) {
+        vec4 more = records[RECORD_WORDS * uint(s.shape.w) + 3u];
+        return s.shape.z > 0.0 ? weigh_ahead(s, more) : weigh_around(s, more);
     }
-    return attenuate(depth);
+    vec2 d = at - s.place.xy;
+    float p = (s.place.z * d.x + s.place.w * d.y) * d.x + s.shape.x * d.y * d.y;
+    return TRAINED != 0 || p <= filter_of.z ? exp2(-p) : 0.0;
+}
+
+float compute_pass(Splat s, out vec3 color) {
+    color = s.color.rgb;
+#if TRAINED
+    float opacity = s.shape.y * weigh(s);
+    return opacity >= TRAINED_OPACITY_MIN ? 1.0 - min(opacity, TRAINED_OPACITY_MAX) : 1.0;
+#else
+    if (kind.x != 0u)
+        return all(lessThan(s.place.xy, at)) && all(lessThan(at, s.place.zw)) ? attenuate(s.shape.y) : 1.0;
+    return attenuate(s.shape.y * weigh(s));
+#endif
 }
 #endif
 
