@@ -110,6 +110,7 @@ static const struct proto_field shading_fields[] = {
     { "smoothing", PROTO_FIELD_AUTO, AT(shading.smoothing) },
     { "occlusion", PROTO_FIELD_DOUBLE, AT(shading.occlusion) },
     { "shadow", PROTO_FIELD_DOUBLE, AT(shading.shadow) },
+    { "reach", PROTO_FIELD_DOUBLE, AT(shading.reach) },
     { "lights", PROTO_FIELD_LIST, AT(shading.lights), .group = &light,
       .count_offset = offsetof(struct sp_view, shading.light_count),
       .item_bytes = sizeof(struct sp_light), .item_max = SP_LIGHTS_MAX },

@@ -229,6 +229,7 @@ void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const
                      .specular = 0.25,
                      .exponent = 24,
                      .smoothing = NAN,
+                     .reach = 0.2,
                      .light_count = 1,
                      .lights = { { { 0.3, 0.5, 1 }, SP_LIGHT_CAMERA, { 1, 1, 1 } } } },
         .layer_count = 1,

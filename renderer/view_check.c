@@ -185,6 +185,7 @@ static bool check_shading(const struct sp_shading *s, struct sp_error *err) {
         (!isnan(s->smoothing) && !check_range(s->smoothing, 0, 1, err, "/shading/smoothing")) ||
         !check_range(s->occlusion, 0, 1, err, "/shading/occlusion") ||
         !check_range(s->shadow, 0, 1, err, "/shading/shadow") ||
+        !check_range(s->reach, 0.01, 10, err, "/shading/reach") ||
         !check_range(s->light_count, 0, SP_LIGHTS_MAX, err, "/shading/lights"))
         return false;
     for (uint32_t i = 0; i < s->light_count; i++) {

@@ -82,7 +82,7 @@ static bool is_same_shading(const struct sp_shading *a, const struct sp_shading 
         !is_same(a->diffuse, b->diffuse) || !is_same(a->specular, b->specular) ||
         !is_same(a->exponent, b->exponent) || !is_same(a->smoothing, b->smoothing) ||
         !is_same(a->occlusion, b->occlusion) || !is_same(a->shadow, b->shadow) ||
-        a->light_count != b->light_count)
+        !is_same(a->reach, b->reach) || a->light_count != b->light_count)
         return false;
     while (i < a->light_count && a->lights[i].space == b->lights[i].space &&
            are_same(a->lights[i].direction, b->lights[i].direction, 3) &&

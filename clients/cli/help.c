@@ -217,6 +217,7 @@ static const char *const texts[BLOCKS] = {
         "  transfer_function.order pre, post (sheet, slab), auto\n"
         "  shading.smoothing       how smooth normals are, 0 to 1 (post or auto); null: automatic\n"
         "  shading.occlusion       ambient occlusion, 0 to 1 (sheet, post or auto)\n"
+        "  shading.reach           how far occlusion reaches, 0.01 to 10 diagonals of the volume\n"
         "  shading.shadow          soft shadow of the first light, 0 to 1 (sheet, post or auto)\n"
         "For example, this view draws only y >= 64, in slabs half a voxel thick, and applies the\n"
         "transfer function to interpolated values:\n"

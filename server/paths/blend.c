@@ -328,6 +328,7 @@ void srv_blend_shading(const struct sp_shading *a, const struct sp_shading *b, d
         out->occlusion = mix(a->occlusion, b->occlusion, u);
     if (a->shadow > 0 && b->shadow > 0)
         out->shadow = mix(a->shadow, b->shadow, u);
+    out->reach = mix(a->reach, b->reach, u);
     blend_lights(a, b, u, out);
 }
 

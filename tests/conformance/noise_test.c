@@ -69,6 +69,7 @@ static bool make(const struct row *row, double smoothing, struct test_scene *sce
         .ambient = 0.1,
         .diffuse = 0.8,
         .exponent = 24,
+        .reach = 0.2,
         .smoothing = smoothing,
         .light_count = 1,
         .lights = { { { 0, 0, 1 }, SP_LIGHT_CAMERA, { 1, 1, 1 } } },

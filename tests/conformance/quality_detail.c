@@ -56,6 +56,7 @@ static void set_lighting(struct sp_view *view, enum lighting lighting) {
         .diffuse = 0.6,
         .specular = 0.4,
         .exponent = 8,
+        .reach = 0.2,
         .light_count = 2,
         .lights = { { { 1, -0.4, 0.3 }, SP_LIGHT_WORLD, { 1, 0.7f, 0.4f } },
                     { { -0.6, 0.8, 0.5 }, SP_LIGHT_CAMERA, { 0.2f, 0.4f, 0.8f } } },

@@ -38,7 +38,8 @@ static void light_by_normal(struct sp_view *view) {
     static const double towards[3][3] = { { 0.6, 0, 0.8 },
                                           { -0.3, 0.52, 0.8 },
                                           { -0.3, -0.52, 0.8 } };
-    view->shading = (struct sp_shading){ .mode = SP_SHADING_PHONG, .diffuse = 1, .exponent = 1 };
+    view->shading =
+        (struct sp_shading){ .mode = SP_SHADING_PHONG, .diffuse = 1, .exponent = 1, .reach = 0.2 };
     view->shading.light_count = 3;
     for (int l = 0; l < 3; l++) {
         struct sp_light *light = &view->shading.lights[l];

@@ -442,6 +442,7 @@ static void post_classification_shades_with_the_gradient_of_the_field(void **sta
         .diffuse = 0.5,
         .specular = 0.2,
         .exponent = 30,
+        .reach = 0.2,
         .light_count = 1,
         .lights = { { { 0, 0, 1 }, SP_LIGHT_CAMERA, { 1, 1, 1 } } },
     };

@@ -106,14 +106,12 @@ bool test_lit_init(struct test_lit *lit, const struct test_interpolant *field, d
     }
     lit->step = smallest / steps;
     lit->cell = 2 * cbrt(product);
-    lit->fading = 0.1 * sqrt(square);
+    lit->fading = lit->view->shading.reach * sqrt(square);
     lit->firm = 0.08 * (tf->points[tf->point_count - 1].value - tf->points[0].value);
     const struct sp_clip *clip = &lit->view->clip;
     lit->is_clipped = clip->plane_count > 0;
     for (int a = 0; a < 3; a++)
         lit->is_clipped = lit->is_clipped || clip->box[0][a] > 0 || clip->box[1][a] < 1;
-    for (int i = 0; i < 1000; i++)
-        lit->plane += exp(-lit->cell / lit->fading / ((i + 0.5) / 1000)) / 1000;
     list_directions(lit);
     return mark_visible(lit);
 }
@@ -204,10 +202,31 @@ static double half_slice(const struct test_lit *lit, const double towards[3]) {
     return 0.5 / most;
 }
 
+/* The share of the light around a place that does not arrive there. `cosine`: of the normal and the
+ * direction to the eye. */
+static double occlude(const struct test_lit *lit, const double from[3], const double normal[3],
+                      double cosine, double firm) {
+    double mean = 0, dipole[3] = { 0 }, sides[2] = { 0 };
+    for (int i = 0; i < TEST_LIT_AROUND; i++) {
+        const double *d = lit->around[i], start = half_slice(lit, d);
+        double dark = (1 - test_lit_march(lit, from, d, start, lit->fading)) / TEST_LIT_AROUND;
+        double slant = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2];
+        mean += dark;
+        sides[slant < 0] += 4 * fabs(slant) * dark;
+        for (int r = 0; r < 3; r++)
+            dipole[r] += dark * d[r];
+    }
+    double certain = fmin(5 * fabs(cosine), 1), seen = sides[cosine < 0];
+    double surface = certain * seen + (1 - certain) * fmin(sides[0], sides[1]);
+    double loose =
+        mean - 2 * sqrt(dipole[0] * dipole[0] + dipole[1] * dipole[1] + dipole[2] * dipole[2]);
+    return fmin(fmax(firm * surface + (1 - firm) * loose, 0), 1);
+}
+
 void test_lit_shares(const struct test_lit *lit, const double world[3], const double ahead[3],
                      const double gradient[3], double share[2]) {
     const struct sp_shading *shading = &lit->view->shading;
-    double length = 0, along = 0, from[3], open = 0, arrives = 0;
+    double length = 0, along = 0, from[3], normal[3], arrives = 0;
     for (int r = 0; r < 3; r++) {
         length += gradient[r] * gradient[r];
         along -= gradient[r] * ahead[r];
@@ -215,18 +234,14 @@ void test_lit_shares(const struct test_lit *lit, const double world[3], const do
     length = sqrt(length);
     double firm = fmin(pow(length * lit->cell / 2 / lit->firm, 2), 1);
     for (int r = 0; r < 3; r++) {
-        double normal = length > 0 ? gradient[r] / length : 0;
+        normal[r] = length > 0 ? gradient[r] / length : 0;
         from[r] =
-            world[r] + lit->cell * (-0.75 * ahead[r] + (along < 0 ? -0.5 : 0.5) * firm * normal);
+            world[r] + lit->cell * (-0.75 * ahead[r] + (along < 0 ? -0.5 : 0.5) * firm * normal[r]);
     }
     share[0] = share[1] = 1;
     if (shading->occlusion > 0) {
-        for (int i = 0; i < TEST_LIT_AROUND; i++)
-            open += test_lit_march(lit, from, lit->around[i], half_slice(lit, lit->around[i]),
-                                   lit->fading) /
-                    TEST_LIT_AROUND;
-        open = fmin(fmax(lit->plane - 1 + 2 * open, 0), 1);
-        share[0] = 1 - shading->occlusion * (1 - open);
+        double cosine = length > 0 ? along / length : 0;
+        share[0] = 1 - shading->occlusion * occlude(lit, from, normal, cosine, firm);
     }
     if (shading->shadow > 0 && shading->light_count) {
         for (int i = 0; i < TEST_LIT_DISC; i++)

@@ -8,9 +8,10 @@
  * depth τ counts from half a slice of samples away from that point. With the extinction σ, for a
  * direction ω:
  *
- *   occlusion      A(ω) = ∫ e^−s/R e^−τ(s) σ(s) ds      R: a tenth of the volume's diagonal
- *   openness       1 + E − 2·mean of A over the sphere, in [0, 1]; E: 2·mean of A at a distance of
- *                  two samples from a plane, which is ∫ e^−h/(R μ) dμ over [0, 1]
+ *   occlusion      A(ω) = ∫ e^−s/R e^−τ(s) σ(s) ds      R: shading.reach·the volume's diagonal
+ *   occlusion n    4·mean of A max(0, n·ω) over the sphere: the cosine hemisphere around a normal.
+ *                  Where its cosine to the eye is less than 0.2, the brighter side is mixed in.
+ *   without one    mean of A − 2·|mean of A ω|: most light comes from the clearest direction
  *   transmittance  mean of e^−τ(∞) over a disc of 4° radius around the first light
  */
 #ifndef TESTS_SUPPORT_LIT_H
@@ -26,7 +27,6 @@ struct test_lit {
     double step;   /* between samples of a ray, world units */
     double cell;   /* width of two samples, world units */
     double fading; /* R */
-    double plane;  /* E */
     double radius; /* a ray of this length ends outside of the volume */
     double firm;   /* change of the value per sample at a surface */
     double around[TEST_LIT_AROUND][3], disc[TEST_LIT_DISC][3]; /* unit, world space */

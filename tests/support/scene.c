@@ -43,6 +43,7 @@ void test_view_init(struct sp_view *view) {
                      .diffuse = 0.7,
                      .specular = 0.2,
                      .exponent = 20,
+                     .reach = 0.2,
                      .smoothing = NAN,
                      .light_count = 1,
                      .lights = { { .direction = { 0, 0, 1 }, .color = { 1, 1, 1 } } } },

@@ -206,6 +206,8 @@ static void ranges_are_checked(void **state) {
     REFUSED(shading.smoothing, 1.5, "/shading/smoothing");
     REFUSED(shading.occlusion, 1.1, "/shading/occlusion");
     REFUSED(shading.shadow, -0.1, "/shading/shadow");
+    REFUSED(shading.reach, 0, "/shading/reach");
+    REFUSED(shading.reach, 10.1, "/shading/reach");
     REFUSED(shading.ambient, 5, "/shading/ambient");
     REFUSED(shading.light_count, 9, "/shading/lights");
     REFUSED(shading.lights[0].color[2], 4.5f, "/shading/lights/0/color/2");

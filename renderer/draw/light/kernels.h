@@ -14,12 +14,23 @@
 #include "sp/volume.h"
 
 enum {
-    LIGHT_DIRECTIONS = 20, /* of ambient light: the corners of a dodecahedron */
+    LIGHT_AROUND = 4, /* directions of ambient light per edge of a cube around a point */
+    LIGHT_DIRECTIONS = 6 * LIGHT_AROUND * LIGHT_AROUND,
+    LIGHT_MOMENTS = 9,     /* of the occlusion over the sphere (light.h) */
+    LIGHT_WORDS = 3,       /* per cell of the field: one, and two of moments */
     LIGHT_PAD = 16,        /* floats beyond each row, so that the last vector fits */
     LIGHT_MARGIN = 4,      /* floats around each slice; the margin passes all light */
     LIGHT_BINS = 4096,     /* of the values of the transfer function */
     LIGHT_PER_CELL_MAX = 4 /* positions per cell and axis; the next cell begins at the last one */
 };
+
+/* Units per moment: |D| <= 1/4, |Q| <= 0.13, and sums of some directions stay as small. A
+ * hemisphere reaches 118 of the 127 units, so that sums that are rounded for each sweep fit. */
+#define LIGHT_DIPOLE 472.0f
+#define LIGHT_QUADRUPOLE 900.0f
+
+/* Four moments that are 0, as biased bytes. */
+#define LIGHT_MOMENT_ZERO 0x80808080u
 
 /* A half space: keeps the points with normal · cell coordinate >= offset. The normal has length
  * 1. */
@@ -86,16 +97,21 @@ struct sp_light_slice {
     int count;
     bool is_ambient;         /* all steps are spread and light fades; false: no step fades */
     const float *extinction; /* of the first cell of the slice */
-    uint32_t *field; /* of the same cell: ambient light adds sum·scale, a light sets byte 1 */
-    float *staged;   /* gets the sums as floats instead of `field`; NULL = `field` gets them */
-    float scale;
-    size_t stride; /* from row to row of cells */
+    /* Ambient light: what a direction adds to each moment where it is dark, in units of the field.
+     * A light: the first number scales the sum of its beams. */
+    const float (*moment)[LIGHT_MOMENTS];
+    uint32_t *field;        /* of the same cell: ambient light adds to it, a light sets byte 1 */
+    uint32_t (*moments)[2]; /* of the same cell: ambient light adds to them */
+    uint32_t *staged;       /* gets the words instead of `field` and `moments`, if not NULL */
+    size_t staged_next;     /* from the first words of all cells to the second ones */
+    size_t stride;          /* from row to row of cells */
     int dims[2];
     int width;         /* floats per row of rays, with margins */
     size_t plane;      /* floats per direction */
     const float *from; /* [count][plane]: light behind the previous slice */
     float *to;         /* [count][plane]: light behind this slice */
-    float *rows;       /* per worker: three rows */
+    float *rows;       /* per worker: two rows */
+    uint32_t *words;   /* per worker: LIGHT_WORDS rows */
     size_t row_floats;
 };
 
@@ -110,21 +126,21 @@ void sp_light_pass(const struct sp_light_slice *slice, size_t begin, size_t end,
  * volume. */
 struct sp_light_turn {
     const float *extinction; /* of the first cell of the first slice */
-    uint32_t *field;
-    float *staged;     /* [count][slice] */
+    uint32_t *field, (*moments)[2];
+    float *depth;      /* [count][slice]: staged extinction */
+    uint32_t *words;   /* [LIGHT_WORDS][LIGHT_TURN][slice]: staged words of the field */
     size_t row, cell;  /* strides in the volume: from row to row, and from cell to cell of a row
                           [elements] */
     size_t stride;     /* from row to row of a staged slice [elements] */
     size_t slice;      /* from slice to slice [elements] */
     int length, count; /* of rows; of slices */
     bool is_ambient;
-    float scale;
 };
 enum { LIGHT_TURN = 16 };
 
 typedef void sp_light_turn_fn(const struct sp_light_turn *turn, size_t row);
-void sp_light_turn_in(const struct sp_light_turn *turn, size_t row);  /* extinction → staged */
-void sp_light_turn_out(const struct sp_light_turn *turn, size_t row); /* staged → field */
+void sp_light_turn_in(const struct sp_light_turn *turn, size_t row);  /* extinction → depth */
+void sp_light_turn_out(const struct sp_light_turn *turn, size_t row); /* words → field */
 
 struct sp_light_kernels {
     sp_light_cells_fn *compute_cells;

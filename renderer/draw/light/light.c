@@ -9,9 +9,6 @@
 #include "data/volume/grid.h"
 #include "data/volume/volume.h"
 
-/* R: this share of the volume's diagonal. */
-static const double fading_share = 0.1;
-
 /* Distance of the beams from the middle of the light's disc, whose radius is the sine of 4°: they
  * are as far apart as the points of the disc, in the mean square. */
 static const double beam_radius = 0.07 * 0.7071;
@@ -23,19 +20,17 @@ bool sp_light_is_wanted(const struct sp_view *view) {
            (s->occlusion > 0 || (s->shadow > 0 && s->light_count > 0));
 }
 
-static uint64_t cell_count(const struct sp_light_slot *slot) {
-    return (uint64_t)slot->dims[0] * slot->dims[1] * slot->dims[2];
-}
-
 static uint64_t slot_bytes(const void *pointer) {
     const struct sp_light_slot *slot = pointer;
-    return cell_count(slot) * (sizeof *slot->extinction + sizeof *slot->field);
+    return sp_light_cell_count(slot) *
+           (sizeof *slot->extinction + sizeof *slot->field + sizeof *slot->moments);
 }
 
 static void finish_slot(void *pointer) {
     struct sp_light_slot *slot = pointer;
     free(slot->extinction);
     free(slot->field);
+    free(slot->moments);
 }
 
 static const struct sp_slots slots = { LIGHT_SLOTS, sizeof(struct sp_light_slot), finish_slot,
@@ -97,7 +92,7 @@ static struct sp_light_slot *create_slot(struct sp_light_cache *cache,
     for (made.side = 1;; made.side *= 2) {
         for (int a = 0; a < 3; a++)
             made.dims[a] = (dims[a] + made.side - 1) / made.side + 2;
-        if (cell_count(&made) <= LIGHT_CELLS_MAX)
+        if (sp_light_cell_count(&made) <= LIGHT_CELLS_MAX)
             break;
     }
     struct sp_light_slot *slot = free_slot(cache, slot_bytes(&made), job->bytes_max);
@@ -109,9 +104,10 @@ static struct sp_light_slot *create_slot(struct sp_light_cache *cache,
     }
     *slot = made;
     slot->base.volume = sp_volume_ref(job->volume);
-    slot->extinction = malloc(cell_count(slot) * sizeof *slot->extinction);
-    slot->field = malloc(cell_count(slot) * sizeof *slot->field);
-    bool ok = slot->extinction && slot->field;
+    slot->extinction = malloc(sp_light_cell_count(slot) * sizeof *slot->extinction);
+    slot->field = malloc(sp_light_cell_count(slot) * sizeof *slot->field);
+    slot->moments = malloc(sp_light_cell_count(slot) * sizeof *slot->moments);
+    bool ok = slot->extinction && slot->field && slot->moments;
     if (!ok)
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the light of the volume");
     if (!ok || !sp_extinction_compute(slot, job, err)) {
@@ -133,90 +129,102 @@ static struct sp_light_slot *get_slot(struct sp_light_cache *cache, const struct
     return create_slot(cache, job, err);
 }
 
-/* The corners of a dodecahedron. */
-static void list_directions(struct sp_vec3 out[LIGHT_DIRECTIONS]) {
-    const double golden = 0.5 + sqrt(1.25), third = sqrt(1.0 / 3);
-    int n = 0;
-    for (int i = 0; i < 8; i++)
-        for (int a = 0; a < 3; a++)
-            out[i].v[a] = i >> a & 1 ? third : -third;
-    for (n = 8; n < LIGHT_DIRECTIONS; n++) {
-        int a = (n - 8) / 4, k = n & 3;
-        out[n].v[a] = 0;
-        out[n].v[(a + 1) % 3] = (k & 1 ? third : -third) / golden;
-        out[n].v[(a + 2) % 3] = (k & 2 ? third : -third) * golden;
-    }
+/* The solid angle of the part of a cube's face from its middle to a corner at (u, v), as seen from
+ * the middle of the cube, whose edge is 2. */
+static double solid_angle(double u, double v) {
+    return atan(u * v / sqrt(1 + u * u + v * v));
 }
 
-/* Sums of ambient light in the low bits of the field, until they become openness. */
-enum { SUM_UNIT = 2048, SUM_BITS = 0xffff };
-
-static void clear_sums(void *user, size_t begin, size_t end, unsigned worker) {
-    (void)worker;
-    uint32_t *field = user;
-    for (size_t i = begin; i < end; i++)
-        field[i] &= ~(uint32_t)SUM_BITS;
-}
-
-/* Twice the mean of A above a plane at a distance of x·R: ∫ e^−x/μ dμ over [0, 1]. */
-static double occlude_plane(double x) {
-    enum { PARTS = 256 };
-    double sum = 0;
-    for (int i = 0; i < PARTS; i++)
-        sum += exp(-x * PARTS / (i + 0.5)) / PARTS;
-    return sum;
-}
-
-/* Interpolation spreads directions along a plane into it, as if it were so much nearer. */
-static const double widening = 0.92;
-
-struct sums {
-    uint32_t *field;
-    float plane; /* twice the mean of A where a plane is fully open */
+struct direction {
+    struct sp_vec3 towards;
+    double share; /* of the sphere */
 };
 
-static void close_sums(void *user, size_t begin, size_t end, unsigned worker) {
-    (void)worker;
-    const struct sums *sums = user;
-    uint32_t *field = sums->field;
-    const float unit = 2 * 255.0f / SUM_UNIT / LIGHT_DIRECTIONS;
-    float none = 255 * (sums->plane - 1) + 0.5f;
-    for (size_t i = begin; i < end; i++) {
-        int32_t sum = field[i] & SUM_BITS;
-        float open = (float)sum * unit + none;
-        open = open < 255 ? open : 255;
-        field[i] += (uint32_t)((int32_t)(open > 0 ? open : 0) + (255 << 8) - sum);
+/* Directions through a cube around a point, evenly spaced by angle along its faces. None is
+ * parallel to an axis: interpolation would not spread such a one. */
+static void list_directions(struct direction out[LIGHT_DIRECTIONS]) {
+    const double quarter = 0.78539816339744831;
+    double edge[LIGHT_AROUND + 1], middle[LIGHT_AROUND];
+    for (int i = 0; i <= LIGHT_AROUND; i++)
+        edge[i] = tan(quarter * (2.0 * i / LIGHT_AROUND - 1));
+    for (int i = 0; i < LIGHT_AROUND; i++)
+        middle[i] = tan(quarter * ((2.0 * i + 1) / LIGHT_AROUND - 1));
+    for (int n = 0; n < LIGHT_DIRECTIONS; n++) {
+        const int face = n % 6, a = face / 2, i = n / 6 % LIGHT_AROUND, j = n / 6 / LIGHT_AROUND;
+        struct sp_vec3 towards;
+        towards.v[a] = face & 1 ? 1 : -1;
+        towards.v[(a + 1) % 3] = middle[i];
+        towards.v[(a + 2) % 3] = middle[j];
+        out[n].towards = sp_vec3_normalize(towards);
+        out[n].share = (solid_angle(edge[i + 1], edge[j + 1]) - solid_angle(edge[i], edge[j + 1]) -
+                        solid_angle(edge[i + 1], edge[j]) + solid_angle(edge[i], edge[j])) /
+                       (16 * quarter);
     }
 }
 
-/* Fills the openness, and makes all light arrive. */
-static bool compute_openness(struct sp_light_slot *slot, const struct sp_light_job *job,
-                             struct sp_light_scratch *scratch, struct sp_error *err) {
+/* Sums of the mean of A in the low bits of the field, until they become 1 − Ā. */
+enum { SUM_UNIT = 32768, SUM_BITS = 0xffff };
+
+/* What a direction adds to the moments where it is dark. */
+static void list_moments(const struct direction *d, float moment[LIGHT_MOMENTS]) {
+    const double *v = d->towards.v, third = 1.0 / 3;
+    const double q[5] = { v[0] * v[0] - third, v[1] * v[1] - third, v[0] * v[1], v[0] * v[2],
+                          v[1] * v[2] };
+    moment[0] = (float)(d->share * SUM_UNIT);
+    for (int a = 0; a < 3; a++)
+        moment[1 + a] = (float)(d->share * v[a]) * LIGHT_DIPOLE;
+    for (int k = 0; k < 5; k++)
+        moment[4 + k] = (float)(d->share * q[k]) * LIGHT_QUADRUPOLE;
+}
+
+static void clear_sums(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct sp_light_slot *slot = user;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        slot->field[i] &= ~(uint32_t)SUM_BITS;
+        slot->moments[i][0] = slot->moments[i][1] = LIGHT_MOMENT_ZERO;
+    }
+}
+
+/* Sums become 1 − Ā, and all light of the first light arrives. */
+static void close_sums(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct sp_light_slot *slot = user;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        uint32_t sum = slot->field[i] & SUM_BITS;
+        uint32_t dark = (sum * 255 + SUM_UNIT / 2) / SUM_UNIT;
+        slot->field[i] += (255 - (dark < 255 ? dark : 255)) + (255 << 8) - sum;
+    }
+}
+
+/* Fills the moments, and makes all light of the first light arrive. */
+static bool compute_moments(struct sp_light_slot *slot, const struct sp_light_job *job,
+                            struct sp_light_scratch *scratch, struct sp_error *err) {
     const struct sp_grid *grid = &sp_volume_info(slot->base.volume)->grid;
-    struct sp_vec3 directions[LIGHT_DIRECTIONS];
+    const double reach = job->view->shading.reach;
+    struct direction directions[LIGHT_DIRECTIONS];
     double diagonal = 0;
     for (int a = 0; a < 3; a++)
         diagonal += pow(grid->spacing[a] * grid->dims[a], 2);
     list_directions(directions);
+    slot->reach = 0;
     memset(slot->direction, 0, sizeof slot->direction);
-    sp_parallel_for(job->pool, cell_count(slot), 1 << 14, clear_sums, slot->field);
+    sp_parallel_for(job->pool, sp_light_cell_count(slot), 1 << 14, clear_sums, slot);
     for (int face = 0; face < 6; face++) {
-        struct sp_sweep sweep = { .fading = fading_share * sqrt(diagonal),
-                                  .is_ambient = true,
-                                  .scale = SUM_UNIT };
+        struct sp_sweep sweep = { .fading = reach * sqrt(diagonal), .is_ambient = true };
         for (int d = 0; d < LIGHT_DIRECTIONS; d++) {
             bool rises;
-            int axis = sp_sweep_axis(slot, directions[d], &rises);
-            if (2 * axis + rises == face)
-                sweep.towards[sweep.count++] = directions[d];
+            int axis = sp_sweep_axis(slot, directions[d].towards, &rises);
+            if (2 * axis + rises != face)
+                continue;
+            list_moments(&directions[d], sweep.moment[sweep.count]);
+            sweep.towards[sweep.count++] = directions[d].towards;
         }
         if (sweep.count && !sp_sweep_run(slot, &sweep, job, scratch, err))
             return false;
     }
-    double fading = fading_share * sqrt(diagonal);
-    struct sums sums = { slot->field, (float)occlude_plane(widening * ahead_width(slot) / fading) };
-    sp_parallel_for(job->pool, cell_count(slot), 1 << 14, close_sums, &sums);
-    slot->has_openness = true;
+    sp_parallel_for(job->pool, sp_light_cell_count(slot), 1 << 14, close_sums, slot);
+    slot->reach = reach;
     return true;
 }
 
@@ -233,7 +241,7 @@ static bool compute_transmittance(struct sp_light_slot *slot, const struct sp_li
     struct sp_vec3 other = sp_vec3_cross(d, side);
     struct sp_sweep sweep = { .count = LIGHT_BEAMS,
                               .fading = INFINITY,
-                              .scale = 255.0f / LIGHT_BEAMS };
+                              .moment = { { 255.0f / LIGHT_BEAMS } } };
     for (int i = 0; i < LIGHT_BEAMS; i++)
         sweep.towards[i] =
             sp_vec3_normalize(sp_vec3_add(d, sp_vec3_scale(i & 1 ? side : other, i & 2 ? 1 : -1)));
@@ -248,13 +256,17 @@ static bool is_direction(const double have[3], const float want[3]) {
     return have[0] == (double)want[0] && have[1] == (double)want[1] && have[2] == (double)want[2];
 }
 
+/* True if the field has what the view asks for. */
+static bool has_moments(const struct sp_light_slot *slot, const struct sp_shading *shading) {
+    return shading->occlusion <= 0 || slot->reach == shading->reach;
+}
+
 /* Brings the field of a slot up to date with the view. */
 static bool update(struct sp_light_slot *slot, const struct sp_light_job *job,
                    struct sp_light_scratch *scratch, struct sp_error *err) {
     const struct sp_shading *shading = &job->view->shading;
-    bool wants_openness = shading->occlusion > 0;
     bool wants_shadow = shading->shadow > 0 && job->direction;
-    if (wants_openness && !slot->has_openness && !compute_openness(slot, job, scratch, err))
+    if (!has_moments(slot, shading) && !compute_moments(slot, job, scratch, err))
         return false;
     return !wants_shadow || is_direction(slot->direction, job->direction) ||
            compute_transmittance(slot, job, scratch, err);
@@ -268,6 +280,7 @@ static void describe(const struct sp_light_slot *slot, const struct sp_view *vie
     struct sp_mat3 to = sp_mat3_inverse(&from, &volume);
     *field =
         (struct sp_light_field){ .cells = slot->field,
+                                 .moments = (const uint32_t(*)[2])slot->moments,
                                  .per_sample = 1 / (float)slot->side,
                                  .first = (float)sp_light_first(slot),
                                  .occlusion = (float)view->shading.occlusion,
@@ -283,8 +296,7 @@ static void describe(const struct sp_light_slot *slot, const struct sp_view *vie
 bool sp_light_get(struct sp_light_cache *cache, const struct sp_light_job *job,
                   struct sp_light_field *field, struct sp_error *err) {
     struct sp_light_slot *slot = get_slot(cache, job, err);
-    bool is_made =
-        slot && (!slot->base.used || (job->view->shading.occlusion > 0 && !slot->has_openness));
+    bool is_made = slot && (!slot->base.used || !has_moments(slot, &job->view->shading));
     if (!slot || !update(slot, job, &cache->scratch, err))
         return false;
     slot->base.used = ++cache->clock;

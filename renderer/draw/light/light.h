@@ -2,8 +2,8 @@
  *
  * Ambient occlusion and soft shadows from a coarse grid of extinction (README.md).
  *
- *   volume ─► extinction ─┬► sweeps along fixed directions ─► openness ──────┬─► field ─► integrate
- *             per cell    └► sweeps away from the light ────► transmittance ─┘   3 × 8 bits
+ *   volume ─► extinction ─┬► sweeps along fixed directions ─► moments of A ──┬─► field ─► integrate
+ *             per cell    └► sweeps away from the light ────► transmittance ─┘   11 × 8 bits
  *
  * A cell holds side³ samples. One layer of empty cells surrounds the volume, so that light arrives
  * from outside. Cell (i, j, k) has its centre at cell coordinate (i, j, k):
@@ -16,11 +16,19 @@
  *
  *   transmittance  T(ω) = e^−τ(∞)
  *   occlusion      A(ω) = ∫ e^−s/R e^−τ(s) dτ(s)         (Zhukov, Iones, Kronin 1998, eq. 2)
- *   openness       1 + E − 2·mean of A over the sphere, in [0, 1];   E = ∫ e^−h/(R μ) dμ, [0, 1]
  *
- * E is 2·mean of A at the distance h from a plane at which rays read the field before surfaces.
- * Therefore a free point and a point in front of a plane are both fully open. R is the fading
- * distance: matter that is farther away occludes less.
+ * R is the fading distance: matter that is farther away occludes less. A cell keeps the moments of
+ * A over the sphere up to the second one,
+ *
+ *   Ā = mean of A     D = mean of A ω     Q = mean of A (ω ωᵀ − 1/3)
+ *
+ * which give the occlusion of the cosine hemisphere around a normal n,
+ *
+ *   4·mean of A max(0, n·ω)  ≈  Ā + 2 n·D + 15/8 nᵀ Q n
+ *
+ * because a cosine hemisphere is 1 + 2 cos + 5/4 P₂(cos) and higher terms that are small
+ * (Ramamoorthi, Hanrahan 2001, eq. 8). A closed half space behind the normal gives 1/2 − 1/2 + 0,
+ * so that a plane does not occlude itself. Where there is no normal, Ā is the occlusion.
  */
 #ifndef SP_LIGHT_LIGHT_H
 #define SP_LIGHT_LIGHT_H
@@ -42,15 +50,18 @@ enum {
 
 /* The field of light that a frame reads. Borrowed from the cache. */
 struct sp_light_field {
-    /* Bytes, from the lowest: openness, transmittance, and the clearness e^−depth of the cell;
+    /* Bytes, from the lowest: 1 − Ā, transmittance, and the clearness e^−depth of the cell;
      * 255 = 1. */
     const uint32_t *cells;
+    /* Bytes, from the lowest: D along x, y and z, and Q xx; Q yy, xy, xz and yz. In units of
+     * 1/LIGHT_DIPOLE and 1/LIGHT_QUADRUPOLE, 128 = 0. Valid if occlusion > 0. */
+    const uint32_t (*moments)[2];
     int dims[3];
     float per_sample, first; /* cell coordinate = sample coordinate · per_sample + first */
     /* World direction → cell coordinates, so that a unit vector moves by about one cell. */
     float offset[3][3];
     float occlusion, shadow; /* strengths, [0, 1] */
-    bool is_made;            /* extinction or openness were missing and have been computed */
+    bool is_made;            /* extinction or moments were missing and have been computed */
 };
 
 /* The light of one volume under one transfer function and clipping. */
@@ -60,12 +71,13 @@ struct sp_light_slot {
     struct sp_clip clip;
     uint32_t dims[3]; /* cells, with the empty layer */
     unsigned side;
-    float *extinction; /* [cells]: optical depth per width of a cell */
-    uint32_t *field;   /* [cells]: as sp_light_field.cells */
+    float *extinction;      /* [cells]: optical depth per width of a cell */
+    uint32_t *field;        /* [cells]: sp_light_field.cells */
+    uint32_t (*moments)[2]; /* [cells]: sp_light_field.moments */
     /* World, towards the light whose transmittance the field has; zero = the field has no
      * transmittance. */
     double direction[3];
-    bool has_openness;
+    double reach; /* whose moments the field has; 0 = the field has none */
 };
 
 /* Memory for the slices of a sweep. It grows when a sweep needs more. */
@@ -103,6 +115,11 @@ bool sp_light_get(struct sp_light_cache *cache, const struct sp_light_job *job,
 void sp_light_evict(struct sp_light_cache *cache, const struct sp_volume *volume);
 uint64_t sp_light_bytes(const struct sp_light_cache *cache, const struct sp_volume *volume);
 
+/* Returns the cells of a slot, with the empty layer. */
+static inline size_t sp_light_cell_count(const struct sp_light_slot *slot) {
+    return (size_t)slot->dims[0] * slot->dims[1] * slot->dims[2];
+}
+
 /* Returns the width of a cell: the edge of a cube with the volume of the cell [world unit]. */
 double sp_light_cell_width(const struct sp_light_slot *slot);
 
@@ -129,11 +146,11 @@ struct sp_sweep {
     int count;                                /* of directions, [1, LIGHT_DIRECTIONS] */
     struct sp_vec3 towards[LIGHT_DIRECTIONS]; /* world, unit, towards the light */
     double fading;   /* R, world units; INFINITY = occlusion does not fade */
-    bool is_ambient; /* light fades and is added to the openness; false: sets the transmittance */
-    float scale;     /* of the sum of 1 − A over the directions */
+    bool is_ambient; /* light fades and adds to the moments; false: sets the transmittance */
+    float moment[LIGHT_DIRECTIONS][LIGHT_MOMENTS]; /* as sp_light_slice.moment */
 };
 
-/* sweep.c: runs a sweep and writes the sums to slot->field (see sp_light_slice.field).
+/* sweep.c: runs a sweep and writes the sums to slot->field and slot->moments.
  * SP_ERR_CANCELLED, SP_ERR_MEMORY. */
 bool sp_sweep_run(const struct sp_light_slot *slot, const struct sp_sweep *sweep,
                   const struct sp_light_job *job, struct sp_light_scratch *scratch,

@@ -37,7 +37,6 @@ struct sweep {
     int dims[3];
     const struct sp_light_kernels *kernels;
     struct sp_light_turn turn; /* of slices across the first axis */
-    float *turned[2];          /* extinction, and sums */
 };
 
 /* Cells per world unit in a direction, by axis. */
@@ -132,14 +131,13 @@ static void turn_to(struct sweep *w, const struct sp_light_slot *slot, struct sp
         first = rises ? at - turn->count + 1 : at;
         turn->extinction = slot->extinction + first;
         turn->field = slot->field + first;
-        turn->staged = w->turned[0];
+        turn->moments = slot->moments + first;
         sp_parallel_for(pool, (size_t)w->dims[1], 8, turn_rows_in, w);
-        turn->staged = w->turned[1];
     }
     int k = i % LIGHT_TURN;
     size_t offset = (size_t)(rises ? turn->count - 1 - k : k) * turn->slice;
-    w->slice.extinction = w->turned[0] + offset;
-    w->slice.staged = w->turned[1] + offset;
+    w->slice.extinction = turn->depth + offset;
+    w->slice.staged = turn->words + offset;
 }
 
 /* Sets up the slices; returns the floats that they need. */
@@ -153,7 +151,7 @@ static size_t init_sweep(struct sweep *w, const struct sp_light_slot *slot,
                          .kernels = job->kernels };
     *slice = (struct sp_light_slice){ .count = sweep->count,
                                       .is_ambient = sweep->is_ambient,
-                                      .scale = sweep->scale };
+                                      .moment = sweep->moment };
     for (int a = 0; a < 3; a++) {
         w->stride[a] = strides[w->axis[a]];
         w->dims[a] = (int)slot->dims[w->axis[a]];
@@ -176,11 +174,11 @@ static size_t init_sweep(struct sweep *w, const struct sp_light_slot *slot,
                                       .stride = (size_t)w->dims[0],
                                       .slice = (size_t)w->dims[0] * (size_t)w->dims[1],
                                       .length = w->dims[0],
-                                      .is_ambient = sweep->is_ambient,
-                                      .scale = sweep->scale };
-    size_t turned = w->stride[0] == 1 ? 0 : 2 * LIGHT_TURN * w->turn.slice;
+                                      .is_ambient = sweep->is_ambient };
+    slice->staged_next = LIGHT_TURN * w->turn.slice;
+    size_t turned = w->stride[0] == 1 ? 0 : (1 + LIGHT_WORDS) * slice->staged_next;
     return 2 * (size_t)slice->count * slice->plane +
-           3 * slice->row_floats * sp_pool_threads(job->pool) + turned;
+           (2 + LIGHT_WORDS) * slice->row_floats * sp_pool_threads(job->pool) + turned;
 }
 
 bool sp_sweep_run(const struct sp_light_slot *slot, const struct sp_sweep *sweep,
@@ -195,16 +193,19 @@ bool sp_sweep_run(const struct sp_light_slot *slot, const struct sp_sweep *sweep
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the light's slices");
     for (size_t i = 0; i < 2 * planes; i++)
         memory[i] = 1;
+    const size_t threads = sp_pool_threads(job->pool);
     w.slice.rows = memory + 2 * planes;
+    w.slice.words = (uint32_t *)(w.slice.rows + 2 * w.slice.row_floats * threads);
     w.slice.steps = w.steps;
     bool is_turned = w.stride[0] != 1;
-    w.turned[0] = w.slice.rows + 3 * w.slice.row_floats * sp_pool_threads(job->pool);
-    w.turned[1] = w.turned[0] + LIGHT_TURN * w.turn.slice;
+    w.turn.words = w.slice.words + LIGHT_WORDS * w.slice.row_floats * threads;
+    w.turn.depth = (float *)(w.turn.words + LIGHT_WORDS * w.slice.staged_next);
     for (int i = 0; i < w.dims[2] && !sp_interrupt_is_cancelled(&job->interrupt); i++) {
         int number = rises ? w.dims[2] - 1 - i : i;
         size_t at = (size_t)number * w.stride[2];
         w.slice.extinction = slot->extinction + at;
         w.slice.field = slot->field + at;
+        w.slice.moments = slot->moments + at;
         if (is_turned)
             turn_to(&w, slot, job->pool, i, number, rises);
         w.slice.from = memory + (i & 1 ? planes : 0);

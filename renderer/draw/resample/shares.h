@@ -18,13 +18,14 @@ static inline void sp_compute_shares(const struct sp_resample_open_tile *t,
     const struct sp_light_field *light = r->light;
     const float to_front = 0.75f, off_surface = 0.5f; /* cells */
     const sp_wide zero = sp_wide_all(0);
-    sp_wide at[3], move[3], side = zero;
+    sp_wide at[3], move[3], cosine = zero, side;
+    struct sp_light_there there;
     sp_wide firm = square * (r->light_firmness * r->light_firmness);
-    firm = sp_wide_min(firm, sp_wide_all(1)) * off_surface;
+    firm = sp_wide_min(firm, sp_wide_all(1));
     sp_place_on_rays(t, rays, s, at);
     for (int c = 0; c < 3; c++)
-        side += to_eye[c] * normal[c];
-    side = sp_wide_select(sp_wide_lt(side, zero), -firm, firm);
+        cosine += to_eye[c] * normal[c];
+    side = off_surface * sp_wide_select(sp_wide_lt(cosine, zero), -firm, firm);
     for (int c = 0; c < 3; c++)
         move[c] = side * normal[c] + to_eye[c] * to_front;
     for (int a = 0; a < 3; a++) {
@@ -32,9 +33,11 @@ static inline void sp_compute_shares(const struct sp_resample_open_tile *t,
         at[a] = at[a] * r->light_scale + r->light_first + o[0] * move[0] + o[1] * move[1] +
                 o[2] * move[2];
     }
-    sp_light_read(light, at, share);
-    share[0] = 1 - light->occlusion * (1 - share[0] * (1 / 255.0f));
-    share[1] = 1 - light->shadow * (1 - share[1] * (1 / 255.0f));
+    sp_light_read(light, at, &there);
+    share[0] = share[1] = sp_wide_all(1);
+    if (light->occlusion > 0)
+        share[0] -= light->occlusion * sp_light_occlusion(&there, normal, cosine, firm);
+    share[1] -= light->shadow * (1 - there.arrives);
 }
 
 #endif

@@ -159,6 +159,9 @@ struct sp_shading {                    /* "/shading" */
      * They need mode phong, and are drawn with compositing.mode sheet and transfer_function.order
      * post; renderer/draw/light/README.md. With mode none they have no effect. */
     double occlusion, shadow;
+    /* How far ambient occlusion reaches, [0.01, 10] diagonals of the volume: matter that far away
+     * occludes e times less than matter nearby [0.2]. */
+    double reach;
     uint32_t light_count; /* [0, SP_LIGHTS_MAX]; 0 = ambient light alone [1] */
     struct sp_light lights[SP_LIGHTS_MAX];
 };
