@@ -28,7 +28,7 @@
  *
  * because a cosine hemisphere is 1 + 2 cos + 5/4 P₂(cos) and higher terms that are small
  * (Ramamoorthi, Hanrahan 2001, eq. 8). A closed half space behind the normal gives 1/2 − 1/2 + 0,
- * so that a plane does not occlude itself. Where there is no normal, Ā is the occlusion.
+ * so that a plane does not occlude itself. Where there is no normal, the occlusion is Ā − 2|D|.
  */
 #ifndef SP_LIGHT_LIGHT_H
 #define SP_LIGHT_LIGHT_H

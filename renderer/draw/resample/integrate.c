@@ -9,6 +9,7 @@
 #include "draw/resample/cut_face.h"
 #include "draw/resample/gradient.h"
 #include "draw/resample/insert.h"
+#include "draw/resample/normal.h"
 #include "draw/resample/opacity.h"
 #include "draw/resample/seen.h"
 #include "draw/resample/shares.h"
@@ -235,35 +236,30 @@ static inline void enter_faces(const struct work *work, const struct interval *i
 /* The unit normal of the interval [world space]; zero if there is none. Behind a surface gradients
  * are small: noise, ringing of the interpolation and rounding would give the material there any
  * normal. So the surface's gradient stays, a quarter as long after each slice. A gradient that is
- * shorter than 0.8 of it, or than rounding, is mixed with it. Light falls on both sides of a
- * surface: of the surface's gradient and its opposite, the one on the side of the new gradient is
- * mixed, so that both never cancel. Behind the middle of thin material gradients point back. */
+ * shorter than 0.8 of it, or than rounding, is mixed with it (normal.h). */
 static inline void compute_normal(const struct work *work, const struct interval *in,
                                   sp_wide normal[3]) {
     const float share = 0.8f, faint = 64, rounding = work->t->r->rounding;
     struct sp_resample_block *block = work->block;
-    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
-    sp_wide last[3], past_square = zero, dot = zero, square = zero;
+    const sp_wide one = sp_wide_all(1);
+    sp_wide old[3], past[3], dot = sp_wide_all(0), length;
     for (int c = 0; c < 3; c++) {
-        last[c] = sp_wide_load(block->normal[c] + in->begin);
-        past_square += last[c] * last[c];
-        dot += last[c] * in->gradient[c];
+        old[c] = sp_wide_load(block->normal[c] + in->begin);
+        past[c] = old[c] * work->decay;
     }
-    past_square *= work->decay * work->decay;
-    sp_wide side = sp_wide_copysign(one, dot);
+    sp_wide past_square = past[0] * past[0] + past[1] * past[1] + past[2] * past[2];
     sp_wide least = past_square * (share * share) + rounding * rounding;
     sp_wide firm = sp_wide_min(in->square * sp_wide_inverse(least), one);
     sp_wide weight = sp_wide_min(in->opacity * faint, one); /* what is not seen is no surface */
-    for (int c = 0; c < 3; c++) {
-        sp_wide old = side * last[c], past = work->decay * old;
-        normal[c] = past + firm * (in->gradient[c] - past);
-        square += normal[c] * normal[c];
-        sp_wide_store(block->normal[c] + in->begin, old + weight * (normal[c] - old));
-    }
-    sp_wide inverse =
-        sp_wide_keep(sp_wide_lt(tiny, square), sp_wide_inverse_sqrt(sp_wide_max(square, tiny)));
+    length = sp_normal_mix(in->gradient, in->square, past, past_square, firm, normal);
     for (int c = 0; c < 3; c++)
-        normal[c] *= inverse;
+        dot += old[c] * normal[c];
+    sp_wide side = sp_wide_copysign(one, dot);
+    for (int c = 0; c < 3; c++) {
+        old[c] *= side;
+        sp_wide_store(block->normal[c] + in->begin,
+                      old[c] + weight * (length * normal[c] - old[c]));
+    }
 }
 
 /* Mixes the smooth gradient at the place where the interval is seen into the fine gradient. Pixels

@@ -56,7 +56,7 @@ static struct sp_view make_view(enum sp_projection projection) {
                          .width = NAN,
                          .zero = NAN,
                          .absorption = NAN },
-        .shading = { .exponent = 1 },
+        .shading = { .exponent = 1, .reach = 0.2 },
         .layer_count = 1,
         .layers = { { .flatness = INFINITY, .high = 1, .visible = true } },
         .slices = { .normal = { 0, 0, 1 }, .width = 1 },

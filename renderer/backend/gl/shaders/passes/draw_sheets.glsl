@@ -458,19 +458,31 @@ float face_share(float s, float square) {
     return length * length / max(length * length + square, TINY);
 }
 
+// Mixes two gradients as lines: draw/resample/normal.h. mean: of their lengths.
+vec3 mix_normal(vec3 gradient, vec3 past, float firm, out float mean) {
+    float square = dot(gradient, gradient), past_square = dot(past, past), both = dot(gradient, past);
+    float inverse = inversesqrt(max(square, TINY)), past_inverse = inversesqrt(max(past_square, TINY));
+    float a = firm * square * inverse, b = (1.0 - firm) * past_square * past_inverse;
+    float cosine = clamp(both * inverse * past_inverse, -1.0, 1.0), sine_square = 1.0 - cosine * cosine;
+    vec2 m = vec2(a + b * (1.0 - 2.0 * sine_square), 2.0 * b * cosine * sqrt(sine_square));
+    float halved = 0.5 * m.x * inversesqrt(max(dot(m, m), TINY)), turned = sqrt(max(0.5 - halved, 0.0));
+    float aside = (cosine < 0.0 ? -turned : turned) * inversesqrt(max(sine_square, 1e-8)) * past_inverse;
+    float along = sqrt(max(0.5 + halved, 0.0)) * inverse - aside * both * inverse * inverse;
+    mean = a + b;
+    return along * gradient + aside * past;
+}
+
 // The unit normal of an interval; zero if there is none. As compute_normal() of draw/resample/integrate.c says, a surface's gradient
 // stays for a while behind it.
 vec3 compute_normal(vec3 gradient, float width, float opacity) {
     const float SHARE = 0.8, FAINT = 64.0;
-    float rounding = metric[0].w;
-    normal = dot(normal, gradient) < 0.0 ? -normal : normal; // light falls on both sides
+    float rounding = metric[0].w, mean;
     vec3 past = normal * exp2(-2.0 * width);
     float least = SHARE * SHARE * dot(past, past) + rounding * rounding;
     float firm = min(dot(gradient, gradient) / least, 1.0);
-    vec3 own = mix(past, gradient, firm);
-    float square = dot(own, own);
-    normal = mix(normal, own, min(opacity * FAINT, 1.0));
-    return square > TINY ? own * inversesqrt(square) : vec3(0);
+    vec3 own = mix_normal(gradient, past, firm, mean);
+    normal = mix(dot(normal, own) < 0.0 ? -normal : normal, mean * own, min(opacity * FAINT, 1.0));
+    return own;
 }
 
 void add(float opacity, vec3 color) {
