@@ -34,13 +34,15 @@ static inline sp_wide sp_normal_mix(const sp_wide gradient[3], sp_wide square,
     sp_wide cosine = sp_wide_clamp(dot * inverse * past_inverse, -1, 1);
     sp_wide sine_square = one - cosine * cosine, sine = sp_wide_sqrt(sine_square);
     sp_wide m[2] = { a + b * (one - 2 * sine_square), 2 * b * cosine * sine };
-    sp_wide m_square = sp_wide_max(m[0] * m[0] + m[1] * m[1], tiny);
-    sp_wide half = 0.5f * m[0] * sp_wide_inverse_sqrt(m_square);
-    sp_wide turned = sp_wide_sqrt(sp_wide_max(0.5f - half, zero));
-    sp_wide aside = sp_wide_copysign(turned, cosine) *
+    /* Of the sine and the cosine of φ, the larger one by a root, the other one by sin 2φ. */
+    sp_wide scale = sp_wide_inverse_sqrt(sp_wide_max(m[0] * m[0] + m[1] * m[1], tiny));
+    sp_wide larger = sp_wide_sqrt(0.5f + 0.5f * sp_wide_abs(m[0]) * scale);
+    sp_wide smaller = 0.5f * sp_wide_abs(m[1]) * scale * sp_wide_inverse(larger);
+    sp_wide_mask is_turned = sp_wide_lt(m[0], zero);
+    sp_wide aside = sp_wide_copysign(sp_wide_select(is_turned, larger, smaller), cosine) *
                     sp_wide_inverse_sqrt(sp_wide_max(sine_square, least)) * past_inverse;
     sp_wide along =
-        sp_wide_sqrt(sp_wide_max(0.5f + half, zero)) * inverse - aside * dot * inverse * inverse;
+        sp_wide_select(is_turned, smaller, larger) * inverse - aside * dot * inverse * inverse;
     for (int c = 0; c < 3; c++)
         normal[c] = along * gradient[c] + aside * past[c];
     return a + b;

@@ -465,9 +465,10 @@ vec3 mix_normal(vec3 gradient, vec3 past, float firm, out float mean) {
     float a = firm * square * inverse, b = (1.0 - firm) * past_square * past_inverse;
     float cosine = clamp(both * inverse * past_inverse, -1.0, 1.0), sine_square = 1.0 - cosine * cosine;
     vec2 m = vec2(a + b * (1.0 - 2.0 * sine_square), 2.0 * b * cosine * sqrt(sine_square));
-    float halved = 0.5 * m.x * inversesqrt(max(dot(m, m), TINY)), turned = sqrt(max(0.5 - halved, 0.0));
+    float scale = inversesqrt(max(dot(m, m), TINY)), larger = sqrt(0.5 + 0.5 * abs(m.x) * scale);
+    float smaller = 0.5 * abs(m.y) * scale / larger, turned = m.x < 0.0 ? larger : smaller;
     float aside = (cosine < 0.0 ? -turned : turned) * inversesqrt(max(sine_square, 1e-8)) * past_inverse;
-    float along = sqrt(max(0.5 + halved, 0.0)) * inverse - aside * both * inverse * inverse;
+    float along = (m.x < 0.0 ? smaller : larger) * inverse - aside * both * inverse * inverse;
     mean = a + b;
     return along * gradient + aside * past;
 }
