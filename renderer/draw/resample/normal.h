@@ -11,7 +11,8 @@
  *      ╲────► gradient   φ = half the angle of m: from the gradient to the normal
  *
  * This is the direction in which a·g gᵀ + b·p pᵀ is largest. It changes continuously, except where
- * both are equal and at right angles.
+ * both are equal and at right angles. The past gradient counts less the more it lies across the new
+ * one, since it is then more likely to be of another surface.
  */
 #ifndef SP_RESAMPLE_NORMAL_H
 #define SP_RESAMPLE_NORMAL_H
@@ -25,14 +26,16 @@ static inline sp_wide sp_normal_mix(const sp_wide gradient[3], sp_wide square,
                                     sp_wide normal[3]) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
     const sp_wide least = sp_wide_all(1e-8f);
+    const float across = 0.4f;
     sp_wide dot = zero;
     for (int c = 0; c < 3; c++)
         dot += gradient[c] * past[c];
     sp_wide inverse = sp_wide_inverse_sqrt(sp_wide_max(square, tiny));
     sp_wide past_inverse = sp_wide_inverse_sqrt(sp_wide_max(past_square, tiny));
-    sp_wide a = firm * square * inverse, b = (one - firm) * past_square * past_inverse;
     sp_wide cosine = sp_wide_clamp(dot * inverse * past_inverse, -1, 1);
     sp_wide sine_square = one - cosine * cosine, sine = sp_wide_sqrt(sine_square);
+    sp_wide a = firm * square * inverse;
+    sp_wide b = (one - firm) * past_square * past_inverse * (one - across * sine_square);
     sp_wide m[2] = { a + b * (one - 2 * sine_square), 2 * b * cosine * sine };
     /* Of the sine and the cosine of φ, the larger one by a root, the other one by sin 2φ. */
     sp_wide scale = sp_wide_inverse_sqrt(sp_wide_max(m[0] * m[0] + m[1] * m[1], tiny));

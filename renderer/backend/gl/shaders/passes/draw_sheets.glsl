@@ -462,8 +462,8 @@ float face_share(float s, float square) {
 vec3 mix_normal(vec3 gradient, vec3 past, float firm, out float mean) {
     float square = dot(gradient, gradient), past_square = dot(past, past), both = dot(gradient, past);
     float inverse = inversesqrt(max(square, TINY)), past_inverse = inversesqrt(max(past_square, TINY));
-    float a = firm * square * inverse, b = (1.0 - firm) * past_square * past_inverse;
     float cosine = clamp(both * inverse * past_inverse, -1.0, 1.0), sine_square = 1.0 - cosine * cosine;
+    float a = firm * square * inverse, b = (1.0 - firm) * past_square * past_inverse * (1.0 - 0.4 * sine_square);
     vec2 m = vec2(a + b * (1.0 - 2.0 * sine_square), 2.0 * b * cosine * sqrt(sine_square));
     float scale = inversesqrt(max(dot(m, m), TINY)), larger = sqrt(0.5 + 0.5 * abs(m.x) * scale);
     float smaller = 0.5 * abs(m.y) * scale / larger, turned = m.x < 0.0 ? larger : smaller;
