@@ -99,7 +99,7 @@ fi
 [[ -n $peer ]] || say "skipped: VTK; $why"
 [[ $vtk != yes || -n $peer ]] || die "VTK was asked for: $why"
 
-build release splatd splat-bench splat-limit splat-codecs splat-tls-echo splat-import splat-exr
+build release splatd splat-bench splat-march splat-limit splat-codecs splat-tls-echo splat-import splat-exr
 load=$(cut -d' ' -f1 /proc/loadavg)
 [[ ${load%%.*} -eq 0 ]] || say "the machine is not idle (load $load): times will be noisy"
 
