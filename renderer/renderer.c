@@ -189,17 +189,16 @@ static bool draw_composed(struct sp_renderer *r, struct sp_renderer_frame *f,
     return sp_compose(&job, f->job.frame, err);
 }
 
-/* Filters the pixels of the finished image as its samples need. */
-static bool antialias(struct sp_renderer *r, const struct sp_renderer_frame *f,
-                      struct sp_error *err) {
+/* Filters the pixels of the finished image as its samples need. Without memory for it the image
+ * stays as it is. */
+static void antialias(struct sp_renderer *r, const struct sp_renderer_frame *f) {
     if (!sp_layers_have_volume(&f->view))
-        return true;
+        return;
     const float strength =
         sp_resample_antialiasing(&f->view, &sp_volume_info(f->job.volume)->grid, f->job.mip_level);
-    if (strength == 0)
-        return true;
     sp_arena_reset(&r->rows);
-    return open_workers(r, err) && sp_antialias(f->job.frame, strength, &r->rows, r->workers, err);
+    if (strength > 0 && open_workers(r, NULL))
+        sp_antialias(f->job.frame, strength, &r->rows, r->workers, NULL);
 }
 
 unsigned sp_renderer_depth(const struct sp_renderer *renderer) {
@@ -290,7 +289,8 @@ struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_erro
     double start_ms = sp_job_clock_ms(&f->job), start_cpu_ms = sp_clock_cpu_ms();
     bool ok = sp_view_draws_slices(&f->view) ? draw_composed(renderer, f, err)
                                              : sp_renderer_draw(renderer, f, err);
-    ok = ok && antialias(renderer, f, err);
+    if (ok)
+        antialias(renderer, f);
     struct sp_frame *frame = ok ? sp_frame_ref(f->job.frame) : NULL;
     if (frame) {
         frame->stats.render_ms = fmax(f->ms + sp_job_clock_ms(&f->job) - start_ms, 0);

@@ -4,7 +4,7 @@
  * error elsewhere grows with the size of the kernel over its distance, and has no bound. Close
  * kernels are therefore integrated along the rays of the pixels.
  *
- * With Σ = K Kᵀ and the low-pass filter h²(u2/f)² along both axes of the image, S = Σ⁻¹, and
+ * With the names of ewa.h, Σ = K Kᵀ and the low-pass filter h²(u2/f)² along both axes of the image, S = Σ⁻¹, and
  * ρ = √(uᵀS u), the distance of the eye from the centre in standard deviations, a ray of the
  * direction d from the eye has
  *
@@ -22,7 +22,9 @@
  *
  * and the integral changes with √(E/D), where E is |d|² over that of the centre. D and E are taken
  * at w·δ. The share w is 1 for kernels nearer than SP_CLOSE_EXACT and falls to 0, the affine map,
- * at SP_CLOSE_AFFINE, so that nothing jumps.
+ * at SP_CLOSE_AFFINE, so that nothing jumps inside the image. Kernels whose centre lies beside the
+ * image have w = 1 up to SP_CLOSE_AFFINE, where they become affine at once: in views of 120 degrees
+ * and more a pixel at the border may change by 30 of 255.
  *
  * Around: any other close kernel, for instance one that contains the eye or lies beside it. The
  * direction of a ray is (X, Y, 1), with X = (x − cx)/f.

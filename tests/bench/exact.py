@@ -382,8 +382,8 @@ class Drawing:
 
         def change(pair):
             return round(1000 * np.sqrt(np.mean(((pair[0] - pair[1]) / 255) ** 2)), 2)
-        exact = [mean(turn) for turn in (0, NARROW_TURN)]
-        self.save('exact', np.round(exact[0]))
+        exact = [np.round(mean(turn)) for turn in (0, NARROW_TURN)]  # 8 bits, as the drawn images
+        self.save('exact', exact[0])
         self.write([self.name, self.shading, self.kind, 'exact', '', '', '', '', change(exact)])
         for method in self.methods(False):
             drawn = [self.draw(method, NARROW, turn) for turn in (0, NARROW_TURN)]
@@ -429,6 +429,7 @@ def main():
         drawing = Drawing(options, folder, write)
         for name in options.fields:
             for shading in ('none', 'phong'):
+                exact = {}  # images by the last slice
                 for kind in options.samples:
                     if shading == 'none' and kind not in (CLEAN, NARROW_KIND):
                         continue
@@ -438,7 +439,10 @@ def main():
                     if kind == NARROW_KIND:
                         drawing.compare_narrow()
                         continue
-                    found = drawing.compare(exact_image(FIELDS[name], shading, last=SAMPLES - values[2]))
+                    last = SAMPLES - values[2]
+                    if last not in exact:
+                        exact[last] = exact_image(FIELDS[name], shading, last=last)
+                    found = drawing.compare(exact[last])
                     if kind == CLEAN:
                         images[name, shading] = found
     if options.sheet:

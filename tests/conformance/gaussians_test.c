@@ -35,7 +35,7 @@ static const struct scene scenes[] = {
     { "normalised", 2, 60, 0.1, false, true, false, 158.3 },
     { "turned", 3, 30, 0.5, false, false, true, 113.4 },
     { "turned parallel", 3, 30, 0.5, true, false, true, 140.0 },
-    /* Close Gaussians are no longer affine; records on the CPU hold their distances in 16 bits. */
+    /* Close Gaussians are exact; records on the CPU hold their distances in 16 bits. */
     { "inside", 1, 1, 0.3, false, false, false, 95.3 },
     { "thin", 1, 30, 0.02, false, true, false, 170.8 },
 };

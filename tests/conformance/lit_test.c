@@ -129,9 +129,7 @@ static bool rod(struct test_scene *scene) {
 
 static const double reach = 0.1; /* of the volume's diagonal */
 
-/* Rows with occlusion are measured against the cosine hemisphere. Until then openness was the mean
- * of A over the sphere, cut off at that before a plane, which left the cloud and the shell nearly
- * without occlusion: their floors were 63.7 and 45.9 dB. */
+/* Rows with occlusion are held to the cosine hemisphere. */
 static const struct row rows[] = {
     { "corner", corner, 1, 0, { 0.4, 0.8, 0.3 }, 42.6, 0.0650 },
     { "corner", corner, 0, 1, { 0.6, 0.7, 0.2 }, 46.0, 0.0462 },

@@ -24,7 +24,7 @@ enum {
     LIGHT_PER_CELL_MAX = 4 /* positions per cell and axis; the next cell begins at the last one */
 };
 
-/* Units per moment: |D| <= 1/4, |Q| <= 0.13, and sums of some directions stay as small. A
+/* Units per moment: |D| <= 1/4, |Q| <= 0.13, for sums over any of the directions as well. A
  * hemisphere reaches 118 of the 127 units, so that sums that are rounded for each sweep fit. */
 #define LIGHT_DIPOLE 472.0f
 #define LIGHT_QUADRUPOLE 900.0f

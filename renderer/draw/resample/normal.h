@@ -10,16 +10,17 @@
  *     ╲╱                 m = a·(1, 0) + b·(cos 2θ, sin 2θ)
  *      ╲────► gradient   φ = half the angle of m: from the gradient to the normal
  *
- * This is the direction in which a·g gᵀ + b·p pᵀ is largest. It changes continuously, except where
- * both are equal and at right angles. The past gradient counts less the more it lies across the new
- * one, since it is then more likely to be of another surface.
+ * For unit vectors g and p this is the direction in which a·g gᵀ + b·p pᵀ is largest. It changes
+ * continuously, except where both are equal and at right angles. The past gradient counts less the
+ * more it lies across the new one, since it is then more likely to be of another surface.
  */
 #ifndef SP_RESAMPLE_NORMAL_H
 #define SP_RESAMPLE_NORMAL_H
 
 #include "base/wide.h"
 
-/* Sets a normal of length 1, or zero if both gradients are. The squares are those of their lengths;
+/* Sets a normal of length 1; shorter if both gradients are below 1e-9, and zero if both are zero.
+ * The squares are those of their lengths;
  * firm: share of the interval's gradient, [0, 1]. Returns the mean length. */
 static inline sp_wide sp_normal_mix(const sp_wide gradient[3], sp_wide square,
                                     const sp_wide past[3], sp_wide past_square, sp_wide firm,

@@ -86,7 +86,8 @@ float sp_resample_antialiasing(const struct sp_view *view, const struct sp_grid 
     const double *s = grid->spacing, finest = fmin(s[0], fmin(s[1], s[2]));
     struct sp_camera_transform camera;
     double far;
-    if (!sp_resample_draws(view) || view->level_of_detail == SP_LOD_OFF)
+    if (!sp_resample_draws(view) || sp_compositing_is_projection(view->compositing.mode) ||
+        view->level_of_detail == SP_LOD_OFF)
         return 0;
     sp_camera_transform_init(&camera, &view->camera, view->size);
     const unsigned level = choose_level(view, grid, &camera, mip_level);
@@ -346,7 +347,7 @@ static double choose_noise(const struct sp_volume_info *info, unsigned level) {
 static void init_smoothing(struct sp_resample *r, const struct sp_volume_info *info,
                            unsigned level) {
     /* Noise of deviation 1 gives `aside` (gradient.h) a length of √6, and often more. 1.5 times as
-     * much gives images of exact fields with noise that are nearest to the truth on average. */
+     * much brings images of exact fields with noise nearer to the truth, but for the engine. */
     const double explained = 1.5 * sqrt(6);
     const double wide = 1.2; /* px: samples that are as narrow as `narrowest` have smooth normals */
     const double smoothing = r->view->shading.smoothing;

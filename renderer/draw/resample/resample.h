@@ -240,10 +240,10 @@ bool sp_resample_draws(const struct sp_view *view);
 unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_transform *camera);
 
 /* Returns the strength of the low-pass filter of the pixels (frame/antialias.h): 1 where samples
- * are narrower than 1.8 px in the middle of the volume, 0 where they are wider than 2.3 px. There
- * images are smooth enough, and each pixel shows exactly what the ray through its centre meets. 0
- * also for other drawing, and if quality.level_of_detail is off. mip_level: no finer level is
- * drawn. */
+ * are narrower than 1.8 px in the middle of the volume, 0 where they are wider than 2.3 px: there a
+ * pixel shows exactly what the ray through its centre meets, as images are compared. 0 also for
+ * projections, whose pixels are values, for other drawing, and if quality.level_of_detail is off.
+ * mip_level: no finer level is drawn. */
 float sp_resample_antialiasing(const struct sp_view *view, const struct sp_grid *grid,
                                unsigned mip_level);
 

@@ -55,22 +55,26 @@ bool set_up(uint i, out Splat s, out vec4 box) {
         return false;
     vec3 position, k[3], u = locate(e, position, k);
     bool is_close = may_be_close(u, k);
+    if (!is_close && u.z < view.w)
+        return false;
     Footprint f = compute_footprint(u, k, LOWPASS2);
     Kernel own;
-    float opacity = elements[9u * cloud.x + e] * eye.w, filtered = f.own_det / f.det, gain;
-    if (is_close) {
+    float opacity = elements[9u * cloud.x + e] * eye.w, close_opacity, gain;
+    if (is_close)
         own = make_kernel(u, k, LOWPASS2);
-        filtered = own.own / (own.det * own.square);
-    }
+    bool has_rays = is_close && own.square > 0.0;
+    close_opacity = cloud.z != 0u && has_rays ? opacity * sqrt(own.own / (own.det * own.square)) : opacity;
     if (cloud.z != 0u)
-        opacity *= sqrt(filtered);
-    float parts = opacity / TRAINED_OPACITY_MIN, radius = SLACK * sqrt(2.0 / LOG2E * log2(max(parts, 1.000001)));
+        opacity *= sqrt(f.own_det / f.det);
+    float parts = (is_close ? close_opacity : opacity) / TRAINED_OPACITY_MIN, radius = SLACK * sqrt(2.0 / LOG2E * log2(max(parts, 1.000001)));
     if (!(parts > 1.0 && (f.det < 1e36 || is_close)))
         return false;
     box = set_ellipse(f, radius, s);
     s.shape.yz = vec2(opacity, 0.0);
     if (is_close && !place_close(own, k, LOWPASS2, radius, false, s, box, gain))
         return false;
+    if (is_close && s.shape.z < 0.0) // around the eye
+        s.shape.y = close_opacity;
     s.color = vec4(compute_color(e, position), u.z);
     return true;
 }
@@ -191,7 +195,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
 #else
     is_close = may_be_close(u, k);
 #endif
-    if (!(f.det < 1e36 || is_close))
+    if (!(f.det < 1e36 || is_close) || (!is_close && u.z < view.w))
         return false;
     float value = elements[9u * n + e] - eye.x;
     vec4 own = e < cloud.z ? classify(value) : classify_merged(value, floatBitsToUint(elements[11u * n + e - cloud.z]));

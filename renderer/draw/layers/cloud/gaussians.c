@@ -71,7 +71,8 @@ place_close(const struct sp_cloud *cloud, const struct sp_ewa_frame *f, const st
         struct sp_close_kernel k;
         seen &= ~bit;
         sp_close_measure(f, p, i, SP_CLOUD_LOWPASS2, &k);
-        const double filtered = cloud->is_normalised ? sqrt(k.own / (k.det * k.square)) : 1;
+        const double filtered =
+            cloud->is_normalised && k.square > 0 ? sqrt(k.own / (k.det * k.square)) : 1;
         const double opacity = (double)own[i] * filtered;
         const double parts = opacity / (double)SP_TRAINED_OPACITY_MIN;
         if (!(parts > 1))
