@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "support/face.h"
 #include "support/interpolant.h"
 #include "support/lit.h"
 #include "support/sample.h"
@@ -18,26 +17,8 @@ struct marcher {
     const struct sp_view *view;
     struct test_interpolant field;
     struct test_lit lit;
-    bool is_lit;  /* with occlusion or a shadow */
-    double range; /* test_face_range(); 0 = faces have no light of their own */
+    bool is_lit; /* with occlusion or a shadow */
 };
-
-/* Mixes the light of the face by which the ray entered into the shaded colour at a place. `plain`:
- * the colour of the class. */
-static void mix_face(const struct marcher *m, const struct test_face *face, double part,
-                     const double world[3], const double ahead[3], const double plain[3],
-                     double color[3]) {
-    double share[2] = { 1, 1 }, cut[3], gradient[3];
-    for (int c = 0; c < 3; c++) {
-        cut[c] = plain[c];
-        gradient[c] = face->normal[c] * face->length;
-    }
-    if (m->is_lit && part > 0.01)
-        test_lit_shares(&m->lit, world, ahead, gradient, share);
-    test_shade_shares(m->view, ahead, gradient, share, cut);
-    for (int c = 0; c < 3; c++)
-        color[c] += part * (cut[c] - color[c]);
-}
 
 static void march(void *user, const double eye[3], const double ahead[3], double from, double to,
                   double step, double *rgba) {
@@ -45,12 +26,9 @@ static void march(void *user, const double eye[3], const double ahead[3], double
     const struct sp_view *view = m->view;
     double light = 1, share[2] = { 1, 1 };
     double lit_at = -INFINITY, lit_light = 1; /* where `share` was found */
-    struct test_face face = { .length = 0 };
     memset(rgba, 0, 4 * sizeof *rgba);
-    if (m->range > 0)
-        test_face_enter(&face, &m->field, &view->transfer_function, m->range, eye, ahead, from);
     for (double l = from + step / 2; l < to && light > 1e-6; l += step) {
-        double world[3], index[3], gradient[3] = { 0 }, color[3], plain[3], opacity;
+        double world[3], index[3], gradient[3] = { 0 }, color[3], opacity;
         for (int r = 0; r < 3; r++)
             world[r] = eye[r] + l * ahead[r];
         if (!test_interpolant_to_index(&m->field, world, index))
@@ -70,11 +48,7 @@ static void march(void *user, const double eye[3], const double ahead[3], double
             lit_at = l;
             lit_light = light;
         }
-        memcpy(plain, color, sizeof plain);
         test_shade_shares(view, ahead, gradient, share, color);
-        double part = test_face_share(&face, l, length * length);
-        if (part > 0)
-            mix_face(m, &face, part, world, ahead, plain, color);
         for (int c = 0; c < 3; c++)
             rgba[c] += light * alpha * color[c];
         light *= 1 - alpha;
@@ -134,26 +108,14 @@ bool test_ray_rows(const struct test_scene *scene, unsigned steps, unsigned begi
     return true;
 }
 
-/* Faces are those of the volume itself: the references know no cuts. */
-static bool has_own_faces(const struct test_scene *scene) {
-    const struct sp_clip *clip = &scene->view.clip;
-    bool has_own = clip->plane_count == 0;
-    for (int a = 0; a < 3; a++)
-        has_own = has_own && clip->box[0][a] == 0 && clip->box[1][a] == 1 &&
-                  !scene->info.grid.coordinates[a];
-    return has_own;
-}
-
 bool test_interpolated(const struct test_scene *scene, unsigned steps, struct test_image *image) {
     const struct sp_view *view = &scene->view;
     const struct sp_shading *shading = &view->shading;
     struct marcher m = { .view = view };
     m.is_lit = shading->mode == SP_SHADING_PHONG && (shading->occlusion > 0 || shading->shadow > 0);
-    bool ok =
-        test_interpolant_init(&m.field, scene) && (!m.is_lit || test_lit_init(&m.lit, &m.field, 2));
-    if (ok && shading->mode == SP_SHADING_PHONG && has_own_faces(scene))
-        m.range = test_face_range(&m.field, &view->transfer_function);
-    ok = ok && test_each_ray(scene, steps, march, &m, image);
+    bool ok = test_interpolant_init(&m.field, scene) &&
+              (!m.is_lit || test_lit_init(&m.lit, &m.field, 2)) &&
+              test_each_ray(scene, steps, march, &m, image);
     test_lit_finish(&m.lit);
     test_interpolant_finish(&m.field);
     if (ok)

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The light of faces that clip planes, the clip box and the near plane cut into the volume, and of
- * the volume's own faces, where the end of the data cuts material. The gradient of the data inside
- * knows nothing of such a face, so the face has a gradient of its own:
+ * The light of faces that clip planes, the clip box and the near plane cut into the volume. The
+ * gradient of the data inside knows nothing of such a face, so the face has a gradient of its own:
  *
  *   eye ──ray──►│▓▓▓▓▓▓▓▓▓▓▓▓▓▓     along the normal of the plane;
  *               │╲                  as long as the opacity that the material at the entry has over
@@ -24,17 +23,14 @@
 #include "draw/resample/kernels.h"
 #include "splat/exp2.h"
 
-/* Returns the rays that enter the volume between s = start and start + width. */
-static inline sp_wide_mask sp_cut_face_enters(const struct sp_resample_block *block, int i,
-                                              float start, float width) {
-    sp_wide begin = sp_wide_load(block->begin + i);
-    return ~sp_wide_lt(begin, sp_wide_all(start)) & sp_wide_lt(begin, sp_wide_all(start + width));
-}
-
-/* Notes the opacity of rays that enter through a cut: of one slice of the material there. */
-static inline void sp_cut_face_enter(struct sp_resample_block *block, int i, sp_wide_mask enters,
-                                     sp_wide opacity) {
+/* Notes the opacity of rays that enter through a cut between s = start and start + width.
+ * `opacity`: of one slice of the material there. */
+static inline void sp_cut_face_enter(struct sp_resample_block *block, int i, float start,
+                                     float width, sp_wide opacity) {
     float *own = block->face_opacity + i;
+    sp_wide begin = sp_wide_load(block->begin + i);
+    sp_wide_mask enters =
+        ~sp_wide_lt(begin, sp_wide_all(start)) & sp_wide_lt(begin, sp_wide_all(start + width));
     sp_wide_store(own, sp_wide_select(enters, opacity, sp_wide_load(own)));
 }
 

@@ -219,9 +219,6 @@ static inline sp_wide gradient_scale(const struct sp_transfer_function *tf, sp_w
 static inline void enter_faces(const struct work *work, const struct interval *in) {
     const struct sp_resample *r = work->t->r;
     struct sp_entries entries[2];
-    sp_wide_mask enters = sp_cut_face_enters(work->block, in->begin, work->start, work->width);
-    if (!sp_wide_any(enters))
-        return;
     sp_wide change[4], beyond, bin = compute_bin(&r->curve, in->value[0], &beyond);
     for (int k = 0; k < 2; k++)
         entries[k] =
@@ -230,7 +227,7 @@ static inline void enter_faces(const struct work *work, const struct interval *i
     sp_wide depth = sp_wide_select(sp_wide_lt(sp_wide_all(0), beyond),
                                    sp_wide_all(r->curve.above[3]), change[3]);
     depth *= sp_wide_load(work->block->length + in->begin);
-    sp_cut_face_enter(work->block, in->begin, enters, 1 - sp_transmit(r, depth));
+    sp_cut_face_enter(work->block, in->begin, work->start, work->width, 1 - sp_transmit(r, depth));
 }
 
 /* The unit normal of the interval [world space]; zero if there is none. Behind a surface gradients

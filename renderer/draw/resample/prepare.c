@@ -265,27 +265,11 @@ static double init_metric(struct sp_resample *r, const struct coordinates *c) {
     return unit;
 }
 
-/* True if the outer samples along an axis may show something: the end of the data cuts it. */
-static bool is_visible_at(const struct sp_resample *r, int axis, int side) {
-    const uint32_t *n = r->samples->regions;
-    uint32_t first[3] = { 0 }, end[3] = { n[0], n[1], n[2] };
-    first[axis] = side ? n[axis] - 1 : 0;
-    end[axis] = first[axis] + 1;
-    for (uint32_t k = first[2]; k < end[2]; k++)
-        for (uint32_t j = first[1]; j < end[1]; j++)
-            for (uint32_t i = first[0]; i < end[0]; i++)
-                if (r->class->visible[((size_t)k * n[1] + j) * n[0] + i])
-                    return true;
-    return false;
-}
-
-/* Sets the normals of the faces of cuts. The volume's own faces are cuts where material is seen. */
+/* Sets the normals of the faces of cuts. */
 static void init_faces(struct sp_resample *r) {
     for (uint32_t h = 0; h < r->half_count; h++) {
         struct sp_resample_half *half = &r->halves[h];
         float square = 0;
-        if (h < 6 && !half->is_cut)
-            half->is_cut = is_visible_at(r, (int)h / 2, h & 1);
         for (int w = 0; w < 3; w++) {
             half->face[w] = 0;
             for (int a = 0; a < 3; a++)

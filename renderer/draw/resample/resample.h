@@ -49,7 +49,7 @@ enum {
 /* The half space normal·(sample coordinates) >= offset. */
 struct sp_resample_half {
     double normal[3], offset;
-    bool is_cut;   /* it cuts the volume, or is one of its own faces where material is seen */
+    bool is_cut;   /* it cuts the volume, and is none of its own faces */
     float face[3]; /* a cut: the unit normal of its face (cut_face.h) */
 };
 
