@@ -151,7 +151,8 @@ static void add_halves(struct sp_resample *r, const struct coordinates *c,
             struct sp_resample_half *half = &r->halves[r->half_count++];
             *half = (struct sp_resample_half){ .offset = side ? -at : at };
             half->normal[a] = side ? -1 : 1;
-            half->is_cut = part != side;
+            /* Within a sample, the box ends where the data do. */
+            half->is_cut = fabs(distance - extent[side]) > grid->spacing[a];
         }
     for (int i = 0; r->first && i < 6; i++) {
         struct sp_resample_half half = r->first->halves[i];
