@@ -4,9 +4,9 @@
  * error elsewhere grows with the size of the kernel over its distance, and has no bound. Close
  * kernels are therefore integrated along the rays of the pixels.
  *
- * With the names of ewa.h, Σ = K Kᵀ and the low-pass filter h²(u2/f)² along both axes of the image, S = Σ⁻¹, and
- * ρ = √(uᵀS u), the distance of the eye from the centre in standard deviations, a ray of the
- * direction d from the eye has
+ * With the names of ewa.h, Σ = K Kᵀ and the low-pass filter h²(u2/f)² along both axes of the image,
+ * S = Σ⁻¹, and ρ = √(uᵀS u), the distance of the eye from the centre in standard deviations, a ray
+ * of the direction d from the eye has
  *
  *   t = dᵀS u/√(dᵀS d)    distance of the kernel's largest value [standard deviations]
  *   q = ρ² − t²           squared distance of the ray from the centre
