@@ -84,6 +84,10 @@
 #define sp_resample_open_block SP_ISA_NAME(sp_resample_open_block)
 #define sp_resample_reduce_open SP_ISA_NAME(sp_resample_reduce_open)
 #define sp_resample_resolve SP_ISA_NAME(sp_resample_resolve)
+#define sp_resample_open_sides SP_ISA_NAME(sp_resample_open_sides)
+#define sp_resample_is_crossed SP_ISA_NAME(sp_resample_is_crossed)
+#define sp_resample_open_cover SP_ISA_NAME(sp_resample_open_cover)
+#define sp_resample_close_cover SP_ISA_NAME(sp_resample_close_cover)
 /* draw/layers/surface/ */
 #define sp_surface_tile SP_ISA_NAME(sp_surface_tile)
 #define sp_surface_set_up SP_ISA_NAME(sp_surface_set_up)

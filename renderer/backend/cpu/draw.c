@@ -95,6 +95,7 @@ static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job 
         return false;
     double light_ms = sp_job_clock_ms(job) - begin;
     struct sp_resample_input input = { .view = job->view,
+                                       .whole = job->light_clip,
                                        .volume = job->volume,
                                        .frame = job->frame,
                                        .interrupt = sp_job_interrupt(job),

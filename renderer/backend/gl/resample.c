@@ -100,6 +100,7 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
     sp_camera_transform_init(&f->camera, &job->view->camera, job->view->size);
     sp_shade_init(&f->shade, &f->camera, &job->view->shading);
     const struct sp_resample_input input = { .view = job->view,
+                                             .whole = job->light_clip,
                                              .volume = job->volume,
                                              .frame = job->frame,
                                              .interrupt = sp_job_interrupt(job),

@@ -102,6 +102,10 @@ void gl_resample_constants_init(struct gl_resample_constants *c, const struct sp
     c->size[0] = (uint32_t)r->columns;
     write_axes(c, r);
     write_halves(c, r);
+    c->size[2] = (uint32_t)r->silhouette.count;
+    for (int i = 0; i < r->silhouette.count; i++)
+        for (int k = 0; k < 3; k++)
+            c->sides[i][k] = (float)r->silhouette.line[i][k];
     for (uint32_t i = 0; i < tf->gradient_count; i++) {
         c->magnitudes[i][0] = (float)(tf->gradient[i].magnitude / (double)r->gradient_unit);
         c->magnitudes[i][1] = tf->gradient[i].scale;

@@ -26,6 +26,7 @@ struct gl_resample_constants {
     float halves[RESAMPLE_HALVES_MAX][4], gaps[RESAMPLE_HALVES_MAX][4];
     float faces[RESAMPLE_HALVES_MAX][4];
     float magnitudes[SP_GRADIENT_POINTS_MAX][4];
+    float sides[RESAMPLE_SIDES_MAX][4];
 };
 
 struct gl_resample_square {

@@ -25,20 +25,21 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
     };
     struct gl_resample_program *own = &resample->programs[kind][use][has_layers][is_even];
     struct sp_error why = { .text = "it failed before; the log has the reason" };
-    char defines[320];
+    char defines[352];
     snprintf(defines, sizeof defines,
              "#define SAMPLES_INTEGER 0\n#define SAMPLES_REAL 1\n#define SAMPLES %d\n"
              "#define BYTES %du\n#define SIGNED %d\n#define GRADIENT %d\n#define PROJECTION %d\n"
-             "#define SQUARE %du\n#define HALVES %d\n#define MAGNITUDES %d\n#define INTERVALS %d\n"
+             "#define SQUARE %du\n#define HALVES %d\n#define SIDES %d\n#define MAGNITUDES "
+             "%d\n#define INTERVALS %d\n"
              "#define LAYERS %d\n#define EVEN %d\n",
              kinds[kind].samples, kinds[kind].bytes, kinds[kind].is_signed,
              use == GL_RESAMPLE_GRADIENTS, use == GL_RESAMPLE_PROJECTION, (unsigned)RESAMPLE_TILE,
-             RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX, GL_RESAMPLE_INTERVALS, has_layers,
-             is_even);
+             RESAMPLE_HALVES_MAX, RESAMPLE_SIDES_MAX, SP_GRADIENT_POINTS_MAX, GL_RESAMPLE_INTERVALS,
+             has_layers, is_even);
     if (!own->program && !own->is_refused)
         own->program = gl_program_open(
-            has_layers ? "frame shade resample seen smooth fragments ordinal draw_sheets"
-                       : "frame shade resample seen smooth ordinal draw_sheets",
+            has_layers ? "frame shade resample cover seen smooth fragments ordinal draw_sheets"
+                       : "frame shade resample cover seen smooth ordinal draw_sheets",
             defines, &why);
     own->is_refused = !own->program;
     if (own->is_refused)

@@ -62,13 +62,33 @@ void sp_resample_open_block(const struct sp_resample_open_tile *t,
         sp_resample_reduce_open(t->r, block);
 }
 
+/* Computes where SP_WIDE rays are, x and y px from the centre of `rays`: u, v, du, dv. */
+static inline void place_rays(const struct sp_resample_open_tile *t,
+                              const struct sp_resample_rays *rays, sp_wide x, sp_wide y,
+                              sp_wide place[4]) {
+    bool is_perspective = t->r->camera->projection == SP_PERSPECTIVE;
+    sp_wide fall = 1 + x * (float)rays->fall[0] + y * (float)rays->fall[1];
+    sp_wide inverse = 1 / sp_wide_max(fall, sp_wide_all(0.05f));
+    for (int a = 0; a < 2; a++) {
+        sp_wide moved = (x * (float)rays->right[a] + y * (float)rays->down[a]) * inverse;
+        place[a] = (float)rays->at[a] + moved * (float)rays->lever;
+        place[a + 2] = sp_wide_all((float)rays->change[a]);
+        if (is_perspective)
+            place[a + 2] += t->is_backwards ? -moved : moved;
+    }
+}
+
 static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
-                        struct sp_resample_block *block, const int at[2], int i) {
+                        struct sp_resample_block *block, int i) {
     const struct sp_resample *r = t->r;
     const double *m = r->metric;
-    const int *axis = t->axis;
+    const int *axis = t->axis, *at = block->at;
     sp_wide x = sp_wide_from_int((sp_wide_int_count() + i) & (RESAMPLE_BLOCK - 1));
     sp_wide y = sp_wide_from_int((sp_wide_int_count() + i) >> 3);
+    if (block->is_crossed) {
+        x += sp_wide_load(block->moved[0] + i);
+        y += sp_wide_load(block->moved[1] + i);
+    }
     if (r->shade) {
         sp_wide to_eye[3];
         compute_eye(r, x + ((float)(t->x + at[0]) + 0.5f), y + ((float)(t->y + at[1]) + 0.5f),
@@ -78,17 +98,8 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_r
     }
     x += (float)(t->x + at[0] + 0.5 - rays->centre[0]);
     y += (float)(t->y + at[1] + 0.5 - rays->centre[1]);
-    sp_wide fall = 1 + x * (float)rays->fall[0] + y * (float)rays->fall[1];
-    sp_wide inverse = 1 / sp_wide_max(fall, sp_wide_all(0.05f));
     sp_wide place[4];
-    bool is_perspective = r->camera->projection == SP_PERSPECTIVE;
-    for (int a = 0; a < 2; a++) {
-        sp_wide moved = (x * (float)rays->right[a] + y * (float)rays->down[a]) * inverse;
-        place[a] = (float)rays->at[a] + moved * (float)rays->lever;
-        place[a + 2] = sp_wide_all((float)rays->change[a]);
-        if (is_perspective)
-            place[a + 2] += t->is_backwards ? -moved : moved;
-    }
+    place_rays(t, rays, x, y, place);
     sp_wide begin = sp_wide_all(-1e9f), end = sp_wide_all(1e9f), face = sp_wide_all(-1);
     for (uint32_t h = 0; h < r->half_count; h++)
         cut_rays(t, h, place, &begin, &end, &face);
@@ -110,18 +121,39 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_r
         r->shade && sp_wide_any(sp_wide_lt(begin, end) & ~sp_wide_lt(face, sp_wide_all(0)));
 }
 
+/* Sets the corners of what the block's rays see. Rays that moved stay inside of their pixels. */
+static void init_corners(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
+                         int b) {
+    const struct sp_resample_block *block = &t->scratch->blocks[b];
+    struct sp_resample_bounds *bounds = &t->scratch->bounds;
+    const float beyond = block->is_crossed ? 0.5f : 0, side = RESAMPLE_BLOCK - 1 + 2 * beyond;
+    const double middle = 0.5 - (double)beyond;
+    sp_wide x = sp_wide_from_int(sp_wide_int_count() & 1) * side;
+    sp_wide y = sp_wide_from_int(sp_wide_int_count() >> 1 & 1) * side;
+    sp_wide place[4];
+    x += (float)(t->x + block->at[0] + middle - rays->centre[0]);
+    y += (float)(t->y + block->at[1] + middle - rays->centre[1]);
+    place_rays(t, rays, x, y, place);
+    for (int k = 0; k < 4; k++)
+        for (int i = 0; i < 4; i++)
+            bounds->corner[k][i][b] = place[k][i];
+}
+
 /* Returns false if no ray of the block meets the volume. */
 static bool init_block(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
                        int b, const int at[2]) {
-    static const int corners[4] = { 0, RESAMPLE_BLOCK - 1, RESAMPLE_PIXELS - RESAMPLE_BLOCK,
-                                    RESAMPLE_PIXELS - 1 };
     struct sp_resample_block *block = &t->scratch->blocks[b];
     struct sp_resample_bounds *bounds = &t->scratch->bounds;
     const sp_wide far = sp_wide_all(INFINITY);
     sp_wide inside[2] = { -far, far }, span[2] = { far, -far };
+    block->at[0] = at[0];
+    block->at[1] = at[1];
     block->has_faces = false;
+    block->is_crossed = sp_resample_is_crossed(t, at);
+    if (block->is_crossed)
+        sp_resample_open_cover(t, block);
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
-        init_pixels(t, rays, block, at, i);
+        init_pixels(t, rays, block, i);
         sp_wide begin = sp_wide_load(block->begin + i), end = sp_wide_load(block->end + i);
         sp_wide_mask meets = sp_wide_lt(begin, end);
         inside[0] = sp_wide_max(inside[0], begin);
@@ -133,19 +165,15 @@ static bool init_block(const struct sp_resample_open_tile *t, const struct sp_re
     block->inside[1] = -sp_wide_largest(-inside[1]);
     bounds->span[0][b] = -sp_wide_largest(-span[0]);
     bounds->span[1][b] = sp_wide_largest(span[1]);
-    block->at[0] = at[0];
-    block->at[1] = at[1];
     sp_resample_open_block(t, block);
-    const float *parts[4] = { block->u, block->v, block->du, block->dv };
-    for (int k = 0; k < 4; k++)
-        for (int i = 0; i < 4; i++)
-            bounds->corner[k][i][b] = parts[k][corners[i]];
+    init_corners(t, rays, b);
     return bounds->span[0][b] < bounds->span[1][b];
 }
 
 uint64_t sp_resample_init_blocks(struct sp_resample_open_tile *t,
                                  const struct sp_resample_rays *rays) {
     t->alive = 0;
+    sp_resample_open_sides(t);
     for (int v = 0; v < t->height; v += RESAMPLE_BLOCK)
         for (int u = 0; u < t->width; u += RESAMPLE_BLOCK) {
             int b = v / RESAMPLE_BLOCK * RESAMPLE_ACROSS_MAX + u / RESAMPLE_BLOCK;

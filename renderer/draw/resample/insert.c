@@ -39,8 +39,12 @@ static inline float compute_s(const struct sp_resample_open_tile *t,
                               const struct sp_resample_block *block, int i, float depth) {
     const struct sp_resample *r = t->r;
     const int axis = t->axis[2];
-    const double x = t->x + block->at[0] + i % RESAMPLE_BLOCK + 0.5 - r->camera->centre[0];
-    const double y = t->y + block->at[1] + i / RESAMPLE_BLOCK + 0.5 - r->camera->centre[1];
+    double x = t->x + block->at[0] + i % RESAMPLE_BLOCK + 0.5 - r->camera->centre[0];
+    double y = t->y + block->at[1] + i / RESAMPLE_BLOCK + 0.5 - r->camera->centre[1];
+    if (block->is_crossed) {
+        x += (double)block->moved[0][i];
+        y += (double)block->moved[1][i];
+    }
     const double aside = x * r->right[axis] + y * r->down[axis];
     double place = r->eye[axis] + (double)depth * r->ray[axis];
     place += r->camera->projection == SP_PERSPECTIVE ? (double)depth * aside : aside;

@@ -33,6 +33,9 @@ struct sp_resample_open_tile {
     struct sp_rows reader;
     int unit_bits;  /* a unit has 1 << unit_bits columns */
     uint64_t alive; /* blocks with a pixel that is not opaque */
+    /* The sides of the silhouette that may cross the tile, in px from its corner. */
+    int side_count;
+    float sides[RESAMPLE_SIDES_MAX][3];
 };
 
 struct sp_resample_rays;
@@ -44,6 +47,18 @@ uint64_t sp_resample_init_blocks(struct sp_resample_open_tile *t,
 
 /* Resets a block, so that it can be drawn again. */
 void sp_resample_open_block(const struct sp_resample_open_tile *t, struct sp_resample_block *block);
+
+/* Sets the tile's sides. */
+void sp_resample_open_sides(struct sp_resample_open_tile *t);
+
+/* True if a side of the silhouette may cross the block with its corner at `at` [px of the tile]. */
+bool sp_resample_is_crossed(const struct sp_resample_open_tile *t, const int at[2]);
+
+/* Computes how much of the pixels of a block is inside the silhouette, and where their rays go. */
+void sp_resample_open_cover(const struct sp_resample_open_tile *t, struct sp_resample_block *block);
+
+/* Mixes the pixels of blocks that sides cross with what the pixels show without the volume. */
+void sp_resample_close_cover(const struct sp_resample_open_tile *t, uint64_t blocks);
 
 /* Prepares the sheets. Call the function before the first sheet of a set of blocks. */
 void sp_resample_start_sheets(struct sp_resample_open_tile *t);

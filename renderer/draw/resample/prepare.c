@@ -11,6 +11,7 @@
 #include "data/volume/grid.h"
 #include "data/volume/missing.h"
 #include "draw/resample/axes.h"
+#include "draw/resample/silhouette.h"
 
 bool sp_resample_draws(const struct sp_view *view) {
     if (sp_compositing_is_projection(view->compositing.mode))
@@ -153,6 +154,7 @@ static void add_halves(struct sp_resample *r, const struct coordinates *c,
             half->normal[a] = side ? -1 : 1;
             /* Within a sample, the box ends where the data do. */
             half->is_cut = fabs(distance - extent[side]) > grid->spacing[a];
+            half->is_joint = !r->first && r->whole && part != r->whole->box[side][a];
         }
     for (int i = 0; r->first && i < 6; i++) {
         struct sp_resample_half half = r->first->halves[i];
@@ -170,6 +172,7 @@ static void add_halves(struct sp_resample *r, const struct coordinates *c,
         double length = sp_vec3_length(normal);
         add_half(r, c, sp_vec3_scale(normal, 1 / length),
                  clip->planes[i].offset / largest / length);
+        r->halves[r->half_count - 1].is_joint = r->whole && i >= r->whole->plane_count;
     }
 }
 
@@ -420,6 +423,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
         .first = first,
         .level = level,
         .view = view,
+        .whole = input->whole,
         .frame = input->frame,
         .interrupt = input->interrupt,
         .camera = input->camera,
@@ -475,10 +479,21 @@ static unsigned common_level(const struct sp_resample_input *input, double width
     return (unsigned)fmin(fmax(round(level), 0), SAMPLES_LEVELS - 1);
 }
 
+/* Sets the silhouettes of all channels, if they are the same: a pixel has one ray. */
+static void init_silhouettes(struct sp_resample *first) {
+    bool is_same = first->view->level_of_detail == SP_LOD_AUTO;
+    for (struct sp_resample *r = first; is_same && r; r = r->next) {
+        sp_silhouette_init(&r->silhouette, r);
+        is_same = sp_silhouette_is_equal(&r->silhouette, &first->silhouette);
+    }
+    if (!is_same)
+        first->silhouette.count = 0;
+}
+
 bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
                          struct sp_error *err) {
     const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
-    const struct sp_resample *first = r;
+    struct sp_resample *first = r;
     double width = 0;
     for (const struct sp_resample_input *i = input; i; i = i->next)
         width = fmax(width, ldexp(compute_width(i), (int)level_of(i)));
@@ -494,5 +509,6 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
         if (!prepare(input, first, grid, common_level(input, width), r, err))
             return false;
     }
+    init_silhouettes(first);
     return true;
 }

@@ -43,14 +43,24 @@ enum {
     /* Length of the gradient of the face of a cut (cut_face.h) [codes per sample]: four times the
      * range of codes, so that one slice behind it no edge is firmer. */
     RESAMPLE_FACE = 4 * (CURVE_CODE_MAX - CURVE_CODE_MIN),
-    RESAMPLE_HALVES_MAX = 2 * 6 + 1 + SP_CLIP_PLANES_MAX
+    RESAMPLE_HALVES_MAX = 2 * 6 + 1 + SP_CLIP_PLANES_MAX,
+    RESAMPLE_SIDES_MAX = 24 /* of a silhouette */
 };
 
 /* The half space normal·(sample coordinates) >= offset. */
 struct sp_resample_half {
     double normal[3], offset;
     bool is_cut;   /* it cuts the volume, and is none of its own faces */
+    bool is_joint; /* behind it, another image shows how the volume continues */
     float face[3]; /* a cut: the unit normal of its face (cut_face.h) */
+};
+
+/* The silhouette of the drawn part of the volume (silhouette.h). */
+struct sp_silhouette {
+    int count; /* of sides; 0 = no pixel is crossed by a side, or rays do not move */
+    /* A pixel is (line[0]·x + line[1]·y + line[2]) px inside the side, where (x, y) is its centre
+     * in px from the corner of the image. */
+    double line[RESAMPLE_SIDES_MAX][3];
 };
 
 /* The positions of the samples of an axis. The coordinate of a sample is its distance along the
@@ -71,6 +81,7 @@ struct sp_resample {
     double offset[3];                /* coordinates of the first channel's sample 0 */
     unsigned level;                  /* mip level of the samples */
     const struct sp_view *view;
+    const struct sp_clip *whole; /* the clip without slices in the image; NULL = the view's clip */
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
     const struct sp_camera_transform *camera;
@@ -111,6 +122,7 @@ struct sp_resample {
     /* The volume, or the part of it that the clip box keeps; of a channel, both. Then the near
      * plane and the clip planes. */
     struct sp_resample_half halves[RESAMPLE_HALVES_MAX];
+    struct sp_silhouette silhouette; /* of these; the same for all channels */
 };
 
 /* A block of pixels while its tile is drawn. */
@@ -142,6 +154,9 @@ struct sp_resample_block {
     int entry_sheet[RESAMPLE_PIXELS]; /* the sheet where it ended; by first pixel of a vector */
     float inside[2];                  /* s between which all rays are inside */
     int at[2];                        /* corner of the block in the tile [px] */
+    bool is_crossed;                  /* a side of the silhouette crosses the block (cover.c) */
+    float cover[RESAMPLE_PIXELS];     /* then: part of the pixel's area inside, [0, 1] */
+    float moved[2][RESAMPLE_PIXELS];  /* then: to the right, down from the centre, ≤ 0.5 px */
     /* Fragments of other layers (insert.h), set only if the block has any: the remaining fragments,
      * and s, alpha and colour of the first one; s = infinity: none is left. */
     bool has_fragments;
@@ -214,6 +229,7 @@ struct sp_resample_input {
      * space. The clip box, background and fragments of the first channel hold for all. */
     const struct sp_resample_input *next;
     const struct sp_view *view;
+    const struct sp_clip *whole; /* the view draws a part of this clip (draw/slices/); NULL = not */
     struct sp_volume *volume;
     struct sp_frame *frame;
     struct sp_interrupt interrupt;

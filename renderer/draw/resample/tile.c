@@ -517,9 +517,11 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
     draw_sheets_of(t, rays->sheets, drawn);
     if (r->reduction.is_on) {
         close_projection(t, met);
+        sp_resample_close_cover(t, met);
         sp_resample_resolve(t, met);
         return;
     }
+    sp_resample_close_cover(t, drawn);
     uint64_t with_fragments = mark_fragments(t);
     finish_fragments(t, with_fragments & ~drawn);
     sp_resample_resolve(t, drawn | with_fragments);

@@ -342,7 +342,8 @@ struct sp_view {
     struct sp_clip clip;
     uint32_t edit_count;                /* [0, SP_EDITS_MAX] [0] */
     struct sp_edit edits[SP_EDITS_MAX]; /* "/edits": in this order */
-    enum sp_lod level_of_detail;        /* "/quality/level_of_detail" [auto]; also filters pixels */
+    enum sp_lod level_of_detail;        /* "/quality/level_of_detail" [auto]; also filters pixels
+                                           and smooths silhouettes of clipped volumes */
     struct sp_time time;
     struct sp_slices slices;
 };

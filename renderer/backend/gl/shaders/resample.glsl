@@ -31,12 +31,13 @@ layout(std140, binding = 1) uniform Resample {
     ivec4 choices;    // maximum or minimum; mean; leaves samples out
     ivec4 base;       // integers: the base's integer; linear attenuation; half spaces; points of the gradient axis
     uvec4 regions;    // per axis; axis of the bits of Visible
-    uvec4 size;       // squares per row of the image; needs gradients
+    uvec4 size;       // squares per row of the image; needs gradients; sides
     Axis axes[3];
     vec4 halves[HALVES]; // normal
     vec4 gaps[HALVES];   // by axis w: offset at s = 0
     vec4 faces[HALVES];  // unit normal of the face that it cuts (draw/resample/cut_face.h); 0 = it is a face of the volume
     vec4 magnitudes[MAGNITUDES]; // gradient axis: magnitude, scale
+    vec4 sides[SIDES];   // of the silhouette (draw/resample/silhouette.h): x, y, distance at the image's corner
 };
 layout(std430, binding = 1) readonly buffer Squares { Square squares[]; };
 layout(std430, binding = 2) readonly buffer Samples { uint samples[]; };

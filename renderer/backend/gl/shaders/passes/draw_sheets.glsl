@@ -56,7 +56,7 @@ vec4 pixel;
 vec3 normal; // gradient of the surface that was met last
 vec3 face;   // unit normal of the cut by which the ray enters; 0 = no cut
 float face_opacity; // of a slice of the material there
-vec2 at;    // the pixel's centre
+vec2 at;    // where the pixel's ray crosses the image
 vec4 ray;   // u, v, du, dv
 bool is_live; // some pixel of the block was not opaque at the last sheet
 float begin, end, ray_length; // s inside all half spaces; length per slice
@@ -114,7 +114,8 @@ float compute_share(int sheets) {
     return part.x == 2 ? halves : 1.0 - halves;
 }
 
-// The coordinates on a sheet that a square of the block's pixels covers: [refined samples].
+// The coordinates on a sheet that a square of the block's pixels covers: [refined samples]. Rays that moved are inside of
+// their pixels; so a pixel more on each side holds what lies between the rays at the corners.
 void compute_extent(uvec2 corner, uint side, float s, out vec2 low, out vec2 high) {
     low = vec2(1e30);
     high = vec2(-1e30);
@@ -124,6 +125,13 @@ void compute_extent(uvec2 corner, uint side, float s, out vec2 low, out vec2 hig
         vec2 x = own.xy + s * own.zw;
         low = min(low, x);
         high = max(high, x);
+    }
+    for (uint i = is_crossed && side > 1u ? 1u : 0u; i > 0u; i--) { // once: software GL computes both sides of a condition
+        const float MARGIN = 1.25 / float(TILE - 1u); // the rays at the corners moved as well
+        vec4 right = rays[TILE - 1u] - rays[0], down = rays[TILE * (TILE - 1u)] - rays[0];
+        vec2 beyond = MARGIN * (abs(right.xy + s * right.zw) + abs(down.xy + s * down.zw));
+        low -= beyond;
+        high += beyond;
     }
     low = index_of(low);
     high = index_of(high);
@@ -636,6 +644,16 @@ void close_pixel() {
 }
 #endif
 
+// Mixes the pixel with what it shows without the volume.
+void close_cover() {
+    vec4 other = vec4(1.0, 0.0, 0.0, 0.0);
+#if LAYERS
+    for (next_fragment = 0u; next_fragment < fragment_count; next_fragment++)
+        other = over_fragment(other);
+#endif
+    pixel = mix(other, pixel, cover);
+}
+
 void add_counts(uint refined_count, uint sheets) {
     uint px = sheets * PIXELS, before = atomicAdd(fragments, px);
     if (before + px < before)
@@ -670,7 +688,7 @@ void main() {
     bool is_inside = px.x < band.x && px.y < band.z;
     uint index = (px.y - band.y) * band.x + px.x;
     Square square = find_square(corner);
-    at = vec2(px) + 0.5;
+    at = open_cover(vec2(corner), vec2(px) + 0.5);
     pixel = is_inside ? image[index] : vec4(0);
     uint pixels = band.x * (band.z - band.y), own = index + pixels;
     vec4 kept = is_inside && range.x > 0 ? image[own] : vec4(0);
@@ -714,6 +732,8 @@ void main() {
     if (part.y != 0)
         close_pixel();
 #endif
+    for (int i = is_crossed ? part.y : 0; i > 0; i--) // once
+        close_cover();
     if (is_inside && part.y != 0 && part.z != 0) {
         image[own + pixels] += axis_share * pass_share * pixel;
         image[index] = vec4(1.0, 0.0, 0.0, 0.0); // for the next pass
