@@ -5,29 +5,17 @@
 bool is_crossed; // a side crosses the block
 float cover;     // part of the pixel's area inside
 
-// True for pixels whose nearest side rises more across than along the x axis.
-bool is_nearest_level(vec2 centre) {
-    float nearest = 1e30;
-    bool is_level = false;
-    for (uint i = 0u; i < size.z; i++) {
-        float far = abs(dot(sides[i].xy, centre) + sides[i].z);
-        is_level = far < nearest ? abs(sides[i].x) < abs(sides[i].y) : is_level;
-        nearest = min(nearest, far);
-    }
-    return is_level;
-}
-
-// Sets `cover`, and returns where the ray of the pixel crosses the image, from the pixel's centre.
-vec2 cover_pixel(vec2 centre) {
+// Sets `cover`, and returns how far the ray of the pixel moves from its centre.
+vec2 cover_pixel(vec2 centre, bool is_level) {
     const vec4 LINES = vec4(-0.375, -0.125, 0.125, 0.375); // across the pixel
-    bool is_level = is_nearest_level(centre);
     vec4 low = vec4(-0.5), high = vec4(0.5);
     for (uint i = 0u; i < size.z; i++) {
-        vec2 side = is_level ? sides[i].yx : sides[i].xy;
-        side.x = abs(side.x) < 1e-6 ? 1e-6 : side.x;
-        vec4 end = (dot(sides[i].xy, centre) + sides[i].z + side.y * LINES) / -side.x;
-        low = side.x > 0.0 ? max(low, end) : low;
-        high = side.x > 0.0 ? high : min(high, end);
+        vec3 line = sides[i].xyz;
+        vec2 side = is_level ? line.yx : line.xy;
+        float inverse = -1.0 / (abs(side.x) < 1e-6 ? 1e-6 : side.x);
+        vec4 end = (dot(line.xy, centre) + line.z + side.y * LINES) * inverse;
+        low = inverse < 0.0 ? max(low, end) : low;
+        high = inverse < 0.0 ? high : min(high, end);
     }
     vec4 inside = max(high - low, 0.0);
     float area = dot(inside, vec4(1.0));
@@ -39,12 +27,19 @@ vec2 cover_pixel(vec2 centre) {
 // Opens a pixel of the block at `corner` px: sets is_crossed and `cover`, and returns where the ray crosses the image.
 vec2 open_cover(vec2 corner, vec2 centre) {
     const float REACH = 0.70710678 * float(TILE); // half a diagonal
-    float least = 1e30;
-    for (uint i = 0u; i < size.z; i++)
-        least = min(least, dot(sides[i].xy, corner + 0.5 * float(TILE)) + sides[i].z);
+    vec2 middle = corner + 0.5 * float(TILE);
+    float least = 1e30, nearest = 1e30;
+    bool is_level = false; // the nearest side rises more across than along the x axis
+    for (uint i = 0u; i < size.z; i++) {
+        vec3 line = sides[i].xyz;
+        float far = abs(dot(line.xy, centre) + line.z);
+        least = min(least, dot(line.xy, middle) + line.z);
+        is_level = far < nearest ? abs(line.x) < abs(line.y) : is_level;
+        nearest = min(nearest, far);
+    }
     is_crossed = abs(least) < REACH;
     cover = 1.0;
     for (uint i = is_crossed ? 1u : 0u; i > 0u; i--) // once: software GL computes both sides of a condition
-        centre += cover_pixel(centre);
+        centre += cover_pixel(centre, is_level);
     return centre;
 }
