@@ -341,15 +341,6 @@ static void splats_near_the_eye_are_exact(void **state) {
     assert_int_equal(test_check_targets(2, compare_all), 0);
 }
 
-/* The largest |a − 2b + c| of a channel, for frames in a row: a step of one frame adds to it. */
-static double bend_of(const struct test_image frames[3]) {
-    const size_t n = (size_t)frames[0].width * frames[0].height * 4;
-    double most = 0;
-    for (size_t i = 0; i < n; i++)
-        most = fmax(most, fabs(frames[0].rgba[i] - 2 * frames[1].rgba[i] + frames[2].rgba[i]));
-    return most;
-}
-
 /* The largest bend while the eye comes down to the ball. */
 static double measure_bend(const struct test_renderer *renderer, struct close_shape *s, double from,
                            double step, double *where) {
@@ -362,7 +353,7 @@ static double measure_bend(const struct test_renderer *renderer, struct close_sh
         frames[1] = frames[2];
         see_shape(s, height);
         assert_true(test_render(renderer, s->volume, &s->view, &frames[2], NULL));
-        const double bend = i < 2 ? 0 : bend_of(frames);
+        const double bend = i < 2 ? 0 : test_image_bend(frames);
         *where = bend > worst ? height : *where;
         worst = fmax(worst, bend);
     }

@@ -155,15 +155,6 @@ static void surfaces_near_the_eye_are_exact(void **state) {
     assert_int_equal(test_check_targets(2, compare_all), 0);
 }
 
-/* The largest |a − 2b + c| of a channel, for frames in a row: a step of one frame adds to it. */
-static double bend_of(const struct test_image frames[3]) {
-    const size_t n = (size_t)frames[0].width * frames[0].height * 4;
-    double most = 0;
-    for (size_t i = 0; i < n; i++)
-        most = fmax(most, fabs(frames[0].rgba[i] - 2 * frames[1].rgba[i] + frames[2].rgba[i]));
-    return most;
-}
-
 /* Cells are split while the eye comes near, which pixels hardly show. All targets split the same
  * cells. */
 static void nothing_jumps_where_discs_get_smaller(void **state) {
@@ -185,7 +176,7 @@ static void nothing_jumps_where_discs_get_smaller(void **state) {
             make_ball(&scene, height);
             assert_true(test_render_scene(&renderer, &scene, &frames[2], NULL));
             test_scene_finish(&scene);
-            const double bend = i < 2 ? 0 : bend_of(frames);
+            const double bend = i < 2 ? 0 : test_image_bend(frames);
             where = bend > worst ? height : where;
             worst = fmax(worst, bend);
         }

@@ -68,6 +68,14 @@ void test_image_mirror(struct test_image *image) {
         }
 }
 
+double test_image_bend(const struct test_image frames[3]) {
+    const size_t n = (size_t)frames[0].width * frames[0].height * 4;
+    double most = 0;
+    for (size_t i = 0; i < n; i++)
+        most = fmax(most, fabs(frames[0].rgba[i] - 2 * frames[1].rgba[i] + frames[2].rgba[i]));
+    return most;
+}
+
 double test_image_psnr(const struct test_image *a, const struct test_image *b) {
     if (a->width != b->width || a->height != b->height)
         return NAN;

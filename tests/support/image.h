@@ -49,6 +49,10 @@ struct test_difference {
 struct test_difference test_image_difference(const struct test_image *a,
                                              const struct test_image *b);
 
+/* The largest |a − 2b + c| of a channel of three frames a, b, c in a row, which have the same size.
+ * A change that jumps from one frame to the next adds to it; an even change does not. */
+double test_image_bend(const struct test_image frames[3]);
+
 /* Mean and population variance of one channel, [0,3]. */
 void test_image_statistics(const struct test_image *image, unsigned channel, double *mean,
                            double *variance);

@@ -165,7 +165,7 @@ static void list_directions(struct direction out[LIGHT_DIRECTIONS]) {
 /* Sums of the mean of A in the low bits of the field, until they become 1 − Ā. */
 enum { SUM_UNIT = 32768, SUM_BITS = 0xffff };
 
-/* What a direction adds to the moments where it is dark. */
+/* Lists what a direction adds to each moment of a cell if no light comes from there. */
 static void list_moments(const struct direction *d, float moment[LIGHT_MOMENTS]) {
     const double *v = d->towards.v, third = 1.0 / 3;
     const double q[5] = { v[0] * v[0] - third, v[1] * v[1] - third, v[0] * v[1], v[0] * v[2],

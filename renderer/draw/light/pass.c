@@ -49,7 +49,7 @@ static int group_directions(const struct sp_light_slice *s, int group[LIGHT_DIRE
     return count;
 }
 
-/* Four moments as bytes that are added to those of the field. */
+/* Packs four moments into one word, a byte each. The word is added to a word of the field. */
 static inline sp_wide_int pack_moments(const sp_wide moment[4]) {
     sp_wide_bits word = (sp_wide_bits)sp_wide_int_all(0);
     for (int k = 0; k < 4; k++)

@@ -121,7 +121,8 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_r
         r->shade && sp_wide_any(sp_wide_lt(begin, end) & ~sp_wide_lt(face, sp_wide_all(0)));
 }
 
-/* Sets the corners of what the block's rays see. Rays that moved stay inside of their pixels. */
+/* Sets the four outermost rays of the block. If a side of the silhouette crosses the block, rays
+ * may have moved, but stay inside their pixels: then these go through the corners of the block. */
 static void init_corners(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
                          int b) {
     const struct sp_resample_block *block = &t->scratch->blocks[b];

@@ -34,13 +34,14 @@ static void init_face(struct face *face, const struct sp_resample *r,
     face->is_entered = is_perspective ? face->gap[2] > 0 : face->rise[2] > 0;
 }
 
-/* Rays enter the drawn part through these faces, and leave it through these. What continues behind
- * a joint has no side there: two parts of a pixel, each composited over the other, would let light
- * through between them. */
+/* True if rays enter the drawn part through this face. A joint counts neither here nor below: the
+ * volume continues behind it in another image. If both images covered a part of a pixel, light
+ * would pass between them. */
 static bool is_in_front(const struct face *face) {
     return face->is_entered && !face->is_joint;
 }
 
+/* True if rays leave the drawn part through this face. */
 static bool is_behind(const struct face *face) {
     return !face->is_entered && !face->is_joint;
 }

@@ -30,7 +30,7 @@
  * sees are left out; none is left if there are more than RESAMPLE_SIDES_MAX. */
 void sp_silhouette_init(struct sp_silhouette *silhouette, const struct sp_resample *r);
 
-/* True if two silhouettes have the same sides, up to a hundredth of a pixel. */
+/* True if both have equally many sides, and each side of `a` is within 0.01 px of one of `b`. */
 bool sp_silhouette_is_equal(const struct sp_silhouette *a, const struct sp_silhouette *b);
 
 #endif

@@ -67,7 +67,7 @@ vec2 close_range(Kernel k, int i, float r, float at) {
     return vec2(ahead >= high ? high : -EVERYWHERE, ahead <= low ? low : EVERYWHERE) - at;
 }
 
-// False if the ellipsoid of radius r lies outside of the image, whose centre is that of the projection.
+// False if the ellipsoid of radius r is outside the image. The view axis goes through the middle of the image.
 bool is_in_image(Kernel k, float r) {
     if (k.u.z + r * sqrt(k.v[2][2]) < view.w)
         return false;

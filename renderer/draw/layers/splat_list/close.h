@@ -22,7 +22,7 @@ struct sp_voxel_close {
     /* Around: */
     float plane;  /* n·√S22 */
     float square; /* ½·log2 e·ρ², as stored */
-    float behind; /* share that counts of what lies behind the eye */
+    float behind; /* factor on rays that pass the centre behind the eye, [0, 1] */
 };
 
 static inline void sp_voxel_close_ready_ahead(struct sp_voxel_close *c) {
@@ -39,7 +39,8 @@ static inline void sp_voxel_close_ready_ahead(struct sp_voxel_close *c) {
     c->power = w * w * (2 / SP_LOG2E) / sp_close_square(r->close.square);
 }
 
-/* The kernel counts where it reaches behind the eye, and no longer when the eye leaves it. */
+/* While the eye is inside the kernel, rays that pass its centre behind the eye count in full. As
+ * the eye leaves the kernel, their factor falls to 0. */
 static inline void sp_voxel_close_ready_around(struct sp_voxel_close *c) {
     const struct sp_close *close = &c->record->close;
     const float square = sp_close_square(close->square), fade = 4;
