@@ -2,7 +2,8 @@
  *
  * The outlines of the volume's box, of the clip box and of clip planes in matter: every backend and
  * instruction set against means of 16 × 16 rays per pixel through the same block. With one ray per
- * pixel the outlines are jagged; with coverage (draw/resample/silhouette.h) they are smooth.
+ * pixel the outlines are jagged; with coverage (draw/resample/silhouette.h) they are smooth. A
+ * sanitizer build draws 8 × 8 rays per pixel and has the same floors.
  * Samples are wide enough that the low-pass filter of pixels (frame/antialias.h) is off.
  */
 #include <math.h>
@@ -12,11 +13,12 @@
 #include "sp/log.h"
 #include "support/mesh.h"
 #include "support/render.h"
+#include "support/sanitized.h"
 
 enum {
     SIDE = 24,
     PIXELS = 112,
-    RAYS = 16,
+    RAYS = TEST_SANITIZED ? 8 : 16,
     LIT = 1,
     FLAT = 2,
     BOX = 4,
