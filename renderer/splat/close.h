@@ -21,10 +21,9 @@
  *   p/D(δ),   D = B² + 2p/(ρ²·log2 e),   B = 1 + (S u)·(dx, dy, 0)·u2/(f·ρ²)
  *
  * and the integral changes with √(E/D), where E is |d|² over that of the centre. D and E are taken
- * at w·δ. The share w is 1 for kernels nearer than SP_CLOSE_EXACT and falls to 0, the affine map,
- * at SP_CLOSE_AFFINE, so that nothing jumps inside the image. Kernels whose centre lies beside the
- * image have w = 1 up to SP_CLOSE_AFFINE, where they become affine at once: in views of 120 degrees
- * and more a pixel at the border may change by 30 of 255.
+ * at w·δ. The share w is 1 for kernels whose depth is below SP_CLOSE_EXACT times their size and falls
+ * to 0, the affine map, at SP_CLOSE_AFFINE, so that nothing jumps. Beside the image the affine map
+ * has a limited Jacobian (ewa.h); the limit fades with 1 − w.
  *
  * Around: any other close kernel, for instance one that contains the eye or lies beside it. The
  * direction of a ray is (X, Y, 1), with X = (x − cx)/f.
@@ -36,18 +35,17 @@
 #include <stdint.h>
 #include <string.h>
 
-/* Distances of the eye from the centre of a kernel, as multiples of the kernel's size: nearer
- * kernels are exact, farther ones are affine. */
-#define SP_CLOSE_EXACT 12.0f
-#define SP_CLOSE_AFFINE 24.0f
-/* Distances of trained Gaussians count this many times. The affine map is part of how they were
+/* Depths of the centre of a kernel, as multiples of the kernel's size: nearer kernels are exact,
+ * farther ones are affine. */
+#define SP_CLOSE_EXACT 18.0f
+#define SP_CLOSE_AFFINE 36.0f
+/* Depths of trained Gaussians count this many times. The affine map is part of how they were
  * trained, so they leave it only where it is far off. */
-#define SP_CLOSE_TRAINED 2.0f
+#define SP_CLOSE_TRAINED 3.0f
 
 enum {
     SP_CLOSE_FAR = 0,
-    SP_CLOSE_AHEAD = 0x8000, /* and the share w in 32767ths */
-    SP_CLOSE_PLANE = 256     /* around: 1 + n·√S22 in steps of 1/SP_CLOSE_PLANE */
+    SP_CLOSE_AHEAD = 0x8000 /* and the share w in 32767ths; around: n·√S22 (sp_close_plane()) */
 };
 
 /* What the footprint of a close kernel needs beside the fields of its outline. Around: dᵀS d/S22 =
@@ -60,19 +58,38 @@ struct sp_close {
     uint16_t square; /* ρ² (sp_close_square()) */
 };
 
-/* ρ² as stored: 1 to 2^32, with a relative error below 2^−11. */
-static inline uint16_t sp_close_store(float square) {
+/* The first bits of a float from 1 on; `shift` bits are lost, and the last one is rounded. */
+static inline uint32_t sp_close_pack(float number, int shift) {
     uint32_t bits;
-    square = square < 1 ? 1 : square < 4e9f ? square : 4e9f;
-    memcpy(&bits, &square, sizeof bits);
-    return (uint16_t)((bits - 0x3f800000u) >> 12);
+    memcpy(&bits, &number, sizeof bits);
+    return (bits - 0x3f800000u + (1u << (shift - 1))) >> shift;
+}
+
+static inline float sp_close_unpack(uint32_t stored, int shift) {
+    const uint32_t bits = (stored << shift) + 0x3f800000u;
+    float number;
+    memcpy(&number, &bits, sizeof number);
+    return number;
+}
+
+/* ρ² as stored: 1 to 2^32, with a relative error of at most 2^−12. */
+static inline uint16_t sp_close_store(float square) {
+    return (uint16_t)sp_close_pack(square < 1 ? 1 : square < 4e9f ? square : 4e9f, 12);
 }
 
 static inline float sp_close_square(uint16_t stored) {
-    const uint32_t bits = ((uint32_t)stored << 12) + 0x3f800000u;
-    float square;
-    memcpy(&square, &bits, sizeof square);
-    return square;
+    return sp_close_unpack(stored, 12);
+}
+
+/* The kind of a kernel around the eye: n·√S22 from 0 to 254, with an error of at most 2^−13 of 1 +
+ * n·√S22. */
+static inline uint16_t sp_close_around(float plane) {
+    const uint32_t stored = sp_close_pack(plane < 254 ? 1 + plane : 255, 11);
+    return (uint16_t)(stored > 0 ? stored : 1);
+}
+
+static inline float sp_close_plane(uint16_t kind) {
+    return sp_close_unpack(kind, 11) - 1;
 }
 
 static inline bool sp_close_is_ahead(const struct sp_close *close) {

@@ -72,26 +72,27 @@ static inline double sp_close_fold(const struct sp_close_kernel *k, const struct
     return exp(0.5 * ((double)sp_close_square(to->square) - k->square));
 }
 
-/* The share w of a kernel. ratio_max: where the affine map limits the Jacobian. A limited map does
- * not suit D, so that w rises to 1 beside the image. Flat kernels that face the image are never
- * close, because the affine map is exact for a plane; but their integrals are not. */
-static inline double sp_close_share(const struct sp_close_kernel *k, const double ratio_max[2],
-                                    bool is_integral) {
+/* The share w of a kernel. The depth of the centre decides, not its distance, because the error of
+ * the affine map grows with both the size over the distance and the tangent of the angle from the
+ * axis of the view; so kernels beside the eye are exact at any distance. Flat trained kernels that
+ * face the image are never close, because the affine map is exact for a plane; but integrals
+ * through them are not. */
+static inline double sp_close_share(const struct sp_close_kernel *k, bool is_integral) {
     const double exact = (double)SP_CLOSE_EXACT, affine = (double)SP_CLOSE_AFFINE;
-    double away = 0, aside = 0;
-    for (int r = 0; r < 3; r++)
-        away += k->u[r] * k->u[r];
-    double distance = sqrt(3 * away / k->size);
-    if (!is_integral) {
-        const double ahead = k->u[2] > 0 ? k->u[2] / sqrt(k->v[2][2]) : 0;
-        distance = (double)SP_CLOSE_TRAINED * fmax(distance, ahead);
-    }
-    const double near = (affine - distance) / (affine - exact), w = fmax(fmin(near, 1), 0);
-    for (int i = 0; i < 2; i++)
-        aside = fmax(aside, fabs(k->u[i]) / ratio_max[i]);
-    const double beside = k->u[2] > 0 ? 5 * (aside / k->u[2] - 0.8) : 1;
-    const double own = w * w * (3 - 2 * w);
-    return own + (1 - own) * fmin(4 * w, 1) * fmax(fmin(beside, 1), 0);
+    const double depth = fmax(k->u[2], 0);
+    double distance = depth * sqrt(3 / k->size);
+    if (!is_integral)
+        distance = (double)SP_CLOSE_TRAINED * fmax(distance, depth / sqrt(k->v[2][2]));
+    const double w = fmax(fmin((affine - distance) / (affine - exact), 1), 0);
+    return w * w * (3 - 2 * w);
+}
+
+/* u_i/u2 in the Jacobian of the affine map: limited (ewa.h) where w is 0, and less so the more it
+ * is exact. */
+static inline double sp_close_ratio(const struct sp_close_kernel *k, int i, double ratio_max,
+                                    double share) {
+    const double ratio = k->u[i] / k->u[2], limited = fmax(fmin(ratio, ratio_max), -ratio_max);
+    return limited + share * (ratio - limited);
 }
 
 #endif

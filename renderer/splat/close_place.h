@@ -11,17 +11,30 @@
 #include "splat/close_kernel.h"
 #include "splat/outline.h"
 
-/* The lanes whose kernels may be close, also behind the near plane. */
-static inline sp_wide_mask sp_close_select(const struct sp_ewa_frame *f,
-                                           const struct sp_places *p) {
-    sp_wide away = p->u[0] * p->u[0] + p->u[1] * p->u[1] + p->u[2] * p->u[2];
+/* The lanes whose kernels may be close and may reach into the image, also from behind the near
+ * plane. radius: of the largest footprint [standard deviations]; h2: of the low-pass filter. */
+static inline sp_wide_mask sp_close_select(const struct sp_ewa_frame *f, const struct sp_places *p,
+                                           float radius, float h2) {
+    const float r2 = 1.01f * radius * radius, px2 = h2 / (f->scale * f->scale);
+    const sp_wide depth = sp_wide_max(p->u[2], sp_wide_all(0)), before = f->near - p->u[2];
     sp_wide size = sp_wide_all(0);
     if (f->projection == SP_ORTHOGRAPHIC)
         return sp_wide_first(0);
     for (int r = 0; r < 3; r++)
         for (int a = 0; a < 3; a++)
             size += p->kernel[r][a] * p->kernel[r][a];
-    return sp_wide_lt(away, SP_CLOSE_AFFINE * SP_CLOSE_AFFINE / 3 * size);
+    sp_wide_mask close =
+        sp_wide_lt(depth * depth, SP_CLOSE_AFFINE * SP_CLOSE_AFFINE / 3 * size) &
+        (sp_wide_lt(before, sp_wide_all(0)) | sp_wide_le(before * before, r2 * size));
+    for (int i = 0; i < 2 && sp_wide_any(close); i++) {
+        const float right = (float)f->size[i] - f->centre[i];
+        const float slope = (f->centre[i] > right ? f->centre[i] : right) / f->scale;
+        const float stretch = 1 + f->ratio_max[i] * f->ratio_max[i];
+        const sp_wide beside = sp_wide_abs(p->u[i]) - slope * p->u[2];
+        const sp_wide reach2 = r2 * (stretch * size + px2 * p->u[2] * p->u[2]);
+        close &= sp_wide_le(beside, sp_wide_all(0)) | sp_wide_le(beside * beside, reach2);
+    }
+    return close;
 }
 
 static inline void sp_close_measure(const struct sp_ewa_frame *f, const struct sp_places *p,
@@ -103,12 +116,11 @@ static inline bool sp_close_set_box(const struct sp_ewa_frame *f, const double r
     return is_wide && is_high;
 }
 
-/* Sets the affine footprint of a kernel aside, without the limit of the Jacobian. */
+/* Sets the affine footprint of a kernel aside, by the Jacobian for x = u0/u2 and y = u1/u2. */
 static inline void sp_close_place_aside(const struct sp_ewa_frame *f,
-                                        const struct sp_close_kernel *k, int lane,
-                                        struct sp_outlines *o) {
+                                        const struct sp_close_kernel *k, double x, double y,
+                                        int lane, struct sp_outlines *o) {
     const double scale = (double)f->scale / k->u[2];
-    const double x = k->u[0] / k->u[2], y = k->u[1] / k->u[2];
     const double xx = k->v[0][0] - 2 * x * k->v[0][2] + x * x * k->v[2][2];
     const double xy = k->v[0][1] - x * k->v[1][2] - y * k->v[0][2] + x * y * k->v[2][2];
     const double yy = k->v[1][1] - 2 * y * k->v[1][2] + y * y * k->v[2][2];
@@ -119,15 +131,39 @@ static inline void sp_close_place_aside(const struct sp_ewa_frame *f,
     o->gain[lane] = (float)((double)f->peak * sqrt((1 + x * x + y * y) / det));
 }
 
+/* Computes which X = u_i/u2 a kernel aside covers, from its centre on: p/D is at most ½·log2 e·r²
+ * inside the ellipse √p ≤ R·(1 + w·more·δ). */
+static inline void sp_close_range_aside(const struct sp_ewa_frame *f,
+                                        const struct sp_close_kernel *k, double r, double w,
+                                        const struct sp_outlines *o, int lane,
+                                        const struct sp_close *to, double range[2][2]) {
+    const double a = (double)o->a[lane], b = 0.5 * (double)o->b[lane], c = (double)o->c[lane];
+    const double det = a * c - b * b, own[2] = { c / det, a / det };
+    const double h[2] = { w * (double)to->more[0], w * (double)to->more[1] };
+    const double slope[2] = { own[0] * h[0] - b / det * h[1], own[1] * h[1] - b / det * h[0] };
+    const double r2 = 0.5 * (double)SP_LOG2E * r * r / (1 - r * r * w * w / k->square);
+    const double left = 1 - r2 * (slope[0] * h[0] + slope[1] * h[1]);
+    for (int i = 0; i < 2; i++) {
+        const double middle = r2 * slope[i] / left;
+        const double wide = left > 0 ? sqrt(r2 / left * own[i] + middle * middle) : INFINITY;
+        range[i][0] = k->u[i] / k->u[2] + (left > 0 ? middle - wide : -wide) / (double)f->scale;
+        range[i][1] = k->u[i] / k->u[2] + (left > 0 ? middle + wide : wide) / (double)f->scale;
+    }
+}
+
 static inline bool sp_close_place_ahead(const struct sp_ewa_frame *f,
                                         const struct sp_close_kernel *k, double r, double share,
-                                        int lane, struct sp_outlines *o, struct sp_close *to) {
+                                        bool is_aside, int lane, struct sp_outlines *o,
+                                        struct sp_close *to) {
     const double slope = k->u[2] / ((double)f->scale * k->square);
     const int stored = (int)(32767 * share + 0.5);
     const double w = stored / 32767.0;
     double range[2][2];
     to->kind = (uint16_t)(SP_CLOSE_AHEAD | stored);
     to->square = sp_close_store((float)k->square);
+    if (is_aside)
+        sp_close_place_aside(f, k, sp_close_ratio(k, 0, (double)f->ratio_max[0], w),
+                             sp_close_ratio(k, 1, (double)f->ratio_max[1], w), lane, o);
     for (int i = 0; i < 2; i++) {
         const double at = k->u[i] / k->u[2];
         to->more[i] = (float)(slope * k->su[i]);
@@ -135,6 +171,8 @@ static inline bool sp_close_place_ahead(const struct sp_ewa_frame *f,
         for (int side = 0; side < 2; side++)
             range[i][side] = at + (range[i][side] - at) / w;
     }
+    if (is_aside && w < 1)
+        sp_close_range_aside(f, k, r, w, o, lane, to, range);
     return sp_close_set_box(f, (const double(*)[2])range, lane, o);
 }
 
@@ -143,8 +181,7 @@ static inline bool sp_close_place_around(const struct sp_ewa_frame *f,
                                          struct sp_outlines *o, struct sp_close *to) {
     const double inverse = 1 / k->s[2][2], root = sqrt(inverse);
     double range[2][2] = { { -INFINITY, INFINITY }, { -INFINITY, INFINITY } };
-    const double plane = 1.5 + SP_CLOSE_PLANE * (double)f->near / root;
-    to->kind = (uint16_t)fmin(plane, SP_CLOSE_AHEAD - 1);
+    to->kind = sp_close_around((float)((double)f->near / root));
     to->square = sp_close_store((float)k->square);
     o->a[lane] = (float)(k->s[0][0] * inverse);
     o->b[lane] = (float)(2 * k->s[0][1] * inverse);
@@ -167,16 +204,13 @@ static inline bool sp_close_place(const struct sp_ewa_frame *f, const struct sp_
                                   struct sp_outlines *o, struct sp_close *to) {
     const double most[2] = { (double)f->ratio_max[0], (double)f->ratio_max[1] }, least = r + 1;
     const bool is_aside = fabs(k->u[0]) > most[0] * k->u[2] || fabs(k->u[1]) > most[1] * k->u[2];
-    double w = sp_close_share(k, most, is_integral);
-    w = is_aside && w > SP_CLOSE_LEAST ? 1 : w;
+    const double w = sp_close_share(k, is_integral);
     const double first = k->u[2] - (w < 1 ? 0 : r * sqrt(k->v[2][2]));
     const bool is_ahead = first >= (double)f->near && k->square >= least * least;
     to->kind = SP_CLOSE_FAR;
     if (!(w > SP_CLOSE_LEAST) || (!is_ahead && w < 1))
         return seen;
-    if (is_ahead && is_aside)
-        sp_close_place_aside(f, k, lane, o);
-    return is_ahead ? sp_close_place_ahead(f, k, r, w, lane, o, to)
+    return is_ahead ? sp_close_place_ahead(f, k, r, w, is_aside, lane, o, to)
                     : sp_close_place_around(f, k, r, lane, o, to);
 }
 
@@ -201,7 +235,7 @@ sp_close_place_lanes(const struct sp_ewa_frame *f, const struct sp_places *p, un
 static inline unsigned sp_close_place_all(const struct sp_ewa_frame *f, const struct sp_places *p,
                                           unsigned seen, struct sp_outlines *o, unsigned *close,
                                           struct sp_close to[SP_WIDE]) {
-    const sp_wide_mask lanes = sp_close_select(f, p);
+    const sp_wide_mask lanes = sp_close_select(f, p, f->radius, p->h2);
     *close = 0;
     if (!sp_wide_any(lanes))
         return seen;

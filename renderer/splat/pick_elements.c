@@ -67,32 +67,70 @@ struct footprint {
     double beyond;        /* share that lies beyond the near plane */
 };
 
+/* A kernel of a perspective view before it is projected. */
+struct placed {
+    const struct picking *picking;
+    double u[3], kernel[3][3], lowpass2;
+};
+
+/* Computes the affine footprint by the Jacobian for the ratios u0/u2 and u1/u2. */
+static void compute_affine(const struct placed *at, const double ratio[2], struct footprint *f) {
+    const struct picking *p = at->picking;
+    const bool is_flat = p->camera.projection == SP_ORTHOGRAPHIC;
+    const double scale = is_flat ? p->camera.scale : p->camera.scale / at->u[2];
+    const double lowpass2 = at->lowpass2;
+    double m[2][3], d[2], slopes = 1;
+    for (int r = 0; r < 2; r++) {
+        for (int a = 0; a < 3; a++)
+            m[r][a] = scale * (at->kernel[r][a] - ratio[r] * at->kernel[2][a]);
+        d[r] = p->input->at[r] - p->camera.centre[r] - scale * at->u[r];
+        slopes += ratio[r] * ratio[r];
+    }
+    const double a = sp_vec3_dot(sp_vec3_from(m[0]), sp_vec3_from(m[0])),
+                 b = sp_vec3_dot(sp_vec3_from(m[0]), sp_vec3_from(m[1])),
+                 c = sp_vec3_dot(sp_vec3_from(m[1]), sp_vec3_from(m[1]));
+    const struct sp_vec3 cross = sp_vec3_cross(sp_vec3_from(m[0]), sp_vec3_from(m[1]));
+    f->u2 = at->u[2];
+    f->plain = sp_vec3_dot(cross, cross);
+    f->det = f->plain + lowpass2 * (a + c) + lowpass2 * lowpass2;
+    f->distance2 =
+        ((c + lowpass2) * d[0] * d[0] - 2 * b * d[0] * d[1] + (a + lowpass2) * d[1] * d[1]) /
+        f->det;
+    f->gain = scale * scale * sqrt(slopes) / sqrt(f->det);
+    f->beyond = 1;
+}
+
+/* Changes the footprint of a kernel ahead of the eye, at the ray X = d[0], Y = d[1]. */
+static void refine_ahead(const struct placed *at, const struct sp_close_kernel *k, double share,
+                         const double ratio_max[2], const double d[2], struct footprint *f) {
+    double ratio[2], slope = 1, lengths[2] = { 1, 1 };
+    for (int r = 0; r < 2; r++) {
+        const double middle = at->u[r] / at->u[2], away = share * (d[r] - middle);
+        ratio[r] = sp_close_ratio(k, r, ratio_max[r], share);
+        slope += k->su[r] * away * at->u[2] / k->square;
+        lengths[0] += middle * middle;
+        lengths[1] += (middle + away) * (middle + away);
+    }
+    compute_affine(at, ratio, f);
+    const double divisor = slope * slope + share * share * f->distance2 / k->square;
+    f->distance2 = slope > 0 ? f->distance2 / divisor : INFINITY;
+    f->gain *= sqrt(lengths[1] / (lengths[0] * divisor));
+}
+
 /* Changes the footprint of a kernel close to the eye (splat/close.h). False if it is not drawn. */
-static bool refine_footprint(const struct picking *p, const struct sp_vec3 *u,
-                             const double kernel[3][3], double lowpass2, const double ratio_max[2],
-                             bool is_integral, struct footprint *f) {
+static bool refine_footprint(const struct placed *at, const double ratio_max[2], bool is_integral,
+                             struct footprint *f) {
+    const struct picking *p = at->picking;
     struct sp_close_kernel k;
-    double d[3] = { 0, 0, 1 }, w[3], middle[3], lengths[2] = { 0, 0 };
-    sp_close_kernel_init(&k, u->v, kernel, lowpass2 / (p->camera.scale * p->camera.scale));
-    double share = sp_close_share(&k, ratio_max, is_integral);
-    const bool is_aside =
-        fabs(u->v[0]) > ratio_max[0] * u->v[2] || fabs(u->v[1]) > ratio_max[1] * u->v[2];
-    share = is_aside && share > SP_CLOSE_LEAST ? 1 : share;
-    if (!(share > SP_CLOSE_LEAST) || (share < 1 && u->v[2] < p->camera.near))
-        return u->v[2] >= p->camera.near;
+    double d[3] = { 0, 0, 1 };
+    sp_close_kernel_init(&k, at->u, at->kernel, at->lowpass2 / (p->camera.scale * p->camera.scale));
+    const double share = sp_close_share(&k, is_integral);
+    if (!(share > SP_CLOSE_LEAST) || (share < 1 && at->u[2] < p->camera.near))
+        return at->u[2] >= p->camera.near;
     for (int r = 0; r < 2; r++)
         d[r] = (p->input->at[r] - p->camera.centre[r]) / p->camera.scale;
     if (share < 1) {
-        for (int r = 0; r < 3; r++) {
-            middle[r] = u->v[r] / u->v[2];
-            w[r] = middle[r] + share * (d[r] - middle[r]);
-            lengths[0] += middle[r] * middle[r];
-            lengths[1] += w[r] * w[r];
-        }
-        const double ratio = sp_close_form((const double(*)[3])k.s, middle) /
-                             sp_close_form((const double(*)[3])k.s, w);
-        f->distance2 *= ratio;
-        f->gain *= sqrt(ratio * lengths[1] / lengths[0]);
+        refine_ahead(at, &k, share, ratio_max, d, f);
         return true;
     }
     const double own = sp_close_form((const double(*)[3])k.s, d);
@@ -108,45 +146,32 @@ static bool refine_footprint(const struct picking *p, const struct sp_vec3 *u,
 /* False if the element is not drawn. */
 static bool compute_footprint(const struct picking *p, uint32_t i, double size, double lowpass2,
                               bool is_trained, struct footprint *f) {
-    const float *e = p->elements->factors[i], *at = p->elements->positions[i];
-    const double position[3] = { (double)at[0], (double)at[1], (double)at[2] };
+    const float *e = p->elements->factors[i], *position = p->elements->positions[i];
+    const double from[3] = { (double)position[0], (double)position[1], (double)position[2] };
     const double factor[3][3] = { { (double)e[0], 0, 0 },
                                   { (double)e[1], (double)e[2], 0 },
                                   { (double)e[3], (double)e[4], (double)e[5] } };
     const struct sp_vec3 u =
-        sp_vec3_add(sp_mat3_apply(&p->to_camera, sp_vec3_from(position)), p->offset);
+        sp_vec3_add(sp_mat3_apply(&p->to_camera, sp_vec3_from(from)), p->offset);
     const bool is_flat = p->camera.projection == SP_ORTHOGRAPHIC;
-    const double scale = is_flat ? p->camera.scale : p->camera.scale / u.v[2];
-    double kernel[3][3], m[2][3], d[2], ratio_max[2], slopes = 1;
-    for (int r = 0; r < 3; r++)
+    struct placed at = { .picking = p, .lowpass2 = lowpass2 };
+    double ratio[2], ratio_max[2];
+    for (int r = 0; r < 3; r++) {
+        at.u[r] = u.v[r];
         for (int a = 0; a < 3; a++)
-            kernel[r][a] =
+            at.kernel[r][a] =
                 size * (p->to_camera.m[r][0] * factor[0][a] + p->to_camera.m[r][1] * factor[1][a] +
                         p->to_camera.m[r][2] * factor[2][a]);
+    }
     for (int r = 0; r < 2; r++) {
         const double slack = is_trained ? 0 : (double)SP_EWA_SLACK;
         const double most = ratio_max[r] = (double)SP_EWA_MARGIN * p->camera.tan_half[r] + slack;
-        const double ratio = is_flat ? 0 : fmin(fmax(u.v[r] / u.v[2], -most), most);
-        for (int a = 0; a < 3; a++)
-            m[r][a] = scale * (kernel[r][a] - ratio * kernel[2][a]);
-        d[r] = p->input->at[r] - p->camera.centre[r] - scale * u.v[r];
-        slopes += ratio * ratio;
+        ratio[r] = is_flat ? 0 : fmin(fmax(u.v[r] / u.v[2], -most), most);
     }
-    const double a = sp_vec3_dot(sp_vec3_from(m[0]), sp_vec3_from(m[0])),
-                 b = sp_vec3_dot(sp_vec3_from(m[0]), sp_vec3_from(m[1])),
-                 c = sp_vec3_dot(sp_vec3_from(m[1]), sp_vec3_from(m[1]));
-    const struct sp_vec3 cross = sp_vec3_cross(sp_vec3_from(m[0]), sp_vec3_from(m[1]));
-    f->u2 = u.v[2];
-    f->plain = sp_vec3_dot(cross, cross);
-    f->det = f->plain + lowpass2 * (a + c) + lowpass2 * lowpass2;
-    f->distance2 =
-        ((c + lowpass2) * d[0] * d[0] - 2 * b * d[0] * d[1] + (a + lowpass2) * d[1] * d[1]) /
-        f->det;
-    f->gain = scale * scale * (is_flat ? 1 : sqrt(slopes)) / sqrt(f->det);
-    f->beyond = 1;
+    compute_affine(&at, ratio, f);
     if (is_flat)
         return u.v[2] >= p->camera.near;
-    return refine_footprint(p, &u, (const double(*)[3])kernel, lowpass2, ratio_max, !is_trained, f);
+    return refine_footprint(&at, ratio_max, !is_trained, f);
 }
 
 /* True if the kernel of an element may reach the ray within `cutoff` standard deviations. */

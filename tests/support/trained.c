@@ -135,14 +135,17 @@ static int compare_depths(const void *a, const void *b) {
 }
 
 /* The 2 by 3 Jacobian at u. Kerbl et al. limit the ratios u0/u2 and u1/u2 to 1.3 times their value
- * at the border of the image. */
-static void compute_jacobian(const struct eye *eye, const double u[3], double j[2][3]) {
+ * at the border of the image; here `share` of what is beyond remains. */
+static void compute_jacobian(const struct eye *eye, const double u[3], double share,
+                             double j[2][3]) {
     memset(j, 0, 6 * sizeof(double));
     for (int i = 0; i < 2; i++) {
         double most = 1.3 * eye->tangent[i];
         j[i][i] = eye->is_parallel ? eye->scale : eye->scale / u[2];
-        if (!eye->is_parallel)
-            j[i][2] = -eye->scale * fmax(-most, fmin(u[i] / u[2], most)) / u[2];
+        if (eye->is_parallel)
+            continue;
+        const double ratio = u[i] / u[2], limited = fmax(-most, fmin(ratio, most));
+        j[i][2] = -eye->scale * (limited + share * (ratio - limited)) / u[2];
     }
 }
 
@@ -166,20 +169,13 @@ static double multiply(const double a[3], const double m[3][3], const double b[3
     return sum;
 }
 
-/* Gaussians closer than 6 times their size are exact, those beyond 12 times are affine, and so
- * are flat ones that face the image. Beside the image, Gaussians become exact sooner
- * (renderer/splat/close.h). v: variance in the camera. */
+/* Gaussians whose depth is below 6 times their size are exact, those beyond 12 times are affine,
+ * and so are flat ones that face the image (renderer/splat/close.h). v: variance in the camera. */
 static void place_close(const struct eye *eye, double v[3][3], double filter, struct splat *s) {
-    const double *u = s->u, size = v[0][0] + v[1][1] + v[2][2];
-    const double away = sqrt(3 * dot(u, u) / size);
-    const double far = u[2] > 0 ? fmax(away, u[2] / sqrt(v[2][2])) : away;
+    const double *u = s->u, depth = fmax(u[2], 0), size = v[0][0] + v[1][1] + v[2][2];
+    const double far = depth * fmax(sqrt(3 / size), 1 / sqrt(v[2][2]));
     const double near = fmax(fmin((12 - far) / 6, 1), 0);
-    double beside = 1.25;
-    if (u[2] > 0)
-        beside = fmax(fabs(u[0]) / eye->tangent[0], fabs(u[1]) / eye->tangent[1]) / (1.3 * u[2]);
     s->share = near * near * (3 - 2 * near);
-    s->share += (1 - s->share) * fmin(4 * near, 1) * fmax(fmin(5 * beside - 4, 1), 0);
-    s->share = beside > 1 && s->share > 1e-3 ? 1 : s->share;
     s->scale = eye->scale;
     for (int r = 0; r < 2; r++) {
         s->half[r] = eye->half[r];
@@ -191,17 +187,18 @@ static void place_close(const struct eye *eye, double v[3][3], double filter, st
 /* What remains of the opacity at a point of the image, in the distance from the ray. */
 static double compute_close(const struct splat *s, double x, double y, double square) {
     const double right = (x - s->half[0]) / s->scale, down = (y - s->half[1]) / s->scale;
-    const double middle[3] = { s->u[0] / s->u[2], s->u[1] / s->u[2], 1 };
+    const double whole = multiply(s->u, s->inverse, s->u);
     if (s->share < 1) {
-        const double d[3] = { middle[0] + s->share * (right - middle[0]),
-                              middle[1] + s->share * (down - middle[1]), 1 };
-        return exp(-0.5 * square * multiply(middle, s->inverse, middle) /
-                   multiply(d, s->inverse, d));
+        const double away[3] = { s->share * (right - s->u[0] / s->u[2]),
+                                 s->share * (down - s->u[1] / s->u[2]), 0 };
+        const double slope = 1 + multiply(s->u, s->inverse, away) * s->u[2] / whole;
+        const double divisor = slope * slope + s->share * s->share * square / whole;
+        return slope > 0 ? exp(-0.5 * square / divisor) : 0;
     }
     const double d[3] = { right, down, 1 };
     const double own = multiply(d, s->inverse, d), t = multiply(d, s->inverse, s->u) / sqrt(own);
     const double beyond = 0.5 * erfc((s->near * sqrt(own) - t) * M_SQRT1_2);
-    return exp(-0.5 * (multiply(s->u, s->inverse, s->u) - t * t)) * beyond;
+    return exp(-0.5 * (whole - t * t)) * beyond;
 }
 
 static bool project(const struct test_gaussian *g, unsigned degree, const struct eye *eye,
@@ -231,7 +228,7 @@ static bool project(const struct test_gaussian *g, unsigned degree, const struct
     s->share = eye->is_parallel ? 0 : s->share;
     if (u[2] < near && s->share < 1)
         return false;
-    compute_jacobian(eye, u, j);
+    compute_jacobian(eye, u, s->share, j);
     for (int i = 0; i < 2; i++) /* T = J W M */
         for (int a = 0; a < 3; a++) {
             t[i][a] = 0;

@@ -2,11 +2,11 @@
 // Sets up the footprints of kernels close to the eye (splat/close_place.h, splat/close.h).
 
 #if STREAKS
-bool may_be_close(vec3 u, vec3 k[3]) {
+bool may_be_close(vec3 u, vec3 k[3], float radius, float h2) {
     return false;
 }
 #else
-const float CLOSE_EXACT = 12.0, CLOSE_AFFINE = 24.0, CLOSE_TRAINED = 2.0, CLOSE_LEAST = 1e-3, EVERYWHERE = 1e30;
+const float CLOSE_EXACT = 18.0, CLOSE_AFFINE = 36.0, CLOSE_TRAINED = 3.0, CLOSE_LEAST = 1e-3, EVERYWHERE = 1e30;
 
 struct Kernel {
     vec3 u, su;   // centre; adj Σ · u
@@ -17,8 +17,14 @@ struct Kernel {
     float own;    // without the filter: ρ²·det Σ
 };
 
-bool may_be_close(vec3 u, vec3 k[3]) {
-    return is_perspective && dot(u, u) < CLOSE_AFFINE * CLOSE_AFFINE / 3.0 * (dot(k[0], k[0]) + dot(k[1], k[1]) + dot(k[2], k[2]));
+// True if a kernel may be close and reach into the image. radius: of the largest footprint (sp_close_select() of splat/close_place.h).
+bool may_be_close(vec3 u, vec3 k[3], float radius, float h2) {
+    float size = dot(k[0], k[0]) + dot(k[1], k[1]) + dot(k[2], k[2]), depth = max(u.z, 0.0), r2 = 1.01 * radius * radius;
+    vec2 beside = max(abs(u.xy) - view.yz / view.x * u.z, 0.0);
+    vec2 reach2 = r2 * ((1.0 + bounds.xy * bounds.xy) * size + h2 / (view.x * view.x) * u.z * u.z);
+    float before = max(view.w - u.z, 0.0);
+    return is_perspective && depth * depth < CLOSE_AFFINE * CLOSE_AFFINE / 3.0 * size && before * before <= r2 * size &&
+           all(lessThanEqual(beside * beside, reach2));
 }
 
 // The adjugate and the determinant are sums of positive terms, so that flat kernels keep their digits.
@@ -45,13 +51,11 @@ Kernel make_kernel(vec3 u, vec3 k[3], float h2) {
 }
 
 float close_share(Kernel k, bool is_integral) {
-    float away = sqrt(3.0 * dot(k.u, k.u) / k.size);
+    float depth = max(k.u.z, 0.0), away = depth * sqrt(3.0 / k.size);
     if (!is_integral)
-        away = CLOSE_TRAINED * max(away, k.u.z > 0.0 ? k.u.z * inversesqrt(k.v[2][2]) : 0.0);
-    float w = clamp((CLOSE_AFFINE - away) / (CLOSE_AFFINE - CLOSE_EXACT), 0.0, 1.0), own = w * w * (3.0 - 2.0 * w);
-    vec2 ratio = abs(k.u.xy) / bounds.xy;
-    float beside = k.u.z > 0.0 ? clamp(5.0 * (max(ratio.x, ratio.y) / k.u.z - 0.8), 0.0, 1.0) : 1.0;
-    return mix(own, 1.0, min(4.0 * w, 1.0) * beside);
+        away = CLOSE_TRAINED * max(away, depth * inversesqrt(k.v[2][2]));
+    float w = clamp((CLOSE_AFFINE - away) / (CLOSE_AFFINE - CLOSE_EXACT), 0.0, 1.0);
+    return w * w * (3.0 - 2.0 * w);
 }
 
 // Which X = u_i/u2 see the ellipsoid of radius r, from `at` on.
@@ -85,11 +89,32 @@ vec4 close_box(vec2 x, vec2 y) {
     return vec4(ceil(vec2(x.x, y.x) - 0.5), floor(vec2(x.y, y.y) + 0.5));
 }
 
-void place_ahead(Kernel k, float r, float w, inout Splat s, out vec4 box) {
-    vec2 at = k.u.xy / k.u.z, scale = vec2(view.x / w), centre = view.yz + view.x * at;
-    box = close_box(centre.x + scale.x * close_range(k, 0, w * r, at.x), centre.y + scale.y * close_range(k, 1, w * r, at.y));
+// The box of a kernel aside that is not all exact: √p ≤ R·(1 + w·more·δ).
+vec4 aside_box(Kernel k, float r, float w, vec2 more, Splat s, vec2 centre) {
+    float a = s.place.z, b = 0.5 * s.place.w, c = s.shape.x, det = a * c - b * b;
+    vec2 own = vec2(c, a) / det, slope = own * w * more - b / det * w * more.yx;
+    float r2 = 0.5 * LOG2E * r * r / (1.0 - r * r * w * w / k.square), left = 1.0 - r2 * w * dot(slope, more);
+    if (left <= 0.0)
+        return close_box(vec2(-EVERYWHERE, EVERYWHERE), vec2(-EVERYWHERE, EVERYWHERE));
+    vec2 middle = r2 / left * slope, wide = sqrt(r2 / left * own + middle * middle);
+    middle += centre;
+    return close_box(middle.x + vec2(-wide.x, wide.x), middle.y + vec2(-wide.y, wide.y));
+}
+
+void place_ahead(Kernel k, vec3 rows[3], float h2, float r, float w, inout Splat s, inout vec4 box, inout float gain) {
+    vec2 at = k.u.xy / k.u.z, scale = vec2(view.x / w), centre = view.yz + view.x * at, more = k.u.z / (view.x * k.square * k.det) * k.su.xy;
+    bool is_aside = any(greaterThan(abs(at), bounds.xy));
+    if (is_aside) { // with less of a limit of the Jacobian
+        Footprint f = compute_footprint_at(k.u, rows, h2, mix(clamp(at, -bounds.xy, bounds.xy), at, w));
+        set_ellipse(f, r, s);
+        gain = f.gain * filter_of.w / sqrt(f.det);
+    }
+    if (is_aside && w < 1.0)
+        box = aside_box(k, r, w, more, s, centre);
+    else
+        box = close_box(centre.x + scale.x * close_range(k, 0, w * r, at.x), centre.y + scale.y * close_range(k, 1, w * r, at.y));
     s.shape.z = w;
-    close_words = vec4(k.u.z / (view.x * k.square * k.det) * k.su.xy, 0.0, k.square);
+    close_words = vec4(more, 0.0, k.square);
 }
 
 void place_around(Kernel k, float r, inout Splat s, out vec4 box, out float gain) {
@@ -110,20 +135,12 @@ void place_around(Kernel k, float r, inout Splat s, out vec4 box, out float gain
 
 // Changes the splat of a kernel that may be close, whose footprint has the radius r. rows: of K. False if it is not drawn.
 bool place_close(Kernel k, vec3 rows[3], float h2, float r, bool is_integral, inout Splat s, inout vec4 box, inout float gain) {
-    bool is_aside = any(greaterThan(abs(k.u.xy), bounds.xy * k.u.z));
-    float w = close_share(k, is_integral);
-    w = is_aside && w > CLOSE_LEAST ? 1.0 : w;
-    float first = k.u.z - (w < 1.0 ? 0.0 : r * sqrt(k.v[2][2]));
+    float w = close_share(k, is_integral), first = k.u.z - (w < 1.0 ? 0.0 : r * sqrt(k.v[2][2]));
     bool is_ahead = first >= view.w && k.square >= (r + 1.0) * (r + 1.0);
     if (!(w > CLOSE_LEAST) || (!is_ahead && w < 1.0))
         return k.u.z >= view.w;
-    if (is_ahead && is_aside) { // without the limit of the Jacobian
-        Footprint f = compute_footprint_at(k.u, rows, h2, k.u.xy / k.u.z);
-        set_ellipse(f, r, s);
-        gain = f.gain * filter_of.w / sqrt(f.det);
-    }
     if (is_ahead)
-        place_ahead(k, r, w, s, box);
+        place_ahead(k, rows, h2, r, w, s, box, gain);
     else
         place_around(k, r, s, box, gain);
     return is_ahead || is_in_image(k, r);

@@ -49,12 +49,12 @@ vec3 compute_color(uint e, vec3 position) {
 
 // They end where their opacity does.
 bool set_up(uint i, out Splat s, out vec4 box) {
-    const float LOWPASS2 = 0.3, SLACK = 1.0001; // of the logarithm: pixels decide by their own opacity
+    const float LOWPASS2 = 0.3, RADIUS_MAX = 3.4, SLACK = 1.0001; // of the logarithm: pixels decide by their own opacity
     uint e = order[i];
     if (e == UNSEEN)
         return false;
     vec3 position, k[3], u = locate(e, position, k);
-    bool is_close = may_be_close(u, k);
+    bool is_close = may_be_close(u, k, RADIUS_MAX, LOWPASS2);
     if (!is_close && u.z < view.w)
         return false;
     Footprint f = compute_footprint(u, k, LOWPASS2);
@@ -193,7 +193,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     if (!stretch_along_vector(e, u, f, s))
         return false;
 #else
-    is_close = may_be_close(u, k);
+    is_close = may_be_close(u, k, filter_of.y, filter_of.x);
 #endif
     if (!(f.det < 1e36 || is_close) || (!is_close && u.z < view.w))
         return false;

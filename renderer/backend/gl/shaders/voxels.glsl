@@ -59,7 +59,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     locate(uvec3(w0 & 0xffffu, w0 >> 16, w1 & 0xffffu), u, size);
     for (int r = 0; r < 3; r++)
         k[r] = kernel[r].xyz * size;
-    bool is_close = STREAKS == 0 && kind.x == 0u && may_be_close(u, k);
+    bool is_close = STREAKS == 0 && kind.x == 0u && may_be_close(u, k, filter_of.y, filter_of.x);
     if (!((u.z >= view.w || is_close) && u.z < 1e18))
         return false;
 #if STREAKS

@@ -220,7 +220,8 @@ static void add_side(struct cut *c, int axis, float sign, float border) {
                          is_flat ? 0 : wide };
     const float length = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
     const float kernel = c->cloud->size * bound_growth(c->cloud);
-    add_plane(c, n, kernel * (f->radius * jacobian + part_reach * length), is_flat ? wide : 0);
+    const float parts = c->cloud->parts > 1 ? part_reach * length : 0;
+    add_plane(c, n, kernel * (f->radius * jacobian + parts), is_flat ? wide : 0);
 }
 
 static void list_planes(struct cut *c) {

@@ -113,7 +113,8 @@ static inline unsigned outline_trained(const struct sp_cloud *cloud, const struc
     sp_wide rx = slack * radius * sp_wide_sqrt(v[0]), ry = slack * radius * sp_wide_sqrt(v[2]);
     seen &= sp_place_cover(o->y, ry, f->rows[0], f->rows[1], &o->y0, &o->y1) &
             sp_place_cover(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
-    const sp_wide_mask close = sp_close_select(f, p) & kept;
+    const float radius_max = 3.4f; /* √(2 ln 255), where an opaque one ends */
+    const sp_wide_mask close = sp_close_select(f, p, radius_max, SP_CLOUD_LOWPASS2) & kept;
     s->is_close = sp_wide_any(close) ? sp_wide_mask_bits(close) : 0;
     if (!s->is_close)
         return sp_wide_mask_bits(seen);

@@ -26,12 +26,14 @@ struct child {
 
 static const int row_of[6] = { 0, 1, 1, 2, 2, 2 }, column_of[6] = { 0, 0, 1, 0, 1, 2 };
 
-/* At least the deviation of a kernel along any line. */
-static float bound_deviation(const float factor[6]) {
-    float square = 0;
-    for (int k = 0; k < 6; k++)
-        square += factor[k] * factor[k];
-    return sqrtf(square);
+/* At least the deviation of a kernel along any line: the root of the largest sum of a row of
+ * |L·Lᵀ|. */
+static float bound_deviation(const float l[6]) {
+    const float xx = l[0] * l[0], yy = l[1] * l[1] + l[2] * l[2];
+    const float zz = l[3] * l[3] + l[4] * l[4] + l[5] * l[5];
+    const float xy = fabsf(l[0] * l[1]), xz = fabsf(l[0] * l[3]);
+    const float yz = fabsf(l[1] * l[3] + l[2] * l[4]);
+    return sqrtf(fmaxf(fmaxf(xx + xy + xz, yy + xy + yz), zz + xz + yz));
 }
 
 /* Makes a bound of a length that is not negative; rounds up. */

@@ -45,7 +45,7 @@ static inline void sp_voxel_close_ready_around(struct sp_voxel_close *c) {
     const struct sp_close *close = &c->record->close;
     const float square = sp_close_square(close->square), fade = 4;
     const float inside = fade * (c->frame->ewa.radius - sqrtf(square));
-    c->plane = (float)(close->kind - 1) * (1.0f / SP_CLOSE_PLANE);
+    c->plane = sp_close_plane(close->kind);
     c->square = 0.5f * SP_LOG2E * square;
     c->behind = c->frame->is_trained || inside > 1 ? 1 : inside > 0 ? inside : 0;
 }

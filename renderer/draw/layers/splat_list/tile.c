@@ -103,6 +103,15 @@ static inline sp_wide exp2_within(sp_wide x) {
     return (sp_wide)((sp_wide_bits)p + ((sp_wide_bits)shifted << 23));
 }
 
+/* The same with a relative error below 2e-7, for one more multiplication. */
+static inline sp_wide exp2_finely_within(sp_wide x) {
+    const float round_up = 12582912.0f;
+    sp_wide shifted = x + round_up, f = x - (shifted - round_up);
+    sp_wide p = ((1.32187e-3f * f + 9.6717e-3f) * f + 5.550893e-2f) * f + 2.4022238e-1f;
+    p = (p * f + 6.9314686e-1f) * f + 1;
+    return (sp_wide)((sp_wide_bits)p + ((sp_wide_bits)shifted << 23));
+}
+
 /* What passes an optical depth. */
 static inline sp_wide attenuate(const struct sp_voxel_frame *f, sp_wide depth) {
     return f->linear ? 1 - sp_wide_min(depth, sp_wide_all(1))
@@ -295,7 +304,7 @@ static inline void add_trained(struct sp_voxel_tile *tile, struct open_fragments
             const sp_wide dx = dx0 + column_of(cell), dy = dy0 + row_of(cell);
             sp_wide power = sp_wide_min(compute_power(r, dx, dy), sp_wide_all(126));
             sp_wide_mask covered = mask_open(tile, open, cell);
-            sp_wide pass = pass_trained(r, exp2_within(-power), &covered);
+            sp_wide pass = pass_trained(r, exp2_finely_within(-power), &covered);
             composite(tile, open, f, r, pass, NULL, covered, cell);
         }
 }
