@@ -9,6 +9,9 @@
 #include "splat/ewa_frame.h"
 #include "splat/exp2.h"
 
+/* The largest half of a flat rectangle, over the distance of the eye from its centre. */
+#define SP_FLAT_NEAR 0.7f
+
 /* Voxels while they are projected, SP_WIDE at a time. */
 struct sp_places {
     sp_wide u[3];
@@ -126,16 +129,30 @@ static inline sp_wide_mask sp_place_cover_flat(sp_wide x, sp_wide reach, int low
     return sp_wide_lt(*begin, *end);
 }
 
-/* Flat rectangles are 1.6 voxels wide, and at least one pixel, so that a small rectangle covers
- * exactly the nearest pixel. */
-static inline sp_wide_mask sp_outline_flat(const struct sp_ewa_frame *f, const sp_wide v[3],
-                                           struct sp_outlines *o) {
+/* The largest half of a flat rectangle [px]: a share of the distance of the eye, and the distance
+ * from the near plane. So no rectangle covers the image, and none vanishes at once. */
+static inline sp_wide sp_outline_limit(const struct sp_ewa_frame *f, const struct sp_places *p) {
+    const sp_wide away = sp_wide_sqrt(p->u[0] * p->u[0] + p->u[1] * p->u[1] + p->u[2] * p->u[2]);
+    const sp_wide beyond = sp_wide_max(p->u[2] - f->near, sp_wide_all(0));
+    return f->scale * p->inv * sp_wide_min(SP_FLAT_NEAR * away, beyond);
+}
+
+/* Flat rectangles are 1.6 voxels wide, less close to the eye, and at least one pixel, so that a
+ * small rectangle covers exactly the nearest pixel. */
+static inline sp_wide_mask sp_outline_flat(const struct sp_ewa_frame *f, const struct sp_places *p,
+                                           const sp_wide v[3], struct sp_outlines *o) {
     const sp_wide pixel = sp_wide_all(0.5f);
     sp_wide rx = sp_wide_max(f->flat * sp_wide_sqrt(v[0]), pixel);
     sp_wide ry = sp_wide_max(f->flat * sp_wide_sqrt(v[2]), pixel);
     o->a = o->b = o->c = sp_wide_all(0);
     o->area = 4 * rx * ry;
     o->gain *= 1 / o->area;
+    if (f->projection == SP_PERSPECTIVE) {
+        const sp_wide limit = sp_wide_max(sp_outline_limit(f, p), pixel);
+        rx = sp_wide_min(rx, limit);
+        ry = sp_wide_min(ry, limit);
+        o->area = 4 * rx * ry;
+    }
     return sp_place_cover_flat(o->y, ry, f->rows[0], f->rows[1], &o->y0, &o->y1) &
            sp_place_cover_flat(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
 }
@@ -172,7 +189,7 @@ static inline sp_wide_mask sp_place_splats(const struct sp_ewa_frame *f, struct 
     sp_wide_mask seen = sp_place_centres(f, p, o);
     sp_wide det = sp_place_filter(f, mode, p, v);
     seen &= sp_wide_lt(det, sp_wide_all(1e36f));
-    seen &= mode == SP_FILTER_NONE ? sp_outline_flat(f, v, o) : sp_outline_ellipse(f, v, det, o);
+    seen &= mode == SP_FILTER_NONE ? sp_outline_flat(f, p, v, o) : sp_outline_ellipse(f, v, det, o);
     return seen & sp_wide_lt(sp_wide_all(0), o->gain);
 }
 

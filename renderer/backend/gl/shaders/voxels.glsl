@@ -3,6 +3,7 @@
 
 layout(std430, binding = 2) readonly buffer Voxels { uint voxels[]; }; // struct sp_voxel, front to back
 
+const float FLAT_NEAR = 0.7; // SP_FLAT_NEAR of splat/outline.h
 const uint VOXEL_WORDS = 6u, ROW_WORDS = 2u, OPAQUE = 64u;
 
 // Places a voxel; size: its local spacing [mean spacings].
@@ -38,9 +39,12 @@ float outline(vec3 u, vec3 k[3], vec3 direction, vec3 size, inout Splat s, out v
         return 0.0;
     if (kind.x != 0u) {
         vec2 reach = max(bounds.z * sqrt(f.variance.xz), vec2(0.5));
+        float gain = f.gain / (4.0 * reach.x * reach.y);
+        if (is_perspective)
+            reach = min(reach, max(view.x / u.z * min(FLAT_NEAR * length(u), max(u.z - view.w, 0.0)), 0.5));
         box = s.place = ceil(vec4(f.at - reach, f.at + reach) - 0.5);
         area = 4.0 * reach.x * reach.y;
-        return f.gain / area;
+        return gain;
     }
     box = set_ellipse(f, filter_of.y, s);
     return f.gain * filter_of.w / sqrt(f.det);

@@ -105,10 +105,14 @@ bool begins_here(float y, float reach) {
     return tiles.y == 0u || y - reach - 0.5 > float(tiles.y) - 1.0;
 }
 
-void outline_flat(vec3 v, inout Outline o) {
+void outline_flat(vec3 u, vec3 v, inout Outline o) {
+    const float FLAT_NEAR = 0.7; // SP_FLAT_NEAR of splat/outline.h
     vec2 r = max(parts[part].bounds.y * sqrt(v.xz), vec2(0.5));
+    vec4 view = parts[part].view;
+    o.gain /= 4.0 * r.x * r.y;
+    if (choice.x != 0u)
+        r = min(r, max(view.x / u.z * min(FLAT_NEAR * length(u), max(u.z - view.w, 0.0)), 0.5));
     o.area = 4.0 * r.x * r.y;
-    o.gain /= o.area;
     ivec2 x = cover_flat(o.at.x, r.x, 0, int(image_info.x));
     ivec2 y = cover_flat(o.at.y, r.y, int(tiles.y), int(tiles.z));
     o.box = ivec4(x.x, y.x, x.y, y.y);
@@ -144,7 +148,7 @@ bool outline(inout Place p, out Outline o) {
     if (!(det > 0.0 && det < 1e36))
         return false;
     if (mode == NONE)
-        outline_flat(v, o);
+        outline_flat(p.u, v, o);
     else
         outline_ellipse(v, det, o);
     return o.box.x < o.box.z && o.box.y < o.box.w && o.gain > 0.0;
