@@ -21,9 +21,9 @@
  *   p/D(δ),   D = B² + 2p/(ρ²·log2 e),   B = 1 + (S u)·(dx, dy, 0)·u2/(f·ρ²)
  *
  * and the integral changes with √(E/D), where E is |d|² over that of the centre. D and E are taken
- * at w·δ. The share w is 1 for kernels whose depth is below SP_CLOSE_EXACT times their size and falls
- * to 0, the affine map, at SP_CLOSE_AFFINE, so that nothing jumps. Beside the image the affine map
- * has a limited Jacobian (ewa.h); the limit fades with 1 − w.
+ * at w·δ. The share w is 1 for kernels whose depth is below SP_CLOSE_EXACT times their size and
+ * falls to 0, the affine map, at SP_CLOSE_AFFINE, so that nothing jumps. Beside the image the
+ * affine map has a limited Jacobian (ewa.h); the limit fades with 1 − w.
  *
  * Around: any other close kernel, for instance one that contains the eye or lies beside it. The
  * direction of a ray is (X, Y, 1), with X = (x − cx)/f.

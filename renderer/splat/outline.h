@@ -12,6 +12,10 @@
 /* The largest half of a flat rectangle, over the distance of the eye from its centre. */
 #define SP_FLAT_NEAR 0.7f
 
+/* Where kernels fade [standard deviations] (sp_place_fade()). */
+#define SP_FADE_GONE 1.0f
+#define SP_FADE_WHOLE 3.0f
+
 /* Voxels while they are projected, SP_WIDE at a time. */
 struct sp_places {
     sp_wide u[3];
@@ -191,6 +195,17 @@ static inline sp_wide_mask sp_place_splats(const struct sp_ewa_frame *f, struct 
     seen &= sp_wide_lt(det, sp_wide_all(1e36f));
     seen &= mode == SP_FILTER_NONE ? sp_outline_flat(f, p, v, o) : sp_outline_ellipse(f, v, det, o);
     return seen & sp_wide_lt(sp_wide_all(0), o->gain);
+}
+
+/* Affine footprints of kernels that the plane of the eye cuts would cover the image. Therefore they
+ * fade with the depth of their centre: from SP_FADE_WHOLE standard deviations before the eye, where
+ * all of them is drawn, to none at SP_FADE_GONE. deep2: variance of the depth. */
+static inline sp_wide sp_place_fade(const struct sp_ewa_frame *f, sp_wide u2, sp_wide deep2) {
+    const float scale = 1 / (SP_FADE_WHOLE - SP_FADE_GONE);
+    if (f->projection == SP_ORTHOGRAPHIC)
+        return sp_wide_all(1);
+    sp_wide t = sp_wide_clamp(scale * (u2 / sp_wide_sqrt(deep2) - SP_FADE_GONE), 0, 1);
+    return t * t * (3 - 2 * t);
 }
 
 /* Computes the unit vectors towards the eye, in camera space. */

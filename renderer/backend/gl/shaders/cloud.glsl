@@ -161,7 +161,7 @@ float compute_deviation(uint e, vec3 d) {
 }
 
 // Stretches a kernel along the vector of its point. False if nothing is drawn, because there is none.
-bool stretch_along_vector(uint e, vec3 u, inout Footprint f, inout Splat s) {
+bool stretch_along_vector(uint e, vec3 u, vec3 deep, inout Footprint f, inout Splat s) {
     uint v = 11u * cloud.x + 3u * e;
     vec3 d = vec3(elements[v], elements[v + 1u], elements[v + 2u]), direction = vec3(0);
     float sum = dot(abs(d), vec3(1)), sigma = 0.0;
@@ -174,7 +174,7 @@ bool stretch_along_vector(uint e, vec3 u, inout Footprint f, inout Splat s) {
         direction /= size;
         sigma = cell.w * size * compute_deviation(e, d);
     }
-    stretch(u, direction, sigma, f, s);
+    stretch(u, deep, direction, sigma, f, s);
     set_phase(compute_phase(e), s);
     return moves || streaks.w != 0.0;
 }
@@ -190,7 +190,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     Footprint f = compute_footprint(u, k, filter_of.x);
     bool is_close = false;
 #if STREAKS
-    if (!stretch_along_vector(e, u, f, s))
+    if (!stretch_along_vector(e, u, k[2], f, s))
         return false;
 #else
     is_close = may_be_close(u, k, filter_of.y, filter_of.x);

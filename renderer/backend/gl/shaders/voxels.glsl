@@ -33,7 +33,7 @@ float compute_length(vec3 direction, vec3 size) {
 float outline(vec3 u, vec3 k[3], vec3 direction, vec3 size, inout Splat s, out vec4 box) {
     Footprint f = compute_footprint(u, k, kind.x != 0u ? VARIANCE_MIN : filter_of.x);
 #if STREAKS
-    stretch(u, direction, compute_length(direction, size), f, s);
+    stretch(u, k[2], direction, compute_length(direction, size), f, s);
 #endif
     if (!(f.det < 1e36))
         return 0.0;

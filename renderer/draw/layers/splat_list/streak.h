@@ -90,6 +90,10 @@ static inline sp_wide_mask sp_streak_place(const struct sp_ewa_frame *f,
     v[1] += widen * e[0] * e[1];
     v[2] += widen * e[1] * e[1];
     sp_streak_orient(v, e, streaks->length * sigma, s);
+    sp_wide deep2 = widen * direction[2] * direction[2];
+    for (int a = 0; a < 3; a++)
+        deep2 += p->kernel[2][a] * p->kernel[2][a];
+    o->gain *= sp_place_fade(f, p->u[2], deep2);
     seen &= sp_wide_lt(det, sp_wide_all(1e36f)) & sp_outline_ellipse(f, v, det, o);
     return seen & sp_wide_lt(sp_wide_all(0), o->gain);
 }

@@ -337,7 +337,8 @@ static __attribute__((noinline)) void add_close(struct sp_voxel_tile *tile,
 static inline sp_wide pass_streak(const struct sp_voxel_frame *f, const struct sp_voxel_record *r,
                                   sp_wide along, sp_wide across, sp_wide power, sp_wide *blended) {
     const float contrast = (float)r->contrast * (1.0f / 255);
-    sp_wide weight = exp2_within(-power), intensity = sp_streak_intensity(r, along, across);
+    sp_wide weight = exp2_within(-sp_wide_min(power, sp_wide_all(126))),
+            intensity = sp_streak_intensity(r, along, across);
     *blended = sp_wide_all(0);
     if (f->streaks.blends) {
         /* The window has twice the variance of the kernel, so that streaks of neighbours join. */
