@@ -20,7 +20,7 @@ cores; each step prints what runs and how long it took.
   --no-vtk        do not; without either, VTK is measured where it is installed
   --only PARTS    measure some alone and keep the other files, with commas between: limit, scenes,
                   pixels, exact, scans, adaptive, detail, edits, layers, elements, cancel, scaling, gl, serve,
-                  latency, network, browser, bricks, memory, codecs, tls, soak. soak is left out unless named:
+                  latency, network, browser, motion, bricks, memory, codecs, tls, soak. soak is left out unless named:
                   20 minutes of clients that come and go. bricks makes volumes of up to 4096³ samples
                   (64 GiB, almost empty) below $TMPDIR or /tmp: 4 minutes, and 12 GB of disk until its
                   end. On software GL the part gl draws two views of a scene and leaves out, saying

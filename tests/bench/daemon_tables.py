@@ -139,6 +139,29 @@ def network(folder):
     return table(['what', 'goal', 'measured', ''], goal) + '\n' + table(['Mbit/s', 'stalls', 'format', *(f'round trip {trip:g} ms' for trip in trips)], lines) if rows else ''
 
 
+def motion(folder):
+    """One table per client; rows: move, size and network; columns: volumes."""
+    rows, texts = read(folder, 'motion.csv'), []
+    volumes = list(dict.fromkeys(r['volume'] for r in rows))
+    for client in dict.fromkeys(r['client'] for r in rows):
+        lines = []
+        for key in dict.fromkeys((r['move'], r['px'], r['rtt_ms'], r['mbit']) for r in rows if r['client'] == client):
+            cells = [key[0], f'{key[1]:.0f}', f'{key[2]:g}', f'{key[3]:g}']
+            for volume in volumes:
+                r = find(rows, client=client, volume=volume, move=key[0], px=key[1], rtt_ms=key[2], mbit=key[3])
+                cells.append(f'{r["seen_db"]:.1f} ({r["seen_object_db"]:.1f}), {short(r["frame_db"])}; {r["width_p50"]:.0f} px, {r["changes_fps"]:.0f}' if r else '–')
+            lines.append(cells)
+        texts.append({'stream': 'A client that shows the newest image:', 'page': 'The page:'}[client] + '\n\n' +
+                     table(['move', 'px', 'round trip ms', 'Mbit/s', *(volume.split('_')[0] for volume in volumes)], lines))
+    return '\n'.join(texts)
+
+
+def motion_headline(folder):
+    rows = [r for r in read(folder, 'motion.csv') if (r['client'], r['move'], r['px'], r['rtt_ms'], r['mbit']) == ('page', 'turn', 1024, 0, 50)]
+    texts = [f'{r["volume"].split("_")[0]} {r["seen_object_db"]:.1f} dB' for r in rows]
+    return f'the page, turning at 1024², over the object: {", ".join(texts)}' if texts else ''
+
+
 def memory(folder):
     """One line per state of the daemon; all images of a size share one."""
     groups = {}

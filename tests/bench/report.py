@@ -14,7 +14,7 @@ from typing import NamedTuple
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import charts  # noqa: E402
 from brick_goals import bricks, bricks_headline, GOAL_COMPLETE_MS, GOAL_LOAD_MS  # noqa: E402
-from daemon_tables import browser, codecs, codecs_headline, latency, latency_headline, memory, network, serve, serve_headline  # noqa: E402
+from daemon_tables import browser, codecs, codecs_headline, latency, latency_headline, memory, motion, motion_headline, network, serve, serve_headline  # noqa: E402
 from gpu_tables import gpu, gpu_headline  # noqa: E402
 from scene_tables import (against_vtk, elements, elements_headline, exact, exact_headline, goals, headline, layers, layers_headline, overview, scans,  # noqa: E402
                           PAPERS, pixels, pixels_headline, profile, scenes, speed_headline)
@@ -35,7 +35,7 @@ ABOUT = {
     'gl_pixels': 'the GPU backend, classified per pixel', 'gl_vtk': 'VTK\'s GPU ray caster on the same GPU',
     'gl_streams': 'sessions of 1024 px that turn, on the GPU backend', 'gl_edits': 'a changing transfer function on the GPU backend', 'gl_elements': 'elements.csv on the GPU backend',
     'serve': 'the daemon with its clients', 'latency': 'from a change to its image', 'network': 'the same over slow and distant networks',
-    'browser': 'the page in Chromium', 'bricks': 'volumes that are larger than memory', 'memory': 'the memory of frames',
+    'browser': 'the page in Chromium', 'motion': 'what a user sees while the view moves', 'bricks': 'volumes that are larger than memory', 'memory': 'the memory of frames',
     'soak': 'the daemon with clients that come and go', 'codecs': 'bytes and time per image format and video codec',
     'tls': 'the TLS acceptor',
 }
@@ -110,6 +110,13 @@ PAGES = [
          'and the time to send a frame. `auto` lets the daemon replace images by VP8. A stall delays a packet, and all after it, by a round trip; at 200 ms '
          'and seven packets per frame most frames arrive late.'),
     ], ['latency', 'browser', 'network'], ['latency', 'peers']),
+    Page('motion', 'What a user sees in motion', motion_headline, [
+        ('Turn, zoom and pan', motion,
+         'Measured by `motion.mjs`: 60 updates per second, a turn of 34 degrees per second, on the same two cores as the daemon. Each cell has, in dB, the '
+         'image on the screen at ticks of the display against the snapshot of the view that was asked for at that moment, over the whole image and in brackets '
+         'over the pixels that the object covers; the newest frame against its own snapshot; the median width of the frames, and how often per second the '
+         'image on the screen changes. Squared errors are summed over all ticks of a row. The network is a proxy that delays and limits the rate.'),
+    ], ['motion'], ['motion']),
     Page('memory', 'Memory', bricks_headline, [
         ('Larger than memory', bricks,
          'Measured by `bricks.mjs` with `--memory 512M`: winding vessels in empty space, uint8, as brick files in the page cache. Times are from the '

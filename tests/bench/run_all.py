@@ -26,7 +26,7 @@ from peer import Peer, chosen, demos, describe, find
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'pixels', 'exact', 'scans', 'adaptive', 'detail', 'edits', 'layers', 'elements', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'bricks', 'memory', 'codecs', 'tls', 'soak')
+PARTS = ('limit', 'scenes', 'pixels', 'exact', 'scans', 'adaptive', 'detail', 'edits', 'layers', 'elements', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'motion', 'bricks', 'memory', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -377,6 +377,17 @@ def measure_browser(run):
                   *(('--seconds', '2', '--rounds', '1', '--loads', '2') if run.o.quick else ()), program='browser.mjs')
 
 
+def measure_motion(run):
+    why = missing('/usr/bin/chromium', os.path.join(ROOT, 'tests/node_modules/playwright-core'))
+    if why:
+        run.skip(1, f'what a user sees in motion; {why}')
+        return
+    names = ('engine_256x256x128_uint8.nrrd', 'cthead_256x256x113_uint16.nrrd', 'bonsai_256x256x256_uint8.nrrd', 'aneurism_256x256x256_uint8.nrrd')
+    volumes = [v for v in (find(run.o.data, name) for name in names) if v] or ['demo:engine']
+    quick = ('--seconds', '1', '--moves', 'turn', '--px', '512') if run.o.quick else ()
+    measure_serve(run, 'motion.csv', 'what a user sees in motion', '--volumes', ','.join(volumes[:1] if run.o.quick else volumes), *quick, program='motion.mjs')
+
+
 def measure_codecs(run):
     volumes = [find(run.o.data, name) for name in ('engine_256x256x128_uint8.nrrd', 'cthead_256x256x113_uint16.nrrd')]
     command = [os.path.join(run.o.bin, 'splat-codecs')] + (['--size', '256', '--frames', '5'] if run.o.quick else [])
@@ -517,6 +528,7 @@ def main():
             'network': (1, lambda: measure_serve(run, 'network.csv', 'slow and distant networks',
                                                  *(('--seconds', '1', '--rtt', '50', '--mbit', '2', '--stalls', '1') if options.quick else ()), program='network.mjs')),
             'browser': (1, lambda: measure_browser(run)),
+            'motion': (1, lambda: measure_motion(run)),
             'bricks': (1, lambda: measure_serve(run, 'bricks.csv', 'volumes that are larger than memory', *(('--sides', '512') if options.quick else ()), program='bricks.mjs')),
             'memory': (1, lambda: measure_serve(run, 'memory.csv', 'the memory of frames', '--sides', options.memory_sides, program='memory.mjs')),
             'codecs': (1, lambda: measure_codecs(run)),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small run of serve.mjs: it completes and writes a row for every measurement. It fails if a client's message is refused.
+// Small runs of serve.mjs and motion.mjs: they complete and write a row for every measurement. They fail if a client's message is refused.
 import assert from 'node:assert/strict';
 import { spawnSync } from 'node:child_process';
 import fs from 'node:fs';
@@ -17,17 +17,19 @@ after(() => fs.rmSync(folder, { recursive: true }));
 
 const out = () => path.join(folder, 'serve.csv');
 
-function serve(...args) {
-  return spawnSync(process.execPath, [path.join(here, 'serve.mjs'), '--bin', process.env.SPLATD_BIN_DIR, '--seconds', '0.1', '--rounds', '1',
-    '--volume', 'demo:engine?size=16', '--large', 'demo:phantom?size=16', '--large', 'demo:vessels?size=16', '--out', out(), ...args], { encoding: 'utf8' });
-}
+const run = (program, ...args) =>
+  spawnSync(process.execPath, [path.join(here, program), '--bin', process.env.SPLATD_BIN_DIR, '--out', out(), ...args], { encoding: 'utf8' });
+const serve = (...args) => run('serve.mjs', '--seconds', '0.1', '--rounds', '1', '--volume', 'demo:engine?size=16', '--large', 'demo:phantom?size=16',
+  '--large', 'demo:vessels?size=16', ...args);
 
-function table(...args) {
-  const { status, stderr } = serve(...args);
+/** The rows that a run has written. */
+function rowsOf({ status, stderr }) {
   assert.equal(status, 0, stderr);
   const [head, ...rows] = fs.readFileSync(out(), 'utf8').trimEnd().split('\n').map((line) => line.split(/,(?=(?:[^"]*"[^"]*")*[^"]*$)/));
   return rows.map((row) => Object.fromEntries(head.map((key, i) => [key, row[i].replaceAll('"', '')])));
 }
+
+const table = (...args) => rowsOf(serve(...args));
 
 test('users and memory are measured', () => {
   const rows = table('--only', 'overhead,viewers,memory');
@@ -68,4 +70,15 @@ test('every client behaviour has a row', () => {
 test('unknown parts are refused, and soak cannot be combined with other parts', () => {
   assert.match(serve('--only', 'idle,tea').stderr, /"tea" is not one of overhead, /);
   assert.match(serve('--only', 'soak,idle').stderr, /soak is measured alone/);
+});
+
+test('what a client of the stream and the page show in motion is measured', () => {
+  const rows = rowsOf(run('motion.mjs', '--volumes', 'demo:engine?size=32', '--moves', 'turn', '--px', '256', '--seconds', '0.5', '--rtt', '20', '--mbit', '50'));
+  assert.deepEqual(rows.map(({ client, move }) => `${client} ${move}`), ['stream turn', 'page turn']);
+  for (const row of rows) {
+    assert.equal(row.canvas, '256x256');
+    const keys = ['seen_db', 'seen_object_db', ...(row.client === 'stream' ? ['frame_db'] : [])]; // the page may get video alone
+    for (const key of keys) assert.ok(Number(row[key]) > 10, `${row.client} ${row.move}: ${key} ${row[key]}`);
+    assert.ok(Number(row.p50_ms) >= 20, 'an image cannot come sooner than the network allows');
+  }
 });

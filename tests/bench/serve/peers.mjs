@@ -191,7 +191,7 @@ export class Client {
     }
     if (delay === 0) this.tell('stream.ack', { frame });
     else if (delay < Infinity) setTimeout(() => this.tell('stream.ack', { frame }), delay);
-    this.onFrame?.(seq);
+    this.onFrame?.(seq, data);
     if (data[5] & FINAL && seq === this.seq) this.onFinal?.();
   }
 

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+// Records what a client shows while a hand moves. A record is
+//   {frames: [{at, seq, width, bytes, type}], looks: [{wanted (a camera), frame (an index, or -1), image ({bytes, type, map}), of (camera of the frame)}], hands (ms
+//    from a change to its image), …}; times in ms.
+// A look is one tick of the display: the image on the screen, and the camera that the hand asked for at that moment.
+import { Client, pause } from '../serve/peers.mjs';
+import { resize, until } from '../../web/support/browser.mjs';
+import { MOVES, moveInPage, TICK_MS } from './hand.mjs';
+
+export const TYPES = { 1: 'image/jpeg', 2: 'image/png', 3: 'image/webp' };
+export const WARM = 1; // seconds of motion before the first look
+
+/** A client of the stream that shows the newest image, enlarged, and nothing else. settings: of stream.configure. */
+export async function recordStream(daemon, view, { move, px, seconds, looksPerSecond, settings }) {
+  const client = await Client.open(daemon, await daemon.session(px, view));
+  client.configure({ max_fps: 60, format: 'jpeg', ...settings });
+  await pause(1000); // until the view rests: a user does not begin at once
+  const [frames, looks, cameras] = [[], [], [view.camera]];
+  client.onFrame = (seq, data) => {
+    const width = data.readUInt16LE(16);
+    frames.push({ at: performance.now(), seq, width, length: data.length, bytes: data.subarray(data.readUInt16LE(6)), type: TYPES[data[4]] });
+  };
+  const first = Math.round(1000 * WARM / TICK_MS);
+  const last = first + Math.round(1000 * seconds / TICK_MS);
+  const step = Math.round(1000 / looksPerSecond / TICK_MS);
+  await new Promise((resolve) => {
+    client.drive(TICK_MS, () => {
+      const tick = cameras.length;
+      if (tick === first) client.reset();
+      if (tick > last) {
+        clearTimeout(client.timer);
+        resolve();
+        return;
+      }
+      cameras.push(MOVES[move](view.camera, tick * TICK_MS / 1000));
+      client.update({ camera: cameras[tick] });
+      if (tick >= first && (tick - first) % step === 0 && frames.length) looks.push({ wanted: cameras[tick], frame: frames.length - 1 });
+    });
+  });
+  const base = looks[0]?.frame ?? 0;
+  const seen = frames.slice(base);
+  for (const look of looks) Object.assign(look, { image: frames[look.frame], frame: look.frame - base, of: cameras[frames[look.frame].seq] });
+  const result = { frames: seen, looks, hands: client.latencies, seconds, changes: seen.length };
+  client.end();
+  return result;
+}
+
+/** Runs in the page before its scripts: records the images that arrive and the cameras that are sent. */
+function listen() {
+  const Plain = window.WebSocket;
+  const record = { frames: [], cameras: [[0, null]], isOn: false };
+  window.motion = record;
+  window.WebSocket = class extends Plain {
+    constructor(...rest) {
+      super(...rest);
+      this.addEventListener('message', ({ data }) => {
+        if (!record.isOn || typeof data === 'string') return;
+        const view = new DataView(data);
+        const kept = view.getUint8(4) <= 3 ? data.slice(view.getUint16(6, true)) : null; // the daemon may send video
+        record.frames.push({ at: performance.now(), length: data.byteLength, seq: view.getUint32(12, true), width: view.getUint16(16, true), codec: view.getUint8(4), data: kept });
+      });
+    }
+
+    send(text) {
+      if (typeof text === 'string' && text.includes('"view.update"')) {
+        const { params } = JSON.parse(text);
+        if (params.patch.camera) record.cameras.push([params.seq, params.patch.camera]);
+      }
+      super.send(text);
+    }
+  };
+}
+
+/** Runs in the page: looks at its canvas at every so manieth animation frame, until motion.isOn is false. */
+function watch(every) {
+  const { motion } = window;
+  Object.assign(motion, { isOn: true, looks: [], hands: [], shown: '', changes: 0, ticks: 0, begin: performance.now() });
+  const layer = document.getElementById('warp');
+  const look = async () => {
+    if (!motion.isOn) return;
+    const { count, camera, latencyMs } = window.splatd;
+    const sheet = layer && !layer.hidden ? layer.firstElementChild : null;
+    const shown = `${count} ${sheet?.style.transform ?? ''}`;
+    if (shown !== motion.shown) motion.changes += 1;
+    if (!motion.shown.startsWith(`${count} `)) motion.hands.push(latencyMs);
+    motion.shown = shown;
+    motion.ticks += 1;
+    if (motion.ticks % every !== 0) return;
+    const canvas = sheet ? sheet.querySelector('canvas') : document.getElementById('screen');
+    const matrix = sheet ? new DOMMatrix(sheet.style.transform) : null;
+    const { width, height } = canvas;
+    const one = { wanted: camera, frame: motion.frames.length - 1, matrix: matrix && [...matrix.toFloat64Array()], scale: width / canvas.clientWidth };
+    motion.looks.push(one);
+    one.image = await createImageBitmap(canvas, 0, 0, width, height);
+  };
+  // A task after the animation frame sees what the frame has drawn.
+  const { port1, port2 } = new MessageChannel();
+  port1.onmessage = look;
+  const next = () => {
+    if (!motion.isOn) return;
+    port2.postMessage(0);
+    requestAnimationFrame(next);
+  };
+  requestAnimationFrame(next);
+}
+
+/** Runs in the page: the record, with images as base64. */
+async function tell() {
+  const { motion } = window;
+  motion.isOn = false;
+  const seconds = (performance.now() - motion.begin) / 1000;
+  const textOf = async (blob) => {
+    const bytes = new Uint8Array(await blob.arrayBuffer());
+    let text = '';
+    for (let at = 0; at < bytes.length; at += 32768) text += String.fromCharCode(...bytes.subarray(at, at + 32768));
+    return btoa(text);
+  };
+  for (const look of motion.looks) {
+    const canvas = new OffscreenCanvas(look.image.width, look.image.height);
+    canvas.getContext('2d').drawImage(look.image, 0, 0);
+    look.image = await textOf(await canvas.convertToBlob());
+  }
+  for (const frame of motion.frames) frame.data = frame.data && await textOf(new Blob([frame.data]));
+  const { frames, looks, cameras, hands, changes, ticks } = motion;
+  return { frames, looks, cameras, hands, changes, ticks, seconds };
+}
+
+/** The homography of a CSS matrix between canvases whose px are `scale` per CSS px. */
+const homographyOf = (m, scale) => [[m[0], m[4], m[12] * scale], [m[1], m[5], m[13] * scale], [m[3] / scale, m[7] / scale, m[15]]];
+
+/** The page of splatd. Returns a record, and `size` of its canvas. */
+export async function recordPage(page, url, { move, px, seconds, looksPerSecond }) {
+  await page.addInitScript(listen);
+  await page.setViewportSize({ width: px, height: px });
+  await page.goto(url);
+  const rest = () => until(page, 'a snapshot', (s) => s.isFinal && s.isIdle && s.isComplete && String(s.size) === String(s.wanted));
+  const boxOf = () => page.evaluate(() => {
+    const { x, y, width, height } = document.getElementById('screen').getBoundingClientRect();
+    return { x, y, width, height };
+  });
+  let box = null;
+  for (let tries = 3, [width, height] = [px, px]; tries > 0; tries -= 1) { // the panel and the toolbar take a part of the window
+    await rest();
+    box = await boxOf();
+    if (Math.round(box.width) === px && Math.round(box.height) === px) break;
+    [width, height] = [width + px - Math.round(box.width), height + px - Math.round(box.height)];
+    await resize(page, { width, height });
+  }
+  const size = await page.evaluate(() => window.splatd.wanted);
+  const moved = moveInPage(page, move, box, WARM + seconds);
+  await pause(1000 * WARM);
+  await page.evaluate(watch, Math.round(1000 / looksPerSecond / TICK_MS));
+  await moved;
+  const { cameras, ...record } = await page.evaluate(tell);
+  const sent = new Map(cameras);
+  for (const frame of record.frames) Object.assign(frame, { bytes: frame.data && Buffer.from(frame.data, 'base64'), type: TYPES[frame.codec] });
+  for (const look of record.looks) {
+    look.image = { bytes: Buffer.from(look.image, 'base64'), type: 'image/png', map: look.matrix && homographyOf(look.matrix, look.scale) };
+    look.of = look.frame < 0 ? null : sent.get(record.frames[look.frame].seq);
+  }
+  return { ...record, size };
+}
