@@ -100,6 +100,17 @@ static void complete_view(const struct sp_renderer *r, struct sp_renderer_frame 
                     !sp_view_has_channels(view) && !has_blocks;
 }
 
+/* Creates the frame, with depth if it is wanted and the view has one. */
+static struct sp_frame *create_frame(const struct sp_backend *backend, const struct sp_view *view,
+                                     struct sp_frame_pool *pool, const struct sp_render_options *o,
+                                     struct sp_error *err) {
+    const enum sp_compositing mode = view->compositing.mode;
+    const bool has_depth = mode != SP_COMPOSITE_MEAN && mode != SP_COMPOSITE_SUM;
+    return (o->wants_depth && has_depth && backend->capabilities.depth
+                ? sp_frame_create_with_depth
+                : sp_frame_create)(pool, view->size[0], view->size[1], o->format, err);
+}
+
 bool sp_renderer_prepare(const struct sp_renderer *r, struct sp_renderer_frame *f,
                          struct sp_volume *volume, const struct sp_view *view,
                          struct sp_frame_pool *pool, const struct sp_render_options *o,
@@ -112,7 +123,7 @@ bool sp_renderer_prepare(const struct sp_renderer *r, struct sp_renderer_frame *
     struct sp_volume *edited = prepare_volume(f, volume, &job, &drawn, err);
     if (!edited)
         return false;
-    struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
+    struct sp_frame *frame = create_frame(backend, view, pool, o, err);
     if (!frame) {
         sp_volume_unref(&edited);
         sp_layer_volumes_finish(&f->others);

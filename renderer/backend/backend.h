@@ -37,6 +37,7 @@ struct sp_capabilities {
     bool interpolated_sheets;
     bool light; /* shading.occlusion and shading.shadow on such sheets; otherwise as above */
     bool clip_box, clip_planes;
+    bool depth;  /* fills sp_frame.depth and spread, if the frame has them */
     bool blocks; /* interpolated sheets and projections of a volume whose samples lie in blocks */
 };
 #define SP_CAN(value) (UINT32_C(1) << (value))
@@ -109,11 +110,12 @@ struct sp_backend {
     void (*destroy)(void *state);                                   /* never NULL */
     void (*info)(const void *state, struct sp_renderer_info *info); /* all fields; constant */
 
-    /* Mandatory. Fills every pixel, and in the stats visible_voxels, splats, fragments and the
-     * stages. False with *err set: the pixels of the frame are undefined and the state is still
-     * usable. After SP_ERR_MEMORY, SP_ERR_BUDGET or SP_ERR_UNSUPPORTED (this device cannot draw
-     * this view), "auto" lets another backend draw the frame. SP_ERR_CANCELLED. SP_ERR_BACKEND: all
-     * begun frames are lost; the same call may succeed now, and the caller repeats it. */
+    /* Mandatory. Fills every pixel, depth and spread if the frame has them, and in the stats
+     * visible_voxels, splats, fragments and the stages. False with *err set: the pixels of the
+     * frame are undefined and the state is still usable. After SP_ERR_MEMORY, SP_ERR_BUDGET or
+     * SP_ERR_UNSUPPORTED (this device cannot draw this view), "auto" lets another backend draw the
+     * frame. SP_ERR_CANCELLED. SP_ERR_BACKEND: all begun frames are lost; the same call may succeed
+     * now, and the caller repeats it. */
     bool (*render)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
     /* Optional: render() in two halves, so that the processor prepares a frame while the device

@@ -152,12 +152,14 @@ static struct block *allocate(struct sp_frame_pool *pool, uint32_t width, uint32
     return b;
 }
 
-struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
-                                 enum sp_pixel_format format, struct sp_error *err) {
+static struct sp_frame *create(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
+                               enum sp_pixel_format format, bool has_depth, struct sp_error *err) {
     assert(width >= 1 && width <= SP_SIZE_MAX && height >= 1 && height <= SP_SIZE_MAX);
     assert(format == SP_RGBA8 || format == SP_RGBAF32);
     size_t stride = round_up((size_t)width * (format == SP_RGBAF32 ? 16 : 4));
-    size_t bytes = stride * height, header = round_up(sizeof(struct block));
+    size_t depth_stride = has_depth ? round_up(width * sizeof(float)) : 0;
+    size_t pixels = stride * height, plane = depth_stride * height;
+    size_t bytes = pixels + 2 * plane, header = round_up(sizeof(struct block));
     pthread_mutex_lock(&pool->lock);
     assert(!pool->closed);
     struct block *b = pop_idle(pool, bytes);
@@ -178,8 +180,24 @@ struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uin
                                   .height = height,
                                   .format = format,
                                   .stride_bytes = stride,
-                                  .pixels = (unsigned char *)b + header };
+                                  .pixels = (unsigned char *)b + header,
+                                  .depth_stride_bytes = depth_stride };
+    if (has_depth) {
+        b->frame.depth = (float *)((char *)b->frame.pixels + pixels);
+        b->frame.spread = (float *)((char *)b->frame.depth + plane);
+    }
     return &b->frame;
+}
+
+struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
+                                 enum sp_pixel_format format, struct sp_error *err) {
+    return create(pool, width, height, format, false, err);
+}
+
+struct sp_frame *sp_frame_create_with_depth(struct sp_frame_pool *pool, uint32_t width,
+                                            uint32_t height, enum sp_pixel_format format,
+                                            struct sp_error *err) {
+    return create(pool, width, height, format, true, err);
 }
 
 struct sp_frame *sp_frame_ref(struct sp_frame *frame) {

@@ -4,7 +4,7 @@
  * to a cap, and reuses it, so that a stream of frames of one size allocates once. A frame and its
  * pixels are one block:
  *
- *   | struct block (the frame inside) | padding to 64 | height rows of stride_bytes |
+ *   | struct block (the frame inside) | padding to 64 | pixels | depth, spread, if wanted |
  */
 #ifndef SP_FRAME_POOL_H
 #define SP_FRAME_POOL_H

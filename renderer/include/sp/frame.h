@@ -79,8 +79,31 @@ struct sp_frame {
     size_t stride_bytes; /* bytes from row to row; a multiple of 64 */
     void *pixels;        /* height · stride_bytes bytes, 64-byte aligned; owned by the frame */
     bool is_opaque;      /* true = every alpha is 1, to 8 bits; false = not known */
+    /* The depth of what each pixel shows, and its spread: height rows of depth_stride_bytes, width
+     * floats each, 64-byte aligned; owned by the frame. Both NULL = the frame has no depth
+     * (sp_render_options.wants_depth). See below. */
+    float *depth, *spread;
+    size_t depth_stride_bytes; /* a multiple of 64; 0 = no depth */
     struct sp_frame_stats stats;
 };
+
+/* Depth z of a point is its distance from the plane of the eye along the view direction [world
+ * unit], not along the ray; in orthographic projection it may be negative. A pixel shows intervals
+ * of the volume and elements of other layers, each of opacity α behind the transmittance T. Its
+ * depth and spread are the mean and the standard deviation of their depths, weighted by what each
+ * adds to the opacity of the pixel:
+ *
+ *   depth = Σ T α z / Σ T α        spread = √(Σ T α z² / Σ T α − depth²)   [world unit, ≥ 0]
+ *
+ * The background counts for nothing. A pixel whose opacity is below SP_DEPTH_ALPHA_MIN shows
+ * nothing: its depth is +infinity and its spread 0. All other depths are finite. A spread far below
+ * the depth of the scene says that the pixel shows a surface, a large one that it shows haze, or
+ * several surfaces.
+ *
+ * Depth belongs to the ray of the pixel. The low-pass filter of pixels (frame/antialias.h) does not
+ * mix depths: beside a silhouette a pixel may have some colour of its neighbours and no depth. A
+ * maximum or minimum has the depth where its ray meets the value, and a spread of 0. */
+#define SP_DEPTH_ALPHA_MIN (1.0f / 1024)
 
 struct sp_frame_pool; /* opaque */
 struct sp_budget;     /* sp/budget.h */
@@ -103,6 +126,10 @@ SP_API void sp_frame_pool_trim(struct sp_frame_pool *pool);
  * SP_SIZE_MAX]. Returns NULL on failure: SP_ERR_MEMORY, SP_ERR_FRAME_BUDGET. Thread-safe. */
 SP_API struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
                                         enum sp_pixel_format format, struct sp_error *err);
+/* The same with planes for depth and spread, uninitialised. */
+SP_API struct sp_frame *sp_frame_create_with_depth(struct sp_frame_pool *pool, uint32_t width,
+                                                   uint32_t height, enum sp_pixel_format format,
+                                                   struct sp_error *err);
 /* Adds a reference and returns its argument. Thread-safe. */
 SP_API struct sp_frame *sp_frame_ref(struct sp_frame *frame);
 /* Drops a reference and nulls *frame, which may be NULL. The last reference gives the memory back
