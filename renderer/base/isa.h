@@ -48,6 +48,7 @@
 /* frame/ */
 #define sp_resolve_rgba8 SP_ISA_NAME(sp_resolve_rgba8)
 #define sp_resolve_rgbaf32 SP_ISA_NAME(sp_resolve_rgbaf32)
+#define sp_depth_resolve SP_ISA_NAME(sp_depth_resolve)
 /* backend/cpu/ */
 #define cpu_table SP_ISA_NAME(cpu_table)
 /* draw/postconv/ */
@@ -71,6 +72,7 @@
 #define sp_resample_open_fragments SP_ISA_NAME(sp_resample_open_fragments)
 #define sp_resample_prefetch_fragments SP_ISA_NAME(sp_resample_prefetch_fragments)
 #define sp_resample_insert_before SP_ISA_NAME(sp_resample_insert_before)
+#define sp_resample_fragment_s SP_ISA_NAME(sp_resample_fragment_s)
 #define sp_resample_insert SP_ISA_NAME(sp_resample_insert)
 #define sp_resample_start_sheets SP_ISA_NAME(sp_resample_start_sheets)
 #define sp_rows_init SP_ISA_NAME(sp_rows_init)

@@ -74,6 +74,7 @@ static void cpu_info(const void *pointer, struct sp_renderer_info *info) {
                                        .isa = state->kernels.isa,
                                        .threads = sp_pool_threads(state->pool),
                                        .can_pause = true,
+                                       .has_depth = true,
                                        .lanes = state->kernels.lanes,
                                        .vectorised = state->kernels.vectorised };
     memcpy(info->device, state->device, sizeof info->device);
@@ -130,7 +131,8 @@ const struct sp_backend cpu_backend = {
                       .light = true,
                       .layers = SP_CAN_ALL,
                       .clip_box = true,
-                      .clip_planes = true },
+                      .clip_planes = true,
+                      .depth = true },
     .create = cpu_create,
     .destroy = cpu_destroy,
     .info = cpu_info,

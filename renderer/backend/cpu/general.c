@@ -11,6 +11,8 @@
 #include "draw/footprints/insert.h"
 #include "draw/footprints/order.h"
 #include "draw/footprints/post.h"
+#include "draw/footprints/tile_depth.h"
+#include "splat/slices.h"
 
 enum {
     BLOCK = SP_BRICK_VOXELS, /* voxels that are set up together: at least the voxels of one run */
@@ -49,6 +51,7 @@ struct draw {
     struct sp_blend blend;
     struct sp_post post;
     struct sp_insert insert;
+    struct sp_layer_places places; /* only if the frame has depth */
 
     struct sp_tile_grid grid;
     struct sp_splats records; /* block b writes from b·BLOCK */
@@ -234,6 +237,22 @@ static void add_batch(struct draw *d, uint32_t count) {
     }
 }
 
+/* Writes the depth of the first n pixels of a row of the tile. */
+static void resolve_depth(const struct draw *d, const struct sp_tile *tile, int row, uint32_t n) {
+    const struct sp_frame *frame = d->frame->job->frame;
+    const size_t y = (size_t)(tile->y + row);
+    float place[2][SP_TILE];
+    const float *const places[2] = { place[0], place[1] };
+    const float *const planes[3] = { tile->done[0][row], tile->depth->moment[0][row],
+                                     tile->depth->moment[1][row] };
+    const float origin = isnan(tile->depth->origin) ? 0 : tile->depth->origin;
+    sp_layer_places_row(&d->places, tile->x, tile->y + row, (int)n, place[0], place[1]);
+    for (uint32_t i = 0; i < n; i++)
+        place[0][i] += origin * place[1][i];
+    d->kernels->resolve_depth(planes, places, n, sp_depth_row(frame, frame->depth, y) + tile->x,
+                              sp_depth_row(frame, frame->spread, y) + tile->x);
+}
+
 static void resolve_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct draw *d = user;
@@ -254,6 +273,8 @@ static void resolve_tiles(void *user, size_t begin, size_t end, unsigned worker)
                                             (float *)(void *)out + 4 * (size_t)tile->x);
             else
                 d->kernels->resolve_rgba8(planes, n, background, out + 4 * (size_t)tile->x);
+            if (tile->depth)
+                resolve_depth(d, tile, row, n);
         }
     }
 }
@@ -282,6 +303,9 @@ static void allocate_tiles(struct draw *d, struct sp_arena *arena, uint32_t tile
         d->grid.tiles[t].insert = d->blend.insert ? sp_arena_alloc(arena, "fragments of tiles", 1,
                                                                    sizeof *d->grid.tiles[t].insert)
                                                   : NULL;
+        d->grid.tiles[t].depth = d->blend.places ? sp_arena_alloc(arena, "depths of tiles", 1,
+                                                                  sizeof *d->grid.tiles[t].depth)
+                                                 : NULL;
     }
 }
 
@@ -426,6 +450,40 @@ static bool choose_insert(struct draw *d, double reach, struct sp_error *err) {
            sp_arena_fail(arena, "data", err);
 }
 
+static bool place_sheets(struct draw *d, struct sp_arena *arena) {
+    const struct sp_grid *grid = &d->frame->levels[0].grid;
+    const uint32_t count = grid->dims[d->frame->axis];
+    uint32_t *sorted = sp_arena_alloc(arena, "order of sheets", count, sizeof *sorted);
+    float *by_slice = sp_arena_alloc(arena, "places of sheets", count, sizeof *by_slice);
+    float *by_layer = sp_arena_alloc(arena, "places of sheets", count, sizeof *by_layer);
+    if (arena->failed)
+        return false;
+    sp_layer_places_init_sheets(&d->places, &d->frame->camera, grid, d->frame->axis, by_slice);
+    sp_slices_sort(&d->frame->camera, grid, d->frame->axis, sorted);
+    for (uint32_t k = 0; k < count; k++)
+        by_layer[k] = by_slice[sorted[k]];
+    d->places.at = by_layer;
+    return true;
+}
+
+/* Says where the layers of the order lie, if the frame has depth. */
+static bool choose_places(struct draw *d, double reach, struct sp_error *err) {
+    const float unit = (float)d->frame->ewa->unit;
+    struct sp_arena *arena = &d->frame->state->arena;
+    if (!d->frame->job->frame->depth)
+        return true;
+    d->blend.places = &d->places;
+    if (d->blend.mode == SP_COMPOSITE_SHEET)
+        return place_sheets(d, arena) || sp_arena_fail(arena, "data", err);
+    const float thickness = d->blend.mode == SP_COMPOSITE_SLAB
+                                ? d->blend.thickness
+                                : (float)sp_depth_thickness(d->frame->ewa, SPLAT_RANGE, reach);
+    d->places = (struct sp_layer_places){ .camera = &d->frame->camera,
+                                          .nearest = (float)d->nearest * unit,
+                                          .thickness = thickness * unit };
+    return true;
+}
+
 /* Does all work that precedes the first batch. */
 static bool prepare(struct draw *d, struct sp_error *err) {
     struct sp_arena *arena = &d->frame->state->arena;
@@ -433,7 +491,7 @@ static bool prepare(struct draw *d, struct sp_error *err) {
     double reach;
     choose_blend(d, &reach);
     return choose_shading(d, arena, err) && choose_order(d, reach, err) &&
-           choose_insert(d, reach, err) && allocate(d, arena, err);
+           choose_insert(d, reach, err) && choose_places(d, reach, err) && allocate(d, arena, err);
 }
 
 static bool all_saturated(const struct draw *d) {

@@ -49,6 +49,8 @@ struct cpu_kernels {
                           unsigned char *out); /* sp_resolve_rgba8() */
     void (*resolve_rgbaf32)(const float *const planes[4], uint32_t count, const float background[4],
                             float *out); /* sp_resolve_rgbaf32() */
+    void (*resolve_depth)(const float *const planes[3], const float *const place[2], uint32_t count,
+                          float *depth, float *spread); /* sp_depth_resolve() */
 };
 
 /* The table of the set that the including source is compiled for: cpu_table for scalar,

@@ -2,6 +2,7 @@
 #include "backend/cpu/layers.h"
 
 #include "backend/cpu/caches.h"
+#include "frame/depth.h"
 
 /* Fragments that are there at a time: a frame of 1920 × 1080 is drawn in three bands. A small
  * budget gives them a quarter. */
@@ -10,6 +11,33 @@
 static size_t fragment_bytes(const struct sp_budget *budget) {
     const uint64_t quarter = sp_budget_limit(budget) / 4;
     return (size_t)(quarter < FRAGMENT_BYTES ? quarter : FRAGMENT_BYTES);
+}
+
+/* Writes the depth of `count` pixels of row y of the tile. light: their transmittances. */
+static void resolve_depth(const struct cpu_layers *l, const struct sp_fragment_tile *tile, int y,
+                          uint32_t count, const float *light) {
+    const struct sp_frame *frame = l->job->frame;
+    const size_t row = (size_t)(tile->y + y);
+    float moment[2][SP_FRAGMENT_TILE], place[2][SP_FRAGMENT_TILE];
+    const float *const planes[3] = { light, moment[0], moment[1] };
+    const float *const places[2] = { place[0], place[1] };
+    for (uint32_t x = 0; x < count; x++) {
+        const int i = y * SP_FRAGMENT_TILE + (int)x;
+        const struct sp_fragment *list = tile->list[i];
+        float through = 1;
+        moment[0][x] = moment[1][x] = 0;
+        place[0][x] = tile->count[i] ? list[0].depth : 0;
+        place[1][x] = 1;
+        for (int k = 0; k < tile->count[i]; k++) {
+            const float share = through * list[k].alpha, d = list[k].depth - list[0].depth;
+            moment[0][x] += share * d;
+            moment[1][x] += share * d * d;
+            through *= 1 - list[k].alpha;
+        }
+    }
+    l->state->kernels.resolve_depth(planes, places, count,
+                                    sp_depth_row(frame, frame->depth, row) + tile->x,
+                                    sp_depth_row(frame, frame->spread, row) + tile->x);
 }
 
 /* Composites the tile's fragments into the frame. */
@@ -39,6 +67,8 @@ static bool resolve(void *user, const struct sp_fragment_tile *tile, unsigned wo
                                               (float *)(void *)out + 4 * (size_t)tile->x);
         else
             l->state->kernels.resolve_rgba8(planes, width, background, out + 4 * (size_t)tile->x);
+        if (frame->depth)
+            resolve_depth(l, tile, y, width, row[0]);
     }
     return true;
 }

@@ -7,6 +7,7 @@
 #include "draw/footprints/sheet.h"
 #include "draw/footprints/slab.h"
 #include "draw/footprints/splat.h"
+#include "frame/depth.h"
 #include "frame/resolve.h"
 
 static const char *const vectorised[] = {
@@ -35,5 +36,6 @@ const struct cpu_kernels cpu_table = {
     .has_fast_path = true,
 #endif
     .resolve_rgba8 = sp_resolve_rgba8,
-    .resolve_rgbaf32 = sp_resolve_rgbaf32
+    .resolve_rgbaf32 = sp_resolve_rgbaf32,
+    .resolve_depth = sp_depth_resolve
 };

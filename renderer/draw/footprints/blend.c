@@ -5,6 +5,7 @@
 
 #include "draw/footprints/insert.h"
 #include "draw/footprints/post.h"
+#include "draw/footprints/tile_depth.h"
 
 enum { CHECK_EVERY = 4 }; /* layers between two checks of a whole tile's transmittance */
 
@@ -23,14 +24,21 @@ void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2],
     for (int row = 0; row < height; row++)
         for (int i = 0; i < width; i++)
             tile->done[0][row][i] = 1;
+    if (blend->places) {
+        memset(tile->depth->moment, 0, sizeof tile->depth->moment);
+        tile->depth->places = blend->places;
+        tile->depth->origin = NAN;
+    } else {
+        tile->depth = NULL;
+    }
     if (blend->insert)
         sp_insert_open(tile, blend->insert);
 }
 
 /* Composites columns [begin, end) of a row. May include neighbouring columns, whose sums are zero.
- */
+ * moment: of the row's pixels; NULL = none. d: where the layer lies. */
 static inline void close_row(bool linear, float *restrict sum, float *restrict done, int begin,
-                             int end) {
+                             int end, float *restrict moment, float d) {
     enum { S = SP_TILE, D = SP_TILE_AREA }; /* distance between planes [floats] */
     for (int x = begin & -SP_WIDE; x < end; x += SP_WIDE) {
         sp_wide pass, through = sp_wide_load(done + x);
@@ -39,6 +47,8 @@ static inline void close_row(bool linear, float *restrict sum, float *restrict d
             sp_wide_store(done + p * D + x,
                           sp_wide_load(done + p * D + x) + f * sp_wide_load(sum + p * S + x));
         sp_wide_store(done + x, through * pass);
+        if (moment)
+            sp_moments_add(moment + x, moment + D + x, through - through * pass, sp_wide_all(d));
     }
 }
 
@@ -58,7 +68,9 @@ void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, int64_t 
     struct sp_box *box = &tile->dirty[slot];
     if (box->x1 <= box->x0)
         return;
+    const float d = tile->depth ? sp_tile_depth_at(tile->depth, (uint32_t)layer) : 0;
     for (int y = box->y0; y < box->y1; y++) {
+        float *moment = tile->depth ? tile->depth->moment[0][y] : NULL;
         float *sum = sp_sums_row(tile, blend, slot, y), *done = tile->done[0][y];
         if (blend->post)
             sp_post_classify(blend->post, tile->x, tile->y + y, sum, box->x0, box->x1);
@@ -66,9 +78,9 @@ void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, int64_t 
             sp_insert_row(tile, blend->insert, (uint32_t)layer, y, box->x0, box->x1, blend->linear,
                           sum);
         if (blend->linear)
-            close_row(true, sum, done, box->x0, box->x1);
+            close_row(true, sum, done, box->x0, box->x1, moment, d);
         else
-            close_row(false, sum, done, box->x0, box->x1);
+            close_row(false, sum, done, box->x0, box->x1, moment, d);
         memset(sum, 0, sizeof(float) * SP_TILE * blend->planes);
     }
     *box = (struct sp_box){ 0 };

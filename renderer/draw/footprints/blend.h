@@ -25,6 +25,7 @@
 enum { SP_SLOTS_MAX = 512 }; /* layers open at once */
 
 struct sp_insert;
+struct sp_layer_places;
 struct sp_post;
 
 struct sp_blend {
@@ -37,7 +38,8 @@ struct sp_blend {
     float thickness;                    /* of a slab [cells] */
     float nearest;              /* slab k begins at nearest + k·thickness from the eye [cells] */
     const struct sp_post *post; /* NULL = splats are classified already */
-    const struct sp_insert *insert; /* fragments of other layers; NULL = none */
+    const struct sp_insert *insert;       /* fragments of other layers; NULL = none */
+    const struct sp_layer_places *places; /* of layers; NULL = the frame has no depth */
 };
 
 /* Composites the sums of an open layer, if it has any, together with the fragments of other layers

@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "data/volume/grid.h"
+#include "draw/footprints/tile_depth.h"
 #include "splat/slices.h"
 
 bool sp_insert_init_sheets(struct sp_insert *insert, const struct sp_grid *grid, unsigned axis,
@@ -140,12 +141,14 @@ void sp_insert_open(struct sp_tile *tile, const struct sp_insert *insert) {
         set_next(tile, insert, i, 0);
 }
 
-/* Composites the shares of splats that lie behind the fragment of pixel i. */
-static void composite_behind(struct sp_tile *tile, int i) {
+/* Composites the shares of splats that lie behind the fragment of pixel i, at depth z. */
+static void composite_behind(struct sp_tile *tile, int i, float z) {
     float *through = &tile->done[0][0][0] + i;
     float *behind = tile->sums + (size_t)(i / SP_TILE) * SP_PLANES * SP_TILE + i % SP_TILE;
     for (int p = 1; p < SP_PLANES; p++)
         through[p * SP_TILE_AREA] += *through * behind[p * SP_TILE];
+    if (tile->depth)
+        sp_tile_depth_add(tile, i, *through * behind[0], z);
     *through *= 1 - behind[0];
     for (int p = 0; p < SP_PLANES; p++)
         behind[p * SP_TILE] = 0;
@@ -159,9 +162,11 @@ static void composite(struct sp_tile *tile, const struct sp_insert *insert, int 
     float *through = &tile->done[0][0][0] + i;
     for (int c = 0; c < 3; c++)
         through[(c + 1) * SP_TILE_AREA] += *through * fragment->color[c];
+    if (tile->depth)
+        sp_tile_depth_add(tile, i, *through * fragment->alpha, fragment->depth);
     *through *= 1 - fragment->alpha;
     if (insert->has_splats)
-        composite_behind(tile, i);
+        composite_behind(tile, i, fragment->depth);
     set_next(tile, insert, i, (uint8_t)(tile->insert->next[i] + 1));
 }
 
@@ -175,12 +180,15 @@ void sp_insert_before(struct sp_tile *tile, const struct sp_insert *insert,
 }
 
 /* Composites the part of T and E of pixel i in front of a point, and leaves the rest. */
-static void composite_part(struct sp_tile *tile, int i, bool linear, float part, float *sum) {
+static void composite_part(struct sp_tile *tile, uint32_t layer, int i, bool linear, float part,
+                           float *sum) {
     float *through = &tile->done[0][0][0] + i;
     float t = part * *sum, alpha = linear ? fminf(t, 1) : -expm1f(-t);
     float f = t > 0 ? *through * alpha / t : 0;
     for (int p = 1; p < SP_PLANES; p++)
         through[p * SP_TILE_AREA] += f * part * sum[p * SP_TILE];
+    if (tile->depth)
+        sp_tile_depth_add_layer(tile->depth, i, *through * alpha, layer);
     *through *= 1 - alpha;
     for (int p = 0; p < SP_PLANES; p++)
         sum[p * SP_TILE] *= 1 - part;
@@ -193,7 +201,7 @@ void sp_insert_row(struct sp_tile *tile, const struct sp_insert *insert, uint32_
         for (float done = 0; own->layer[i] <= layer;) {
             float share = own->layer[i] == layer ? own->share[i] : 0;
             if (share > done) {
-                composite_part(tile, i, linear, (share - done) / (1 - done), sum + x);
+                composite_part(tile, layer, i, linear, (share - done) / (1 - done), sum + x);
                 done = share;
             }
             composite(tile, insert, i);

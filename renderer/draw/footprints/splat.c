@@ -3,6 +3,7 @@
 
 #include "draw/footprints/footprint.h"
 #include "draw/footprints/insert.h"
+#include "draw/footprints/tile_depth.h"
 
 enum { CHECK_EVERY = 256 }; /* splats between two checks of a whole tile's transmittance */
 
@@ -18,8 +19,16 @@ static inline sp_wide add(bool linear, const struct sp_splat *s, sp_wide weight,
     return through * pass;
 }
 
-static inline void composite(bool linear, const struct sp_splat *s, sp_wide weight, float *done) {
-    sp_wide_store(done, add(linear, s, weight, sp_wide_load(done), done, SP_TILE_AREA));
+/* Composites a splat onto pixels from (x, y) of the tile on. */
+static inline void composite(bool linear, const struct sp_splat *s, sp_wide weight,
+                             struct sp_tile *tile, int x, int y) {
+    float *done = &tile->done[0][y][x];
+    sp_wide through = sp_wide_load(done);
+    sp_wide left = add(linear, s, weight, through, done, SP_TILE_AREA);
+    sp_wide_store(done, left);
+    if (tile->depth)
+        sp_moments_add(&tile->depth->moment[0][y][x], &tile->depth->moment[1][y][x], through - left,
+                       sp_wide_all(sp_tile_depth_at(tile->depth, s->sheet)));
 }
 
 /* Composites the share of a splat before the fragments of its pixels, and adds the rest to what
@@ -44,12 +53,12 @@ static inline void add_divided(struct sp_tile *tile, const struct sp_blend *blen
         high = sp_wide_max(sp_footprint_share(blend, px.exponent, px.high), low);
     }
     if (!sp_wide_any(counts & sp_wide_lt(face, tail))) {
-        composite(blend->linear, s, px.weight * (high - low), done);
+        composite(blend->linear, s, px.weight * (high - low), tile, x, y);
         return;
     }
     sp_wide middle = sp_footprint_share(blend, px.exponent, face);
     middle = sp_wide_max(sp_wide_min(middle, high), low);
-    composite(blend->linear, s, px.weight * (middle - low), done);
+    composite(blend->linear, s, px.weight * (middle - low), tile, x, y);
     sp_wide through = 1 - sp_wide_load(behind), rest = px.weight * (high - middle);
     sp_wide_store(behind, 1 - add(blend->linear, s, rest, through, behind, SP_TILE));
 }
@@ -69,7 +78,7 @@ void sp_splat_add(struct sp_tile *tile, const struct sp_blend *blend,
             }
             sp_footprint_weights(blend, tile, s, records->cut ? &records->cut[n] : NULL, &box, x, y,
                                  &px);
-            composite(blend->linear, s, px.weight, &tile->done[0][y][x]);
+            composite(blend->linear, s, px.weight, tile, x, y);
         }
     if (++tile->closed % CHECK_EVERY == 0)
         sp_tile_check(tile);

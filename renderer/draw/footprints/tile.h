@@ -46,8 +46,9 @@ struct sp_tile {
     /* Fragments of other layers (insert.h); not read if blend->insert is NULL. The owner of the
      * tiles sets the pointer. */
     struct sp_tile_insert *insert;
-    uint32_t closed; /* layers composited */
-    bool saturated;  /* every pixel inside the image has a transmittance below 1/512 */
+    struct sp_tile_depth *depth; /* tile_depth.h; NULL = the frame has no depth; likewise */
+    uint32_t closed;             /* layers composited */
+    bool saturated;              /* every pixel inside the image has a transmittance below 1/512 */
 };
 
 /* The tiles of the rows that are being drawn. */
@@ -60,8 +61,8 @@ struct sp_tile_grid {
 struct sp_blend;
 
 /* Empties the tile at (x, y) of an image of `size` px. Pixels outside the image count as opaque.
- * tile->sums and tile->dirty must have memory for blend->slots layers; tile->insert must have
- * memory if blend->insert is set. */
+ * tile->sums and tile->dirty must have memory for blend->slots layers; tile->insert and
+ * tile->depth must have memory if blend->insert and blend->places are set. */
 void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2],
                   const struct sp_blend *blend);
 

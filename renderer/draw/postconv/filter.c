@@ -297,6 +297,9 @@ static inline void composite_part(const struct sp_postconv_open_tile *t, int y, 
     for (int c = 0; c < 3; c++)
         sp_wide_store(&done[c][y][x], sp_wide_load(&done[c][y][x]) + f * p[c]);
     sp_wide_store(&done[3][y][x], through * pass);
+    if (t->postconv->places)
+        sp_moments_add(&t->scratch->moment[0][y][x], &t->scratch->moment[1][y][x],
+                       through - through * pass, sp_wide_all(t->place));
 }
 
 /* Composites the fragments before and in the layer, and what lies before the last of them. `p`
@@ -491,12 +494,37 @@ static void resolve_bytes(const struct sp_postconv_open_tile *t, int y, const fl
     memcpy(out, row, (size_t)t->width * sizeof *row);
 }
 
+/* Writes the depth of row y of the tile. */
+static void resolve_depth(const struct sp_postconv_open_tile *t, int y) {
+    const struct sp_frame *frame = t->postconv->frame;
+    const struct sp_postconv_scratch *s = t->scratch;
+    const float origin = isnan(s->origin) ? 0 : s->origin;
+    const size_t row = (size_t)(t->y + y);
+    _Alignas(64) float sums[3][POSTCONV_TILE], place[2][POSTCONV_TILE];
+    const float *const planes[3] = { sums[0], sums[1], sums[2] };
+    const float *const places[2] = { place[0], place[1] };
+    for (int x = 0; x < POSTCONV_TILE; x++) {
+        const int to = x / W * W + sp_postconv_pixel_at(x % W);
+        sums[0][to] = s->done[3][y][x];
+        for (int k = 0; k < 2; k++)
+            sums[k + 1][to] = s->moment[k][y][x];
+    }
+    sp_layer_places_row(t->postconv->places, t->x, t->y + y, t->width, place[0], place[1]);
+    for (int x = 0; x < t->width; x++)
+        place[0][x] += origin * place[1][x];
+    sp_depth_resolve(planes, places, (uint32_t)t->width,
+                     sp_depth_row(frame, frame->depth, row) + t->x,
+                     sp_depth_row(frame, frame->spread, row) + t->x);
+}
+
 void sp_postconv_resolve(const struct sp_postconv_open_tile *t) {
     struct sp_frame *frame = t->postconv->frame;
     const float *background = t->postconv->view->background;
     for (int y = 0; y < t->height; y++) {
         unsigned char *out =
             (unsigned char *)frame->pixels + (size_t)(t->y + y) * frame->stride_bytes;
+        if (frame->depth)
+            resolve_depth(t, y);
         if (frame->format == SP_RGBA8) {
             resolve_bytes(t, y, background, out + 4 * (size_t)t->x);
             continue;

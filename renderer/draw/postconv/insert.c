@@ -58,15 +58,25 @@ void sp_postconv_open_fragments(struct sp_postconv_open_tile *t) {
         }
 }
 
+/* d − origin of a depth on the ray of a pixel of the tile. */
+static float place_of(const struct sp_postconv_open_tile *t, int y, int column, float depth) {
+    const int x = t->x + column / W * W + sp_postconv_pixel_at(column % W);
+    float base, factor;
+    sp_layer_places_row(t->postconv->places, x, t->y + y, 1, &base, &factor);
+    return sp_postconv_place(t->scratch, (depth - base) / factor);
+}
+
 void sp_postconv_composite_fragments(struct sp_postconv_open_tile *t, int y, int x, unsigned bits) {
     float(*done)[POSTCONV_TILE][POSTCONV_TILE] = t->scratch->done;
-    _Alignas(64) float color[3][W] = { { 0 } }, alpha[W] = { 0 };
+    _Alignas(64) float color[3][W] = { { 0 } }, alpha[W] = { 0 }, place[W] = { 0 };
     for (; bits; bits &= bits - 1) {
         const int i = __builtin_ctz(bits);
         const struct sp_fragment *fragment = t->inserted->next[y][x + i]++;
         for (int c = 0; c < 3; c++)
             color[c][i] = fragment->color[c];
         alpha[i] = fragment->alpha;
+        if (t->postconv->places)
+            place[i] = place_of(t, y, x + i, fragment->depth);
         t->inserted->left[y][x + i]--;
         update_place(t, y, x + i);
     }
@@ -75,6 +85,9 @@ void sp_postconv_composite_fragments(struct sp_postconv_open_tile *t, int y, int
         sp_wide_store(&done[c][y][x],
                       sp_wide_load(&done[c][y][x]) + through * sp_wide_load(color[c]));
     sp_wide_store(&done[3][y][x], through * (1 - sp_wide_load(alpha)));
+    if (t->postconv->places)
+        sp_moments_add(&t->scratch->moment[0][y][x], &t->scratch->moment[1][y][x],
+                       through * sp_wide_load(alpha), sp_wide_load(place));
 }
 
 /* The pixels of the vector at (x, y) that have fragments left, as bits. */

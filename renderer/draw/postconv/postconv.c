@@ -416,6 +416,30 @@ static bool has_order(const struct sp_postconv *postconv) {
     return postconv->layer[first_slice] == 0 && postconv->layer[last - first_slice] == last;
 }
 
+/* Returns where the layers lie: joined slices in the middle of them. NULL if the arena cannot
+ * allocate. */
+static const struct sp_layer_places *place_layers(const struct sp_postconv_input *input,
+                                                  const struct sp_postconv *postconv) {
+    const uint32_t count = postconv->layers;
+    struct sp_layer_places *places =
+        sp_arena_alloc(input->arena, "places of sheets", 1, sizeof *places);
+    float *by_slice = sp_arena_alloc(input->arena, "places of sheets", count, sizeof *by_slice);
+    float *by_layer = sp_arena_alloc(input->arena, "places of sheets", count, sizeof *by_layer);
+    float *slices = sp_arena_alloc(input->arena, "places of sheets", count, sizeof *slices);
+    if (input->arena->failed)
+        return NULL;
+    sp_layer_places_init_sheets(places, input->camera, input->grid, postconv->axis, by_slice);
+    memset(by_layer, 0, count * sizeof *by_layer);
+    memset(slices, 0, count * sizeof *slices);
+    for (uint32_t k = 0; k < count; k++) {
+        const uint32_t layer = postconv->layer[k];
+        slices[layer]++;
+        by_layer[layer] += (by_slice[k] - by_layer[layer]) / slices[layer];
+    }
+    places->at = by_layer;
+    return places;
+}
+
 /* Returns how many consecutive layers are composited as one, at least 1. Only the view and the
  * whole volume decide, so that nothing jumps while the camera moves. It gains little with few
  * slices. It would be visible where voxels are wide, opaque or shaded. */
@@ -532,6 +556,8 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
     if (!meet_tiles(postconv, input->arena) || !order_tiles(postconv, input->arena))
         return sp_arena_fail(input->arena, "data", err);
     if (input->fragments && !(postconv->insert = sp_postconv_insert_create(input, postconv)))
+        return sp_arena_fail(input->arena, "data", err);
+    if (input->frame->depth && !(postconv->places = place_layers(input, postconv)))
         return sp_arena_fail(input->arena, "data", err);
     postconv->prepare_ms = sp_interrupt_clock_ms(&input->interrupt) - clock;
     return true;

@@ -28,6 +28,7 @@
 #include "classify/classification.h"
 #include "sp/frame.h"
 #include "splat/detail.h"
+#include "splat/layer_places.h"
 #include "splat/level_frame.h"
 
 enum {
@@ -148,6 +149,7 @@ struct sp_postconv {
     struct sp_postconv_tile_cost *order; /* [tiles]: most voxels first, so that no tile ends late */
     double work[2]; /* voxels that tiles meet: served by filters, and drawn one by one */
     const struct sp_postconv_insert *insert; /* fragments of other layers; NULL = none */
+    const struct sp_layer_places *places;    /* of layers; NULL = the frame has no depth */
     double prepare_ms;
     struct sp_postconv_scratch *scratch; /* by worker */
 };
@@ -160,6 +162,10 @@ struct sp_postconv_scratch {
     _Alignas(64) float sum[POSTCONV_TILE][POSTCONV_ROW][4]; /* sum of several groups of a layer */
     /* Composited so far: red, green, blue, transmittance; pixels in the kernels' order. */
     _Alignas(64) float done[4][POSTCONV_TILE][POSTCONV_TILE];
+    /* Only if the frame has depth: moments of d − origin (frame/depth.h), as `done`; origin: NaN =
+     * nothing is shown yet. */
+    _Alignas(64) float moment[2][POSTCONV_TILE][POSTCONV_TILE];
+    float origin;
     struct sp_postconv_inserted *inserted; /* NULL without fragments */
     struct sp_postconv_run *runs;          /* of the tile, by layer */
     uint32_t *starts;                      /* [layers + 1]: where a layer's runs begin */

@@ -233,6 +233,9 @@ void sp_postconv_tile(const struct sp_postconv *postconv, struct sp_postconv_scr
     t.width = right < POSTCONV_TILE ? right : POSTCONV_TILE;
     t.height = below < POSTCONV_TILE ? below : POSTCONV_TILE;
     memset(scratch->done, 0, sizeof scratch->done);
+    if (postconv->places)
+        memset(scratch->moment, 0, sizeof scratch->moment);
+    scratch->origin = NAN;
     for (int y = 0; y < t.height; y++)
         for (int x = 0; x < POSTCONV_TILE; x++)
             if (x / W * W + sp_postconv_pixel_at(x % W) < t.width)
@@ -249,6 +252,8 @@ void sp_postconv_tile(const struct sp_postconv *postconv, struct sp_postconv_scr
         if (sp_interrupt_is_cancelled(&postconv->interrupt))
             break;
         t.layer = (int)l;
+        if (postconv->places)
+            t.place = sp_postconv_place(scratch, postconv->places->at[l]);
         draw_layer(&t, scratch->runs + begin, end - begin);
     }
     sp_postconv_finish_fragments(&t);

@@ -7,9 +7,12 @@
 #ifndef SP_POSTCONV_TILE_H
 #define SP_POSTCONV_TILE_H
 
+#include <math.h>
+
 #include "base/isa.h"
 #include "base/quad.h"
 #include "draw/postconv/postconv.h"
+#include "frame/depth.h"
 
 enum {
     W = SP_WIDE,
@@ -39,7 +42,8 @@ struct sp_postconv_open_tile {
     uint32_t alive;                       /* bit per cell that is not opaque */
     uint32_t live[POSTCONV_TILE / BLOCK]; /* the same per block of 4 × 4 pixels */
     bool has_dead;                        /* some blocks are opaque */
-    int layer; /* number of the current sheet, counted from where the volume begins */
+    int layer;   /* number of the current sheet, counted from where the volume begins */
+    float place; /* of the sheet: d − origin */
     struct sp_postconv_inserted *inserted; /* NULL = no fragments */
     uint32_t closed;
     bool is_open; /* `group` has deposits */
@@ -91,6 +95,12 @@ void sp_postconv_finish_fragments(struct sp_postconv_open_tile *tile);
 /* Returns which pixel of a group of W pixels is element i of its planes. */
 static inline int sp_postconv_pixel_at(int i) {
     return i % 4 * PX + i / 4;
+}
+
+/* Returns d − origin for what is shown at d. The first one sets the origin. */
+static inline float sp_postconv_place(struct sp_postconv_scratch *scratch, float d) {
+    scratch->origin = isnan(scratch->origin) ? d : scratch->origin;
+    return d - scratch->origin;
 }
 
 /* Writes the tile into the frame. */

@@ -18,6 +18,7 @@ struct gap {
     const struct sp_reduction *reduction;
     struct sp_resample_block *block;
     int number;
+    bool has_depth;
     bool is_cut; /* it does not reach from sheet to sheet */
     float start; /* s of the first sheet */
     float width; /* s from sheet to sheet */
@@ -26,6 +27,7 @@ struct gap {
 /* What SP_WIDE rays have in it. */
 struct span {
     sp_wide value[3];   /* at its start, in its middle and at its end */
+    sp_wide front;      /* where it begins inside: 0 on the first sheet, 1 on the second one */
     sp_wide share;      /* of the interval that is inside all half spaces */
     sp_wide_mask known; /* all samples around are finite */
 };
@@ -74,7 +76,7 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
 
 /* Reads the values of the rays from pixel i on. */
 static inline void read_span(const struct gap *gap, int i, struct span *span) {
-    sp_wide sheet[4], front;
+    sp_wide sheet[4];
     for (int k = 0; k < 4; k++)
         sheet[k] = sp_wide_load(gap->block->value[(gap->number - 1 + k) & 3] + i);
     sp_wide middle = (sheet[1] + sheet[2]) * (9 / 16.0f) - (sheet[0] + sheet[3]) * (1 / 16.0f);
@@ -88,9 +90,11 @@ static inline void read_span(const struct gap *gap, int i, struct span *span) {
     span->value[1] =
         sp_wide_min(sp_wide_max(middle, sp_wide_all(CURVE_CODE_MIN)), sp_wide_all(CURVE_CODE_MAX));
     span->value[2] = sheet[2];
-    span->share = gap->is_cut
-                      ? sp_cut_interval(gap->block, i, gap->start, gap->width, span->value, &front)
-                      : sp_wide_all(1);
+    span->front = sp_wide_all(0);
+    span->share = sp_wide_all(1);
+    if (gap->is_cut)
+        span->share =
+            sp_cut_interval(gap->block, i, gap->start, gap->width, span->value, &span->front);
 }
 
 /* Returns the largest sign·value in the interval of the rays from pixel i on, or of that and
@@ -119,6 +123,21 @@ static inline sp_wide compute_most(const struct gap *gap, int i, const struct sp
     return sp_wide_max(sp_wide_max(sp_wide_min(most, high), low), before);
 }
 
+/* Notes where the rays meet a value that is larger than all before: at an end or in the middle. */
+static inline void note_depth(const struct gap *gap, int i, const struct span *span,
+                              sp_wide_mask is_more) {
+    const float sign = gap->reduction->sign;
+    float *at = gap->block->moment[0] + i;
+    sp_wide place = sp_wide_all(0.5f);
+    place = sp_wide_select(sp_wide_lt(sign * span->value[1], sign * span->value[2]), sp_wide_all(1),
+                           place);
+    place = sp_wide_select(sp_wide_lt(sp_wide_max(sign * span->value[1], sign * span->value[2]),
+                                      sign * span->value[0]),
+                           sp_wide_all(0), place);
+    place = gap->start + gap->width * (span->front + span->share * place);
+    sp_wide_store(at, sp_wide_select(is_more, place, sp_wide_load(at)));
+}
+
 /* Adds the interval to SP_WIDE rays from pixel i on; returns their numbers. */
 static inline sp_wide add_span(const struct gap *gap, int i) {
     const struct sp_reduction *r = gap->reduction;
@@ -143,6 +162,8 @@ static inline sp_wide add_span(const struct gap *gap, int i) {
         after = before + sum * length;
     }
     after = sp_wide_select(counts, after, before);
+    if (gap->has_depth)
+        note_depth(gap, i, &span, sp_wide_lt(before, after));
     sp_wide_store(number, after);
     return after;
 }
@@ -154,6 +175,7 @@ static bool add_interval(const struct sp_resample_open_tile *t, struct sp_resamp
     struct gap gap = { .reduction = &t->r->reduction,
                        .block = block,
                        .number = number,
+                       .has_depth = t->r->has_depth,
                        .start = sp_resample_sheet_s(t, number) };
     const sp_wide none = sp_wide_all(INFINITY);
     sp_wide least = none;
@@ -187,8 +209,11 @@ bool sp_resample_reduce(const struct sp_resample_open_tile *t,
 
 void sp_resample_reduce_open(const struct sp_resample *r, struct sp_resample_block *block) {
     const float start = r->reduction.is_extreme ? r->reduction.start : 0;
-    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE)
+    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         sp_wide_store(block->color[0] + i, sp_wide_all(start));
+        if (r->has_depth) /* where the ray enters, until a value counts */
+            sp_wide_store(block->moment[0] + i, sp_wide_load(block->begin + i));
+    }
 }
 
 /* Colours by position between the first and the last one, [0, 1]. */
@@ -210,6 +235,9 @@ static inline void write_colors(const struct sp_resample *r, sp_wide position,
     for (int c = 0; c < 3; c++)
         sp_wide_store(block->color[c] + i, alpha * sp_wide_load(colors[c]));
     sp_wide_store(block->light + i, one - alpha);
+    if (r->has_depth) /* a value has no spread: the second moment stays 0 */
+        sp_wide_store(block->moment[0] + i,
+                      sp_wide_keep(is_visible, alpha * sp_wide_load(block->moment[0] + i)));
 }
 
 void sp_resample_reduce_close(const struct sp_resample *r, struct sp_resample_block *block) {
@@ -232,11 +260,18 @@ void sp_resample_reduce_close(const struct sp_resample *r, struct sp_resample_bl
     }
 }
 
-void sp_resample_reduce_add(const struct sp_resample_block *from, struct sp_resample_block *to) {
+void sp_resample_reduce_add(const struct sp_resample_block *from, bool has_depth,
+                            struct sp_resample_block *to) {
     const sp_wide one = sp_wide_all(1);
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
-        sp_wide light = sp_wide_load(to->light + i) * sp_wide_load(from->light + i);
+        sp_wide own = sp_wide_load(to->light + i), other = sp_wide_load(from->light + i);
+        sp_wide light = own * other;
         sp_wide_store(to->light + i, light);
+        if (has_depth) {
+            sp_wide sum = sp_wide_load(to->moment[0] + i) + sp_wide_load(from->moment[0] + i);
+            sum *= (1 - light) / sp_wide_max(2 - own - other, sp_wide_all(1e-6f));
+            sp_wide_store(to->moment[0] + i, sum);
+        }
         for (int c = 0; c < 3; c++) {
             sp_wide sum = sp_wide_load(to->color[c] + i) + sp_wide_load(from->color[c] + i);
             sp_wide_store(to->color[c] + i, sp_wide_min(sum, one));

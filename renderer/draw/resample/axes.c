@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "frame/depth.h"
+
 /* Width of the band [degrees]. The two images may differ by 4 % (rms, of the range); turning the
  * camera by one degree then adds at most 1 % to the change that the motion causes. */
 static const double band = 2;
@@ -25,7 +27,7 @@ int sp_axes_choose(const double along[3], double share[3]) {
 
 struct mix {
     struct sp_frame *frame;
-    const unsigned char *from;
+    const struct sp_frame *from;
     float share;
 };
 
@@ -47,13 +49,32 @@ static void mix_floats(float *to, const float *from, uint32_t count, float share
         to[i] += share * (from[i] - to[i]);
 }
 
+/* Both images count by their shares of the image, whatever their opacity. */
+static void mix_depths(const struct mix *mix, size_t y) {
+    const struct sp_frame *frame = mix->frame, *from = mix->from;
+    float *depth = sp_depth_row(frame, frame->depth, y);
+    float *spread = sp_depth_row(frame, frame->spread, y);
+    const float *other_depth = sp_depth_row(from, from->depth, y);
+    const float *other_spread = sp_depth_row(from, from->spread, y);
+    for (uint32_t x = 0; x < frame->width; x++) {
+        struct sp_depth sum = { depth[x], spread[x], 1 - mix->share };
+        const struct sp_depth more = { other_depth[x], other_spread[x], mix->share };
+        sp_depth_add(&sum, &more);
+        depth[x] = sum.mean;
+        spread[x] = sum.spread;
+    }
+}
+
 static void mix_rows(void *user, size_t begin, size_t end, unsigned worker) {
     const struct mix *mix = user;
     struct sp_frame *frame = mix->frame;
     (void)worker;
     for (size_t y = begin; y < end; y++) {
         unsigned char *to = (unsigned char *)frame->pixels + y * frame->stride_bytes;
-        const unsigned char *from = mix->from + y * frame->stride_bytes;
+        const unsigned char *from =
+            (const unsigned char *)mix->from->pixels + y * frame->stride_bytes;
+        if (frame->depth)
+            mix_depths(mix, y);
         if (frame->format == SP_RGBA8)
             mix_bytes(to, from, frame->width, mix->share);
         else
@@ -62,7 +83,8 @@ static void mix_rows(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-void sp_axes_mix(struct sp_frame *frame, const void *from, double share, struct sp_pool *pool) {
+void sp_axes_mix(struct sp_frame *frame, const struct sp_frame *from, double share,
+                 struct sp_pool *pool) {
     struct mix mix = { .frame = frame, .from = from, .share = (float)share };
     sp_parallel_for(pool, frame->height, 16, mix_rows, &mix);
 }

@@ -19,6 +19,7 @@ int sp_axes_choose(const double along[3], double share[3]);
 
 /* Replaces the frame's pixels by (1 − share)·frame + share·from, where `from` has the frame's
  * format and stride. */
-void sp_axes_mix(struct sp_frame *frame, const void *from, double share, struct sp_pool *pool);
+void sp_axes_mix(struct sp_frame *frame, const struct sp_frame *from, double share,
+                 struct sp_pool *pool);
 
 #endif

@@ -50,6 +50,8 @@ void sp_resample_open_block(const struct sp_resample_open_tile *t,
         block->value_sheet[k] = -1;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         block->entry_sheet[i] = -1;
+        for (int k = 0; t->r->has_depth && k < 2; k++)
+            sp_wide_store(block->moment[k] + i, sp_wide_all(0));
         sp_wide_store(block->light + i, sp_wide_all(1));
         sp_wide_store(block->face_opacity + i, sp_wide_all(0));
         for (int c = 0; c < 3; c++) {
@@ -150,6 +152,7 @@ static bool init_block(const struct sp_resample_open_tile *t, const struct sp_re
     block->at[0] = at[0];
     block->at[1] = at[1];
     block->has_faces = false;
+    block->origin = NAN;
     block->is_crossed = sp_resample_is_crossed(t, at);
     if (block->is_crossed)
         sp_resample_open_cover(t, block);

@@ -12,7 +12,8 @@
  */
 #include <string.h>
 
-#include "draw/resample/kernels.h"
+#include "draw/resample/depth.h"
+#include "draw/resample/insert.h"
 
 enum { LINES = 4 };
 
@@ -124,14 +125,23 @@ void sp_resample_open_cover(const struct sp_resample_open_tile *t,
 /* Composites all fragments of pixel i of a block without the volume, as colour and transmittance.
  */
 static void composite_fragments(const struct sp_resample_open_tile *t,
-                                const struct sp_resample_block *block, int i, float rgbt[4]) {
+                                struct sp_resample_block *block, int i, float rgbt[4],
+                                float moment[2]) {
     const struct sp_fragment *list;
     const int x = i % RESAMPLE_BLOCK, y = i / RESAMPLE_BLOCK;
     const uint32_t *first =
         sp_fragments_row(t->r->fragments, t->x + block->at[0], t->y + block->at[1] + y, &list);
     memcpy(rgbt, (const float[4]){ 0, 0, 0, 1 }, 4 * sizeof *rgbt);
-    for (uint32_t k = first ? first[x] : 0; first && k < first[x + 1]; k++)
+    for (uint32_t k = first ? first[x] : 0; first && k < first[x + 1]; k++) {
+        const float share = rgbt[3] * list[k].alpha;
         sp_fragment_over(&list[k], rgbt);
+        if (!t->r->has_depth || !(share > 0))
+            continue;
+        const float s = sp_resample_fragment_s(t, block, i, list[k].depth);
+        sp_resample_open_depth(block, s);
+        moment[0] += share * (s - block->origin);
+        moment[1] += share * (s - block->origin) * (s - block->origin);
+    }
 }
 
 void sp_resample_close_cover(const struct sp_resample_open_tile *t, uint64_t blocks) {
@@ -139,14 +149,16 @@ void sp_resample_close_cover(const struct sp_resample_open_tile *t, uint64_t blo
         struct sp_resample_block *block = &t->scratch->blocks[__builtin_ctzll(left)];
         for (int i = 0; block->is_crossed && i < RESAMPLE_PIXELS; i++) {
             const float own = block->cover[i];
-            float other[4] = { 0, 0, 0, 1 };
+            float other[4] = { 0, 0, 0, 1 }, moment[2] = { 0, 0 };
             if (!(own < 1))
                 continue;
             if (block->has_fragments)
-                composite_fragments(t, block, i, other);
+                composite_fragments(t, block, i, other, moment);
             block->light[i] = own * block->light[i] + (1 - own) * other[3];
             for (int c = 0; c < 3; c++)
                 block->color[c][i] = own * block->color[c][i] + (1 - own) * other[c];
+            for (int k = 0; t->r->has_depth && k < 2; k++)
+                block->moment[k][i] = own * block->moment[k][i] + (1 - own) * moment[k];
         }
     }
 }

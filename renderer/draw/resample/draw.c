@@ -133,13 +133,18 @@ static bool add_axis(const struct sp_resample_input *input, struct sp_resample *
     struct sp_error why = { 0 };
     second.pixels =
         sp_arena_alloc(input->arena, "second image", second.height, second.stride_bytes);
-    if (!second.pixels)
+    if (second.depth) {
+        const size_t stride = second.depth_stride_bytes;
+        second.depth = sp_arena_alloc(input->arena, "second depth", second.height, stride);
+        second.spread = sp_arena_alloc(input->arena, "second depth", second.height, stride);
+    }
+    if (input->arena->failed)
         return sp_arena_fail(input->arena, "data", err);
     r->frame = &second;
     bool is_drawn = turn_all(input, r, axis, &why) && draw(input, r, scratch, &why);
     r->frame = input->frame;
     if (is_drawn)
-        sp_axes_mix(input->frame, second.pixels, share, input->pool);
+        sp_axes_mix(input->frame, &second, share, input->pool);
     else if (why.code != SP_ERR_BUDGET && err)
         *err = why;
     return is_drawn || why.code == SP_ERR_BUDGET;

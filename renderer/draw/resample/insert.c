@@ -6,6 +6,7 @@
  */
 #include "draw/resample/insert.h"
 
+#include "draw/resample/depth.h"
 #include "splat/exp2.h"
 
 /* SP_WIDE rays while they are composited. */
@@ -27,16 +28,19 @@ static inline void store_rays(struct sp_resample_block *block, const struct rays
         sp_wide_store(block->color[c] + rays->pixel, rays->color[c]);
 }
 
-static inline void add(struct rays *rays, sp_wide opacity, const sp_wide color[3]) {
+/* Adds an interval between two s. depth_of: the block, if its frame has depth; else NULL. */
+static inline void add(struct rays *rays, sp_wide opacity, const sp_wide color[3],
+                       struct sp_resample_block *depth_of, sp_wide begin, sp_wide end) {
     sp_wide share = rays->light * opacity;
+    if (depth_of)
+        sp_resample_add_depth(depth_of, rays->pixel, share, 0.5f * (begin + end));
     for (int c = 0; c < 3; c++)
         rays->color[c] += share * color[c];
     rays->light -= share;
 }
 
-/* s of a depth on the ray of pixel i of the block. */
-static inline float compute_s(const struct sp_resample_open_tile *t,
-                              const struct sp_resample_block *block, int i, float depth) {
+float sp_resample_fragment_s(const struct sp_resample_open_tile *t,
+                             const struct sp_resample_block *block, int i, float depth) {
     const struct sp_resample *r = t->r;
     const int axis = t->axis[2];
     double x = t->x + block->at[0] + i % RESAMPLE_BLOCK + 0.5 - r->camera->centre[0];
@@ -56,7 +60,7 @@ static inline float compute_s(const struct sp_resample_open_tile *t,
 static inline void note_next(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
                              int i) {
     const struct sp_fragment *next = block->next[i];
-    block->next_s[i] = compute_s(t, block, i, next->depth);
+    block->next_s[i] = sp_resample_fragment_s(t, block, i, next->depth);
     block->next_alpha[i] = next->alpha;
     for (int c = 0; c < 3; c++)
         block->next_color[c][i] = next->color[c];
@@ -96,7 +100,13 @@ static inline bool composite_next(const struct sp_resample_open_tile *t,
         rays->color[c] += sp_wide_keep(which, rays->light * color);
     }
     sp_wide alpha = sp_wide_load(block->next_alpha + rays->pixel);
-    rays->light -= sp_wide_keep(which, rays->light * alpha);
+    sp_wide share = sp_wide_keep(which, rays->light * alpha);
+    rays->light -= share;
+    if (t->r->has_depth) {
+        const sp_wide s = sp_wide_keep(which, sp_wide_load(block->next_s + rays->pixel));
+        sp_resample_open_depth(block, s[__builtin_ctz(sp_wide_mask_bits(which))]);
+        sp_resample_add_depth(block, rays->pixel, share, s);
+    }
     for (unsigned bits = sp_wide_mask_bits(which); bits; bits &= bits - 1) {
         const int k = __builtin_ctz(bits), i = rays->pixel + k;
         block->next[i]++;
@@ -127,6 +137,7 @@ void sp_resample_insert(const struct sp_resample_open_tile *t, struct sp_resampl
                         const struct sp_resample_part *part) {
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
     const int pixel = part->pixel;
+    struct sp_resample_block *depth_of = t->r->has_depth ? block : NULL;
     sp_wide to = sp_wide_min(sp_wide_all(part->end), sp_wide_load(block->end + pixel));
     sp_wide at = sp_wide_max(sp_wide_all(part->begin), sp_wide_load(block->begin + pixel));
     sp_wide_mask is_inside = sp_wide_lt(at, to), before = mask_before(block, pixel, to);
@@ -139,19 +150,20 @@ void sp_resample_insert(const struct sp_resample_open_tile *t, struct sp_resampl
     load_rays(block, pixel, &rays);
     for (bool is_again = sp_wide_any(before); is_again;) {
         sp_wide next = sp_wide_max(sp_wide_load(block->next_s + pixel), at);
+        next = sp_wide_select(before, next, at);
         sp_wide share = sp_wide_min(sp_wide_keep(is_inside, (next - at) * per_length), left);
         share = sp_wide_keep(before, share);
         add(&rays, t->r->is_linear ? part->opacity * share : 1 - sp_wide_exp2(depth * share),
-            part->color);
+            part->color, depth_of, at, next);
         left -= share;
-        at = sp_wide_select(before, next, at);
+        at = next;
         is_again = composite_next(t, block, &rays, before, until);
         if (is_again)
             before = mask_before(block, pixel, to);
     }
     sp_wide rest = t->r->is_linear ? part->opacity * left : 1 - sp_wide_exp2(depth * left);
     rest = sp_wide_select(sp_wide_lt(left, one), rest, part->opacity);
-    add(&rays, sp_wide_keep(sp_wide_lt(zero, left), rest), part->color);
+    add(&rays, sp_wide_keep(sp_wide_lt(zero, left), rest), part->color, depth_of, at, to);
     store_rays(block, &rays);
 }
 

@@ -18,6 +18,10 @@ void sp_resample_open_fragments(const struct sp_resample_open_tile *t,
  * the first-level cache. */
 void sp_resample_prefetch_fragments(const struct sp_resample_block *block, float s);
 
+/* Returns s of a depth on the ray of pixel i of the block. */
+float sp_resample_fragment_s(const struct sp_resample_open_tile *t,
+                             const struct sp_resample_block *block, int i, float depth);
+
 /* Composites all fragments that lie before s. */
 void sp_resample_insert_before(const struct sp_resample_open_tile *t,
                                struct sp_resample_block *block, float s);

@@ -7,6 +7,7 @@
  *                  └half┘                  changes linearly, and the curve's integral classifies it
  */
 #include "draw/resample/cut_face.h"
+#include "draw/resample/depth.h"
 #include "draw/resample/gradient.h"
 #include "draw/resample/insert.h"
 #include "draw/resample/normal.h"
@@ -207,14 +208,6 @@ static inline void compute_gradient(const struct work *work, struct interval *in
     in->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
 }
 
-/* The scale of the opacity at the gradient's magnitude. */
-static inline sp_wide gradient_scale(const struct sp_transfer_function *tf, sp_wide magnitude) {
-    sp_wide scale;
-    for (int i = 0; i < SP_WIDE; i++)
-        scale[i] = (float)sp_transfer_function_scale(tf, (double)magnitude[i]);
-    return scale;
-}
-
 /* Notes what the material shows where rays enter by a cut. */
 static inline void enter_faces(const struct work *work, const struct interval *in) {
     const struct sp_resample *r = work->t->r;
@@ -388,19 +381,22 @@ static inline void compute_seen(const struct sp_resample *r, struct interval *in
 /* Scales the opacity by the gradient where the interval is seen. */
 static inline void scale_opacity(const struct sp_resample *r, struct interval *in) {
     const struct sp_transfer_function *tf = &r->view->transfer_function;
-    sp_wide scale = gradient_scale(tf, sp_wide_sqrt(in->square) * r->gradient_unit);
+    sp_wide scale = sp_gradient_scale(tf, sp_wide_sqrt(in->square) * r->gradient_unit);
     in->depth = sp_scale_depth(in->mean[3], scale) * in->length;
     in->opacity = 1 - sp_transmit(r, in->depth);
 }
 
 /* Adds the interval behind what the rays have met. */
-static inline void composite(struct sp_resample_block *block, const struct interval *in) {
+static inline void composite(const struct work *work, const struct interval *in) {
+    struct sp_resample_block *block = work->block;
     sp_wide light = sp_wide_load(block->light + in->begin), share = light * in->opacity;
     for (int c = 0; c < 3; c++) {
         float *color = block->color[c] + in->begin;
         sp_wide_store(color, sp_wide_load(color) + share * in->color[c]);
     }
     sp_wide_store(block->light + in->begin, light - share);
+    if (work->t->r->has_depth)
+        sp_resample_add_depth(block, in->begin, share, work->start + in->seen * work->width);
 }
 
 /* The same for rays with fragments of other layers in the interval. */
@@ -433,6 +429,9 @@ static inline bool compute_interval(const struct sp_resample_open_tile *t,
         classify(r, &work->parts[k]);
     for (int k = 0; r->needs_gradient && k < work->count; k++)
         compute_seen(r, &work->parts[k]);
+    for (int k = 0; r->has_depth && !r->needs_gradient && k < work->count; k++)
+        work->parts[k].seen =
+            work->parts[k].front + work->parts[k].share * sp_seen_share(work->parts[k].depth);
     for (int k = 0; r->needs_gradient && k < work->count; k++)
         compute_gradient(work, &work->parts[k]);
     for (int k = 0; r->view->transfer_function.gradient_count > 0 && k < work->count; k++)
@@ -446,6 +445,7 @@ static inline bool compute_interval(const struct sp_resample_open_tile *t,
 static inline void composite_interval(const struct work *work) {
     struct sp_resample_block *block = work->block;
     const sp_wide end = sp_wide_all(work->start + work->width);
+    sp_resample_open_depth(block, work->start);
     if (block->has_fragments)
         sp_resample_insert_before(work->t, block, work->start);
     for (int k = 0; k < work->count; k++) {
@@ -454,7 +454,7 @@ static inline void composite_interval(const struct work *work) {
             sp_wide_any(sp_wide_lt(sp_wide_load(block->next_s + in->begin), end)))
             composite_around(work, in);
         else
-            composite(block, in);
+            composite(work, in);
     }
 }
 
@@ -503,6 +503,7 @@ static inline void add_channel(const struct work *work, struct mixture *mixture)
         }
         mixture->filled |= 1u << i;
         to->depth += in->depth;
+        to->seen += in->depth * in->seen;
         mixture->brightness[i] += in->depth * largest(in->color);
         for (int c = 0; c < 3; c++)
             to->color[c] += in->depth * in->color[c];
@@ -519,12 +520,13 @@ static inline void mix_channels(const struct sp_resample *r, struct mixture *mix
         if (!(mixture->filled >> i & 1))
             continue;
         *in = mixture->work.parts[i];
-        const sp_wide scale = mixture->brightness[i] *
-                              sp_wide_inverse(sp_wide_max(in->depth, least)) *
+        const sp_wide inverse = sp_wide_inverse(sp_wide_max(in->depth, least));
+        const sp_wide scale = mixture->brightness[i] * inverse *
                               sp_wide_inverse(sp_wide_max(largest(in->color), least));
         in->opacity = 1 - sp_transmit(r, in->depth);
         for (int c = 0; c < 3; c++)
             in->color[c] *= scale;
+        in->seen *= inverse;
         mixture->work.count++;
     }
 }

@@ -98,11 +98,12 @@ bool sp_resample_reduce(const struct sp_resample_open_tile *t,
 /* Sets the numbers of a block's pixels to the start value of a projection. */
 void sp_resample_reduce_open(const struct sp_resample *r, struct sp_resample_block *block);
 
-/* Converts the numbers of a block's pixels to transmittance and colour. */
+/* Converts the numbers of a block's pixels to transmittance, colour and moments. */
 void sp_resample_reduce_close(const struct sp_resample *r, struct sp_resample_block *block);
 
 /* Adds the colours of the same block of another channel. Both blocks must be closed. */
-void sp_resample_reduce_add(const struct sp_resample_block *from, struct sp_resample_block *to);
+void sp_resample_reduce_add(const struct sp_resample_block *from, bool has_depth,
+                            struct sp_resample_block *to);
 
 /* Writes the pixels of the tile: the pixels of the blocks in `drawn`, and the background
  * elsewhere. */

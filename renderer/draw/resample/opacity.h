@@ -21,4 +21,12 @@ static inline sp_wide sp_scale_depth(sp_wide depth, sp_wide scale) {
     return sp_wide_log2(sp_wide_max(1 - opacity, sp_wide_all(1e-30f))) * (-1 / SP_LOG2E);
 }
 
+/* The scale of the opacity at the gradient's magnitude. */
+static inline sp_wide sp_gradient_scale(const struct sp_transfer_function *tf, sp_wide magnitude) {
+    sp_wide scale;
+    for (int i = 0; i < SP_WIDE; i++)
+        scale[i] = (float)sp_transfer_function_scale(tf, (double)magnitude[i]);
+    return scale;
+}
+
 #endif

@@ -434,6 +434,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
         .is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
         .needs_gradient =
             !is_projection && (input->shade || view->transfer_function.gradient_count > 0),
+        .has_depth = input->frame->depth,
         .columns = ((int)input->frame->width + RESAMPLE_TILE - 1) / RESAMPLE_TILE,
         .rows = ((int)input->frame->height + RESAMPLE_TILE - 1) / RESAMPLE_TILE
     };

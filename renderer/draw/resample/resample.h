@@ -101,6 +101,7 @@ struct sp_resample {
     float steep[2];      /* steepness: half sheets for some rays between these, for all rays above
                             (rays.h) */
     bool needs_gradient; /* lit, or the transfer function has a gradient axis */
+    bool has_depth;      /* the frame has depth */
     bool is_smoothed;    /* normals come from fine and smooth gradients (gradient.h) */
     float noise_square;  /* square of the difference that noise explains [gradient_unit²] */
     float keep_max;      /* largest part of a fine gradient's deviation that stays, [0, 1] */
@@ -136,8 +137,11 @@ struct sp_resample_block {
     /* Premultiplied. A projection, until it is closed: color[0] is the number so far; color[1] is
      * the length of the ray that counts, if samples can be left out. */
     float color[3][RESAMPLE_PIXELS];
-    float value[4][RESAMPLE_PIXELS]; /* on the last sheets that were read, by number modulo 4 */
-    int value_sheet[4];              /* numbers of these sheets */
+    /* Only if the frame has depth: moments of s − origin (depth.h); origin: NaN = none yet. */
+    float moment[2][RESAMPLE_PIXELS], origin;
+    _Alignas(64) float value[4][RESAMPLE_PIXELS]; /* on the last sheets that were read, by number
+                                                     modulo 4 */
+    int value_sheet[4];                           /* numbers of these sheets */
     /* Gradients on these sheets, along u and v. Maximum and minimum projections: the first one is
      * the largest sign·code of the refined samples around the value. */
     float slope[4][2][RESAMPLE_PIXELS];
@@ -198,8 +202,8 @@ struct sp_resample_scratch {
     struct sp_resample_scratch *next; /* of the next channel */
     struct sp_resample_block blocks[RESAMPLE_BLOCKS];
     struct sp_resample_bounds bounds;
-    /* Transmittance and colour of blocks that are drawn a second time. */
-    _Alignas(64) float aside[RESAMPLE_BLOCKS][4][RESAMPLE_PIXELS];
+    /* Transmittance, colour and moments of blocks that are drawn a second time. */
+    _Alignas(64) float aside[RESAMPLE_BLOCKS][6][RESAMPLE_PIXELS];
     struct sp_resample_sheet sheets[RESAMPLE_SHEETS]; /* by number modulo RESAMPLE_SHEETS */
     struct sp_resample_rows rows[RESAMPLE_TAPS + 1];  /* by slice modulo RESAMPLE_TAPS; the last:
                                                          halfway between two slices */

@@ -6,7 +6,53 @@
 
 #include <string.h>
 
-#include "draw/resample/kernels.h"
+#include "draw/resample/depth.h"
+
+/* Writes the depth of row y of a block. */
+static void resolve_depth(const struct sp_resample_open_tile *t,
+                          const struct sp_resample_block *block, int y) {
+    const struct sp_frame *frame = t->r->frame;
+    const size_t x = (size_t)(t->x + block->at[0]), row = (size_t)(t->y + block->at[1] + y);
+    const int i = y * RESAMPLE_BLOCK, left = t->width - block->at[0];
+    const float origin = isnan(block->origin) ? 0 : block->origin;
+    const double right = (double)x + 0.5 - t->r->camera->centre[0];
+    const double down = (double)row + 0.5 - t->r->camera->centre[1];
+    const double sign = t->is_backwards ? -1 : 1;
+    double step[2], next[2], below[2]; /* of the row's first pixel, and of those beside it */
+    float place[2][RESAMPLE_BLOCK], ahead[2], across[2][2];
+    sp_resample_depth_steps(t, right, down, step);
+    sp_resample_depth_steps(t, right + 1, down, next);
+    sp_resample_depth_steps(t, right, down + 1, below);
+    ahead[0] = (float)((double)t->reference + sign * (double)origin - step[0]);
+    ahead[1] = (float)step[1];
+    for (int a = 0; a < 2; a++) {
+        across[0][a] = (float)(next[a] - step[a]);
+        across[1][a] = (float)(below[a] - step[a]);
+    }
+    for (int k = 0; k < RESAMPLE_BLOCK; k++) {
+        const float px = (float)k + (block->is_crossed ? block->moved[0][i + k] : 0);
+        const float py = block->is_crossed ? block->moved[1][i + k] : 0;
+        const float inverse = 1 / (ahead[1] + px * across[0][1] + py * across[1][1]);
+        place[0][k] = (ahead[0] - px * across[0][0] - py * across[1][0]) * inverse;
+        place[1][k] = (float)sign * inverse;
+    }
+    const float *const planes[3] = { block->light + i, block->moment[0] + i, block->moment[1] + i };
+    const float *const places[2] = { place[0], place[1] };
+    sp_depth_resolve(planes, places, (uint32_t)(left < RESAMPLE_BLOCK ? left : RESAMPLE_BLOCK),
+                     sp_depth_row(frame, frame->depth, row) + x,
+                     sp_depth_row(frame, frame->spread, row) + x);
+}
+
+/* Writes that a row of a block shows nothing. */
+static void clear_depth(const struct sp_resample_open_tile *t, int x, int y) {
+    const struct sp_frame *frame = t->r->frame;
+    float *depth = sp_depth_row(frame, frame->depth, (size_t)(t->y + y)) + t->x;
+    float *spread = sp_depth_row(frame, frame->spread, (size_t)(t->y + y)) + t->x;
+    for (int k = x; k < x + RESAMPLE_BLOCK && k < t->width; k++) {
+        depth[k] = INFINITY;
+        spread[k] = 0;
+    }
+}
 
 void sp_resample_resolve(const struct sp_resample_open_tile *t, uint64_t drawn) {
     struct sp_frame *frame = t->r->frame;
@@ -25,6 +71,10 @@ void sp_resample_resolve(const struct sp_resample_open_tile *t, uint64_t drawn) 
             memcpy(row[0] + x, is_drawn ? block->light + i : light, sizeof light);
             for (int c = 0; c < 3; c++)
                 memcpy(row[c + 1] + x, is_drawn ? block->color[c] + i : none, sizeof none);
+            if (frame->depth && is_drawn)
+                resolve_depth(t, block, y % RESAMPLE_BLOCK);
+            else if (frame->depth)
+                clear_depth(t, x, y);
         }
         if (frame->format == SP_RGBA8)
             sp_resolve_rgba8(planes, (uint32_t)t->width, background, out + 4 * (size_t)t->x);

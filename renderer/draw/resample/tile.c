@@ -412,6 +412,8 @@ static void put_aside(const struct sp_resample_open_tile *t, int b) {
     memcpy(scratch->aside[b][0], block->light, sizeof block->light);
     for (int c = 0; c < 3; c++)
         memcpy(scratch->aside[b][c + 1], block->color[c], sizeof block->color[c]);
+    for (int k = 0; t->r->has_depth && k < 2; k++)
+        memcpy(scratch->aside[b][k + 4], block->moment[k], sizeof block->moment[k]);
     sp_resample_open_block(t, block);
 }
 
@@ -427,10 +429,11 @@ static void finish_fragments(const struct sp_resample_open_tile *t, uint64_t blo
 /* Mixes a block's pixels with the pixels that were put aside. */
 static void mix_aside(const struct sp_resample_open_tile *t, int b) {
     struct sp_resample_block *block = &t->scratch->blocks[b];
-    float *to[4] = { block->light, block->color[0], block->color[1], block->color[2] };
+    float *to[6] = { block->light,    block->color[0],  block->color[1],
+                     block->color[2], block->moment[0], block->moment[1] };
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         sp_wide share = halves_share(t, block, i);
-        for (int c = 0; c < 4; c++) {
+        for (int c = 0; c < (t->r->has_depth ? 6 : 4); c++) {
             sp_wide first = sp_wide_load(t->scratch->aside[b][c] + i);
             sp_wide_store(to[c] + i, first + share * (sp_wide_load(to[c] + i) - first));
         }
@@ -476,7 +479,7 @@ static void close_projection(const struct sp_resample_open_tile *t, uint64_t met
         sp_resample_reduce_close(t->r, to);
         for (const struct sp_resample_open_tile *c = t->next; c; c = c->next) {
             sp_resample_reduce_close(c->r, &c->scratch->blocks[b]);
-            sp_resample_reduce_add(&c->scratch->blocks[b], to);
+            sp_resample_reduce_add(&c->scratch->blocks[b], t->r->has_depth, to);
         }
     }
 }

@@ -27,7 +27,8 @@ static double dot(const double a[3], const double b[3]) {
 /* Where the ray of a point of the image meets a plane, and how fast that moves from pixel to pixel.
  */
 struct hit {
-    double at[3];      /* distances */
+    double at[3]; /* distances */
+    double depth;
     double step[2][3]; /* of `at` per px to the right and down */
 };
 
@@ -47,6 +48,7 @@ static bool meet(const struct sp_quad_rays *rays, const struct sp_slice_cut *cut
     const double depth = (cut->offset - dot(cut->normal, from)) / facing;
     if (!(depth >= c->near && depth <= 1e300))
         return false;
+    hit->depth = depth;
     for (int a = 0; a < 3; a++)
         hit->at[a] = from[a] + depth * along[a];
     for (int i = 0; i < 2; i++) {
@@ -126,7 +128,8 @@ static double cover(const struct sp_quad_rays *rays, const struct sp_slice_cut *
 
 void sp_quad_sample(const struct sp_quad_rays *rays, const struct sp_interpolator *grid,
                     const struct sp_compose_plan *plan, const struct sp_compose_step *step,
-                    uint32_t x, uint32_t y, size_t n, double *values, double *coverage) {
+                    uint32_t x, uint32_t y, size_t n, double *values, double *coverage,
+                    double *depths) {
     const struct sp_slice_cut *cut = &plan->cuts[step->plane];
     struct border borders[BORDERS_MAX];
     const unsigned count = list_borders(grid, plan, step, borders);
@@ -136,6 +139,7 @@ void sp_quad_sample(const struct sp_quad_rays *rays, const struct sp_interpolato
         const double middle[2] = { x + (double)i + 0.5, y + 0.5 };
         bool is_met = meet(rays, cut, middle[0], middle[1], &hit);
         coverage[i] = is_met ? cover(rays, cut, borders, count, &hit, middle[0], middle[1]) : 0;
+        depths[i] = is_met ? hit.depth : INFINITY;
         for (int a = 0; a < 3; a++) {
             const double *extent = grid->extent[a];
             at[i][a] = coverage[i] > 0 ? fmin(fmax(hit.at[a], extent[0]), extent[1]) : NAN;

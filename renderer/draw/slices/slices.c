@@ -7,6 +7,7 @@
 
 #include "data/volume/slice_colors.h"
 #include "draw/slices/quad.h"
+#include "frame/depth.h"
 #include "frame/resolve.h"
 
 /* The image so far: transmittance and premultiplied colour. */
@@ -38,6 +39,10 @@ static void clear_rows(void *user, size_t begin, size_t end, unsigned worker) {
             to[4 * x] = to[4 * x + 1] = to[4 * x + 2] = 0;
             to[4 * x + 3] = 1;
         }
+        for (uint32_t x = 0; p->sum->depth && x < p->sum->width; x++) {
+            sp_depth_row(p->sum, p->sum->depth, y)[x] = INFINITY;
+            sp_depth_row(p->sum, p->sum->spread, y)[x] = 0;
+        }
     }
 }
 
@@ -54,6 +59,25 @@ static void check_seen(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
+/* Adds what a pixel shows at a depth; share: T α. */
+static void add_depth(const struct image *p, uint32_t y, uint32_t x, float share, float depth,
+                      float spread) {
+    const struct sp_frame *sum = p->sum;
+    float *mean = sp_depth_row(sum, sum->depth, y) + x;
+    float *deviation = sp_depth_row(sum, sum->spread, y) + x;
+    struct sp_depth own = { *mean, *deviation, 1 - row_of(sum, y)[4 * x + 3] };
+    sp_depth_add(&own, &(struct sp_depth){ depth, spread, share });
+    *mean = own.mean;
+    *deviation = own.spread;
+}
+
+static void add_depth_of_part(const struct image *p, uint32_t y, uint32_t x, float share) {
+    const struct sp_frame *part = p->part;
+    if (part->depth)
+        add_depth(p, y, x, share, sp_depth_row(part, part->depth, y)[x],
+                  sp_depth_row(part, part->spread, y)[x]);
+}
+
 /* Puts the part behind the image so far. */
 static void add_part(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
@@ -63,6 +87,7 @@ static void add_part(void *user, size_t begin, size_t end, unsigned worker) {
         float *to = row_of(p->sum, (uint32_t)y);
         for (uint32_t x = 0; x < p->sum->width; x++) {
             float through = to[4 * x + 3];
+            add_depth_of_part(p, (uint32_t)y, x, through * from[4 * x + 3]);
             for (int c = 0; c < 3; c++)
                 to[4 * x + c] += through * from[4 * x + c];
             to[4 * x + 3] = through * (1 - from[4 * x + 3]);
@@ -83,14 +108,15 @@ static uint32_t trim(const float *row, uint32_t *begin, uint32_t end) {
 static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     const struct image *p = user;
-    double values[SP_INTERPOLATE_RUN], coverage[SP_INTERPOLATE_RUN];
+    double values[SP_INTERPOLATE_RUN], coverage[SP_INTERPOLATE_RUN], depths[SP_INTERPOLATE_RUN];
     for (uint32_t y = p->low[1] + (uint32_t)begin; y < p->low[1] + end; y++) {
         float *to = row_of(p->sum, y);
         uint32_t at = p->low[0], stop = trim(to, &at, p->high[0]);
         for (; at < stop; at += SP_INTERPOLATE_RUN) {
             uint32_t left = stop - at;
             uint32_t n = left < SP_INTERPOLATE_RUN ? left : SP_INTERPOLATE_RUN;
-            sp_quad_sample(&p->rays, &p->grid, &p->plan, p->step, at, y, n, values, coverage);
+            sp_quad_sample(&p->rays, &p->grid, &p->plan, p->step, at, y, n, values, coverage,
+                           depths);
             for (uint32_t i = 0; i < n; i++) {
                 float *px = &to[4 * (at + i)];
                 if (isnan(values[i]))
@@ -98,11 +124,24 @@ static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
                 double rgb[3];
                 sp_slice_color(p->job->view, values[i], rgb);
                 float covered = (float)coverage[i];
+                if (p->sum->depth)
+                    add_depth(p, y, at + (uint32_t)i, px[3] * covered, (float)depths[i], 0);
                 for (int c = 0; c < 3; c++)
                     px[c] += px[3] * covered * (float)rgb[c];
                 px[3] *= 1 - covered;
             }
         }
+    }
+}
+
+/* Copies the depth of n pixels, unless they show too little. */
+static void copy_depth(const struct image *p, uint32_t y, uint32_t x, uint32_t n) {
+    for (uint32_t i = x; i < x + n; i++) {
+        const bool shows = 1 - row_of(p->sum, y)[4 * i + 3] >= SP_DEPTH_ALPHA_MIN;
+        sp_depth_row(p->out, p->out->depth, y)[i] =
+            shows ? sp_depth_row(p->sum, p->sum->depth, y)[i] : INFINITY;
+        sp_depth_row(p->out, p->out->spread, y)[i] =
+            shows ? sp_depth_row(p->sum, p->sum->spread, y)[i] : 0;
     }
 }
 
@@ -127,6 +166,8 @@ static void resolve_rows(void *user, size_t begin, size_t end, unsigned worker) 
             else
                 sp_resolve_rgba8(rows, n, p->job->view->background,
                                  (unsigned char *)to + 4 * (size_t)at);
+            if (p->out->depth)
+                copy_depth(p, (uint32_t)y, at, n);
         }
 }
 
@@ -159,11 +200,14 @@ static bool draw_step(struct image *p, const struct sp_compose_step *step, struc
 bool sp_compose(const struct sp_compose_job *job, struct sp_frame *frame, struct sp_error *err) {
     const uint32_t *size = job->view->size;
     struct image p = { .job = job, .out = frame };
+    struct sp_frame *(*create)(struct sp_frame_pool *, uint32_t, uint32_t, enum sp_pixel_format,
+                               struct sp_error *) =
+        frame->depth ? sp_frame_create_with_depth : sp_frame_create;
     sp_interpolator_init(&p.grid, job->volume);
     sp_quad_rays_init(&p.rays, &p.grid, job->view);
     sp_compose_plan_init(&p.plan, &p.grid, job->view);
-    p.sum = sp_frame_create(job->frames, size[0], size[1], SP_RGBAF32, err);
-    p.part = p.sum ? sp_frame_create(job->frames, size[0], size[1], SP_RGBAF32, err) : NULL;
+    p.sum = create(job->frames, size[0], size[1], SP_RGBAF32, err);
+    p.part = p.sum ? create(job->frames, size[0], size[1], SP_RGBAF32, err) : NULL;
     bool ok = p.part != NULL;
     if (ok)
         sp_parallel_for(job->workers, size[1], ROWS, clear_rows, &p);

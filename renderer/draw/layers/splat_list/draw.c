@@ -168,6 +168,11 @@ static void fill_empty(const struct band *b, int x, int y) {
     for (int row = 0; row < SP_VOXEL_TILE && row < below; row++)
         memcpy((char *)image->pixels + (size_t)(y + row) * image->stride_bytes + pixel * (size_t)x,
                line, n * pixel);
+    for (int row = 0; image->depth && row < SP_VOXEL_TILE && row < below; row++)
+        for (uint32_t i = 0; i < n; i++) {
+            sp_depth_row(image, image->depth, (size_t)(y + row))[(uint32_t)x + i] = INFINITY;
+            sp_depth_row(image, image->spread, (size_t)(y + row))[(uint32_t)x + i] = 0;
+        }
 }
 
 static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
@@ -183,7 +188,7 @@ static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
             continue;
         }
         if (b->is_first)
-            kernels->start(tile, x, y, b->source->frame.ewa.size);
+            kernels->start(tile, x, y, b->source->frame.ewa.size, b->input->frame->depth);
         kernels->add(tile, &b->source->frame, b->records, b->entries + first, count);
         if (b->is_last)
             kernels->resolve(tile, b->input->view->background, b->input->frame);

@@ -10,6 +10,7 @@
 
 #include "base/isa.h"
 #include "draw/layers/splat_list/list.h"
+#include "frame/depth.h"
 #include "frame/fragments.h"
 #include "frame/resolve.h"
 #include "sp/frame.h"
@@ -95,6 +96,12 @@ struct sp_voxel_tile {
     uint64_t open[SP_VOXEL_PIXELS / 4 / 64]; /* bit n = cell n lets some light through */
     uint32_t open_count;                     /* number of open cells */
     int x, y;                                /* of its corner in the image */
+    bool has_depth;
+    /* If it has depth: in each cell two moments of SP_WIDE pixels (frame/depth.h). d: depth of the
+     * splat less the depth of the tile's first splat, `origin` [world unit]; NaN = there is none.
+     */
+    _Alignas(64) float moments[SP_VOXEL_PIXELS * 2];
+    float origin;
 };
 
 /* Sets up the splats of voxels[count] of the list `from` (struct sp_voxel_list), in order. Leaves
@@ -107,7 +114,7 @@ typedef uint32_t sp_voxel_set_up_fn(const struct sp_voxel_frame *frame, const vo
 struct sp_voxel_kernels {
     sp_voxel_set_up_fn *set_up;
     /* Empties the tile at (x, y); pixels outside the image count as opaque. */
-    void (*start)(struct sp_voxel_tile *tile, int x, int y, const int size[2]);
+    void (*start)(struct sp_voxel_tile *tile, int x, int y, const int size[2], bool has_depth);
     /* Composites records[entries[0 … count)], front to back. */
     void (*add)(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
                 const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
@@ -122,7 +129,7 @@ struct sp_voxel_kernels {
 /* The functions of the instruction set that the including source is compiled for. */
 uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const void *from,
                          const uint32_t *voxels, uint32_t count, struct sp_voxel_record *out);
-void sp_voxel_start(struct sp_voxel_tile *tile, int x, int y, const int size[2]);
+void sp_voxel_start(struct sp_voxel_tile *tile, int x, int y, const int size[2], bool has_depth);
 void sp_voxel_add(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
                   const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
 void sp_voxel_resolve(const struct sp_voxel_tile *tile, const float background[4],

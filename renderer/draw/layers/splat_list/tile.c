@@ -49,11 +49,15 @@ static inline sp_wide lane_rows(void) {
     return sp_wide_from_int(sp_wide_int_count() >> 2);
 }
 
-void sp_voxel_start(struct sp_voxel_tile *tile, int x, int y, const int size[2]) {
+void sp_voxel_start(struct sp_voxel_tile *tile, int x, int y, const int size[2], bool has_depth) {
     const sp_wide one = sp_wide_all(1);
     tile->x = x;
     tile->y = y;
     tile->open_count = 0;
+    tile->has_depth = has_depth;
+    tile->origin = NAN;
+    if (has_depth)
+        memset(tile->moments, 0, sizeof tile->moments);
     memset(tile->cells, 0, sizeof tile->cells);
     memset(tile->open, 0, sizeof tile->open);
     for (int cell = 0; cell < CELLS; cell++) {
@@ -256,6 +260,11 @@ composite(struct sp_voxel_tile *tile, struct open_fragments *open, const struct 
         float *sum = open->depth + cell * SP_WIDE;
         sp_wide_store(sum, sp_wide_load(sum) + share * depth);
     }
+    if (tile->has_depth) {
+        float *moment = tile->moments + cell * CELL_FLOATS / 2;
+        tile->origin = isnan(tile->origin) ? depth : tile->origin;
+        sp_moments_add(moment, moment + SP_WIDE, share, sp_wide_all(depth - tile->origin));
+    }
     sp_wide_store(planes, left);
     for (int k = 0; k < 3; k++) {
         sp_wide color = sp_wide_all(r->color[k]);
@@ -417,6 +426,24 @@ void sp_voxel_add(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame
     add_records(tile, NULL, frame, records, entries, count);
 }
 
+/* Writes the depth of `count` pixels of row y. light: their transmittances. */
+static void resolve_depth(const struct sp_voxel_tile *tile, int y, uint32_t count,
+                          const float *light, const struct sp_frame *image) {
+    const size_t row = (size_t)(tile->y + y);
+    float moment[2][SP_VOXEL_TILE], place[2][SP_VOXEL_TILE];
+    const float *const planes[3] = { light, moment[0], moment[1] };
+    const float *const places[2] = { place[0], place[1] };
+    for (int x = 0; x < SP_VOXEL_TILE; x++) {
+        const float *cell = tile->moments + (y / CELL_ROWS * COLUMNS + x / 4) * (CELL_FLOATS / 2);
+        for (int k = 0; k < 2; k++)
+            moment[k][x] = cell[k * SP_WIDE + y % CELL_ROWS * 4 + x % 4];
+        place[0][x] = isnan(tile->origin) ? 0 : tile->origin;
+        place[1][x] = 1;
+    }
+    sp_depth_resolve(planes, places, count, sp_depth_row(image, image->depth, row) + tile->x,
+                     sp_depth_row(image, image->spread, row) + tile->x);
+}
+
 void sp_voxel_resolve(const struct sp_voxel_tile *tile, const float background[4],
                       struct sp_frame *image) {
     int width = (int)image->width - tile->x, height = (int)image->height - tile->y;
@@ -435,6 +462,8 @@ void sp_voxel_resolve(const struct sp_voxel_tile *tile, const float background[4
             sp_resolve_rgbaf32(rows, count, background, (float *)(void *)out + 4 * tile->x);
         else
             sp_resolve_rgba8(rows, count, background, out + 4 * tile->x);
+        if (image->depth)
+            resolve_depth(tile, y, count, planes[0], image);
     }
 }
 
@@ -466,7 +495,7 @@ void sp_voxel_merge(struct sp_fragment_tile *to, const struct sp_voxel_frame *fr
     struct open_fragments open;
     if (!count)
         return;
-    sp_voxel_start(&tile, to->x, to->y, frame->ewa.size);
+    sp_voxel_start(&tile, to->x, to->y, frame->ewa.size, false);
     start_fragments(&open, &tile, frame, to);
     add_records(&tile, &open, frame, records, entries, count);
     for (int cell = 0; cell < CELLS; cell++) {

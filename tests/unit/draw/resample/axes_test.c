@@ -76,18 +76,37 @@ static void pixels_are_mixed(void **state) {
     (void)state;
     struct sp_pool *pool = sp_pool_create(1, NULL);
     assert_non_null(pool);
-    sp_axes_mix(&frame, from, 0.25, pool);
+    struct sp_frame other = frame;
+    other.pixels = from;
+    sp_axes_mix(&frame, &other, 0.25, pool);
     const unsigned char wanted[12] = { 125, 10, 0, 255, 100, 50, 0, 75, 0, 0, 0, 0 };
     assert_memory_equal(to, wanted, sizeof wanted);
     _Alignas(64) float a[16] = { 1, 0.5f, 0, 1 };
-    const float b[16] = { 0, 1, 0, 1 };
-    struct sp_frame floats = {
-        .width = 1, .height = 1, .format = SP_RGBAF32, .stride_bytes = 64, .pixels = a
+    float b[16] = { 0, 1, 0, 1 };
+    float depths[4][16] = {
+        { 4, 4, INFINITY, INFINITY }, { 0 }, { 8, INFINITY, 8, INFINITY }, { 1 }
     };
-    sp_axes_mix(&floats, b, 0.25, pool);
+    struct sp_frame floats = { .width = 4,
+                               .height = 1,
+                               .format = SP_RGBAF32,
+                               .stride_bytes = 64,
+                               .pixels = a,
+                               .depth = depths[0],
+                               .spread = depths[1],
+                               .depth_stride_bytes = 64 };
+    other = floats;
+    other.pixels = b;
+    other.depth = depths[2];
+    other.spread = depths[3];
+    sp_axes_mix(&floats, &other, 0.25, pool);
     sp_pool_destroy(&pool);
     assert_float_equal(a[0], 0.75, 1e-6);
     assert_float_equal(a[1], 0.625, 1e-6);
+    assert_float_equal(depths[0][0], 5, 1e-6); /* 3/4 of 4, 1/4 of 8 ± 1 */
+    assert_float_equal(depths[1][0], sqrt(0.75 * 1 + 0.25 * (9 + 1)), 1e-6);
+    assert_float_equal(depths[0][1], 4, 0); /* one of them shows nothing */
+    assert_float_equal(depths[0][2], 8, 0);
+    assert_true(isinf(depths[0][3]));
 }
 
 int main(void) {
