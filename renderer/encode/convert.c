@@ -93,6 +93,9 @@ bool sp_frame_to_raster(struct sp_encoder *encoder, const struct sp_frame *frame
         .width = frame->width,
         .height = frame->height,
         .stride = frame->stride_bytes,
+        .depth = frame->depth,
+        .spread = frame->spread,
+        .depth_stride = frame->depth_stride_bytes,
         .is_opaque = !is_float && sp_frame_is_opaque(frame),
     };
     if (serves(frame, kind, raster->is_opaque))

@@ -36,6 +36,8 @@ struct sp_raster {
     const void *pixels;
     uint32_t width, height;
     size_t stride;
+    const float *depth, *spread; /* of the frame, for EXR; NULL = none */
+    size_t depth_stride;         /* bytes */
     bool is_opaque; /* 8 bits only: the fourth channel is 255 everywhere and can be left out */
 };
 

@@ -32,7 +32,10 @@ bool sp_encode_exr(struct sp_encoder *encoder, const struct sp_raster *raster,
     const struct sp_exr_image image = { .pixels = raster->pixels,
                                         .width = raster->width,
                                         .height = raster->height,
-                                        .stride = raster->stride };
+                                        .stride = raster->stride,
+                                        .depth = raster->depth,
+                                        .spread = raster->spread,
+                                        .depth_stride = raster->depth_stride };
     char why[256] = "";
     switch (encoder->exr(&image, append_bytes, &encoder->output, why, sizeof why)) {
     case SP_EXR_DONE:

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "encode/exr_bridge.h"
 
+#include <algorithm>
 #include <cstdio>
+#include <cstring>
 #include <memory>
 #include <new>
 #include <string>
@@ -12,9 +14,19 @@
 
 namespace {
 
+/* R, G, B, A, and with depth Z and Z.spread. */
+int count_channels(const sp_exr_image &image) {
+    return image.depth ? 6 : 4;
+}
+
 OIIO::ImageSpec describe(const sp_exr_image &image) {
-    OIIO::ImageSpec spec(static_cast<int>(image.width), static_cast<int>(image.height), 4,
-                         OIIO::TypeDesc::FLOAT);
+    OIIO::ImageSpec spec(static_cast<int>(image.width), static_cast<int>(image.height),
+                         count_channels(image), OIIO::TypeDesc::FLOAT);
+    if (image.depth) {
+        spec.channelnames = { "R", "G", "B", "A", "Z", "Z.spread" };
+        spec.alpha_channel = 3;
+        spec.z_channel = 4;
+    }
     spec.attribute("compression", "zip");
     /* The values are display values; readers must not apply a transfer curve again. */
     spec.attribute("oiio:ColorSpace", "sRGB");
@@ -26,6 +38,41 @@ OIIO::ImageSpec describe(const sp_exr_image &image) {
     return spec;
 }
 
+/* Copies row y of a plane of floats to a channel. */
+void copy_channel(const float *plane, const sp_exr_image &image, std::size_t y, float *channel) {
+    const char *row = reinterpret_cast<const char *>(plane) + y * image.depth_stride;
+    for (std::size_t x = 0; x < image.width; x++)
+        std::memcpy(channel + 6 * x, row + x * sizeof(float), sizeof(float));
+}
+
+/* Writes the rows of an image with depth: a few at a time, because they are copied. */
+bool write_rows(OIIO::ImageOutput &output, const sp_exr_image &image) {
+    const std::size_t rows = 16, floats = std::size_t(image.width) * 6;
+    std::vector<float> lines(rows * floats);
+    for (std::size_t begin = 0; begin < image.height; begin += rows) {
+        const std::size_t end = std::min<std::size_t>(begin + rows, image.height);
+        for (std::size_t y = begin; y < end; y++) {
+            const char *from = static_cast<const char *>(image.pixels) + y * image.stride;
+            float *to = lines.data() + (y - begin) * floats;
+            for (std::size_t x = 0; x < image.width; x++)
+                std::memcpy(to + 6 * x, from + x * 16, 16);
+            copy_channel(image.depth, image, y, to + 4);
+            copy_channel(image.spread, image, y, to + 5);
+        }
+        if (!output.write_scanlines(static_cast<int>(begin), static_cast<int>(end), 0,
+                                    OIIO::TypeDesc::FLOAT, lines.data()))
+            return false;
+    }
+    return true;
+}
+
+bool write_pixels(OIIO::ImageOutput &output, const sp_exr_image &image) {
+    if (image.depth)
+        return write_rows(output, image);
+    return output.write_image(OIIO::TypeDesc::FLOAT, image.pixels, OIIO::AutoStride,
+                              static_cast<OIIO::stride_t>(image.stride));
+}
+
 std::string write(const sp_exr_image &image, std::vector<unsigned char> &file) {
     OIIO::Filesystem::IOVecOutput memory(file);
     const char *const name = "image.exr";
@@ -35,10 +82,7 @@ std::string write(const sp_exr_image &image, std::vector<unsigned char> &file) {
     if (!output->supports("ioproxy") || !output->set_ioproxy(&memory))
         return "this version of OpenImageIO cannot write OpenEXR files to memory";
     OIIO::ImageSpec spec = describe(image);
-    if (!output->open(name, spec) ||
-        !output->write_image(spec.format, image.pixels, OIIO::AutoStride,
-                             static_cast<OIIO::stride_t>(image.stride)) ||
-        !output->close())
+    if (!output->open(name, spec) || !write_pixels(*output, image) || !output->close())
         return output->geterror();
     return file.empty() ? "nothing was written" : std::string();
 }
@@ -55,7 +99,9 @@ sp_exr_status splat_exr_encode(const sp_exr_image *image, sp_exr_sink *sink, voi
         (void)alone;
         std::vector<unsigned char> file;
         /* Noise takes all of it. A vector that grows would take three times as much. */
-        file.reserve(static_cast<std::size_t>(image->width) * image->height * 16 + (1 << 16));
+        file.reserve(static_cast<std::size_t>(image->width) * image->height *
+                         count_channels(*image) * sizeof(float) +
+                     (1 << 16));
         std::string why = write(*image, file);
         if (!why.empty()) {
             std::snprintf(error, error_size, "%s", why.c_str());

@@ -18,6 +18,8 @@ struct sp_exr_image {
     const void *pixels; /* rows of `stride` bytes, from the top; RGBA floats, premultiplied alpha */
     uint32_t width, height;
     size_t stride;
+    const float *depth, *spread; /* rows of depth_stride bytes; NULL = the image has no depth */
+    size_t depth_stride;
 };
 
 enum sp_exr_status { SP_EXR_DONE, SP_EXR_MEMORY, SP_EXR_FAILED };

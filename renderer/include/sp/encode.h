@@ -41,7 +41,8 @@ SP_API const struct sp_image_format_info *sp_image_format_info(enum sp_image_for
 SP_API enum sp_image_format sp_image_format_find(const char *text);
 
 /* Returns an upper bound of the memory that encoding an image takes, in bytes: without its pixels,
- * but with a copy of the encoded file. Thread-safe. */
+ * but with a copy of the encoded file. EXR of a frame with depth takes up to 32 bytes per pixel
+ * more. Thread-safe. */
 SP_API uint64_t sp_encode_bytes(enum sp_image_format format, const uint32_t size[2]);
 
 /* An encoder keeps the memory that it reuses from frame to frame. One thread at a time. */
@@ -81,7 +82,9 @@ typedef void sp_share_fn(void *user, struct sp_encoder *own, unsigned count, sp_
  * encoder or the next call of this function. */
 SP_API void sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *user);
 
-/* Encodes the frame. quality: [1, 100]; lossless formats ignore it. JPEG has no alpha: the image is
+/* Encodes the frame. An EXR file of a frame with depth (sp/frame.h) has two more channels of floats
+ * [world unit]: "Z", +infinity where a pixel shows nothing, and "Z.spread". Other formats leave
+ * depth out. quality: [1, 100]; lossless formats ignore it. JPEG has no alpha: the image is
  * blended over black. On success *bytes and *size describe the encoded file. The encoder owns the
  * bytes; they are valid until the next call of the encoder. Errors: SP_ERR_MEMORY, SP_ERR_BACKEND
  * (the library failed), SP_ERR_IO (the EXR module cannot be loaded). */

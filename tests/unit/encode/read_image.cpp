@@ -20,8 +20,13 @@ int read_image(const char *extension, const void *bytes, size_t size, decoded_im
                      input ? input->geterror().c_str() : OIIO::geterror().c_str());
         return 0;
     }
-    *image = { spec.width, spec.height, spec.nchannels, spec.format == OIIO::TypeDesc::FLOAT,
-               nullptr };
+    *image = {};
+    image->width = spec.width;
+    image->height = spec.height;
+    image->channels = spec.nchannels;
+    image->is_float = spec.format == OIIO::TypeDesc::FLOAT;
+    for (int c = 0; c < spec.nchannels && c < 6; c++)
+        std::snprintf(image->names[c], sizeof image->names[c], "%s", spec.channelnames[c].c_str());
     image->pixels = static_cast<float *>(
         std::malloc(sizeof(float) * spec.width * spec.height * spec.nchannels));
     if (!image->pixels ||

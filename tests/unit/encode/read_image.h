@@ -10,6 +10,7 @@ extern "C" {
 
 struct decoded_image {
     int width, height, channels, is_float;
+    char names[6][16]; /* of the first channels */
     float *pixels; /* width·height·channels, top row first, 8-bit values as 0 … 1; the caller frees
                       them */
 };
