@@ -416,35 +416,6 @@ static void exr_preserves_floats_exactly(void **state) {
     free(frame.pixels);
 }
 
-static void exr_has_the_depth(void **state) {
-    (void)state;
-    struct sp_frame frame = make_frame(33, 21, SP_RGBA8);
-    float planes[2][21][48];
-    frame.depth = planes[0][0];
-    frame.spread = planes[1][0];
-    frame.depth_stride_bytes = sizeof planes[0][0];
-    for (uint32_t y = 0; y < frame.height; y++)
-        for (uint32_t x = 0; x < frame.width; x++) {
-            planes[0][y][x] = x % 5 ? (float)(x * 100 + y) / 7919.0f - 0.1f : INFINITY;
-            planes[1][y][x] = (float)(y * 100 + x) / 7919.0f;
-        }
-    struct decoded_image image = encode_and_read(&frame, SP_IMAGE_EXR, 80);
-    assert_int_equal(image.channels, 6);
-    assert_string_equal(image.names[4], "Z");
-    assert_string_equal(image.names[5], "Z.spread");
-    for (uint32_t y = 0; y < frame.height; y++)
-        for (uint32_t x = 0; x < frame.width; x++)
-            for (int c = 0; c < 2; c++)
-                assert_true(read_at(&image, x, y, c + 4) == planes[c][y][x]);
-    free(image.pixels);
-    for (int format = 0; format < SP_IMAGE_EXR; format++) {
-        image = encode_and_read(&frame, (enum sp_image_format)format, 80);
-        assert_compare(image.channels, <=, 4);
-        free(image.pixels);
-    }
-    free(frame.pixels);
-}
-
 static void exr_of_bytes_has_premultiplied_alpha(void **state) {
     (void)state;
     struct sp_frame frame = image8(33, 21, false);
@@ -611,7 +582,6 @@ int main(int argc, char **argv) {
         one_thread_test(higher_webp_quality_gives_larger_files),
         one_thread_test(exr_preserves_floats_exactly),
         one_thread_test(exr_of_bytes_has_premultiplied_alpha),
-        one_thread_test(exr_has_the_depth),
         one_thread_test(floats_become_bytes_with_straight_alpha),
         one_thread_test(one_encoder_serves_all_sizes_and_formats),
         one_thread_test(equal_frames_give_equal_files),

@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "frame/depth.h"
 #include "frame/pool.h"
 #include "frame/resolve.h"
 #include "sp/budget.h"
@@ -52,6 +53,43 @@ static void frames_are_recycled(void **state) {
     assert_int_equal(sp_frame_pool_allocations(pool), before);
     sp_frame_pool_destroy(&pool);
     assert_null(pool);
+}
+
+static void depth_lies_behind_the_pixels(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct sp_frame_pool *pool = sp_frame_pool_create(1 << 24, NULL);
+    struct sp_frame *frame = sp_frame_create_with_depth(pool, 33, 7, SP_RGBA8, &err);
+    assert_non_null(frame);
+    assert_int_equal(frame->depth_stride_bytes, 192); /* 33 floats, rounded up to 64 bytes */
+    assert_int_equal((uintptr_t)frame->depth % 64, 0);
+    assert_int_equal((uintptr_t)frame->spread % 64, 0);
+    memset(frame->pixels, 1, 7 * frame->stride_bytes);
+    memset(frame->depth, 2, 7 * frame->depth_stride_bytes);
+    memset(frame->spread, 3, 7 * frame->depth_stride_bytes);
+    assert_int_equal(((unsigned char *)frame->pixels)[7 * frame->stride_bytes - 1], 1);
+    assert_int_equal(((unsigned char *)frame->depth)[7 * frame->depth_stride_bytes - 1], 2);
+    sp_frame_unref(&frame);
+    frame = make(pool, 33, 7, SP_RGBA8);
+    assert_null(frame->depth);
+    assert_null(frame->spread);
+    assert_int_equal(frame->depth_stride_bytes, 0);
+    sp_frame_unref(&frame);
+    sp_frame_pool_destroy(&pool);
+}
+
+static void depths_add_up(void **state) {
+    (void)state;
+    struct sp_depth sum = { INFINITY, 0, 0 };
+    sp_depth_add(&sum, &(struct sp_depth){ INFINITY, 0, 0.5f }); /* shows nothing */
+    assert_true(isinf(sum.mean));
+    sp_depth_add(&sum, &(struct sp_depth){ 4, 1, 0.25f });
+    assert_compare(sum.mean, ==, 4);
+    assert_compare(sum.spread, ==, 1);
+    sp_depth_add(&sum, &(struct sp_depth){ 8, 0, 0.25f });
+    assert_compare(fabs((double)sum.mean - 6), <, 1e-6);
+    assert_compare(fabs((double)sum.spread - sqrt(4.5)), <, 1e-6); /* (17 + 64)/2 − 36 */
+    assert_compare(sum.weight, ==, 0.5);
 }
 
 static void pixels_are_taken_from_the_budget(void **state) {
@@ -169,6 +207,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pixels_are_taken_from_the_budget),
         cmocka_unit_test(frames_are_recycled),
+        cmocka_unit_test(depth_lies_behind_the_pixels),
+        cmocka_unit_test(depths_add_up),
         cmocka_unit_test(idle_memory_is_capped),
         cmocka_unit_test(frames_outlive_their_pool),
         cmocka_unit_test(threads_can_share_a_pool),
