@@ -110,7 +110,8 @@ struct sp_backend {
     void (*destroy)(void *state);                                   /* never NULL */
     void (*info)(const void *state, struct sp_renderer_info *info); /* all fields; constant */
 
-    /* Mandatory. Fills every pixel, depth and spread if the frame has them, and in the stats
+    /* Mandatory. Fills every pixel, and depth and spread if the frame has them: a backend that
+     * cannot compute them for this view sets both pointers to NULL. It also fills in the stats
      * visible_voxels, splats, fragments and the stages. False with *err set: the pixels of the
      * frame are undefined and the state is still usable. After SP_ERR_MEMORY, SP_ERR_BUDGET or
      * SP_ERR_UNSUPPORTED (this device cannot draw this view), "auto" lets another backend draw the

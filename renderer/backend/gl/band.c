@@ -5,11 +5,21 @@
 #include <string.h>
 
 #include "backend/gl/memory.h"
+#include "frame/depth.h"
 
 enum { HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t) };
 
 static uint32_t pixel_bytes(const struct sp_frame *frame) {
     return frame->format == SP_RGBAF32 ? 16 : 4;
+}
+
+/* The same with depth and spread, which follow the pixels. */
+static uint32_t read_bytes(const struct sp_frame *frame) {
+    return pixel_bytes(frame) + (frame->depth ? 2 * sizeof(float) : 0);
+}
+
+static uint32_t image_bytes(const struct sp_frame *frame) {
+    return GL_PIXEL_BYTES + (frame->depth ? 4 * sizeof(float) : 0);
 }
 
 void gl_band_end(struct gl_band *band, uint32_t rows) {
@@ -21,9 +31,9 @@ bool gl_band_reserve(struct gl_band *band, struct sp_error *err) {
     const struct gl_fragments_band fragments = gl_band_fragments(band);
     struct gl_state *s = band->state;
     uint64_t most = s->block_bytes, pixels = gl_band_pixels(band);
-    uint64_t bytes = pixels * pixel_bytes(band->job->frame);
-    return gl_buffer_reserve(&s->buffers.image, "pixels", pixels * GL_PIXEL_BYTES, most,
-                             GL_USE_SCRATCH, err) &&
+    uint64_t bytes = pixels * read_bytes(band->job->frame);
+    uint64_t image = pixels * image_bytes(band->job->frame);
+    return gl_buffer_reserve(&s->buffers.image, "pixels", image, most, GL_USE_SCRATCH, err) &&
            gl_buffer_reserve(&s->buffers.pixels, "pixels", bytes, most, GL_USE_SCRATCH, err) &&
            gl_readback_reserve(&band->slot->readback, HEAD_BYTES + bytes, err) &&
            gl_fragments_reserve(&fragments, err);
@@ -103,6 +113,7 @@ static void resolve(const struct gl_band *band) {
     glUniform2ui(0, gl_band_pixels(band), band->job->frame->format == SP_RGBAF32);
     glUniform4fv(1, 1, band->job->view->background);
     glUniform1ui(2, band->layer * gl_band_pixels(band));
+    glUniform2f(3, band->job->frame->depth ? 1 : 0, band->slot->depth_origin);
     gl_buffer_bind(&s->buffers.image, 1);
     gl_buffer_bind(&s->buffers.pixels, 2);
     glDispatchCompute(gl_divide_up(gl_band_pixels(band), GL_GROUP), 1, 1);
@@ -119,10 +130,20 @@ bool gl_band_send(const struct gl_band *band, struct sp_error *err) {
     gl_readback_begin(&slot->readback);
     gl_readback_copy(&slot->readback, &s->bins.counts, HEAD_BYTES);
     gl_readback_copy(&slot->readback, &s->buffers.pixels,
-                     (uint64_t)gl_band_pixels(band) * pixel_bytes(band->job->frame));
+                     (uint64_t)gl_band_pixels(band) * read_bytes(band->job->frame));
     gl_timer_stamp(&slot->timer, GL_STAGE_READ);
     gl_readback_send(&slot->readback);
     return gl_check("drawn", err);
+}
+
+/* Copies the depths of the band, then the spreads, which begin at `from`. */
+static void read_depth(const struct gl_slot *slot, const unsigned char *from,
+                       struct sp_frame *frame) {
+    float *const planes[2] = { frame->depth, frame->spread };
+    const size_t row = frame->width * sizeof(float);
+    for (int k = 0; k < 2; k++)
+        for (uint32_t y = slot->y; y < slot->end; y++, from += row)
+            memcpy(sp_depth_row(frame, planes[k], y), from, row);
 }
 
 bool gl_band_read(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
@@ -135,5 +156,7 @@ bool gl_band_read(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_h
     for (uint32_t y = slot->y; y < slot->end; y++)
         memcpy((unsigned char *)frame->pixels + (size_t)y * frame->stride_bytes,
                from + HEAD_BYTES + (y - slot->y) * row, row);
+    if (frame->depth)
+        read_depth(slot, from + HEAD_BYTES + (slot->end - slot->y) * row, frame);
     return gl_readback_close(&slot->readback, err);
 }

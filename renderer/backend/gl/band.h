@@ -58,7 +58,9 @@ bool gl_band_plan(struct gl_band *band, struct sp_error *err);
 /* Clears the pixels, their fragments and the counters, and starts the timer. SP_ERR_MEMORY. */
 bool gl_band_start(const struct gl_band *band, struct sp_error *err);
 
-/* Clears layer 1 or 2 of the image, which has as many pixels as layer 0, to zero. */
+enum { GL_LAYER_OF_MOMENTS = 3 }; /* of the image of a frame with depth */
+
+/* Clears layer 1, 2 or 3 of the image, which has as many pixels as layer 0, to zero. */
 void gl_band_clear(const struct gl_band *band, uint32_t layer);
 
 /* Makes the writes of shaders visible to later shaders and buffer clears. */

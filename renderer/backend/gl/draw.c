@@ -508,6 +508,15 @@ static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backe
     return try_draw(s, slot, job, may_wait, err);
 }
 
+/* Only sheets of interpolated values have a depth here: other frames lose it. */
+static void drop_depth(const struct sp_backend_job *job) {
+    if (choose_path(job->view) == GL_PATH_RESAMPLED &&
+        !sp_compositing_is_projection(job->view->compositing.mode))
+        return;
+    job->frame->depth = job->frame->spread = NULL;
+    job->frame->depth_stride_bytes = 0;
+}
+
 bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct sp_error *err) {
     assert(s->begun < GL_IN_FLIGHT);
     struct gl_slot *slot = &s->slots[(s->oldest + s->begun) % GL_IN_FLIGHT];
@@ -517,6 +526,7 @@ bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct 
     if (sp_light_is_wanted(job->view))
         return sp_fail(err, SP_ERR_UNSUPPORTED, "/shading",
                        "this backend draws neither ambient occlusion nor shadows");
+    drop_depth(job);
     gl_memory_begin(s);
     gl_upload_next(&s->upload);
     gl_resample_next(&s->resample);

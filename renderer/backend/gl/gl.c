@@ -146,6 +146,7 @@ static void gl_info(const void *pointer, struct sp_renderer_info *info) {
     const struct gl_state *state = pointer;
     *info = (struct sp_renderer_info){ .backend = state->options.software ? "gl-software" : "gl",
                                        .isa = "",
+                                       .has_depth = true,
                                        .threads = sp_pool_threads(state->pool) };
     memcpy(info->device, state->device, sizeof info->device);
 }
@@ -236,7 +237,7 @@ static void gl_trim(void *pointer) {
         .kernels = SP_CAN_ALL, .compositings = SP_CAN_ALL, .attenuations = SP_CAN_ALL,             \
         .orders = SP_CAN_ALL, .shadings = SP_CAN(SP_SHADING_NONE) | SP_CAN(SP_SHADING_PHONG),      \
         .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF), .gradient_axis = true,       \
-        .interpolated_sheets = true, .clip_box = true, .clip_planes = true,                        \
+        .interpolated_sheets = true, .depth = true, .clip_box = true, .clip_planes = true,         \
         .layers = SP_CAN_ALL & ~SP_CAN(SP_LAYER_CHANNEL)                                           \
     }
 

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "backend/gl/resample_constants.h"
+#include "data/volume/grid.h"
 #include "draw/resample/rays.h"
 
 enum {
@@ -89,6 +90,21 @@ static bool list_passes(struct gl_resample_frame *f, const struct sp_resample_in
     return true;
 }
 
+/* The depth of the middle of the volume: depths count from here, for the sake of rounding. */
+static float compute_depth_origin(const struct gl_resample_frame *f,
+                                  const struct sp_backend_job *job) {
+    const struct sp_camera_transform *camera = &f->camera;
+    const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
+    double depth = 0;
+    for (int r = 0; r < 3; r++) {
+        double middle = grid->origin[r] - camera->eye.v[r];
+        for (unsigned a = 0; a < 3; a++)
+            middle += grid->direction[r][a] * sp_grid_distance(grid, a, grid->dims[a] / 2);
+        depth += camera->w.m[2][r] * middle;
+    }
+    return (float)depth;
+}
+
 bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
                        struct sp_error *err) {
     struct gl_state *s = band->state;
@@ -123,9 +139,10 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
           : f->resample.needs_gradient ? GL_RESAMPLE_GRADIENTS
                                        : GL_RESAMPLE_PLAIN;
     f->program = gl_resample_open(&s->resample, f->data.kind, use, band->fragments != NULL,
-                                  !f->data.places, s->device, err);
+                                  !f->data.places, job->frame->depth, s->device, err);
     if (!f->program)
         return false;
+    band->slot->depth_origin = compute_depth_origin(f, job);
     band->slot->mip_level = job->frame->stats.mip_level;
     band->slot->visible = job->frame->stats.visible_voxels;
     band->slot->stage_ms[GL_STAGE_CLASSIFY] += sp_job_clock_ms(job) - start_ms;
@@ -187,6 +204,8 @@ static bool draw_rows(const struct gl_resample_frame *f, const struct gl_resampl
         glUniform2i(1, first, first + f->intervals_at_once);
         glUniform3i(2, pass->sheets, ends, ends && f->pass_count > 1);
         glUniform1f(3, pass->share);
+        if (band->job->frame->depth)
+            glUniform1f(4, band->slot->depth_origin);
         glDispatchCompute(band->columns, rows, 1);
         gl_band_barrier();
         gl_timer_stamp(&band->slot->timer, GL_STAGE_TILE);
@@ -202,6 +221,8 @@ bool gl_resample_draw(const struct gl_resample_frame *f, struct gl_band *band,
     band->layer = f->pass_count > 1 ? layer_of_sum : 0;
     if (band->layer)
         gl_band_clear(band, band->layer);
+    if (band->job->frame->depth)
+        gl_band_clear(band, GL_LAYER_OF_MOMENTS);
     glUseProgram(f->program);
     for (int i = 0; i < f->pass_count; i++) {
         bind(f, &f->passes[i], band);

@@ -13,7 +13,7 @@ enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MAX = 1 << 24 };
 static const double shortness = 5;
 
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
-                          enum gl_resample_use use, bool has_layers, bool is_even,
+                          enum gl_resample_use use, bool has_layers, bool is_even, bool has_depth,
                           const char *device, struct sp_error *err) {
     static const struct {
         int samples, bytes, is_signed; /* samples: 0 integer, 1 real, 2 codes */
@@ -23,19 +23,20 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
         [GL_SAMPLES_INT32] = { 0, 4, 1 },  [GL_SAMPLES_FLOAT32] = { 1, 4, 0 },
         [GL_SAMPLES_CODES] = { 2, 4, 0 },
     };
-    struct gl_resample_program *own = &resample->programs[kind][use][has_layers][is_even];
+    struct gl_resample_program *own =
+        &resample->programs[kind][use][has_layers][is_even][has_depth];
     struct sp_error why = { .text = "it failed before; the log has the reason" };
-    char defines[352];
+    char defines[384];
     snprintf(defines, sizeof defines,
              "#define SAMPLES_INTEGER 0\n#define SAMPLES_REAL 1\n#define SAMPLES %d\n"
              "#define BYTES %du\n#define SIGNED %d\n#define GRADIENT %d\n#define PROJECTION %d\n"
              "#define SQUARE %du\n#define HALVES %d\n#define SIDES %d\n#define MAGNITUDES "
              "%d\n#define INTERVALS %d\n"
-             "#define LAYERS %d\n#define EVEN %d\n",
+             "#define LAYERS %d\n#define EVEN %d\n#define DEPTH %d\n",
              kinds[kind].samples, kinds[kind].bytes, kinds[kind].is_signed,
              use == GL_RESAMPLE_GRADIENTS, use == GL_RESAMPLE_PROJECTION, (unsigned)RESAMPLE_TILE,
              RESAMPLE_HALVES_MAX, RESAMPLE_SIDES_MAX, SP_GRADIENT_POINTS_MAX, GL_RESAMPLE_INTERVALS,
-             has_layers, is_even);
+             has_layers, is_even, has_depth);
     if (!own->program && !own->is_refused)
         own->program = gl_program_open(
             has_layers ? "frame shade resample cover seen smooth fragments ordinal draw_sheets"
@@ -79,7 +80,7 @@ void gl_resample_init(struct gl_resample *resample) {
 }
 
 void gl_resample_finish(struct gl_resample *resample) {
-    struct gl_resample_program *programs = &resample->programs[0][0][0][0];
+    struct gl_resample_program *programs = &resample->programs[0][0][0][0][0];
     for (size_t i = 0; i < sizeof resample->programs / sizeof *programs; i++)
         glDeleteProgram(programs[i].program);
     struct gl_buffer *buffers = (struct gl_buffer *)&resample->uploads;

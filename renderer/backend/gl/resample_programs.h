@@ -33,10 +33,10 @@ enum gl_resample_use {
 
 struct gl_resample {
     struct gl_resample_program {
-        unsigned program;                                 /* 0 = not compiled */
-        bool is_refused;                                  /* by the driver: not compiled again */
-    } programs[GL_SAMPLES_KINDS][GL_RESAMPLE_USES][2][2]; /* by kind, use, with other layers, evenly
-                                                            spaced */
+        unsigned program;                                    /* 0 = not compiled */
+        bool is_refused;                                     /* by the driver: not compiled again */
+    } programs[GL_SAMPLES_KINDS][GL_RESAMPLE_USES][2][2][2]; /* by kind, use, with other layers,
+                                                               evenly spaced, with depth */
     struct gl_resample_uploads {
         struct gl_buffer constants[3], squares[3]; /* by axis of the slices */
         struct gl_buffer colors;                   /* of the last projection */
@@ -47,7 +47,7 @@ struct gl_resample {
 /* Returns the program, which is compiled at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). A
  * context must be current, here and below. */
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
-                          enum gl_resample_use use, bool has_layers, bool is_even,
+                          enum gl_resample_use use, bool has_layers, bool is_even, bool has_depth,
                           const char *device, struct sp_error *err);
 
 /* Adapts the size of dispatches to the longest one of a band. limit_ms: a longer one is too long;

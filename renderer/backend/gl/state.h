@@ -68,6 +68,7 @@ struct gl_slot {
     uint64_t visible, splats, fragments; /* as in sp_frame_stats */
     unsigned mip_level;
     enum gl_path path;
+    float depth_origin;      /* of frames with depth: depths on the GPU count from here */
     bool has_pieces;         /* splats of the volume, or elements */
     bool has_layers;         /* other than the volume, or none at all */
     uint32_t fragments_most; /* most fragments of other layers in the memory of the band */

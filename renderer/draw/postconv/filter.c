@@ -503,12 +503,11 @@ static void resolve_depth(const struct sp_postconv_open_tile *t, int y) {
     _Alignas(64) float sums[3][POSTCONV_TILE], place[2][POSTCONV_TILE];
     const float *const planes[3] = { sums[0], sums[1], sums[2] };
     const float *const places[2] = { place[0], place[1] };
-    for (int x = 0; x < POSTCONV_TILE; x++) {
-        const int to = x / W * W + sp_postconv_pixel_at(x % W);
-        sums[0][to] = s->done[3][y][x];
-        for (int k = 0; k < 2; k++)
-            sums[k + 1][to] = s->moment[k][y][x];
-    }
+    const float *from[3] = { s->done[3][y], s->moment[0][y], s->moment[1][y] };
+    for (int k = 0; k < 3; k++)
+        for (int x = 0; x < POSTCONV_TILE; x += W)
+            for (int i = 0; i < W; i++)
+                sums[k][x + sp_postconv_pixel_at(i)] = from[k][x + i];
     sp_layer_places_row(t->postconv->places, t->x, t->y + y, t->width, place[0], place[1]);
     for (int x = 0; x < t->width; x++)
         place[0][x] += origin * place[1][x];

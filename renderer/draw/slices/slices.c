@@ -191,6 +191,8 @@ static bool draw_step(struct image *p, const struct sp_compose_step *step, struc
     } else {
         if (!job->draw(job->user, &step->clip, p->part, err))
             return false;
+        if (!p->part->depth) /* the backend has none for this view */
+            p->out->depth = p->out->spread = NULL;
         sp_parallel_for(job->workers, p->sum->height, ROWS, add_part, p);
     }
     return !sp_interrupt_is_cancelled(&job->interrupt) ||

@@ -86,7 +86,7 @@ struct sp_renderer_info {
                                             backend could not draw; "" = there was no such frame */
     unsigned threads;                    /* render threads, >= 1 */
     bool can_pause;                      /* frames pause on request (struct sp_pause) */
-    bool has_depth;                      /* frames have depth on request (sp/frame.h) */
+    bool has_depth;                      /* frames of some views have depth on request */
     unsigned lanes; /* SIMD lanes: voxels or pixels per CPU instruction; 0 = not known */
     /* The options of a view that SIMD kernels handle, by their names in a view; NULL ends the list.
      * All other options are computed one voxel or pixel at a time. NULL = not known. Constant
@@ -112,9 +112,11 @@ enum { SP_MIP_LEVEL_MAX = 2 };
 /* All zero = all defaults. */
 struct sp_render_options {
     enum sp_pixel_format format; /* 0 = SP_RGBA8 */
-    /* true = the frame gets depth and spread (sp/frame.h), if the backend computes them
-     * (sp_renderer_info.has_depth) and the view has a depth: a mean or sum of values has none. The
-     * pixels are the same with and without. false = sp_frame.depth is NULL. */
+    /* true = the frame gets depth and spread (sp/frame.h), if the view has a depth (a mean or sum
+     * of values has none) and the backend computes it: "cpu" for all such views, "gl" for sheets of
+     * interpolated values, which are the default, other backends never
+     * (sp_renderer_info.has_depth). Otherwise, and if false, sp_frame.depth is NULL. The pixels are
+     * the same with and without. */
     bool wants_depth;
     /* n in [0, SP_MIP_LEVEL_MAX]: draw 2^n × 2^n × 2^n voxels as one, averaged after
      * classification. The image is blurred, and up to 8^n times faster to draw. 0 = full detail.

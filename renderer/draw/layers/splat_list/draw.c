@@ -168,11 +168,12 @@ static void fill_empty(const struct band *b, int x, int y) {
     for (int row = 0; row < SP_VOXEL_TILE && row < below; row++)
         memcpy((char *)image->pixels + (size_t)(y + row) * image->stride_bytes + pixel * (size_t)x,
                line, n * pixel);
-    for (int row = 0; image->depth && row < SP_VOXEL_TILE && row < below; row++)
-        for (uint32_t i = 0; i < n; i++) {
-            sp_depth_row(image, image->depth, (size_t)(y + row))[(uint32_t)x + i] = INFINITY;
-            sp_depth_row(image, image->spread, (size_t)(y + row))[(uint32_t)x + i] = 0;
-        }
+    for (int row = 0; image->depth && row < SP_VOXEL_TILE && row < below; row++) {
+        float *depth = sp_depth_row(image, image->depth, (size_t)(y + row)) + x;
+        for (uint32_t i = 0; i < n; i++)
+            depth[i] = INFINITY;
+        memset(sp_depth_row(image, image->spread, (size_t)(y + row)) + x, 0, n * sizeof *depth);
+    }
 }
 
 static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {

@@ -433,12 +433,14 @@ static void resolve_depth(const struct sp_voxel_tile *tile, int y, uint32_t coun
     float moment[2][SP_VOXEL_TILE], place[2][SP_VOXEL_TILE];
     const float *const planes[3] = { light, moment[0], moment[1] };
     const float *const places[2] = { place[0], place[1] };
-    for (int x = 0; x < SP_VOXEL_TILE; x++) {
+    for (int x = 0; x < SP_VOXEL_TILE; x += 4) {
         const float *cell = tile->moments + (y / CELL_ROWS * COLUMNS + x / 4) * (CELL_FLOATS / 2);
         for (int k = 0; k < 2; k++)
-            moment[k][x] = cell[k * SP_WIDE + y % CELL_ROWS * 4 + x % 4];
-        place[0][x] = isnan(tile->origin) ? 0 : tile->origin;
-        place[1][x] = 1;
+            memcpy(&moment[k][x], cell + k * SP_WIDE + y % CELL_ROWS * 4, 4 * sizeof(float));
+    }
+    for (int x = 0; x < SP_VOXEL_TILE; x += SP_WIDE) {
+        sp_wide_store(place[0] + x, sp_wide_all(isnan(tile->origin) ? 0 : tile->origin));
+        sp_wide_store(place[1] + x, sp_wide_all(1));
     }
     sp_depth_resolve(planes, places, count, sp_depth_row(image, image->depth, row) + tile->x,
                      sp_depth_row(image, image->spread, row) + tile->x);

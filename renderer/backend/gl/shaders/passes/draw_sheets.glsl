@@ -6,7 +6,8 @@
 
 layout(local_size_x = TILE, local_size_y = TILE) in;
 // By pixel of the band: transmittance and premultiplied colour; then, again by pixel, the gradient of the last surface and
-// the number of fragments that were composited plus half of face_opacity; then the sum of passes.
+// the number of fragments that were composited plus half of face_opacity; then the sum of passes. DEPTH: then moments of the
+// depth (frame/depth.h), and the sum of the passes' moments.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 #if PROJECTION
 layout(std430, binding = 5) readonly buffer Colors { vec4 colors[]; }; // and alpha
@@ -22,6 +23,8 @@ layout(location = 0) uniform uvec4 band;  // width of the image, first row and l
 layout(location = 1) uniform ivec2 range; // intervals: first, last + 1
 layout(location = 2) uniform ivec3 part;  // sheets per slice of the pass; 1 = it ends; 1 = its pixels are added to the sum
 layout(location = 3) uniform float axis_share; // share of the image that slices along the pass's axis have
+
+layout(location = 4) uniform float depth_origin; // DEPTH: depths count from here
 
 const uint PIXELS = TILE * TILE;
 // RAW: samples in shared memory, which surround the refined ones. REFINED: words of the refined samples. Less shared memory lets
@@ -494,7 +497,28 @@ vec3 compute_normal(vec3 gradient, float width, float opacity) {
     return own;
 }
 
-void add(float opacity, vec3 color) {
+#if DEPTH
+vec2 moments; // Σ T α d, Σ T α d², d = depth − depth_origin
+
+void add_depth(float share, float d) {
+    moments += share * vec2(d, d * d);
+}
+
+// d of a place on the ray.
+float depth_at(float s) {
+    vec4 by_depth = depths[slices];
+    float aside = dot(at - lens.yz, by_depth.zw), forward = is_backwards ? -s : s;
+    bool is_perspective = choice.x != 0u;
+    float from = by_depth.x + (depth_origin - metric[1].w) * by_depth.y + (is_perspective ? depth_origin * aside : aside);
+    return (forward - from) / (by_depth.y + (is_perspective ? aside : 0.0));
+}
+#endif
+
+// place: s.
+void add(float opacity, vec3 color, float place) {
+#if DEPTH
+    add_depth(pixel.x * opacity, depth_at(place));
+#endif
     pixel.yzw += pixel.x * opacity * color;
     pixel.x *= 1.0 - opacity;
 }
@@ -518,7 +542,13 @@ void set_next(uint i) {
 
 // Composites the next fragment.
 void insert() {
+#if DEPTH
+    float before = pixel.x, d = fragment_depth(next_fragment) - depth_origin;
+#endif
     pixel = over_fragment(pixel);
+#if DEPTH
+    add_depth(before - pixel.x, d);
+#endif
     set_next(next_fragment + 1u);
 }
 
@@ -535,21 +565,21 @@ float part_of(float opacity, float share) {
     return share > 0.0 ? 1.0 - pow(max(1.0 - opacity, 0.0), share) : 0.0;
 }
 
-// Composites the interval [s, s + width], and the fragments in it.
-void composite(float s, float width, float opacity, vec3 color) {
+// Composites the interval [s, s + width], which is seen at `place`, and the fragments in it.
+void composite(float s, float width, float place, float opacity, vec3 color) {
     float from = max(s, begin), to = min(s + width, end), before = from, left = 1.0;
     while (next_s < to) {
         float next = max(next_s, before), share = to > from ? min((next - before) / (to - from), left) : 0.0;
-        add(part_of(opacity, share), color);
+        add(part_of(opacity, share), color, 0.5 * (before + next));
         insert();
         left -= share;
         before = next;
     }
-    add(part_of(opacity, left), color);
+    add(part_of(opacity, left), color, left < 1.0 ? 0.5 * (before + to) : place);
 }
 #else
-void composite(float s, float width, float opacity, vec3 color) {
-    add(opacity, color);
+void composite(float s, float width, float place, float opacity, vec3 color) {
+    add(opacity, color, place);
 }
 #endif
 
@@ -572,10 +602,13 @@ void integrate(int n, vec3 value[4]) {
     vec4 sum = own[0].mean + own[1].mean;
     if (!(sum.w > 0.0))
         return;
-    float light = transmit(sum.w * passed);
+    float light = transmit(sum.w * passed), seen_at = 0.0;
+#if DEPTH && !GRADIENT
+    seen_at = front + share * seen_share(sum.w * passed);
+#endif
 #if GRADIENT
     vec2 opacities = 1.0 - vec2(transmit(own[0].mean.w * passed), light);
-    float seen_at = front + share * seen_place(own, passed, opacities);
+    seen_at = front + share * seen_place(own, passed, opacities);
     vec3 gradient = compute_gradient(value, width, seen_at);
     if (base.w > 0) {
         float opacity = scale_of(sqrt(dot(gradient, gradient))) * (1.0 - exp2(-LOG2E * sum.w));
@@ -596,7 +629,7 @@ void integrate(int n, vec3 value[4]) {
             color = mix(color, shade_normal(unlit, face, to_eye), cut_share);
     }
 #endif
-    composite(s, width, 1.0 - light, color);
+    composite(s, width, s + seen_at * width, 1.0 - light, color);
 }
 #else
 // Adds the interval between sheets n and n + 1 to the pixel's number (draw/resample/accumulate.c).
@@ -648,8 +681,20 @@ void close_pixel() {
 void close_cover() {
     vec4 other = vec4(1.0, 0.0, 0.0, 0.0);
 #if LAYERS
+#if DEPTH
+    vec2 others = vec2(0);
+    for (next_fragment = 0u; next_fragment < fragment_count; next_fragment++) {
+        float before = other.x, d = fragment_depth(next_fragment) - depth_origin;
+        other = over_fragment(other);
+        others += (before - other.x) * vec2(d, d * d);
+    }
+    moments = mix(others, moments, cover);
+#else
     for (next_fragment = 0u; next_fragment < fragment_count; next_fragment++)
         other = over_fragment(other);
+#endif
+#elif DEPTH
+    moments *= cover;
 #endif
     pixel = mix(other, pixel, cover);
 }
@@ -694,6 +739,10 @@ void main() {
     vec4 kept = is_inside && range.x > 0 ? image[own] : vec4(0);
     normal = kept.xyz;
     face_opacity = 2.0 * fract(kept.w);
+#if DEPTH
+    vec4 kept_moments = is_inside ? image[own + 2u * pixels] : vec4(0);
+    moments = kept_moments.xy;
+#endif
 #if PROJECTION
     if (is_inside && range.x == 0)
         pixel = vec4(1.0, choices.x != 0 ? numbers[0].y : 0.0, 0.0, 0.0);
@@ -736,9 +785,15 @@ void main() {
         close_cover();
     if (is_inside && part.y != 0 && part.z != 0) {
         image[own + pixels] += axis_share * pass_share * pixel;
+#if DEPTH
+        image[own + 2u * pixels] = vec4(0.0, 0.0, kept_moments.zw + axis_share * pass_share * moments);
+#endif
         image[index] = vec4(1.0, 0.0, 0.0, 0.0); // for the next pass
     } else if (is_inside) {
         image[index] = pixel;
+#if DEPTH
+        image[own + 2u * pixels] = vec4(moments, kept_moments.zw);
+#endif
 #if GRADIENT || LAYERS
         image[own] = vec4(normal, floor(kept.w) + 0.5 * face_opacity);
 #endif
