@@ -17,19 +17,29 @@ static inline void resolve(const sp_wide plane[3], const sp_wide place[2], sp_wi
 
 void sp_depth_resolve(const float *const planes[3], const float *const place[2], uint32_t count,
                       float *depth, float *spread) {
-    for (uint32_t i = 0; i < count; i += SP_WIDE) {
-        const size_t n = count - i < SP_WIDE ? count - i : SP_WIDE;
-        sp_wide plane[3], at[2], to[2];
-        for (int k = 0; k < 3; k++) {
-            plane[k] = sp_wide_all(0);
-            memcpy(&plane[k], planes[k] + i, n * sizeof(float));
-        }
-        for (int k = 0; k < 2; k++) {
-            at[k] = sp_wide_all(0);
-            memcpy(&at[k], place[k] + i, n * sizeof(float));
-        }
+    sp_wide plane[3], at[2], to[2];
+    uint32_t i = 0;
+    for (; i + SP_WIDE <= count; i += SP_WIDE) {
+        for (int k = 0; k < 3; k++)
+            plane[k] = sp_wide_load(planes[k] + i);
+        for (int k = 0; k < 2; k++)
+            at[k] = sp_wide_load(place[k] + i);
         resolve(plane, at, &to[0], &to[1]);
-        memcpy(depth + i, &to[0], n * sizeof(float));
-        memcpy(spread + i, &to[1], n * sizeof(float));
+        sp_wide_store(depth + i, to[0]);
+        sp_wide_store(spread + i, to[1]);
     }
+    const size_t bytes = (count - i) * sizeof(float);
+    if (!bytes)
+        return;
+    for (int k = 0; k < 3; k++) {
+        plane[k] = sp_wide_all(0);
+        memcpy(&plane[k], planes[k] + i, bytes);
+    }
+    for (int k = 0; k < 2; k++) {
+        at[k] = sp_wide_all(0);
+        memcpy(&at[k], place[k] + i, bytes);
+    }
+    resolve(plane, at, &to[0], &to[1]);
+    memcpy(depth + i, &to[0], bytes);
+    memcpy(spread + i, &to[1], bytes);
 }

@@ -242,11 +242,12 @@ static inline void close_cell(struct sp_voxel_tile *tile, int cell) {
 
 /* Composites a splat onto the covered pixels of a cell. There may be none: asking would take
  * longer, because the branch is hard to predict. `blended`: the share of the streaks' colour; NULL
- * = none. `open`: NULL = the tile has no fragments. Always inline: calls would take 5 % of a frame.
+ * = none. `moved`: depth of the splat less the tile's origin; NULL = the image has no depth.
+ * `open`: NULL = the tile has no fragments. Always inline: calls would take 5 % of a frame.
  */
 static inline __attribute__((always_inline)) void
 composite(struct sp_voxel_tile *tile, struct open_fragments *open, const struct sp_voxel_frame *f,
-          const struct sp_voxel_record *r, sp_wide pass, const sp_wide *blended,
+          const struct sp_voxel_record *r, sp_wide pass, const sp_wide *blended, const float *moved,
           sp_wide_mask covered, int cell) {
     float *planes = tile->cells + cell * CELL_FLOATS;
     const float depth = r->u2 * (float)f->ewa.unit;
@@ -260,10 +261,9 @@ composite(struct sp_voxel_tile *tile, struct open_fragments *open, const struct 
         float *sum = open->depth + cell * SP_WIDE;
         sp_wide_store(sum, sp_wide_load(sum) + share * depth);
     }
-    if (tile->has_depth) {
-        float *moment = tile->moments + cell * CELL_FLOATS / 2;
-        tile->origin = isnan(tile->origin) ? depth : tile->origin;
-        sp_moments_add(moment, moment + SP_WIDE, share, sp_wide_all(depth - tile->origin));
+    if (moved) {
+        float *moment = tile->moments + cell * (CELL_FLOATS / 2);
+        sp_moments_add(moment, moment + SP_WIDE, share, sp_wide_all(*moved));
     }
     sp_wide_store(planes, left);
     for (int k = 0; k < 3; k++) {
@@ -277,7 +277,8 @@ composite(struct sp_voxel_tile *tile, struct open_fragments *open, const struct 
 }
 
 static inline void add_gaussian(struct sp_voxel_tile *tile, struct open_fragments *open,
-                                const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
+                                const struct sp_voxel_frame *f, const struct sp_voxel_record *r,
+                                const float *moved) {
     struct cells c = compute_cells(tile, r);
     const sp_wide cut = sp_wide_all(f->ewa.cut);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
@@ -289,7 +290,7 @@ static inline void add_gaussian(struct sp_voxel_tile *tile, struct open_fragment
             sp_wide power = compute_power(r, dx, dy);
             sp_wide_mask covered = sp_wide_le(power, cut) & mask_open(tile, open, cell);
             sp_wide pass = pass_gaussian(f, r, exp2_within(-power));
-            composite(tile, open, f, r, pass, NULL, covered, cell);
+            composite(tile, open, f, r, pass, NULL, moved, covered, cell);
         }
 }
 
@@ -303,7 +304,8 @@ static inline sp_wide pass_trained(const struct sp_voxel_record *r, sp_wide weig
 }
 
 static inline void add_trained(struct sp_voxel_tile *tile, struct open_fragments *open,
-                               const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
+                               const struct sp_voxel_frame *f, const struct sp_voxel_record *r,
+                               const float *moved) {
     struct cells c = compute_cells(tile, r);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
     const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
@@ -314,15 +316,14 @@ static inline void add_trained(struct sp_voxel_tile *tile, struct open_fragments
             sp_wide power = sp_wide_min(compute_power(r, dx, dy), sp_wide_all(126));
             sp_wide_mask covered = mask_open(tile, open, cell);
             sp_wide pass = pass_trained(r, exp2_finely_within(-power), &covered);
-            composite(tile, open, f, r, pass, NULL, covered, cell);
+            composite(tile, open, f, r, pass, NULL, moved, covered, cell);
         }
 }
 
 /* Adds a splat close to the eye. Not inline: most frames have none. */
-static __attribute__((noinline)) void add_close(struct sp_voxel_tile *tile,
-                                                struct open_fragments *open,
-                                                const struct sp_voxel_frame *f,
-                                                const struct sp_voxel_record *r) {
+static __attribute__((noinline)) void
+add_close(struct sp_voxel_tile *tile, struct open_fragments *open, const struct sp_voxel_frame *f,
+          const struct sp_voxel_record *r, const float *moved) {
     struct cells c = compute_cells(tile, r);
     const struct sp_voxel_close close = sp_voxel_close_begin(f, r);
     const float x = close.is_ahead ? r->x : 0, y = close.is_ahead ? r->y : 0;
@@ -337,7 +338,7 @@ static __attribute__((noinline)) void add_close(struct sp_voxel_tile *tile,
             sp_wide pass =
                 f->is_trained ? pass_trained(r, weight, &covered) : attenuate(f, r->depth * weight);
             if (sp_wide_any(covered))
-                composite(tile, open, f, r, pass, NULL, covered, cell);
+                composite(tile, open, f, r, pass, NULL, moved, covered, cell);
         }
 }
 
@@ -364,7 +365,8 @@ static inline sp_wide power_of_streak(sp_wide along, sp_wide across) {
 }
 
 static inline void add_streak(struct sp_voxel_tile *tile, struct open_fragments *open,
-                              const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
+                              const struct sp_voxel_frame *f, const struct sp_voxel_record *r,
+                              const float *moved) {
     struct cells c = compute_cells(tile, r);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
     const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
@@ -380,12 +382,13 @@ static inline void add_streak(struct sp_voxel_tile *tile, struct open_fragments 
             if (!sp_wide_any(covered))
                 continue;
             sp_wide pass = pass_streak(f, r, along, across, power, &blended);
-            composite(tile, open, f, r, pass, &blended, covered, cell);
+            composite(tile, open, f, r, pass, &blended, moved, covered, cell);
         }
 }
 
 static inline void add_flat(struct sp_voxel_tile *tile, struct open_fragments *open,
-                            const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
+                            const struct sp_voxel_frame *f, const struct sp_voxel_record *r,
+                            const float *moved) {
     struct cells c = compute_cells(tile, r);
     const sp_wide pass = sp_wide_all(pass_flat(f, r));
     const sp_wide right = lane_columns() + ((float)tile->x + 0.5f);
@@ -396,34 +399,42 @@ static inline void add_flat(struct sp_voxel_tile *tile, struct open_fragments *o
             sp_wide_mask covered = cover_box(r, right + column_of(cell), down + row_of(cell)) &
                                    mask_open(tile, open, cell);
             if (sp_wide_any(covered))
-                composite(tile, open, f, r, pass, NULL, covered, cell);
+                composite(tile, open, f, r, pass, NULL, moved, covered, cell);
         }
 }
 
 static inline void add_records(struct sp_voxel_tile *tile, struct open_fragments *open,
                                const struct sp_voxel_frame *frame,
                                const struct sp_voxel_record *records, const uint32_t *entries,
-                               uint32_t count) {
+                               uint32_t count, bool has_depth) {
     enum { AHEAD = 8 };
     for (uint32_t e = 0; e < count && tile->open_count; e++) {
         if (e + AHEAD < count)
             __builtin_prefetch(&records[entries[e + AHEAD]]);
+        const struct sp_voxel_record *r = &records[entries[e]];
+        const float depth = r->u2 * (float)frame->ewa.unit;
+        if (has_depth && isnan(tile->origin))
+            tile->origin = depth;
+        const float d = depth - tile->origin, *moved = has_depth ? &d : NULL;
         if (frame->has_streaks)
-            add_streak(tile, open, frame, &records[entries[e]]);
-        else if (records[entries[e]].close.kind != SP_CLOSE_FAR)
-            add_close(tile, open, frame, &records[entries[e]]);
+            add_streak(tile, open, frame, r, moved);
+        else if (r->close.kind != SP_CLOSE_FAR)
+            add_close(tile, open, frame, r, moved);
         else if (frame->is_trained)
-            add_trained(tile, open, frame, &records[entries[e]]);
+            add_trained(tile, open, frame, r, moved);
         else if (frame->mode == SP_FILTER_NONE)
-            add_flat(tile, open, frame, &records[entries[e]]);
+            add_flat(tile, open, frame, r, moved);
         else
-            add_gaussian(tile, open, frame, &records[entries[e]]);
+            add_gaussian(tile, open, frame, r, moved);
     }
 }
 
 void sp_voxel_add(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
                   const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count) {
-    add_records(tile, NULL, frame, records, entries, count);
+    if (tile->has_depth)
+        add_records(tile, NULL, frame, records, entries, count, true);
+    else
+        add_records(tile, NULL, frame, records, entries, count, false);
 }
 
 /* Writes the depth of `count` pixels of row y. light: their transmittances. */
@@ -499,7 +510,7 @@ void sp_voxel_merge(struct sp_fragment_tile *to, const struct sp_voxel_frame *fr
         return;
     sp_voxel_start(&tile, to->x, to->y, frame->ewa.size, false);
     start_fragments(&open, &tile, frame, to);
-    add_records(&tile, &open, frame, records, entries, count);
+    add_records(&tile, &open, frame, records, entries, count, false);
     for (int cell = 0; cell < CELLS; cell++) {
         sp_wide through = sp_wide_load(tile.cells + cell * CELL_FLOATS);
         sp_wide_mask began = sp_wide_lt(through, sp_wide_all(1));
