@@ -112,23 +112,30 @@ static unsigned compare(const struct test_image *truth, const struct sp_frame *f
     return count;
 }
 
-static bool check_target(const struct test_target *target, const struct row *row,
-                         const struct test_scene *scene, const struct test_image *truth) {
+enum { TARGETS_MAX = 16 };
+
+/* All backends and instruction sets of this machine. */
+struct run {
+    struct test_target targets[TARGETS_MAX];
+    struct test_renderer renderers[TARGETS_MAX];
+    unsigned count;
+};
+
+static bool check_target(const struct test_target *target, const struct test_renderer *r,
+                         const struct row *row, const struct test_scene *scene,
+                         const struct test_image *truth) {
     const struct sp_render_options options = { .format = SP_RGBAF32, .wants_depth = true };
     const double *spacing = scene->info.grid.spacing;
     const double unit = fmin(spacing[0], fmin(spacing[1], spacing[2]));
     const bool is_slab = scene->view.compositing.mode == SP_COMPOSITE_SLAB;
-    struct test_renderer r;
     struct sp_error err;
     double mean[2];
-    if (!test_renderer_open(&r, target, 1, &err))
-        return true; /* conformance.depth says that it is skipped */
     struct sp_volume *volume = test_scene_volume(scene, &err);
     struct sp_frame *frame =
-        volume ? sp_renderer_render(r.renderer, volume, &scene->view, r.pool, &options, &err)
+        volume ? sp_renderer_render(r->renderer, volume, &scene->view, r->pool, &options, &err)
                : NULL;
     struct sp_renderer_info info;
-    sp_renderer_info(r.renderer, &info);
+    sp_renderer_info(r->renderer, &info);
     bool ok = frame && (frame->depth || !info.has_depth);
     if (frame && frame->depth) {
         const unsigned count = compare(truth, frame, unit, mean);
@@ -140,12 +147,13 @@ static bool check_target(const struct test_target *target, const struct row *row
     }
     printf(ok ? "" : " FAILED");
     sp_frame_unref(&frame);
+    if (volume)
+        sp_renderer_evict(r->renderer, volume);
     sp_volume_unref(&volume);
-    test_renderer_close(&r);
     return ok;
 }
 
-static unsigned check_row(const struct row *row) {
+static unsigned check_row(const struct run *run, const struct row *row) {
     struct test_scene scene;
     struct test_image truth;
     struct marcher m;
@@ -165,11 +173,10 @@ static unsigned check_row(const struct row *row) {
         return 1;
     }
     for (int is_slab = 0; is_slab < 2; is_slab++) {
-        struct test_target target;
         scene.view.compositing.mode = is_slab ? SP_COMPOSITE_SLAB : SP_COMPOSITE_SHEET;
         printf("%-14s %s", row->name, is_slab ? "slab " : "sheet");
-        for (unsigned t = 0; test_target_at(t, &target); t++)
-            failed += !check_target(&target, row, &scene, &truth);
+        for (unsigned t = 0; t < run->count; t++)
+            failed += !check_target(&run->targets[t], &run->renderers[t], row, &scene, &truth);
         printf("\n");
     }
     test_interpolant_finish(&m.field);
@@ -179,11 +186,24 @@ static unsigned check_row(const struct row *row) {
 }
 
 int main(void) {
+    struct run run = { .count = 0 };
+    struct test_target target;
     unsigned failed = 0;
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
+    for (unsigned t = 0; run.count < TARGETS_MAX && test_target_at(t, &target); t++) {
+        struct sp_error err; /* conformance.depth prints what is skipped */
+        if (test_renderer_open(&run.renderers[run.count], &target, 1, &err))
+            run.targets[run.count++] = target;
+    }
+    if (run.count == 0) {
+        printf("FAILED: the CPU backend does not start\n");
+        return 1;
+    }
     printf("Mean differences of depth and of spread [smallest spacing]\n");
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++)
-        failed += check_row(&rows[i]);
+        failed += check_row(&run, &rows[i]);
+    for (unsigned t = 0; t < run.count; t++)
+        test_renderer_close(&run.renderers[t]);
     if (failed)
         printf("%u images FAILED\n", failed);
     return failed > 0;
