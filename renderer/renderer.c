@@ -14,6 +14,7 @@
 #include "draw/resample/resample.h"
 #include "draw/slices/slices.h"
 #include "frame/antialias.h"
+#include "frame/depth.h"
 #include "renderer/renderer_private.h"
 #include "sp/budget.h"
 
@@ -201,6 +202,19 @@ static void antialias(struct sp_renderer *r, const struct sp_renderer_frame *f) 
         sp_antialias(f->job.frame, strength, &r->rows, r->workers, NULL);
 }
 
+/* A footprint that reaches across the plane of the eye has the depth of its centre, which may lie
+ * behind the eye. What a pixel shows in perspective lies behind the near plane. */
+static void bound_depth(struct sp_frame *frame, const struct sp_camera *camera) {
+    const float near = (float)camera->near;
+    if (!frame->depth || camera->projection != SP_PERSPECTIVE)
+        return;
+    for (uint32_t y = 0; y < frame->height; y++) {
+        float *depths = sp_depth_row(frame, frame->depth, y);
+        for (uint32_t x = 0; x < frame->width; x++)
+            depths[x] = depths[x] < near ? near : depths[x];
+    }
+}
+
 unsigned sp_renderer_depth(const struct sp_renderer *renderer) {
     unsigned depth = atomic_load(&renderer->backend)->depth;
     return depth > 1 ? depth : 1;
@@ -291,6 +305,7 @@ struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_erro
                                              : sp_renderer_draw(renderer, f, err);
     if (ok)
         antialias(renderer, f);
+    bound_depth(f->job.frame, &f->view.camera);
     struct sp_frame *frame = ok ? sp_frame_ref(f->job.frame) : NULL;
     if (frame) {
         frame->stats.render_ms = fmax(f->ms + sp_job_clock_ms(&f->job) - start_ms, 0);

@@ -40,7 +40,7 @@ enum {
  * it grows, and its copy. */
 uint64_t sp_encode_bytes(enum sp_image_format format, const uint32_t size[2]) {
     static const unsigned per_pixel[SP_IMAGE_FORMAT_COUNT] = {
-        [SP_IMAGE_JPEG] = 14, [SP_IMAGE_PNG] = 12, [SP_IMAGE_WEBP] = 40, [SP_IMAGE_EXR] = 56
+        [SP_IMAGE_JPEG] = 14, [SP_IMAGE_PNG] = 12, [SP_IMAGE_WEBP] = 40, [SP_IMAGE_EXR] = 88
     };
     const uint64_t least = 256 << 10;
     return least + (uint64_t)size[0] * size[1] * per_pixel[format];

@@ -31,7 +31,7 @@ struct sp_encoder {
     sp_exr_encode_fn *exr; /* NULL until the first EXR; the library is never unloaded */
 };
 
-/* The pixels that a format encodes: rows of `stride` bytes, from the top; four channels. */
+/* The pixels that a format encodes: rows of `stride` bytes, from the top; four channels, or one. */
 struct sp_raster {
     const void *pixels;
     uint32_t width, height;
@@ -39,6 +39,7 @@ struct sp_raster {
     const float *depth, *spread; /* of the frame, for EXR; NULL = none */
     size_t depth_stride;         /* bytes */
     bool is_opaque; /* 8 bits only: the fourth channel is 255 everywhere and can be left out */
+    bool is_grey;   /* PNG only: one channel of 8 bits */
 };
 
 /* Empties the buffer and reserves `capacity` bytes. Frees the old memory if it is far larger than

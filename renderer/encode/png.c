@@ -66,12 +66,16 @@ static void write_image(png_structp png, png_infop info, const struct sp_raster 
     png_set_compression_buffer_size(png, CHUNK_BYTES);
     png_set_filter(png, PNG_FILTER_TYPE_BASE, FILTER);
     png_set_IHDR(png, info, raster->width, raster->height, 8,
-                 raster->is_opaque ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_RGBA, PNG_INTERLACE_NONE,
-                 PNG_COMPRESSION_TYPE_BASE, PNG_FILTER_TYPE_BASE);
-    png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
-    png_set_text(png, info, &software, 1);
+                 raster->is_grey     ? PNG_COLOR_TYPE_GRAY
+                 : raster->is_opaque ? PNG_COLOR_TYPE_RGB
+                                     : PNG_COLOR_TYPE_RGBA,
+                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_BASE, PNG_FILTER_TYPE_BASE);
+    if (!raster->is_grey) { /* an image to look at */
+        png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
+        png_set_text(png, info, &software, 1);
+    }
     png_write_info(png, info);
-    if (raster->is_opaque)
+    if (raster->is_opaque && !raster->is_grey)
         png_set_filler(png, 0, PNG_FILLER_AFTER); /* the fourth byte is left out */
     for (uint32_t y = 0; y < raster->height; y++)
         png_write_row(png, (png_const_bytep)raster->pixels + y * raster->stride);

@@ -406,15 +406,21 @@ static bool depths_equal(const struct sp_frame *a, const struct sp_frame *b) {
     return true;
 }
 
-/* The pixels do not depend on the depth. */
+/* The pixels do not depend on the depth. `with`: a frame with depth. */
 static bool keeps_pixels(const struct test_renderer *r, const struct setting *s,
-                         enum sp_pixel_format format) {
+                         const struct sp_frame *with) {
     struct sp_error err;
-    struct sp_frame *with = render(r, s, true, format, &err);
-    struct sp_frame *without = render(r, s, false, format, &err);
-    const bool same = with && without && !without->depth && test_frames_equal(with, without);
-    sp_frame_unref(&with);
+    struct sp_frame *without = with ? render(r, s, false, with->format, &err) : NULL;
+    const bool same = without && !without->depth && test_frames_equal(with, without);
     sp_frame_unref(&without);
+    return same;
+}
+
+static bool keeps_bytes(const struct test_renderer *r, const struct setting *s) {
+    struct sp_error err;
+    struct sp_frame *with = render(r, s, true, SP_RGBA8, &err);
+    const bool same = keeps_pixels(r, s, with);
+    sp_frame_unref(&with);
     return same;
 }
 
@@ -444,6 +450,10 @@ static unsigned check_row(const struct run *run, const struct row *row) {
         struct sp_error err = { .code = SP_OK };
         if (t >= run->cpu && !is_on_gpu(row))
             continue;
+        if (TEST_SANITIZED && t >= run->cpu && __builtin_popcount(row->layers) > 3)
+            continue; /* software GL takes far longer for them */
+        if (TEST_SANITIZED && t > 0 && t + 1 < run->cpu)
+            continue; /* the same code, compiled for other instruction sets */
         struct sp_frame *frame = render(&run->renderers[t], &s, true, SP_RGBAF32, &err);
         if (!frame || !frame->depth) {
             printf("  %s: no depth: %s", run->targets[t].isa, frame ? "" : err.text);
@@ -454,11 +464,11 @@ static unsigned check_row(const struct run *run, const struct row *row) {
         const struct errors e = compare(&s, frame);
         bool ok = e.mean <= row->most[0] && e.largest <= row->most[1] && e.spread <= row->most[2] &&
                   e.wrong == 0 && e.count >= 500;
-        for (int f = 0; f < 2; f++)
-            if (!keeps_pixels(&run->renderers[t], &s, f ? SP_RGBAF32 : SP_RGBA8)) {
-                printf(" pixels differ");
-                ok = false;
-            }
+        if (!keeps_pixels(&run->renderers[t], &s, frame) ||
+            (t + 1 == run->cpu && !keeps_bytes(&run->renderers[t], &s))) {
+            printf(" pixels differ");
+            ok = false;
+        }
         if (t + 1 == run->cpu) {
             struct sp_frame *other = render(&run->threads, &s, true, SP_RGBAF32, &err);
             if (!other || !depths_equal(frame, other)) {

@@ -13,6 +13,7 @@
 #include "sp/api.h"
 #include "sp/frame.h"
 #include "sp/status.h"
+#include "sp/view.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -41,8 +42,7 @@ SP_API const struct sp_image_format_info *sp_image_format_info(enum sp_image_for
 SP_API enum sp_image_format sp_image_format_find(const char *text);
 
 /* Returns an upper bound of the memory that encoding an image takes, in bytes: without its pixels,
- * but with a copy of the encoded file. EXR of a frame with depth takes up to 32 bytes per pixel
- * more. Thread-safe. */
+ * but with a copy of the encoded file. Thread-safe. */
 SP_API uint64_t sp_encode_bytes(enum sp_image_format format, const uint32_t size[2]);
 
 /* An encoder keeps the memory that it reuses from frame to frame. One thread at a time. */
@@ -91,6 +91,29 @@ SP_API void sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share,
 SP_API bool sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
                       enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
                       struct sp_error *err);
+
+/* The depth of a frame as a small image, for clients that draw the frame from another camera. One
+ * cell stands for SP_DEPTH_CELL × SP_DEPTH_CELL pixels of the frame (fewer at the right and the
+ * lower border). Where the depths of a cell lie on both sides of a silhouette, the nearer side
+ * counts. It is a grey PNG of 8 bits, with twice as many rows as there are cells:
+ *
+ *   upper half  0 = the cell shows nothing; else v in [1, 255], the depth: from far (1) to near
+ *               (255), in equal steps of 1 / depth in perspective, and of depth in orthographic
+ *               projection
+ *   lower half  the spread, in 255ths of far − near, rounded down to a multiple of
+ *               SP_DEPTH_SPREAD_STEP; the largest one means that or more */
+enum { SP_DEPTH_CELL = 4, SP_DEPTH_SPREAD_STEP = 32 };
+struct sp_depth_image {
+    uint32_t cells[2];    /* columns, rows */
+    float near, far;      /* depths of 255 and of 1 [world unit]; in perspective > 0 */
+    const uint8_t *bytes; /* the PNG; owned by the encoder, valid until its next call */
+    size_t byte_count;    /* 0 = the frame shows nothing, and all is 0 */
+};
+/* Encodes the depth of a frame that has one (sp_frame.depth). Errors: SP_ERR_MEMORY,
+ * SP_ERR_BACKEND. */
+SP_API bool sp_encode_depth(struct sp_encoder *encoder, const struct sp_frame *frame,
+                            enum sp_projection projection, struct sp_depth_image *image,
+                            struct sp_error *err);
 
 #ifdef __cplusplus
 }

@@ -96,7 +96,8 @@ struct sp_frame {
  *   depth = Σ T α z / Σ T α        spread = √(Σ T α z² / Σ T α − depth²)   [world unit, ≥ 0]
  *
  * The background counts for nothing. A pixel whose opacity is below SP_DEPTH_ALPHA_MIN shows
- * nothing: its depth is +infinity and its spread 0. All other depths are finite. A spread far below
+ * nothing: its depth is +infinity and its spread 0. All other depths are finite; in perspective
+ * they are at least the depth of the near plane. A spread far below
  * the depth of the scene says that the pixel shows a surface, a large one that it shows haze, or
  * several surfaces.
  *
