@@ -5,6 +5,15 @@
  *   0 "SPF1"  4 codec u8  5 flags u8  6 header bytes u16  8 frame u32  12 seq u32
  *   16 width u16  18 height u16  20 render µs u32  24 encode µs u32  28 payload bytes u32
  *   32 queue µs u32
+ *
+ * The image is the last `payload bytes` of the message. With PROTO_FRAME_DEPTH the header has 100
+ * more bytes, and a depth image may precede the image:
+ *
+ *   36 depth bytes u32  40 columns u16  42 rows u16  44 near f32  48 far f32
+ *   52 projection u32 (0 perspective, 1 orthographic)  56 position 3 × f64  80 target 3 × f64
+ *   104 up 3 × f64  128 fov_y (degrees) or height (world units) f64
+ *
+ *   header of 136 bytes │ depth image │ image
  */
 #ifndef PROTO_FRAME_HEADER_H
 #define PROTO_FRAME_HEADER_H
@@ -13,7 +22,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { PROTO_FRAME_HEADER_BYTES = 36 };
+#include "sp/view.h"
+
+enum { PROTO_FRAME_HEADER_BYTES = 36, PROTO_FRAME_DEPTH_BYTES = 100 };
 
 enum proto_codec {
     PROTO_CODEC_JPEG = 1,
@@ -33,8 +44,9 @@ enum proto_frame_flags {
     PROTO_FRAME_KEY = 1,      /* decodes without earlier frames; always set on JPEG, PNG and WebP */
     PROTO_FRAME_FINAL = 2,    /* final quality: no better image follows while the view rests */
     PROTO_FRAME_LOSSLESS = 4, /* lossless: the pixels are as rendered */
-    PROTO_FRAME_INCOMPLETE = 8 /* of a volume that is larger than memory, it has coarser samples
-                                  than its pixels ask for (sp_frame_bricks_is_complete()) */
+    PROTO_FRAME_INCOMPLETE = 8, /* of a volume that is larger than memory, it has coarser samples
+                                   than its pixels ask for (sp_frame_bricks_is_complete()) */
+    PROTO_FRAME_DEPTH = 16      /* the header has the fields of struct proto_frame_depth */
 };
 
 struct proto_frame_header {
@@ -44,7 +56,7 @@ struct proto_frame_header {
     uint32_t seq;           /* of the newest view.update that the frame shows; 0 = none */
     uint16_t width, height; /* px */
     uint32_t render_us, encode_us;
-    uint32_t payload_bytes; /* bytes that follow the header */
+    uint32_t payload_bytes; /* of the image, the end of the message */
     /* From the arrival of the update `seq` until the image is sent, less render_us and encode_us:
      * the time that it waited. 0 if an earlier frame showed this update. */
     uint32_t queue_us;
@@ -54,11 +66,25 @@ struct proto_frame_header {
 void proto_frame_header_encode(const struct proto_frame_header *header,
                                uint8_t out[PROTO_FRAME_HEADER_BYTES]);
 
+/* With PROTO_FRAME_DEPTH: the camera and the depth of the frame. */
+struct proto_frame_depth {
+    uint32_t depth_bytes;    /* of the PNG that follows the header; 0 = the frame has no depth */
+    uint16_t columns, rows;  /* cells of the depth; 0 without depth */
+    float near, far;         /* depths of its brightest and its darkest value (sp/encode.h) */
+    struct sp_camera camera; /* that the frame was drawn for; `near` is not sent */
+};
+/* Fills `out`, which follows the header of 36 bytes. Cannot fail. Thread-safe. */
+void proto_frame_depth_encode(const struct proto_frame_depth *depth,
+                              uint8_t out[PROTO_FRAME_DEPTH_BYTES]);
+/* Decodes it from the start of a message of `size` bytes. False if proto_frame_header_decode()
+ * refuses the message, or it has no PROTO_FRAME_DEPTH. camera.near is 0. Thread-safe. */
+bool proto_frame_depth_decode(const uint8_t *bytes, size_t size, struct proto_frame_depth *depth);
+
 /* Decodes the header at the start of a message of `size` bytes. False if the message is shorter
- * than the header, does not start with "SPF1", has a header size below 36 or above the message
- * size, codec 0, or a payload size that differs from the rest of the message. A longer header of a
- * later version is accepted; the payload is always the last payload_bytes of the message.
- * Thread-safe. */
+ * than the header, does not start with "SPF1", has a header size below 36 (with
+ * PROTO_FRAME_DEPTH below 136) or above the message size, codec 0, or sizes of depth and payload
+ * whose sum differs from the rest of the message. A longer header of a later version is accepted;
+ * the payload is always the last payload_bytes of the message. Thread-safe. */
 bool proto_frame_header_decode(const uint8_t *bytes, size_t size,
                                struct proto_frame_header *header);
 

@@ -14,7 +14,7 @@
 
 struct MHD_Response;
 
-enum { SRV_REPLY_HEADERS = 12, SRV_REPLY_VALUE = 1024, SRV_REPLY_DETAIL = 256 };
+enum { SRV_REPLY_HEADERS = 16, SRV_REPLY_VALUE = 1024, SRV_REPLY_DETAIL = 256 };
 
 struct srv_reply {
     unsigned status;

@@ -15,7 +15,7 @@ static const char request_headers[] =
     "Upload-Length, Upload-Metadata, Upload-Offset";
 static const char exposed_headers[] =
     "Accept-Ranges, Content-Disposition, Content-Range, ETag, Location, "
-    "Retry-After, WWW-Authenticate, X-Bricks-Lost, X-Complete, X-Level, X-Level-Asked, "
+    "Retry-After, WWW-Authenticate, X-Bricks-Lost, X-Camera, X-Complete, X-Level, X-Level-Asked, "
     "X-Render-Time, "
     "Tus-Checksum-Algorithm, Tus-Extension, Tus-Max-Size, Tus-Resumable, Tus-Version, "
     "Upload-Expires, Upload-Length, Upload-Offset, X-Encode-Time, X-Backend, X-Splats, X-Slice, "

@@ -122,10 +122,25 @@ static bool make_etag(const struct srv_request *request, const struct srv_snapsh
 struct render { /* one suspended request */
     struct srv_request *request;
     enum sp_image_format format;
+    char *camera; /* JSON */
     char etag[ETAG_BYTES];
     const char *caching; /* constant */
     bool is_kept;        /* the view is a saved view, or the view of a session */
 };
+
+static void free_render(struct render *render) {
+    if (render)
+        free(render->camera);
+    free(render);
+}
+
+/* Returns the camera of the view as JSON; NULL = out of memory. The caller frees it. */
+static char *camera_of(const struct sp_view *view) {
+    proto_json *json = proto_view_encode(view);
+    char *text = proto_json_to_text(proto_json_get(json, "camera"), NULL);
+    proto_json_free(&json);
+    return text;
+}
 
 /* Answers the error of a view. A request for a view that the daemon keeps does not name its
  * volumes: they must be loaded first, hence 409. */
@@ -215,9 +230,10 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
         srv_reply_header(reply, "X-Encode-Time", "%.3f", result->encode_ms);
         srv_reply_header(reply, "X-Backend", "%s%s%s", result->stats.backend,
                          result->stats.isa[0] ? " " : "", result->stats.isa);
+        srv_reply_header(reply, "X-Camera", "%s", render->camera);
         srv_reply_header(reply, "X-Splats", "%" PRIu64, result->stats.splats);
     }
-    free(render);
+    free_render(render);
     srv_request_complete(request);
 }
 
@@ -245,13 +261,14 @@ static void set_owner(const struct srv_request *request, struct srv_snapshot *sn
 static void submit(struct srv_request *request, struct srv_snapshot *snapshot, bool is_kept,
                    const char *etag, const char *caching, struct srv_reply *reply) {
     struct sp_error err;
-    struct render *render = malloc(sizeof *render);
-    if (!render)
+    struct render *render = calloc(1, sizeof *render);
+    const bool is_made = render && (render->camera = camera_of(&snapshot->view));
+    if (!is_made)
         sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory for a render request");
-    if (!render || !srv_request_begin_snapshot(request, &err)) {
+    if (!is_made || !srv_request_begin_snapshot(request, &err)) {
         srv_catalog_release(request->app->catalog, snapshot->volume);
         srv_reply_error(reply, &err);
-        free(render);
+        free_render(render);
         return;
     }
     render->request = request;
@@ -268,7 +285,7 @@ static void submit(struct srv_request *request, struct srv_snapshot *snapshot, b
     if (srv_snapshot_queue_submit(srv_render_pool_snapshots(request->app->render_pool), snapshot,
                                   &err))
         return;
-    free(render);
+    free_render(render);
     srv_request_cancel_snapshot(request);
     srv_reply_error(reply, &err);
     srv_request_complete(request);

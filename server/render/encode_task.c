@@ -68,9 +68,15 @@ static uint8_t codec_of(enum sp_image_format format) {
                                      : PROTO_CODEC_JPEG;
 }
 
-static bool wants(const struct srv_frame_target *target, const struct srv_encode_params *params) {
-    const struct srv_encode_params own =
+static struct srv_encode_params params_of(const struct srv_frame_target *target) {
+    struct srv_encode_params params =
         srv_encode_params_from(target->format, target->quality, target->chroma);
+    params.depth = target->depth;
+    return params;
+}
+
+static bool wants(const struct srv_frame_target *target, const struct srv_encode_params *params) {
+    const struct srv_encode_params own = params_of(target);
     return srv_encode_params_equal(&own, params);
 }
 
@@ -84,7 +90,9 @@ static struct srv_blob *encode_blob(struct srv_blob_pool *blobs, struct sp_encod
     if (!sp_encode(encoder, task->frame, params->format, params->quality, &bytes, &size, err))
         return NULL;
     const struct srv_blob_owner owner = srv_render_job_owner(task->job, set);
-    struct srv_blob *blob = srv_blob_create(blobs, &owner, bytes, size, err);
+    const struct srv_bytes none = { .size = 0 };
+    struct srv_blob *blob = srv_blob_create_with(
+        blobs, &owner, params->depth ? &task->job->depth : &none, bytes, size, err);
     if (!blob)
         task->job->too_large = set;
     return blob;
@@ -99,8 +107,7 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
     struct srv_render_job *job = task->job;
     const struct sp_frame *frame = task->frame;
     const struct srv_frame_target *like = &job->targets[first];
-    const struct srv_encode_params params =
-        srv_encode_params_from(like->format, like->quality, like->chroma);
+    const struct srv_encode_params params = params_of(like);
     uint64_t set = 0;
     for (uint32_t i = first; i < job->target_count; i++)
         if (*images >> i & 1 && wants(&job->targets[i], &params))
@@ -137,6 +144,18 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
     return true;
 }
 
+/* Encodes the depth of the job's frame if some target gets it. */
+static bool encode_depth(struct sp_encoder *encoder, const struct srv_encode_task *task,
+                         double *encode_ms, struct sp_error *err) {
+    struct srv_render_job *job = task->job;
+    if (!srv_render_job_wants_depth(job))
+        return true;
+    const double start_ms = srv_clock_ms();
+    const bool ok = srv_frame_depth_init(&job->depth, encoder, task->frame, &job->view.camera, err);
+    *encode_ms += srv_clock_ms() - start_ms;
+    return ok;
+}
+
 /* An encoder cannot be interrupted: call this before each encoding. */
 static bool is_wanted(struct srv_render_pool *pool, const struct srv_render_job *job,
                       struct sp_error *err) {
@@ -161,8 +180,8 @@ static void encode_session_frame(struct srv_render_pool *pool, struct sp_encoder
                                         .bricks = frame->stats.bricks,
                                         .again = task->is_cached };
     struct sp_error err = { .code = SP_OK };
-    bool ok = is_wanted(pool, job, &err);
     count_render(pool, task);
+    bool ok = is_wanted(pool, job, &err) && encode_depth(encoder, task, &result.encode_ms, &err);
     uint64_t images = ok ? srv_video_encoders_encode(pool->videos, pool->schedule, job, frame,
                                                      srv_clock_ms(), &result.encode_ms)
                          : 0;

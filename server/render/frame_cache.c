@@ -41,12 +41,15 @@ void srv_frame_cache_clear_bytes(struct srv_frame_cache *cache) {
 }
 
 void srv_frame_cache_put(struct srv_frame_cache *cache, struct sp_frame *frame,
-                         const struct srv_fingerprint *content, const struct sp_view *view) {
-    if (frame->stride_bytes * frame->height > FRAME_BYTES_MAX)
+                         const struct srv_fingerprint *content, const struct sp_view *view,
+                         bool wants_depth) {
+    const size_t row = frame->stride_bytes + 2 * frame->depth_stride_bytes;
+    if (row * frame->height > FRAME_BYTES_MAX)
         return;
     pthread_mutex_lock(&cache->mutex);
     clear(cache);
     cache->frame = sp_frame_ref(frame);
+    cache->wants_depth = wants_depth;
     cache->content = *content;
     cache->view = *view;
     pthread_mutex_unlock(&cache->mutex);
@@ -54,9 +57,10 @@ void srv_frame_cache_put(struct srv_frame_cache *cache, struct sp_frame *frame,
 
 struct sp_frame *srv_frame_cache_find(struct srv_frame_cache *cache,
                                       const struct srv_fingerprint *content,
-                                      const struct sp_view *view) {
+                                      const struct sp_view *view, bool wants_depth) {
     pthread_mutex_lock(&cache->mutex);
-    bool is_same = cache->frame && srv_fingerprint_equal(&cache->content, content) &&
+    bool is_same = cache->frame && cache->wants_depth >= wants_depth &&
+                   srv_fingerprint_equal(&cache->content, content) &&
                    sp_view_equal(&cache->view, view);
     struct sp_frame *frame = is_same ? sp_frame_ref(cache->frame) : NULL;
     pthread_mutex_unlock(&cache->mutex);

@@ -22,6 +22,7 @@ enum { SRV_FRAME_CACHE_ENCODINGS = 4 };
 struct srv_frame_cache {
     pthread_mutex_t mutex;          /* guards what follows */
     struct sp_frame *frame;         /* a reference; NULL = the cache is empty */
+    bool wants_depth;               /* it was drawn with depth, if its view has one */
     struct srv_fingerprint content; /* of the volumes that the view shows */
     struct sp_view view;
     struct {
@@ -36,16 +37,18 @@ void srv_frame_cache_init(struct srv_frame_cache *cache);
 void srv_frame_cache_finish(struct srv_frame_cache *cache);
 
 /* Replaces the cached frame; `content` is srv_catalog_fingerprint(). Takes a reference of its own.
- * Frames over 64 MiB are not cached. */
+ * wants_depth: the frame was drawn with this option. Frames over 64 MiB are not cached. */
 void srv_frame_cache_put(struct srv_frame_cache *cache, struct sp_frame *frame,
-                         const struct srv_fingerprint *content, const struct sp_view *view);
+                         const struct srv_fingerprint *content, const struct sp_view *view,
+                         bool wants_depth);
 void srv_frame_cache_clear(struct srv_frame_cache *cache);
 /* Releases the encodings and keeps the frame. */
 void srv_frame_cache_clear_bytes(struct srv_frame_cache *cache);
-/* Returns a reference that the caller owns, or NULL if the cached frame shows something else. */
+/* Returns a reference that the caller owns, or NULL if the cached frame shows something else or was
+ * drawn without the depth that is wanted. */
 struct sp_frame *srv_frame_cache_find(struct srv_frame_cache *cache,
                                       const struct srv_fingerprint *content,
-                                      const struct sp_view *view);
+                                      const struct sp_view *view, bool wants_depth);
 
 /* Returns the bytes of the frame with these parameters: a reference that the caller owns. NULL if
  * they are not cached. */

@@ -24,7 +24,9 @@ void srv_frame_memory_finish(struct srv_frame_memory *memory) {
 }
 
 uint64_t srv_frame_memory_of(enum sp_image_format format, const uint32_t size[2]) {
-    const uint64_t row = (uint64_t)size[0] * (sp_image_format_info(format)->wants_float ? 16 : 4);
-    const uint64_t padding = 64; /* of each row, and of the frame */
-    return (row + padding) * size[1] + padding * 16 + sp_encode_bytes(format, size);
+    const bool has_depth = format == SP_IMAGE_EXR;
+    const uint64_t color = sp_image_format_info(format)->wants_float ? 16 : 4;
+    const uint64_t pixel = color + (has_depth ? 2 * sizeof(float) : 0);
+    const uint64_t padding = (has_depth ? 3 : 1) * 64; /* of each row, and of the frame */
+    return (size[0] * pixel + padding) * size[1] + padding * 16 + sp_encode_bytes(format, size);
 }

@@ -20,8 +20,9 @@ static void finish_all(struct srv_render_pool *pool) {
 static void begin_job(struct srv_render_pool *pool, struct srv_render_job *job) {
     if (srv_frame_queue_has_sharp(&pool->in_flight[SRV_WORKER_INTERACTIVE], job))
         finish_all(pool);
-    struct sp_frame *frame =
-        job->is_sharp ? srv_render_pool_find(pool, job->volume, &job->view) : NULL;
+    struct sp_frame *frame = job->is_sharp ? srv_render_pool_find(pool, job->volume, &job->view,
+                                                                  srv_render_job_wants_depth(job))
+                                           : NULL;
     if (!frame) {
         srv_session_frame_begin(pool, SRV_WORKER_INTERACTIVE, job);
         return;

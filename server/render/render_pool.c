@@ -175,10 +175,10 @@ void srv_render_pool_destroy(struct srv_render_pool **pool_pointer) {
 }
 
 struct sp_frame *srv_render_pool_find(struct srv_render_pool *pool, const struct srv_volume *volume,
-                                      const struct sp_view *view) {
+                                      const struct sp_view *view, bool wants_depth) {
     const struct srv_fingerprint content =
         srv_catalog_fingerprint(pool->options.catalog, volume, view);
-    return srv_frame_cache_find(&pool->cache, &content, view);
+    return srv_frame_cache_find(&pool->cache, &content, view, wants_depth);
 }
 
 void srv_render_pool_note_frame(struct srv_render_pool *pool, enum srv_worker_kind kind,

@@ -14,6 +14,7 @@
 
 #include "render/encode_pool.h"
 #include "render/frame_cache.h"
+#include "render/frame_depth.h"
 #include "render/frame_queue.h"
 #include "render/render_pool.h"
 #include "render/snapshot_queue.h"
@@ -49,9 +50,9 @@ void *srv_preemption_worker_main(void *user);
 void *srv_snapshot_worker_main(void *user);
 
 /* Returns the cached frame of this view: a reference that the caller owns. NULL = the cache has no
- * frame of this view. */
+ * frame of this view, or none with the depth that is wanted. */
 struct sp_frame *srv_render_pool_find(struct srv_render_pool *pool, const struct srv_volume *volume,
-                                      const struct sp_view *view);
+                                      const struct sp_view *view, bool wants_depth);
 
 /* Call it when the worker's renderer has rendered a frame of the volume, or failed. Updates the
  * catalog and the hub. On the worker's thread. */

@@ -19,6 +19,8 @@ bool srv_session_frame_reserve(struct srv_render_pool *pool, struct srv_render_j
         const uint64_t own = sp_encode_bytes(job->targets[i].format, job->view.size);
         most = own > most ? own : most; /* one after the other */
     }
+    if (srv_render_job_wants_depth(job))
+        most += srv_frame_depth_bytes(job->view.size);
     if (!sp_budget_acquire(budget, SP_BUDGET_ENCODERS, most))
         return sp_budget_fail(budget, "encoder", most, err);
     job->encoder_bytes = most;
@@ -27,6 +29,7 @@ bool srv_session_frame_reserve(struct srv_render_pool *pool, struct srv_render_j
 
 void srv_session_frame_free(struct srv_render_pool *pool, struct srv_render_job *job) {
     sp_budget_release(pool->options.frame_memory.sessions, SP_BUDGET_ENCODERS, job->encoder_bytes);
+    srv_frame_depth_finish(&job->depth);
     free(job);
 }
 
@@ -129,6 +132,7 @@ void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind 
                                         .volume = job->volume,
                                         .step = job->view.time.step };
     const struct sp_render_options options = { .format = SP_RGBA8,
+                                               .wants_depth = srv_render_job_wants_depth(job),
                                                .mip_level = job->mip_level,
                                                .is_valid = true, /* session/view.c */
                                                .wait_ms = job->step == SRV_STEP_FINAL ? 0 : -1,
@@ -178,7 +182,8 @@ void srv_session_frame_finish(struct srv_render_pool *pool, enum srv_worker_kind
     if (job->is_sharp) {
         const struct srv_fingerprint content =
             srv_catalog_fingerprint(pool->options.catalog, job->volume, &job->view);
-        srv_frame_cache_put(&pool->cache, frame, &content, &job->view);
+        srv_frame_cache_put(&pool->cache, frame, &content, &job->view,
+                            srv_render_job_wants_depth(job));
     }
     srv_schedule_rendered(pool->schedule, job, frame->stats.render_ms);
     srv_encode_pool_submit(pool->encoders,

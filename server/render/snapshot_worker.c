@@ -33,7 +33,7 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
         return NULL;
     bool wants_float = sp_image_format_info(snapshot->format)->wants_float;
     struct sp_frame *frame =
-        wants_float ? NULL : srv_render_pool_find(pool, snapshot->volume, &snapshot->view);
+        wants_float ? NULL : srv_render_pool_find(pool, snapshot->volume, &snapshot->view, false);
     *is_cached = frame != NULL;
     if (frame)
         return frame;
@@ -45,6 +45,7 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
                                         .volume = snapshot->volume,
                                         .step = snapshot->view.time.step };
     const struct sp_render_options options = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
+                                               .wants_depth = snapshot->format == SP_IMAGE_EXR,
                                                .is_valid = true, /* session/view.c, paths/ */
                                                .find = srv_catalog_find_loaded,
                                                .user = &search,

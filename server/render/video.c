@@ -255,6 +255,31 @@ static void advance(struct srv_video_encoders *encoders, struct encoder *encoder
     encoder->key_ms = now_ms;
 }
 
+/* Returns the targets of the set that get depth, or those that do not. */
+static uint64_t with_depth(const struct srv_render_job *job, uint64_t set, bool depth) {
+    uint64_t found = 0;
+    for (uint32_t i = 0; i < job->target_count; i++)
+        if (set >> i & 1 && job->targets[i].depth == depth)
+            found |= UINT64_C(1) << i;
+    return found;
+}
+
+/* Gets the bytes of a packet for targets that get no depth, [0], and for the others, [1]; NULL =
+ * the set has none of them. False if a blob could not be made. */
+static bool create_blobs(struct srv_blob_pool *pool, const struct srv_render_job *job, uint64_t set,
+                         const struct sp_video_packet *packet, struct srv_blob *blobs[2],
+                         struct sp_error *err) {
+    const struct srv_bytes before[2] = { { .size = 0 }, job->depth };
+    for (int depth = 0; depth < 2; depth++) {
+        const uint64_t own = with_depth(job, set, depth);
+        const struct srv_blob_owner owner = srv_render_job_owner(job, own);
+        if (own && !(blobs[depth] = srv_blob_create_with(pool, &owner, &before[depth],
+                                                         packet->bytes, packet->size, err)))
+            return false;
+    }
+    return true;
+}
+
 /* Encodes one packet and delivers it to all targets of the set. False if it failed: no target
  * received anything. With the encoder locked. */
 static bool encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
@@ -264,17 +289,18 @@ static bool encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
     struct sp_video_packet packet;
     struct sp_error err;
     double start_ms = srv_clock_ms();
-    bool ok = sp_video_encode(encoder->video, frame, best_quality(job, set), key, &packet, &err);
-    const struct srv_blob_owner owner = srv_render_job_owner(job, set);
-    struct srv_blob *blob =
-        ok ? srv_blob_create(encoders->blobs, &owner, packet.bytes, packet.size, &err) : NULL;
+    struct srv_blob *blobs[2] = { NULL, NULL };
+    const bool ok =
+        sp_video_encode(encoder->video, frame, best_quality(job, set), key, &packet, &err) &&
+        create_blobs(encoders->blobs, job, set, &packet, blobs, &err);
     double took_ms = srv_clock_ms() - start_ms;
     *encode_ms += took_ms;
     srv_metrics_time(encoders->metrics, SRV_TIME_ENCODE, took_ms);
-    if (!blob) { /* the encoder may have advanced: the next frame must be a key frame */
+    if (!ok) { /* the encoder may have advanced: the next frame must be a key frame */
         sp_log(err.code == SP_ERR_FRAME_BUDGET ? SP_LOG_INFO : SP_LOG_ERROR,
                "encoding a video frame failed: %s", err.text);
         encoder->mark.epoch = 0;
+        srv_blob_unref(&blobs[0]);
         return false;
     }
     advance(encoders, encoder, packet.is_key, now_ms);
@@ -291,9 +317,11 @@ static bool encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
     const struct srv_drawn_frame drawn = srv_render_job_frame(job);
     for (uint32_t i = 0; i < job->target_count; i++)
         if (set >> i & 1)
-            srv_hub_deliver_video(hub, &drawn, &job->targets[i], &header, blob, &encoder->mark);
+            srv_hub_deliver_video(hub, &drawn, &job->targets[i], &header,
+                                  blobs[job->targets[i].depth], &encoder->mark);
     encoder->mark.number++;
-    srv_blob_unref(&blob);
+    srv_blob_unref(&blobs[0]);
+    srv_blob_unref(&blobs[1]);
     return true;
 }
 

@@ -224,6 +224,13 @@ double srv_session_price(const struct srv_schedule *schedule, const struct srv_s
     return fmax(1, siblings) * owners_with(schedule->owners, siblings, is_counted) / fmax(1, all);
 }
 
+bool srv_session_warps(const struct srv_session *s) {
+    for (const struct srv_participant *p = s->participants; p; p = p->next)
+        if (p->settings.progressive && !p->settings.depth)
+            return false;
+    return true;
+}
+
 struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
                                             const struct srv_participant *p, int max_fps) {
     const struct srv_session *s = p->session;
@@ -233,7 +240,7 @@ struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
     const double own = srv_participant_portion(s, p) / (owners * fmax(1, siblings));
     const double others = srv_fair_used_portion(&schedule->use, now_ms) -
                           srv_fair_used_portion(&p->schedule->use, now_ms);
-    return srv_quality_budget(max_fps, fmin(fmax(1 - others, own), 1));
+    return srv_quality_budget(max_fps, srv_session_warps(s), fmin(fmax(1 - others, own), 1));
 }
 
 /* Expected time of the next frame of a moving view, with its detail; 0 = not known. */

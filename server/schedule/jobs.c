@@ -167,6 +167,7 @@ static struct srv_frame_target target_of(const struct srv_participant *p,
                                       .video = e.video,
                                       .quality = e.quality,
                                       .chroma = e.chroma,
+                                      .depth = p->settings.depth,
                                       .final = job->step == SRV_STEP_FINAL ||
                                                (job->is_sharp && srv_policy_is_final(p, &e)) };
 }
@@ -190,7 +191,8 @@ static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
         .mip_level = job->mip_level,
         .budget_ms = job->budget_ms,
         .sharp_ms = srv_quality_expected_ms(&s->schedule->quality, &sharp),
-        .is_shared = job->budget_ms < srv_quality_interval_ms(p->settings.max_fps) * 0.99,
+        .is_shared = job->budget_ms <
+                     srv_quality_interval_ms(p->settings.max_fps, srv_session_warps(s)) * 0.99,
         .rate_step = p->delivery.rate_control.step,
         .is_video = p->delivery.rate_control.is_video,
     };
@@ -260,6 +262,7 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     job->too_large = 0;
     job->target_count = 0;
     job->encoder_bytes = 0;
+    job->depth = (struct srv_bytes){ .size = 0 };
 }
 
 /* Counts a new job in its session, and in the mean time between frames. */

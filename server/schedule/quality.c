@@ -122,12 +122,12 @@ static void scale(const uint32_t full[2], unsigned side, uint32_t size[2]) {
         size[i] = (uint32_t)fmax(round(full[i] * (double)side / SIDES), 1);
 }
 
-double srv_quality_interval_ms(int max_fps) {
-    return fmax(1000.0 / max_fps, SRV_QUALITY_BUDGET_MS);
+double srv_quality_interval_ms(int max_fps, bool warps) {
+    return fmax(1000.0 / max_fps, warps ? SRV_WARP_INTERVAL_MS : SRV_QUALITY_BUDGET_MS);
 }
 
-struct srv_quality_budget srv_quality_budget(int max_fps, double part) {
-    const double interval_ms = srv_quality_interval_ms(max_fps);
+struct srv_quality_budget srv_quality_budget(int max_fps, bool warps, double part) {
+    const double interval_ms = srv_quality_interval_ms(max_fps, warps);
     const double round_ms = fmax(interval_ms, SRV_QUALITY_ROUND_MS);
     return (struct srv_quality_budget){ .ms = interval_ms * part,
                                         .most_ms = fmin(interval_ms, round_ms * part) };

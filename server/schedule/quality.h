@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "session/encode_params.h"
 #include "sp/renderer.h"
 
 /* Detail is not reduced to be faster than 30 frames per second. */
@@ -76,15 +77,16 @@ void srv_quality_init(struct srv_quality *quality);
  * frame of each level outweighs. */
 void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality *other);
 
-/* Returns the time from one frame of a moving view to the next, if it is alone. */
-double srv_quality_interval_ms(int max_fps);
+/* Returns the time from one frame of a moving view to the next, if it is alone. `warps`: all
+ * clients that get the frames warp them (SRV_WARP_INTERVAL_MS). */
+double srv_quality_interval_ms(int max_fps, bool warps);
 
 struct srv_quality_budget { /* how long a frame of a moving view may take */
     double ms;              /* so that its rate stays */
     double most_ms;         /* if it has at most five eighths of the side for that */
 };
 /* Returns the budget of a view that gets `part` of the time, in (0, 1]. */
-struct srv_quality_budget srv_quality_budget(int max_fps, double part);
+struct srv_quality_budget srv_quality_budget(int max_fps, bool warps, double part);
 
 /* Chooses the detail of the next frame of a moving view. Returns how long it may take, in ms: what
  * of the budget applies. */

@@ -80,9 +80,18 @@ struct srv_render_job {
     struct srv_blob_owner owner; /* of the session; see srv_render_job_owner() */
     uint64_t too_large;     /* targets whose encoded frame does not fit; 0 = of all; for render/ */
     uint64_t encoder_bytes; /* taken from the memory of frames; for render/ */
+    struct srv_bytes depth; /* precedes the image of targets that get depth; owned; for render/ */
     uint32_t target_count;
     struct srv_frame_target targets[SRV_PARTICIPANTS_MAX];
 };
+
+/* True if some target gets the depth of the frame. */
+static inline bool srv_render_job_wants_depth(const struct srv_render_job *job) {
+    for (uint32_t i = 0; i < job->target_count; i++)
+        if (job->targets[i].depth)
+            return true;
+    return false;
+}
 
 /* Returns the properties of the job's frame that its delivery needs. */
 static inline struct srv_drawn_frame srv_render_job_frame(const struct srv_render_job *job) {

@@ -115,6 +115,8 @@ double srv_session_price(const struct srv_schedule *schedule, const struct srv_s
 /* Returns the part of its session's time that a participant has if all want frames. */
 double srv_participant_portion(const struct srv_session *session,
                                const struct srv_participant *participant);
+/* True if all participants that take moving frames warp them. */
+bool srv_session_warps(const struct srv_session *session);
 /* Time that a moving frame for the participant may take: the part of its interval that others
  * leave, but at least its own fair part. So it gets less detail instead of fewer frames. */
 struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,

@@ -137,8 +137,8 @@ static uint64_t bytes_of(size_t size) {
     return sizeof(struct srv_blob) + size;
 }
 
-struct srv_blob *srv_blob_create(struct srv_blob_pool *pool, const struct srv_blob_owner *owner,
-                                 const uint8_t *bytes, size_t size, struct sp_error *err) {
+static struct srv_blob *allocate(struct srv_blob_pool *pool, const struct srv_blob_owner *owner,
+                                 size_t size, struct sp_error *err) {
     struct srv_blob_account *account = NULL;
     if (pool) {
         enum sp_code code = reserve(pool, owner, bytes_of(size), &account, err);
@@ -160,8 +160,26 @@ struct srv_blob *srv_blob_create(struct srv_blob_pool *pool, const struct srv_bl
     blob->account = account;
     blob->is_guests = pool && owner->is_guests;
     blob->size = size;
-    memcpy(blob->bytes, bytes, size);
     return blob;
+}
+
+struct srv_blob *srv_blob_create_with(struct srv_blob_pool *pool,
+                                      const struct srv_blob_owner *owner,
+                                      const struct srv_bytes *before, const uint8_t *bytes,
+                                      size_t size, struct sp_error *err) {
+    struct srv_blob *blob = allocate(pool, owner, before->size + size, err);
+    if (!blob)
+        return NULL;
+    if (before->size > 0)
+        memcpy(blob->bytes, before->bytes, before->size);
+    memcpy(blob->bytes + before->size, bytes, size);
+    blob->image_at = before->size;
+    return blob;
+}
+
+struct srv_blob *srv_blob_create(struct srv_blob_pool *pool, const struct srv_blob_owner *owner,
+                                 const uint8_t *bytes, size_t size, struct sp_error *err) {
+    return srv_blob_create_with(pool, owner, &(struct srv_bytes){ .size = 0 }, bytes, size, err);
 }
 
 struct srv_blob *srv_blob_ref(struct srv_blob *blob) {

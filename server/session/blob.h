@@ -51,6 +51,7 @@ struct srv_blob { /* reference-counted bytes, immutable once shared */
     struct srv_blob_pool *pool;       /* NULL = not counted */
     struct srv_blob_account *account; /* of the owner; NULL = not counted */
     bool is_guests;                   /* counts for the owner's guests */
+    size_t image_at; /* bytes before the image: its depth (render/frame_depth.h); 0 = none */
     size_t size;
     uint8_t bytes[];
 };
@@ -59,6 +60,15 @@ struct srv_blob { /* reference-counted bytes, immutable once shared */
  * *err set: SP_ERR_FRAME_BUDGET (both numbers are in the text), SP_ERR_MEMORY. */
 struct srv_blob *srv_blob_create(struct srv_blob_pool *pool, const struct srv_blob_owner *owner,
                                  const uint8_t *bytes, size_t size, struct sp_error *err);
+struct srv_bytes {
+    uint8_t *bytes; /* NULL if size is 0 */
+    size_t size;
+};
+/* The same for an image with bytes before it. */
+struct srv_blob *srv_blob_create_with(struct srv_blob_pool *pool,
+                                      const struct srv_blob_owner *owner,
+                                      const struct srv_bytes *before, const uint8_t *bytes,
+                                      size_t size, struct sp_error *err);
 struct srv_blob *srv_blob_ref(struct srv_blob *blob);
 void srv_blob_unref(struct srv_blob **blob); /* accepts NULL and nulls *blob */
 

@@ -46,7 +46,8 @@ static bool put(struct srv_hub *hub, struct srv_participant *p, const struct srv
     struct proto_frame_header full = *header;
     full.flags |= target->final ? PROTO_FRAME_FINAL : 0;
     full.seq = target->seq;
-    full.payload_bytes = (uint32_t)blob->size;
+    full.flags |= blob->image_at > 0 ? PROTO_FRAME_DEPTH : 0;
+    full.payload_bytes = (uint32_t)(blob->size - blob->image_at);
     bool replaces = outbox->blob != NULL;
     bool is_put = srv_outbox_put(outbox, frame->order, &full, blob);
     learn(p, frame, target, &full, blob->size);

@@ -31,6 +31,7 @@ struct srv_frame_target { /* one participant that gets the frame */
     enum sp_video_codec video; /* SP_VIDEO_CODEC_COUNT = an image */
     int quality;
     enum sp_chroma chroma; /* of a JPEG; never AUTO */
+    bool depth;            /* gets the frame's depth and camera */
     bool final;            /* full detail in the granted quality: no other frame follows */
     bool is_guest;         /* joined with another token than the session's owner */
 };

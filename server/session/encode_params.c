@@ -11,7 +11,8 @@ struct srv_encode_params srv_encode_params_from(enum sp_image_format format, int
 }
 
 bool srv_encode_params_equal(const struct srv_encode_params *a, const struct srv_encode_params *b) {
-    return a->format == b->format && a->quality == b->quality && a->chroma == b->chroma;
+    return a->format == b->format && a->quality == b->quality && a->chroma == b->chroma &&
+           a->depth == b->depth;
 }
 
 double srv_encoding_expected_ms(const struct srv_encoding *e, const uint32_t size[2]) {

@@ -17,11 +17,17 @@ struct srv_encode_params {
     enum sp_image_format format;
     int quality;           /* 100 for a lossless format */
     enum sp_chroma chroma; /* of a JPEG, never AUTO; else AUTO */
+    bool depth;            /* the bytes begin with the depth of the frame */
 };
 
+/* Without depth. */
 struct srv_encode_params srv_encode_params_from(enum sp_image_format format, int quality,
                                                 enum sp_chroma chroma);
 bool srv_encode_params_equal(const struct srv_encode_params *a, const struct srv_encode_params *b);
+
+/* A client that gets depth warps frames, and shows them at the rate of its display: large frames
+ * are worth more to it than more of them per second. */
+#define SRV_WARP_INTERVAL_MS (1000.0 / 13)
 
 /* What a frame is for, in the order in which a view that came to rest gets them. */
 enum srv_frame_step {

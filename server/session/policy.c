@@ -23,7 +23,8 @@ enum sp_video_codec srv_policy_video(const struct srv_participant *p) {
 void srv_policy_update_rate(struct srv_participant *p) {
     const struct srv_rate_demand demand = {
         .bytes_per_ms = srv_congestion_rate(&p->delivery.congestion_window),
-        .interval_ms = 1000.0 / p->settings.max_fps,
+        .interval_ms =
+            fmax(1000.0 / p->settings.max_fps, p->settings.depth ? SRV_WARP_INTERVAL_MS : 0),
         .takes_video = p->settings.slow_video != SP_VIDEO_CODEC_COUNT,
         .quality = p->settings.quality,
         .is_video_refused = p->delivery.is_video_refused,

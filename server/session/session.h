@@ -84,6 +84,7 @@ struct srv_stream_settings { /* of stream.configure */
     int max_fps;                    /* as granted: at most the quota of the session's owner */
     bool progressive;               /* wants frames of less detail while the view moves */
     bool lossless;                  /* wants PNG at rest */
+    bool depth;                     /* wants the depth and the camera of each frame */
     uint32_t size[2];               /* px; 0 = the view's */
 };
 

@@ -116,12 +116,15 @@ static bool read_settings(struct srv_call *call, struct srv_stream_settings *s) 
     const proto_json *format = proto_json_get(call->params, "format");
     const proto_json *progressive = proto_json_get(call->params, "progressive");
     const proto_json *lossless = proto_json_get(call->params, "lossless");
+    const proto_json *depth = proto_json_get(call->params, "depth");
     if (format && !read_format(call, format, s))
         return false;
     if (progressive && !proto_json_bool(progressive, &s->progressive))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/progressive", "must be true or false");
     if (lossless && !proto_json_bool(lossless, &s->lossless))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/lossless", "must be true or false");
+    if (depth && !proto_json_bool(depth, &s->depth))
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/depth", "must be true or false");
     return read_range(call, "quality", "/quality", 100, "must be a whole number in [1, 100]",
                       &s->quality) &&
            read_range(call, "max_fps", "/max_fps", 120, "must be a whole number in [1, 120]",
@@ -164,6 +167,7 @@ static proto_json *encode_settings(const struct srv_participant *p) {
     proto_json_set(&result, "size", proto_json_integers(size, 2));
     proto_json_set_bool(&result, "progressive", p->settings.progressive);
     proto_json_set_bool(&result, "lossless", p->settings.lossless);
+    proto_json_set_bool(&result, "depth", p->settings.depth);
     proto_json_set_string(&result, "name", p->identity.name);
     proto_json_set(&result, "formats", encode_formats());
     return result;
@@ -175,13 +179,13 @@ static bool gives_other_image(const struct srv_stream_settings *a,
     return a->format != b->format || a->video != b->video || a->slow_video != b->slow_video ||
            a->quality != b->quality || a->chroma != b->chroma || a->size[0] != b->size[0] ||
            a->size[1] != b->size[1] || a->progressive != b->progressive ||
-           a->lossless != b->lossless;
+           a->lossless != b->lossless || a->depth != b->depth;
 }
 
 bool srv_call_configure(struct srv_call *call) {
-    static const char *const known[] = { "format",   "quality", "subsampling",
-                                         "max_fps",  "size",    "progressive",
-                                         "lossless", "name",    NULL };
+    static const char *const known[] = { "format", "quality",     "subsampling", "max_fps",
+                                         "size",   "progressive", "lossless",    "depth",
+                                         "name",   NULL };
     struct srv_participant *p = call->participant;
     struct srv_stream_settings s = p->settings;
     const char *name;

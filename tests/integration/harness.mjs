@@ -166,13 +166,26 @@ export function decodeFrame(data) {
     renderUs: view.getUint32(20, true), encodeUs: view.getUint32(24, true), bytes: view.getUint32(28, true),
     queueUs: view.getUint32(32, true),
   };
-  if (header.headerBytes + header.bytes !== data.length) throw new Error('the sizes do not add up');
-  return { ...header, payload: data.subarray(header.headerBytes) };
+  const depth = header.flags & DEPTH ? decodeDepth(view, data.subarray(header.headerBytes)) : null;
+  const imageAt = header.headerBytes + (depth?.payload.length ?? 0);
+  if (header.headerBytes !== (depth ? 136 : 36) || imageAt + header.bytes !== data.length) throw new Error('the sizes do not add up');
+  return { ...header, depth, payload: data.subarray(imageAt) };
+}
+
+/** The camera and the depth of a frame; `rest`: what follows the header. */
+function decodeDepth(view, rest) {
+  const vector = (at) => [0, 8, 16].map((more) => view.getFloat64(at + more, true));
+  return {
+    cells: [view.getUint16(40, true), view.getUint16(42, true)], near: view.getFloat32(44, true), far: view.getFloat32(48, true),
+    isFlat: view.getUint32(52, true) === 1, position: vector(56), target: vector(80), up: vector(104), extent: view.getFloat64(128, true),
+    payload: rest.subarray(0, view.getUint32(36, true)),
+  };
 }
 
 export const FINAL = 2;
 export const LOSSLESS = 4;
 export const INCOMPLETE = 8;
+export const DEPTH = 16;
 
 /** A WebSocket client of one stream. It acknowledges frames at once unless acks is false. */
 export class Stream {

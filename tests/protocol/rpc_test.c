@@ -179,6 +179,60 @@ static void frame_headers_match_the_documented_layout(void **state) {
     assert_true(proto_frame_header_decode(later, sizeof later, &back));
 }
 
+static void frame_headers_have_the_camera_and_the_depth(void **state) {
+    (void)state;
+    const struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
+                                               .flags = PROTO_FRAME_KEY | PROTO_FRAME_DEPTH,
+                                               .payload_bytes = 3 };
+    const struct proto_frame_depth depth = { .depth_bytes = 2,
+                                             .columns = 0x0102,
+                                             .rows = 0x0304,
+                                             .near = 1.5f,
+                                             .far = 2.5f,
+                                             .camera = { .position = { 1, 2, 3 },
+                                                         .target = { 4, 5, 6 },
+                                                         .up = { 0, -1, 0.5 },
+                                                         .fov_y = 30 } };
+    uint8_t message[141] = { 0 };
+    proto_frame_header_encode(&header, message);
+    proto_frame_depth_encode(&depth, message + 36);
+    assert_int_equal(message[6], 136);
+    static const uint8_t expected[20] = {
+        2, 0, 0, 0, 2, 1, 4, 3, 0, 0, 0xc0, 0x3f, 0, 0, 0x20, 0x40
+    };
+    assert_memory_equal(message + 36, expected, sizeof expected);
+    struct proto_frame_header back;
+    struct proto_frame_depth back_depth;
+    assert_true(proto_frame_header_decode(message, sizeof message, &back));
+    assert_int_equal(back.payload_bytes, 3);
+    assert_true(proto_frame_depth_decode(message, sizeof message, &back_depth));
+    assert_int_equal(back_depth.depth_bytes, 2);
+    assert_int_equal(back_depth.columns, depth.columns);
+    assert_int_equal(back_depth.rows, depth.rows);
+    assert_true(back_depth.near == 1.5f && back_depth.far == 2.5f);
+    assert_memory_equal(&back_depth.camera, &depth.camera, sizeof depth.camera);
+    struct proto_frame_depth flat = depth;
+    flat.camera.projection = SP_ORTHOGRAPHIC;
+    flat.camera.height = 7;
+    proto_frame_depth_encode(&flat, message + 36);
+    assert_true(proto_frame_depth_decode(message, sizeof message, &back_depth));
+    assert_int_equal(back_depth.camera.projection, SP_ORTHOGRAPHIC);
+    assert_true(back_depth.camera.height == 7 && back_depth.camera.fov_y == 0);
+    for (size_t size = 0; size < sizeof message; size++)
+        assert_false(proto_frame_depth_decode(message, size, &back_depth));
+    message[36] = 3; /* one byte more than there is */
+    assert_false(proto_frame_header_decode(message, sizeof message, &back));
+    message[36] = 2;
+    message[39] = 0xff;
+    assert_false(proto_frame_header_decode(message, sizeof message, &back));
+    message[39] = 0;
+    message[6] = 135;
+    assert_false(proto_frame_header_decode(message, sizeof message, &back));
+    message[6] = 136;
+    message[5] = PROTO_FRAME_KEY; /* a longer header of another version, and five bytes follow */
+    assert_false(proto_frame_depth_decode(message, sizeof message, &back_depth));
+}
+
 static void volumes_are_encoded(void **state) {
     (void)state;
     struct sp_volume_info info = fixture_info();
@@ -286,6 +340,7 @@ int main(void) {
         cmocka_unit_test(bad_messages_give_the_code_and_keep_the_id),
         cmocka_unit_test(errors_carry_the_pointer),
         cmocka_unit_test(frame_headers_match_the_documented_layout),
+        cmocka_unit_test(frame_headers_have_the_camera_and_the_depth),
         cmocka_unit_test(volumes_are_encoded),
         cmocka_unit_test(only_grids_have_noise_and_unknown_noise_is_null),
     };

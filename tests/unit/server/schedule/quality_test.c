@@ -67,12 +67,15 @@ static double rest(struct srv_quality *quality, const struct machine *m) {
 
 static void the_budget_is_for_thirty_frames_per_second_or_fewer(void **state) {
     (void)state;
-    assert_compare(srv_quality_budget(120, 1).ms, ==, SRV_QUALITY_BUDGET_MS);
-    assert_compare(srv_quality_budget(30, 1).most_ms, ==, SRV_QUALITY_BUDGET_MS);
-    assert_compare(srv_quality_budget(5, 1).ms, ==, 200);
-    assert_compare(srv_quality_budget(60, 0.25).ms, ==, SRV_QUALITY_BUDGET_MS / 4);
-    assert_compare(srv_quality_budget(60, 0.25).most_ms, ==, SRV_QUALITY_ROUND_MS / 4);
-    assert_compare(srv_quality_budget(10, 0.25).most_ms, ==, 25);
+    assert_compare(srv_quality_budget(120, false, 1).ms, ==, SRV_QUALITY_BUDGET_MS);
+    assert_compare(srv_quality_budget(30, false, 1).most_ms, ==, SRV_QUALITY_BUDGET_MS);
+    assert_compare(srv_quality_budget(5, false, 1).ms, ==, 200);
+    assert_compare(srv_quality_budget(60, true, 1).ms, ==, SRV_WARP_INTERVAL_MS);
+    assert_compare(srv_quality_budget(5, true, 1).ms, ==, 200);
+    assert_compare(srv_quality_budget(60, true, 0.5).most_ms, ==, SRV_WARP_INTERVAL_MS / 2);
+    assert_compare(srv_quality_budget(60, false, 0.25).ms, ==, SRV_QUALITY_BUDGET_MS / 4);
+    assert_compare(srv_quality_budget(60, false, 0.25).most_ms, ==, SRV_QUALITY_ROUND_MS / 4);
+    assert_compare(srv_quality_budget(10, false, 0.25).most_ms, ==, 25);
 }
 
 /* A view that has a part of the time keeps its rate while frames of five eighths of the side allow
@@ -93,7 +96,7 @@ static void a_part_of_the_time_costs_size_then_rate_then_size(void **state) {
         { { 20, 1, 1 }, 0.5, 1024, SRV_QUALITY_BUDGET_MS }, /* smaller frames take as long */
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        const struct srv_quality_budget own = srv_quality_budget(30, cases[i].part);
+        const struct srv_quality_budget own = srv_quality_budget(30, false, cases[i].part);
         struct srv_quality quality;
         struct srv_detail detail;
         srv_quality_init(&quality);

@@ -66,6 +66,20 @@ static int tear_down(void **state) {
     return 0;
 }
 
+static void bytes_before_an_image_belong_to_it(void **state) {
+    struct fixture *f = *state;
+    uint8_t before[3] = "ab";
+    const struct srv_bytes depth = { .bytes = before, .size = sizeof before };
+    struct srv_blob *blob = srv_blob_create_with(f->pool, &modest, &depth, image, 5, &f->err);
+    assert_non_null(blob);
+    assert_int_equal(blob->size, 8);
+    assert_int_equal(blob->image_at, 3);
+    assert_memory_equal(blob->bytes, before, 3);
+    assert_memory_equal(blob->bytes + 3, image, 5);
+    assert_int_equal(sp_budget_total(f->budget), sizeof *blob + 8);
+    srv_blob_unref(&blob);
+}
+
 static bool make(struct fixture *f, const struct srv_blob_owner *owner) {
     struct srv_blob *blob = srv_blob_create(f->pool, owner, image, SIZE, &f->err);
     if (blob)
@@ -220,6 +234,7 @@ static void without_a_pool_nothing_is_counted(void **state) {
 int main(void) {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
     const struct CMUnitTest tests[] = {
+        TEST(bytes_before_an_image_belong_to_it),
         TEST(the_pool_has_a_part_of_the_budget),
         TEST(each_owner_has_a_share),
         TEST(guests_have_a_share_of_the_owners),
