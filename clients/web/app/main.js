@@ -23,6 +23,7 @@ import { install as people } from './session/people.js';
 import { install as pick } from './rendering/pick.js';
 import { install as picture } from './rendering/picture.js';
 import { install as plates } from './shell/plates.js';
+import { install as predict } from './frames/predict.js';
 import { install as presets } from './views/presets.js';
 import { install as scaleBar } from './annotations/scale_bar.js';
 import { install as session } from './session/session.js';
@@ -38,13 +39,12 @@ import { install as transferMaps } from './transfer/transfer_maps.js';
 import { install as views } from './camera/views.js';
 import { install as volumes } from './volumes/volumes.js';
 import { install as walk } from './camera/walk.js';
-import { install as warp } from './frames/warp.js';
 import { install as windowLevel } from './transfer/window_level.js';
 import { install as zoomBox } from './camera/zoom_box.js';
 
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
-  theme, kinds, frames, warp, status, stream, formats, connectionBanner, session, input, plates, sheet, pick,
+  theme, kinds, frames, predict, status, stream, formats, connectionBanner, session, input, plates, sheet, pick,
   orientation, scaleBar, views, zoomBox, walk, camera,
   picture, time, transfer, transferKinds, transferMaps, gradient, windowLevel, layers, channels, announce,
   volumes, presets, people, statusPanel, colorBar, inspect,

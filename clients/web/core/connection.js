@@ -353,9 +353,17 @@ export class Connection extends Emitter {
         this.emit('frame', frame);
       }
     } catch (error) {
+      this.#acknowledge(data); // or the daemon waits for it, and sends no other
       this.emit('fault', error instanceof FrameError
         ? new Error(t('connection.frame', { reason: error.message })) : error);
     }
+  }
+
+  /** Acknowledges a frame of which only the number can be read. */
+  #acknowledge(data) {
+    if (typeof data === 'string' || data.byteLength < 12) return;
+    const view = new DataView(data);
+    if (view.getUint32(0, false) === 0x53504631) this.notify('stream.ack', { frame: view.getUint32(8, true) });
   }
 
   #closed(epoch, code, reason) {

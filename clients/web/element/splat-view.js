@@ -9,10 +9,13 @@ import { attachPointers, attachWheel, cameraKeys } from '../app/camera/pointer.j
 import { Screen } from '../app/frames/screen.js';
 import * as stream from '../app/session/stream.js';
 import { Viewer } from '../app/camera/viewer.js';
+import { follow, Warp } from '../app/frames/warp.js';
 
 const STYLE = `
 :host { display: block; position: relative; min-width: 1px; min-height: 1px; aspect-ratio: 4 / 3; background: #000; overflow: hidden; }
 :host([hidden]) { display: none; }
+div { position: absolute; inset: 0; pointer-events: none; }
+div[hidden] { display: none; }
 canvas { position: absolute; inset: 0; width: 100%; height: 100%; display: block; outline: none; }
 :host(:not([controls])) canvas { pointer-events: none; }
 :host([controls]) canvas { cursor: grab; touch-action: none; }
@@ -44,7 +47,8 @@ export class SplatView extends HTMLElement {
 
   #canvas = document.createElement('canvas');
   #note = document.createElement('p');
-  #parts = null; // of the current connection: {connection, viewer, screen, participants}
+  #layer = document.createElement('div'); // above the canvas: frames as the newest camera sees them
+  #parts = null; // of the current connection: {connection, viewer, screen, participants, warp}
   #known = null; // the session to return to when the element moves in the document
   #isPlanned = false;
   #isDrawn = false;
@@ -57,7 +61,7 @@ export class SplatView extends HTMLElement {
     this.#canvas.setAttribute('role', 'img');
     this.#note.setAttribute('part', 'message');
     this.#note.setAttribute('role', 'status');
-    root.append(this.#canvas, this.#note);
+    root.append(this.#canvas, this.#layer, this.#note);
     this.#attachControls();
   }
 
@@ -115,6 +119,7 @@ export class SplatView extends HTMLElement {
     if (before === now) return;
     if (name === 'controls' || name === 'label') {
       this.#name();
+      if (this.#parts) this.#parts.warp.isOn = this.controls;
     } else if (name === 'volume' && this.#parts?.viewer.view) {
       this.#parts.viewer.selectVolume(now);
     } else {
@@ -157,14 +162,19 @@ export class SplatView extends HTMLElement {
     });
     const viewer = new Viewer({ connection, viewport: () => screen.viewport });
     const participants = new Participants();
-    this.#parts = { connection, viewer, screen, participants };
+    this.#layer.replaceChildren(document.createElement('canvas'));
+    this.#layer.hidden = true;
+    const warp = new Warp(this.#layer, screen);
+    this.#parts = { connection, viewer, screen, participants, warp };
     /** @type {any} */
     const app = {
-      connection, viewer, screen, participants, report: (error) => this.#fail(error),
+      connection, viewer, screen, participants, warp, report: (error) => this.#fail(error),
       storage: { recall: () => null, remember() {} }, formats: { wanted: async () => ({ format: ['jpeg'] }), keepGranted() {} },
     };
     frames.install(app);
     stream.install(app);
+    app.warp.isOn = this.controls;
+    follow(app);
     this.#follow(app);
     connection.start();
   }

@@ -45,8 +45,8 @@ function filesOf(...sets) {
   return sets.flatMap((set) => new RegExp(`^set\\(${set}\\s([^)]*)\\)`, 'm').exec(list)[1].trim().split(/\s+/));
 }
 
-const FIRST = filesOf('entries', 'chunks', 'styles', 'plain');
-const ALL = [...FIRST, ...filesOf('later', 'later_styles', 'element', 'element_styles', 'element_plain')];
+const FIRST = filesOf('entries', 'workers', 'chunks', 'styles', 'plain');
+const ALL = [...FIRST, ...filesOf('later', 'later_alone', 'later_styles', 'element', 'element_styles', 'element_plain')];
 for (const [what, names, limit] of [['what the page loads for the first image', FIRST, 119000], ['the page with all its parts and the element', ALL, 240000]]) {
   test(`${what} has less than ${limit / 1000} kB, as the daemon compresses it`, async () => {
     assert.ok(names.includes('app/main.js') && names.includes('style/page.css') && names.includes('index.html'));

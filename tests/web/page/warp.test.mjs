@@ -3,13 +3,13 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { difference, firstFrame, pixels, share, shot, until, visitMock } from '../support/browser.mjs';
+import { difference, eventually, firstFrame, pixels, share, shot, until, visitMock } from '../support/browser.mjs';
 
 const { browser } = await share();
 
 /** Opens the page in a browser whose animation frames seem to come every `frameMs`. */
-async function setUp(context, frameMs = 16) {
-  const prepare = (page) => page.addInitScript(`(() => {
+async function setUp(context, frameMs = 16, change = {}, prepareMore = async () => {}) {
+  const prepare = (page) => prepareMore(page).then(() => page.addInitScript(`(() => {
     const real = window.requestAnimationFrame.bind(window);
     let time = 0;
     let last = 0; // all callbacks of a frame get the same time
@@ -18,8 +18,8 @@ async function setUp(context, frameMs = 16) {
       last = now;
       then(time);
     });
-  })()`);
-  return visitMock(context, browser, { prepare });
+  })()`));
+  return visitMock(context, browser, { prepare, change });
 }
 
 /** Begins a drag of which the daemon draws nothing, until `count` updates are answered. */
@@ -61,6 +61,102 @@ test('the picture follows a drag whose frames are late, and a frame replaces the
   await until(page, 'the frame', (s) => s.isIdle && s.seq === s.sent && !s.isWarped);
   await page.mouse.up();
   assert.deepEqual(it.said, []);
+});
+
+/** The canvas of frames that are drawn by their depth: what the layer shows, how large it is, and the px in its middle. */
+const byDepth = (page) => page.evaluate(() => {
+  const layer = document.getElementById('warp');
+  const { width, height } = layer.lastElementChild;
+  const copy = new OffscreenCanvas(width, height).getContext('2d', { willReadFrequently: true });
+  copy.drawImage(layer.lastElementChild, 0, 0);
+  return { kind: layer.dataset.kind, width, height, middle: [...copy.getImageData(width >> 1, height >> 1, 1, 1).data].slice(0, 3) };
+});
+
+/** Makes the page believe that a GPU draws WebGL. Drawings stay, so that they can be read. */
+const feignGpu = (page) => page.addInitScript(() => {
+  const { getParameter } = WebGL2RenderingContext.prototype;
+  WebGL2RenderingContext.prototype.getParameter = function feigned(name) {
+    return name === 0x9246 || name === this.RENDERER ? 'a GPU' : getParameter.call(this, name);
+  };
+  for (const type of [HTMLCanvasElement, OffscreenCanvas]) {
+    const { getContext } = type.prototype;
+    type.prototype.getContext = function kept(kind, options) {
+      return getContext.call(this, kind, kind === 'webgl2' ? { ...options, preserveDrawingBuffer: true, failIfMajorPerformanceCaveat: false } : options);
+    };
+  }
+});
+const hasGl = (page) => page.evaluate(() => Boolean(document.querySelector('#warp > canvas').getContext('webgl2')));
+
+for (const [name, prepareMore] of [['pixel by pixel', async () => {}], ['with a GPU', feignGpu]]) {
+  test(`frames with depth follow the hand from the first update on, drawn ${name}`, async (context) => {
+    const it = await setUp(context, 16, { hasDepth: true }, prepareMore);
+    const { daemon, page } = it;
+    if (prepareMore === feignGpu && !await hasGl(page)) {
+      context.skip('this browser has no WebGL 2');
+      return;
+    }
+    await until(page, 'a frame with depth', (s) => s.hasDepth);
+    const before_ = await pixels(page);
+    await dragUnseen(it, 1);
+    await until(page, 'a warp', (s) => s.isIdle && s.isWarped);
+    await page.mouse.move(480, 300);
+    await until(page, 'the newest camera', (s) => s.isIdle && s.isDrawn && s.warps > 1);
+    const { kind, width, height, middle } = await byDepth(page);
+    assert.equal(kind, 'depth');
+    compare(Math.min(width, height), '>', 1);
+    assert.deepEqual(middle, [200, 120, 40], 'the picture turns about what lies behind it');
+    assert.equal(difference(await pixels(page), before_), 0, 'the canvas, and so every capture, stays as it is');
+    daemon.draws = true;
+    await page.mouse.move(570, 300);
+    await until(page, 'the frame', (s) => s.isIdle && s.seq === s.sent && !s.isWarped);
+    await page.mouse.up();
+    assert.deepEqual(it.said.filter((text) => !text.includes('GPU stall due to ReadPixels')), []); // that was this test
+  });
+}
+
+test('after the GPU is lost, the canvas is shown, and the next frames are drawn again', async (context) => {
+  const it = await setUp(context, 16, { hasDepth: true }, feignGpu);
+  const { daemon, page } = it;
+  if (!await hasGl(page)) {
+    context.skip('this browser has no WebGL 2');
+    return;
+  }
+  await until(page, 'a frame with depth', (s) => s.hasDepth);
+  await dragUnseen(it, 1);
+  await until(page, 'a warp', (s) => s.isIdle && s.isWarped);
+  await page.evaluate(() => {
+    window.lost = document.querySelector('#warp > canvas').getContext('webgl2').getExtension('WEBGL_lose_context');
+    window.lost.loseContext();
+  });
+  await until(page, 'the canvas', (s) => !s.isWarped);
+  await page.evaluate(() => new Promise((resolve) => {
+    document.querySelector('#warp > canvas').addEventListener('webglcontextrestored', resolve);
+    window.setTimeout(() => window.lost.restoreContext());
+  }));
+  daemon.draws = true;
+  await page.mouse.move(480, 300);
+  await until(page, 'a frame', (s) => s.isIdle && s.seq === s.sent && !s.isWarped);
+  daemon.draws = false;
+  await page.mouse.move(520, 300);
+  await until(page, 'a warp', (s) => s.isIdle && s.isWarped);
+  assert.deepEqual((await byDepth(page)).middle, [200, 120, 40]);
+  await page.mouse.up();
+});
+
+test('depth is asked for only where the prediction is on', async (context) => {
+  const it = await setUp(context, 16, { hasDepth: true });
+  const asked = () => it.daemon.heard.filter(({ method, params }) => method === 'stream.configure' && 'depth' in params).map(({ params }) => params.depth);
+  await until(it.page, 'a frame with depth', (s) => s.hasDepth);
+  const before_ = asked().length;
+  const flip = () => it.page.evaluate(() => document.getElementById('warping').click());
+  await flip();
+  await eventually('the setting', () => asked().length === before_ + 1);
+  await dragUnseen(it, 2);
+  assert.equal(await it.page.evaluate(() => window.splatd.isWarped), false);
+  await it.page.mouse.up();
+  await flip();
+  await eventually('the setting', () => asked().length === before_ + 2);
+  assert.deepEqual(asked().slice(-3), [true, false, true]);
 });
 
 test('the prediction can be switched off, and the choice survives a reload', async (context) => {

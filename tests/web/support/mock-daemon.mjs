@@ -58,11 +58,12 @@ export function histogram(id, { isJoint = false, range = [0, 255], type = 'uint8
 }
 
 /** Encodes a frame after the table of the protocol. */
-export function frameMessage({ frame, seq, width = 32, height = 32, color = [200, 120, 40], flags = 3, payload, codec = 2 }) {
+export function frameMessage({ frame, seq, width = 32, height = 32, color = [200, 120, 40], flags = 3, payload, codec = 2, depth = null }) {
   const bytes = payload ?? encodePng(width, height, color);
+  const more = depth ? depthOf(depth, [width, height]) : Buffer.alloc(0);
   const head = Buffer.alloc(36);
   head.write('SPF1', 0, 'latin1');
-  head.set([codec, flags, 36, 0], 4);
+  head.set([codec, flags | (depth ? 16 : 0), depth ? 136 : 36, 0], 4);
   head.writeUInt32LE(frame, 8);
   head.writeUInt32LE(seq, 12);
   head.writeUInt16LE(width, 16);
@@ -71,7 +72,20 @@ export function frameMessage({ frame, seq, width = 32, height = 32, color = [200
   head.writeUInt32LE(1000, 24);
   head.writeUInt32LE(bytes.length, 28);
   head.writeUInt32LE(2000, 32);
-  return Buffer.concat([head, bytes]);
+  return Buffer.concat([head, more, bytes]);
+}
+
+/** The camera and the depth of a frame: one distance, half way to the target of the camera. */
+function depthOf({ position, target, up, fov_y: fov }, size) {
+  const cells = size.map((side) => Math.ceil(side / 4));
+  const image = encodePng(cells[0], 2 * cells[1], [255, 255, 255]);
+  const distance = Math.hypot(...position.map((x, i) => target[i] - x)) / 2;
+  const head = Buffer.alloc(100);
+  head.writeUInt32LE(image.length, 0);
+  cells.forEach((count, i) => head.writeUInt16LE(count, 4 + 2 * i));
+  [distance, distance * 1.01].forEach((depth, i) => head.writeFloatLE(depth, 8 + 4 * i));
+  [...position, ...target, ...up, fov].forEach((x, i) => head.writeDoubleLE(x, 20 + 8 * i));
+  return Buffer.concat([head, image]);
 }
 
 export class MockDaemon {
@@ -89,6 +103,8 @@ export class MockDaemon {
   isSilent = false;
   /** The status of every HTTP answer below /api, or 0 for normal answers. */
   failWith = 0;
+  /** Its frames have depth, for clients that ask for it. */
+  hasDepth = false;
   /** Draws a frame after every change. */
   draws = true;
   /** Replaces the histograms: (id, isJoint) → answer, or null for 404. */
@@ -328,6 +344,7 @@ export class MockDaemon {
         return {};
       case 'stream.configure':
         stream.size = params.size ?? stream.size;
+        stream.wantsDepth = params.depth ?? stream.wantsDepth;
         this.#draw(stream);
         return params;
       case 'view.update': {
@@ -349,7 +366,7 @@ export class MockDaemon {
     if (!this.script && this.draws) {
       stream.frame += 1;
       const [width, height] = stream.size;
-      messages.push(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, color: this.color?.(stream.session.view) ?? [200, 120, 40] }));
+      messages.push(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, color: this.color?.(stream.session.view) ?? [200, 120, 40], depth: this.hasDepth && stream.wantsDepth ? stream.session.view.camera : null }));
     }
     for (const message of messages) stream.socket.send(message);
   }

@@ -34,11 +34,11 @@ export function encodePng(width, height, color) {
   ]);
 }
 
-/** Decodes an 8-bit RGB or RGBA PNG without interlacing, as Chromium writes it, to {width, height, at(x, y) → [r, g, b], alpha(x, y)}. */
+/** Decodes an 8-bit grey, RGB or RGBA PNG without interlacing, as Chromium writes it, to {width, height, at(x, y) → [r, g, b], alpha(x, y)}. */
 export function decodePng(bytes) {
   const width = bytes.readUInt32BE(16);
   const height = bytes.readUInt32BE(20);
-  const channels = { 2: 3, 6: 4 }[bytes[25]];
+  const channels = { 0: 1, 2: 3, 6: 4 }[bytes[25]];
   if (bytes[24] !== 8 || !channels || bytes[28] !== 0) throw new Error('a PNG of another kind');
   const parts = [];
   for (let at = 8; at < bytes.length;) {
@@ -63,7 +63,7 @@ export function decodePng(bytes) {
     width, height,
     at: (x, y) => {
       const i = (y * width + x) * channels;
-      return [out[i], out[i + 1], out[i + 2]];
+      return channels === 1 ? Array(3).fill(out[i]) : [out[i], out[i + 1], out[i + 2]];
     },
     alpha: (x, y) => (channels === 4 ? out[(y * width + x) * 4 + 3] : 255),
   };

@@ -27,10 +27,16 @@ export function install(app) {
     giveUp: (error) => frames.emit('video-failed', error),
   });
   const order = new FrameOrder({
-    decode: (frame) => (frame.isVideo ? video.decode(frame) : decodeImage(frame)),
+    decode: async (frame) => {
+      frame.map = app.warp?.depth?.decode(frame); // before the image: its decoder takes the bytes of the message
+      const image = await (frame.isVideo ? video.decode(frame) : decodeImage(frame));
+      frame.map = await frame.map;
+      return image;
+    },
     schedule: nextFrame,
     draw: (image, frame) => {
       screen.draw(image, { isMoving: !frame.isFinal });
+      app.warp?.depth?.take(image, frame);
       const { frame: number, seq, width, height, isFinal, isLossless, isVideo, renderUs, encodeUs } = frame;
       Object.assign(drawn, {
         frame: number, seq, width, height, isFinal, isLossless, isVideo, count: drawn.count + 1, videos: drawn.videos + Number(isVideo),
@@ -45,6 +51,7 @@ export function install(app) {
   connection.on('state', ({ state }) => {
     if (state !== 'live') return;
     order.reset();
+    app.warp?.depth?.reset();
     video.reset();
   });
   app.frames = frames;

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hides latency: while the user is ahead of the picture by more than one update, a copy of the last picture is warped to the
-// newest camera and shown above the canvas. The next picture replaces it. The canvas itself never changes.
+// Hides latency and the rate of the frames: while the user is ahead of the picture, the last picture is shown above the canvas as the newest
+// camera sees it. The next picture replaces it. The canvas itself never changes. Frames with depth are drawn point by point (depth_warp.js);
+// of others a copy is warped as if it were painted on a plane, once the user is ahead by more than one update.
 //
-// A browser that draws without a GPU may need longer for the warped picture than it saves. So the time between animation frames
-// is measured, and warping pauses for a while where it makes them slow.
+// A browser that draws without a GPU may need longer for the flat warp than it saves. So the time between animation frames is
+// measured, and the flat warp pauses for a while where it makes them slow.
 import { cssTransform, fadesOf, homography } from '../../core/warp.js';
-import { byId } from '../controls/dom.js';
+import { nextFrame } from './animation.js';
 
 const AHEAD_MIN = 2; // updates
 const SLOW_MS = 22; // between animation frames, on average over SLOW_FRAMES
@@ -14,54 +15,82 @@ const GAP_MS = 200; // a longer time between two of them says nothing: the tab w
 const PAUSE_MS = 20000;
 const FADE_PX = 100; // width of a strip in style.css
 
-export function install({ warp, viewer, frames, storage, overlay }) {
+/** Shows the newest frame for the newest camera whenever one of them changes. Sets app.wantsDepth(): should frames come with depth? A client
+ * that only watches is never ahead of the frames. */
+export function follow(app) {
+  const { warp, viewer, frames, overlay } = app;
   const show = () => {
     warp.show(viewer.rig, viewer.ahead, viewer.view?.background ?? [0, 0, 0, 1]);
-    overlay.update();
+    overlay?.update();
   };
-  const isOn = byId('warping');
-  isOn.checked = storage.recall('warping') !== 'no';
-  warp.isOn = isOn.checked;
-  isOn.addEventListener('change', () => {
-    storage.remember('warping', isOn.checked ? 'yes' : 'no');
-    warp.isOn = isOn.checked;
-  });
+  app.wantsDepth = () => warp.isOn && Boolean(warp.depth) && viewer.canControl;
+  let before = app.wantsDepth();
+  const tell = () => {
+    if (app.wantsDepth() === before) return;
+    before = app.wantsDepth();
+    app.configure({ depth: before });
+  };
+  warp.onSwitch = tell;
+  viewer.on('view', tell);
   viewer.on('camera', show);
+  let isAsked = false;
   frames.on('drawn', ({ rig }) => {
+    if (!isAsked) {
+      isAsked = true;
+      warp.load().then(tell, () => {}); // without it, the flat warp stays
+    }
     warp.drew(rig);
-    overlay.drew(rig);
+    overlay?.drew(rig);
     show();
   });
 }
 
 export class Warp {
   #layer; #sheet; #canvas; #fades; #screen;
+  #depth = null; // a DepthWarp, once it is loaded
+  #wanted = null; // {rig, ground} to draw by depth at the next animation frame
   #isOn = true;
+  onSwitch = () => {}; // called after isOn was set
   #shown = null; // camera of the picture
   #isCopied = false;
   #times = []; // of the last animation frames with a warped picture
   #watching = 0; // the request of the next one
   #pausedUntil = 0;
 
-  /** layer: the element above the canvas, with an element that holds the copy and a strip per side; screen: the Screen. */
+  /** layer: the element above the canvas, with an element that holds the copy and a strip per side, and a canvas; without the former, only frames
+   * with depth are warped. screen: the Screen. */
   constructor(layer, screen) {
     this.#layer = layer;
-    this.#sheet = layer.firstElementChild;
+    this.#sheet = layer.querySelector('div');
     this.#canvas = layer.querySelector('canvas');
     this.#fades = Object.fromEntries(['left', 'right', 'top', 'bottom'].map((side) => [side, layer.querySelector(`[data-side="${side}"]`)]));
     this.#screen = screen;
   }
 
+  /** The frames by their depth (depth_warp.js); null until load() is done. */
+  get depth() { return this.#depth; }
+
+  /** Loads what draws frames by their depth. Without it, they are warped as if they were flat. */
+  async load() {
+    const { DepthWarp } = await import(new URL('../parts/warp.js', import.meta.url).href);
+    this.#depth = new DepthWarp(this.#layer.lastElementChild, this.#screen, () => this.hide());
+  }
+
   /** True while a warped picture is visible. */
   get isVisible() { return !this.#layer.hidden; }
 
+  /** False: the canvas is always shown as it is. */
+  get isOn() { return this.#isOn; }
+
   set isOn(isOn) {
     this.#isOn = isOn;
-    this.#layer.hidden = true;
+    this.hide();
+    this.onSwitch();
   }
 
   /** Shows the canvas: nothing is moving, or no picture will come. */
   hide() {
+    this.#wanted = null;
     this.#layer.hidden = true;
   }
 
@@ -75,7 +104,14 @@ export class Warp {
   show(rig, ahead, background) {
     const isPossible = this.#isOn && performance.now() >= this.#pausedUntil;
     const isMoved = rig && this.#shown && rig !== this.#shown; // other changes of the view are not predicted
-    const map = isPossible && ahead >= AHEAD_MIN && isMoved && homography(this.#shown, rig, this.#screen.viewport);
+    if (this.#isOn && isMoved && ahead > 0 && this.#depth?.isReady) {
+      if (!this.#wanted) nextFrame(() => this.#drawByDepth());
+      this.#wanted = { rig, ground: background.slice(0, 3) };
+      return;
+    }
+    this.#wanted = null;
+    this.#layer.dataset.kind = 'plane';
+    const map = this.#sheet && isPossible && ahead >= AHEAD_MIN && isMoved && homography(this.#shown, rig, this.#screen.viewport);
     if (map) {
       if (!this.#isCopied) this.#screen.copyTo(this.#canvas);
       this.#isCopied = true;
@@ -89,6 +125,14 @@ export class Warp {
     }
     if (map && this.#layer.hidden) this.#watch();
     this.#layer.hidden = !map;
+  }
+
+  #drawByDepth() {
+    if (!this.#wanted) return; // the picture came meanwhile
+    const { rig, ground } = this.#wanted;
+    this.#wanted = null;
+    this.#layer.dataset.kind = 'depth';
+    this.#layer.hidden = !this.#depth.draw(rig, ground);
   }
 
   /** Measures animation frames until the layer is hidden again. */

@@ -19,7 +19,7 @@ export function install(app) {
     const format = await app.formats.wanted();
     const name = storage.recall('name') ?? app.guestName?.();
     try {
-      const { formats } = await connection.call('stream.configure', { size, max_fps: maxFps, ...(name ? { name } : {}), ...format });
+      const { formats } = await connection.call('stream.configure', { size, max_fps: maxFps, depth: Boolean(app.wantsDepth?.()), ...(name ? { name } : {}), ...format });
       if (formats) app.formats.keepGranted(formats);
     } catch (error) {
       if (connection.isLive) report(new Error(t('stream.size.refused', { reason: error.message })));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // window.splatd for tests and the console: read-only and not an interface. frame, seq: of the last drawn frame; count: frames drawn since
-// the page opened; videos: how many of them were video; sent: seq of the newest update;
+// the page opened; videos: how many of them were video; warps: pictures drawn from frames by their depth; hasDepth: the newest frame has depth; sent: seq of the newest update;
 // compared: the second picture of a comparison; isDrawn: nothing (labels, scale bar, controls) waits for the next animation frame; isComplete: all
 // parts that load on demand are there.
 import { plannedFrames } from '../frames/animation.js';
@@ -26,6 +26,8 @@ export function install(app) {
       get isDrawn() { return plannedFrames() === 0; },
       get isComplete() { return app.later.isComplete; },
       get isWarped() { return warp.isVisible; },
+      get hasDepth() { return Boolean(warp.depth?.isReady); },
+      get warps() { return warp.depth?.count ?? 0; },
       get camera() { return structuredClone(viewer.camera); },
       get view() { return structuredClone(viewer.view); },
       get canControl() { return viewer.canControl; },
