@@ -140,16 +140,18 @@ def network(folder):
 
 
 def motion(folder):
-    """One table per client; rows: move, size and network; columns: volumes."""
-    rows, texts = read(folder, 'motion.csv'), []
+    """One table per client; rows: move, size and network; columns: volumes. An arrow follows what was measured before frames had depth."""
+    rows, earlier, texts = read(folder, 'motion.csv'), read(folder, 'motion_before.csv'), []
     volumes = list(dict.fromkeys(r['volume'] for r in rows))
     for client in dict.fromkeys(r['client'] for r in rows):
         lines = []
         for key in dict.fromkeys((r['move'], r['px'], r['rtt_ms'], r['mbit']) for r in rows if r['client'] == client):
             cells = [key[0], f'{key[1]:.0f}', f'{key[2]:g}', f'{key[3]:g}']
             for volume in volumes:
-                r = find(rows, client=client, volume=volume, move=key[0], px=key[1], rtt_ms=key[2], mbit=key[3])
-                cells.append(f'{r["seen_db"]:.1f} ({r["seen_object_db"]:.1f}), {short(r["frame_db"])}; {r["width_p50"]:.0f} px, {r["changes_fps"]:.0f}' if r else '–')
+                wanted = {'client': client, 'volume': volume, 'move': key[0], 'px': key[1], 'rtt_ms': key[2], 'mbit': key[3]}
+                r, b = find(rows, **wanted), find(earlier, **wanted)
+                before = f'{b["seen_db"]:.1f} ({b["seen_object_db"]:.1f}), {b["width_p50"]:.0f} px → ' if b else ''
+                cells.append(f'{before}{r["seen_db"]:.1f} ({r["seen_object_db"]:.1f}), {r["width_p50"]:.0f} px, {r["changes_fps"]:.0f}' if r else '–')
             lines.append(cells)
         texts.append({'stream': 'A client that shows the newest image:', 'page': 'The page:'}[client] + '\n\n' +
                      table(['move', 'px', 'round trip ms', 'Mbit/s', *(volume.split('_')[0] for volume in volumes)], lines))

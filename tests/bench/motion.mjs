@@ -100,8 +100,7 @@ async function main() {
     for (const client of list('clients'))
       for (const move of list('moves'))
         for (const px of numbers('px'))
-          for (const mbit of numbers('mbit'))
-            for (const rttMs of numbers('rtt')) await measure(judge, daemon, client, browser, { move, px, rttMs, mbit, volume: path.basename(volume) });
+          for (const [rttMs, mbit] of networksOf(move, px)) await measure(judge, daemon, client, browser, { move, px, rttMs, mbit, volume: path.basename(volume) });
     await daemon.stop();
   }
   await browser.close();

@@ -29,7 +29,7 @@ export const MOVES = {
   },
 };
 
-/** Moves the pressed mouse, or its wheel, of a page over a canvas {x, y, width, height} for so many seconds. */
+/** Moves the pressed mouse of a page over a canvas {x, y, width, height}, or turns its wheel, for a time in seconds. */
 export async function moveInPage(page, move, { x, y, width, height }, seconds) {
   const [middleX, middleY] = [x + width / 2, y + height / 2];
   const side = Math.min(width, height);

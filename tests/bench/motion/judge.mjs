@@ -36,7 +36,7 @@ function prepare() {
     return result;
   }
 
-  /** Keeps a snapshot under a name until another page is loaded. Returns the number of its pixels that the object covers. */
+  /** Keeps a snapshot under a name until forget(). */
   async function keep(name, image, size) {
     snapshots.set(name, await pixelsOf(image, size));
   }

@@ -18,7 +18,7 @@ export async function recordStream(daemon, view, { move, px, seconds, looksPerSe
   const [frames, looks, cameras] = [[], [], [view.camera]];
   client.onFrame = (seq, data) => {
     const width = data.readUInt16LE(16);
-    frames.push({ at: performance.now(), seq, width, length: data.length, bytes: data.subarray(data.readUInt16LE(6)), type: TYPES[data[4]] });
+    frames.push({ at: performance.now(), seq, width, length: data.length, bytes: data.subarray(data.length - data.readUInt32LE(28)), type: TYPES[data[4]] });
   };
   const first = Math.round(1000 * WARM / TICK_MS);
   const last = first + Math.round(1000 * seconds / TICK_MS);
@@ -56,7 +56,7 @@ function listen() {
       this.addEventListener('message', ({ data }) => {
         if (!record.isOn || typeof data === 'string') return;
         const view = new DataView(data);
-        const kept = view.getUint8(4) <= 3 ? data.slice(view.getUint16(6, true)) : null; // the daemon may send video
+        const kept = view.getUint8(4) <= 3 ? data.slice(data.byteLength - view.getUint32(28, true)) : null; // the daemon may send video
         record.frames.push({ at: performance.now(), length: data.byteLength, seq: view.getUint32(12, true), width: view.getUint16(16, true), codec: view.getUint8(4), data: kept });
       });
     }
@@ -71,22 +71,23 @@ function listen() {
   };
 }
 
-/** Runs in the page: looks at its canvas at every so manieth animation frame, until motion.isOn is false. */
+/** Runs in the page: looks at its canvas at every `every`-th animation frame, until motion.isOn is false. */
 function watch(every) {
   const { motion } = window;
   Object.assign(motion, { isOn: true, looks: [], hands: [], shown: '', changes: 0, ticks: 0, begin: performance.now() });
   const layer = document.getElementById('warp');
   const look = async () => {
     if (!motion.isOn) return;
-    const { count, camera, latencyMs } = window.splatd;
-    const sheet = layer && !layer.hidden ? layer.firstElementChild : null;
-    const shown = `${count} ${sheet?.style.transform ?? ''}`;
+    const { count, camera, latencyMs, warps } = window.splatd;
+    const isByDepth = layer.dataset.kind === 'depth';
+    const sheet = layer.hidden || isByDepth ? null : layer.firstElementChild;
+    const shown = `${count} ${layer.hidden ? '' : isByDepth ? warps : sheet.style.transform}`;
     if (shown !== motion.shown) motion.changes += 1;
     if (!motion.shown.startsWith(`${count} `)) motion.hands.push(latencyMs);
     motion.shown = shown;
     motion.ticks += 1;
     if (motion.ticks % every !== 0) return;
-    const canvas = sheet ? sheet.querySelector('canvas') : document.getElementById('screen');
+    const canvas = layer.hidden ? document.getElementById('screen') : isByDepth ? layer.lastElementChild : sheet.querySelector('canvas');
     const matrix = sheet ? new DOMMatrix(sheet.style.transform) : null;
     const { width, height } = canvas;
     const one = { wanted: camera, frame: motion.frames.length - 1, matrix: matrix && [...matrix.toFloat64Array()], scale: width / canvas.clientWidth };
