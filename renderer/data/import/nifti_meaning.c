@@ -58,12 +58,12 @@ static bool add_squares(gzFile stream, const struct nifti_fields *f, float *squa
 
 /* True if the three volumes of the file are the components of unit vectors. Reads all of them. */
 static bool are_directions(const struct import_file *file, const struct nifti_fields *f) {
-    const uint64_t most = 1 << 26;
-    const uint64_t count = (uint64_t)(f->dims[1] * f->dims[2] * f->dims[3]);
-    const uint64_t least = (uint64_t)f->layout->size + NIFTI_SINGLE_START;
-    const uint64_t start = f->offset > (double)least ? (uint64_t)f->offset : least;
-    if (!f->is_single || f->dims[1] * f->dims[2] * f->dims[3] > (double)most || start > INT32_MAX)
+    const double most = 1 << 26, samples = f->dims[1] * f->dims[2] * f->dims[3];
+    const double least = (double)f->layout->size + NIFTI_SINGLE_START;
+    if (!f->is_single || !(samples <= most) || !(f->offset <= INT32_MAX))
         return false;
+    const uint64_t count = (uint64_t)samples;
+    const uint64_t start = (uint64_t)fmax(f->offset, least);
     float *squares = calloc(count, sizeof *squares);
     const int fd = lseek(file->fd, 0, SEEK_SET) == 0 ? dup(file->fd) : -1;
     gzFile stream = squares && fd >= 0 ? gzdopen(fd, "rb") : NULL;
