@@ -144,6 +144,7 @@ static struct sp_frame *render_frame(struct sp_renderer *renderer, struct volume
                                      struct sp_frame_pool *pool, struct sp_error *err) {
     const bool wants_float = sp_image_format_info(format)->wants_float;
     const struct sp_render_options what = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
+                                            .wants_depth = format == SP_IMAGE_EXR,
                                             .find = find_or_load,
                                             .user = volumes };
     struct sp_frame *frame = sp_renderer_render(renderer, volumes->own, view, pool, &what, err);
