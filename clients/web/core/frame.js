@@ -20,8 +20,8 @@ export class FrameError extends Error {
   name = 'FrameError';
 }
 
-/** The camera and the depth that follow the header: {camera, cells: [columns, rows], near, far, payload}; payload is null for a frame without depth,
- * or with one that does not fit it: its image is good for all that. */
+/** The camera and the depth that follow the header: {camera, cells: [columns, rows], near, far, payload}; payload is null if the frame has no depth,
+ * or if its depth does not fit its image. */
 function decodeDepth(view, headerBytes, [frameWidth, frameHeight]) {
   const bytes = view.getUint32(HEADER_BYTES, true);
   const cells = [40, 42].map((at) => view.getUint16(at, true));

@@ -34,9 +34,9 @@ static void init_face(struct face *face, const struct sp_resample *r,
     face->is_entered = is_perspective ? face->gap[2] > 0 : face->rise[2] > 0;
 }
 
-/* True if rays enter the drawn part through this face. A joint counts neither here nor below: the
- * volume continues behind it in another image. If both images covered a part of a pixel, light
- * would pass between them. */
+/* True if rays enter the drawn part through this face. A joint counts neither here nor below:
+ * behind it, another image shows the rest of the volume. Both images cover whole pixels at the
+ * joint, because light would pass between two parts of a pixel. */
 static bool is_in_front(const struct face *face) {
     return face->is_entered && !face->is_joint;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compares images with snapshots, in a page of the browser that measures the page of splatd: it decodes and enlarges as that one does.
+// Compares images with snapshots. It does so in a second page of the browser, so that images are decoded and enlarged as in the page of splatd.
 
 /** Runs in the page. Each image is {bytes (base64), type, map}; `map`: a homography by rows that the image is drawn by, or null. */
 function prepare() {

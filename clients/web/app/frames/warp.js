@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hides latency and the rate of the frames: while the user is ahead of the picture, the last picture is shown above the canvas as the newest
-// camera sees it. The next picture replaces it. The canvas itself never changes. Frames with depth are drawn point by point (depth_warp.js);
-// of others a copy is warped as if it were painted on a plane, once the user is ahead by more than one update.
+// Hides latency and the rate of the frames: while the user is ahead of the picture, a layer above the canvas shows the last picture as the newest
+// camera sees it. The next picture replaces it. The canvas itself never changes. A frame with depth is drawn point by point (depth_warp.js). A
+// frame without depth is copied and warped as if it were painted on a plane, once the user is ahead by more than one update.
 //
 // A browser that draws without a GPU may need longer for the flat warp than it saves. So the time between animation frames is
 // measured, and the flat warp pauses for a while where it makes them slow.
@@ -15,8 +15,8 @@ const GAP_MS = 200; // a longer time between two of them says nothing: the tab w
 const PAUSE_MS = 20000;
 const FADE_PX = 100; // width of a strip in style.css
 
-/** Shows the newest frame for the newest camera whenever one of them changes. Sets app.wantsDepth(): should frames come with depth? A client
- * that only watches is never ahead of the frames. */
+/** Shows the newest frame for the newest camera whenever one of them changes. Sets app.wantsDepth(), which tells if frames should come with
+ * depth. A client that only watches needs none: it is never ahead of the frames. */
 export function follow(app) {
   const { warp, viewer, frames, overlay } = app;
   const show = () => {

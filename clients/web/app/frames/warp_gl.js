@@ -49,8 +49,8 @@ function indicesOf(columns, rows) {
   return indices;
 }
 
-/** Browsers do not tell reliably that they draw WebGL on the processor, but its name does. Asks another canvas, because a canvas has one kind of
- * context for ever. */
+/** False if the browser draws WebGL on the processor. The name of the renderer tells it; the option failIfMajorPerformanceCaveat is not reliable.
+ * Asks another canvas, because a canvas keeps the first kind of context that it gets. */
 function hasGpu() {
   const gl = new OffscreenCanvas(1, 1).getContext('webgl2', { failIfMajorPerformanceCaveat: true });
   const info = gl?.getExtension('WEBGL_debug_renderer_info');
@@ -65,7 +65,8 @@ export class GlWarp {
   #grid = ''; // of the buffer of indices
   #count = 0; // of indices
 
-  /** Returns null if this browser draws WebGL 2 without a GPU, or not at all. lost(): the GPU took back what it had; the next frame may be drawn again. */
+  /** Returns null if this browser draws WebGL 2 without a GPU, or not at all. lost(): called when the browser drops the context; nothing is drawn
+   * until it restores the context and the next frame comes. */
   static create(canvas, lost) {
     if (!hasGpu()) return null;
     const gl = canvas.getContext('webgl2', { alpha: false, antialias: false });

@@ -243,8 +243,8 @@ static inline void close_cell(struct sp_voxel_tile *tile, int cell) {
 /* Composites a splat onto the covered pixels of a cell. There may be none: asking would take
  * longer, because the branch is hard to predict. `blended`: the share of the streaks' colour; NULL
  * = none. `moved`: depth of the splat less the tile's origin; NULL = the image has no depth.
- * `open`: NULL = the tile has no fragments. Always inline: calls would take 5 % of a frame.
- */
+ * `open`: NULL = the tile has no fragments. The function is always inlined: a call per splat takes
+ * 5 % of the time of a frame. */
 static inline __attribute__((always_inline)) void
 composite(struct sp_voxel_tile *tile, struct open_fragments *open, const struct sp_voxel_frame *f,
           const struct sp_voxel_record *r, sp_wide pass, const sp_wide *blended, const float *moved,
