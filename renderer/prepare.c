@@ -136,6 +136,7 @@ bool sp_renderer_prepare(const struct sp_renderer *r, struct sp_renderer_frame *
     f->job = (struct sp_backend_job){ .volume = edited,
                                       .view = &f->view,
                                       .mip_level = drawn.mip_level,
+                                      .is_draft = o->draft,
                                       .frame = frame,
                                       .cancel = o->cancel,
                                       .pause = o->pause };

@@ -76,6 +76,7 @@ struct sp_backend_job {
      * NULL = the view's clip. */
     const struct sp_clip *light_clip;
     unsigned mip_level;        /* as in sp_render_options; a backend without levels ignores it */
+    bool is_draft;             /* sp_render_options.draft; a backend may ignore it */
     struct sp_frame *frame;    /* size and format are set; the backend fills pixels and stats */
     const atomic_bool *cancel; /* NULL = never */
     struct sp_pause *pause;    /* NULL = never */

@@ -31,7 +31,7 @@
 #define sp_extent_span SP_ISA_NAME(sp_extent_span)
 #define sp_extent_cut SP_ISA_NAME(sp_extent_cut)
 #define sp_shade_direction SP_ISA_NAME(sp_shade_direction)
-#define sp_shade_occluded SP_ISA_NAME(sp_shade_occluded)
+#define sp_shade_terms SP_ISA_NAME(sp_shade_terms)
 #define sp_shade_apply SP_ISA_NAME(sp_shade_apply)
 #define sp_shade_microflakes SP_ISA_NAME(sp_shade_microflakes)
 /* draw/footprints/ */

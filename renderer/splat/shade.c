@@ -18,15 +18,16 @@ static inline sp_wide highlight(float exponent, sp_wide n_sum, sp_wide l_eye) {
     return sp_wide_keep(shines, sp_wide_exp2(exponent * 0.5f * sp_wide_log2(square)));
 }
 
-/* `share`: of ambient and diffuse light, and of the first light, that arrives; NULL = all of it. */
-static inline void shade_direction(const struct sp_shade *shade, const sp_wide n[3],
-                                   const sp_wide to_eye[3], const sp_wide *share,
-                                   sp_wide color[3]) {
+static inline void compute_terms(const struct sp_shade *shade, const sp_wide n[3],
+                                 const sp_wide to_eye[3], const sp_wide *share, sp_wide lit[3],
+                                 sp_wide shine[3]) {
     const sp_wide one = sp_wide_all(1), zero = sp_wide_all(0);
-    sp_wide lit[3], shine[3] = { zero, zero, zero }, n_eye = dot(n, to_eye);
+    sp_wide n_eye = dot(n, to_eye);
     sp_wide_mask has_side = sp_wide_lt(zero, dot(n, n));
-    for (int c = 0; c < 3; c++)
+    for (int c = 0; c < 3; c++) {
         lit[c] = sp_wide_all(shade->ambient);
+        shine[c] = zero;
+    }
     for (int i = 0; i < shade->light_count; i++) {
         const float *l = shade->lights[i].world, *strength = shade->lights[i].color;
         sp_wide n_light = l[0] * n[0] + l[1] * n[1] + l[2] * n[2];
@@ -42,18 +43,21 @@ static inline void shade_direction(const struct sp_shade *shade, const sp_wide n
             shine[c] += glint * (shade->specular * strength[c]);
         }
     }
-    for (int c = 0; c < 3; c++)
-        color[c] = color[c] * (share ? lit[c] * share[0] : lit[c]) + shine[c];
+    for (int c = 0; c < 3 && share; c++)
+        lit[c] *= share[0];
+}
+
+void sp_shade_terms(const struct sp_shade *shade, const sp_wide normal[3], const sp_wide to_eye[3],
+                    const sp_wide *share, sp_wide lit[3], sp_wide shine[3]) {
+    compute_terms(shade, normal, to_eye, share, lit, shine);
 }
 
 void sp_shade_direction(const struct sp_shade *shade, const sp_wide normal[3],
                         const sp_wide to_eye[3], sp_wide color[3]) {
-    shade_direction(shade, normal, to_eye, NULL, color);
-}
-
-void sp_shade_occluded(const struct sp_shade *shade, const sp_wide normal[3],
-                       const sp_wide to_eye[3], const sp_wide share[2], sp_wide color[3]) {
-    shade_direction(shade, normal, to_eye, share, color);
+    sp_wide lit[3], shine[3];
+    compute_terms(shade, normal, to_eye, NULL, lit, shine);
+    for (int c = 0; c < 3; c++)
+        color[c] = color[c] * lit[c] + shine[c];
 }
 
 /* A symmetric matrix: xx, yy, zz, xy, xz, yz. */
@@ -166,5 +170,5 @@ void sp_shade_apply(const struct sp_shade *shade, sp_wide_int packed_gradient,
     sp_wide normal[3], eye[3];
     sp_shade_unpack(packed_gradient, normal);
     sp_shade_eye(shade, to_eye, eye);
-    shade_direction(shade, normal, eye, NULL, color);
+    sp_shade_direction(shade, normal, eye, color);
 }

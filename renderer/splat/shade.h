@@ -74,10 +74,11 @@ static inline void sp_shade_eye(const struct sp_shade *shade, const sp_wide came
 void sp_shade_direction(const struct sp_shade *shade, const sp_wide normal[3],
                         const sp_wide to_eye[3], sp_wide color[3]);
 
-/* Like sp_shade_direction(), but only a part of the light arrives: share[0] of the ambient and the
- * diffuse light, share[1] of the first light; both in [0, 1]. */
-void sp_shade_occluded(const struct sp_shade *shade, const sp_wide normal[3],
-                       const sp_wide to_eye[3], const sp_wide share[2], sp_wide color[3]);
+/* Computes the light of sp_shade_direction(): the shaded colour is colour · lit + shine. `share`:
+ * the part of the ambient and the diffuse light, and of the first light, that arrives, in [0, 1];
+ * NULL = all of it. */
+void sp_shade_terms(const struct sp_shade *shade, const sp_wide normal[3], const sp_wide to_eye[3],
+                    const sp_wide *share, sp_wide lit[3], sp_wide shine[3]);
 
 /* Like sp_shade_direction(), for packed gradients (classify/gradient.h). `to_eye` is in camera
  * space. */

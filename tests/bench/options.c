@@ -33,12 +33,13 @@ static const char usage[] =
     "  --lod L             level of detail: auto, off; default from the scene\n"
     "  --coarse N          2^N x 2^N x 2^N voxels averaged into one, 0 (default) to 2\n"
     "  --depth N           1: frames have depth and spread; default 0\n"
+    "  --draft N           1: drafts, as of moving views; default 0\n"
     "  --edit E            none, colour, opacity, range: slightly changes that part of the\n"
     "                      transfer function before each frame; default none\n"
     "  --cold              evicts cached data of the volume before each frame\n"
     "  --against KEY=VALUE alternates with the same setting except for that option (mode,\n"
-    "                      compositing, order, shading, layers, lod, coarse, depth or\n"
-    "                      edit); compares times and images\n"
+    "                      compositing, order, shading, layers, lod, coarse, depth,\n"
+    "                      draft or edit); compares times and images\n"
     "  --cancel N          then starts N frames, cancels each at a random moment, and prints\n"
     "                      how long the call takes to return\n"
     "  --data DIR          folder that contains the volumes of the scenes\n"
@@ -59,6 +60,14 @@ static bool parse_number(const char *flag, const char *text, unsigned low, unsig
         return false;
     }
     *out = (unsigned)n;
+    return true;
+}
+
+static bool parse_switch(const char *name, const char *value, bool *out) {
+    unsigned number;
+    if (!parse_number(name, value, 0, 1, &number))
+        return false;
+    *out = number;
     return true;
 }
 
@@ -91,13 +100,10 @@ static bool parse_setting(struct bench_setting *s, const char *name, const char 
         return parse_number(name, value, 0, SP_MIP_LEVEL_MAX, &s->render.mip_level);
     if (strcmp(name, "edit") == 0)
         return parse_edit(value, &s->edit);
-    if (strcmp(name, "depth") == 0) {
-        unsigned number;
-        if (!parse_number(name, value, 0, 1, &number))
-            return false;
-        s->render.wants_depth = number;
-        return true;
-    }
+    if (strcmp(name, "depth") == 0)
+        return parse_switch(name, value, &s->render.wants_depth);
+    if (strcmp(name, "draft") == 0)
+        return parse_switch(name, value, &s->render.draft);
     *known = false;
     return false;
 }
@@ -154,7 +160,7 @@ static bool parse_against(struct bench_options *o) {
     if (!known)
         fprintf(stderr,
                 "splat-bench: --against: \"%s\" is not KEY=VALUE with one of mode, compositing, "
-                "order, shading, layers, lod, coarse, depth, edit\n",
+                "order, shading, layers, lod, coarse, depth, draft, edit\n",
                 o->against_text);
     return ok;
 }
@@ -177,6 +183,7 @@ enum bench_parsed bench_options_parse(struct bench_options *o, int argc, char **
         { "lod", required_argument, NULL, LONG_ONLY },
         { "coarse", required_argument, NULL, LONG_ONLY },
         { "depth", required_argument, NULL, LONG_ONLY },
+        { "draft", required_argument, NULL, LONG_ONLY },
         { "edit", required_argument, NULL, LONG_ONLY },
         { "cold", no_argument, NULL, LONG_ONLY },
         { "against", required_argument, NULL, LONG_ONLY },

@@ -106,6 +106,7 @@ static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job 
                                        .cache = &state->samples,
                                        .bytes_max = cpu_cache_rest(state, CPU_CACHE_SAMPLES),
                                        .mip_level = job->mip_level,
+                                       .is_draft = job->is_draft,
                                        .draw_tile = state->kernels.resample_tile,
                                        .compute_ranges = state->kernels.ranges_compute,
                                        .pool = state->pool,

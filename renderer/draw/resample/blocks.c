@@ -4,6 +4,7 @@
  */
 #include "draw/resample/insert.h"
 #include "draw/resample/kernels.h"
+#include "draw/resample/quads.h"
 #include "draw/resample/rays.h"
 
 /* Keeps the part of SP_WIDE rays inside half space h. face: the cut by which they enter. */
@@ -123,6 +124,15 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_r
         r->shade && sp_wide_any(sp_wide_lt(begin, end) & ~sp_wide_lt(face, sp_wide_all(0)));
 }
 
+/* Sets the mean rays of quads. */
+static void init_quads(struct sp_resample_block *block) {
+    const float *rays[4] = { block->u, block->v, block->du, block->dv };
+    for (int k = 0; k < 4; k++)
+        sp_quads_mean(rays[k], block->quad_ray[k]);
+    for (int c = 0; c < 3; c++)
+        sp_quads_mean(block->to_eye[c], block->quad_eye[c]);
+}
+
 /* Sets the four outermost rays of the block. If a side of the silhouette crosses the block, rays
  * may have moved, but stay inside their pixels: then these go through the corners of the block. */
 static void init_corners(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
@@ -169,6 +179,8 @@ static bool init_block(const struct sp_resample_open_tile *t, const struct sp_re
     block->inside[1] = -sp_wide_largest(-inside[1]);
     bounds->span[0][b] = -sp_wide_largest(-span[0]);
     bounds->span[1][b] = sp_wide_largest(span[1]);
+    if (t->r->has_quads)
+        init_quads(block);
     sp_resample_open_block(t, block);
     init_corners(t, rays, b);
     return bounds->span[0][b] < bounds->span[1][b];

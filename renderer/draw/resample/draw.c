@@ -150,7 +150,8 @@ static bool add_axis(const struct sp_resample_input *input, struct sp_resample *
     return is_drawn || why.code == SP_ERR_BUDGET;
 }
 
-/* Draws the frame with the slices of each axis that has a share of it. */
+/* Draws the frame with the slices of each axis that has a share of it; a draft with those of one
+ * axis. */
 static bool draw_axes(const struct sp_resample_input *input, struct sp_resample *r,
                       struct sp_error *err) {
     struct sp_resample_scratch *scratch = allocate_all(input, r);
@@ -160,7 +161,7 @@ static bool draw_axes(const struct sp_resample_input *input, struct sp_resample 
         return sp_arena_fail(input->arena, "data", err);
     if (!draw(input, r, scratch, err))
         return false;
-    for (int a = 0; a < 3; a++) {
+    for (int a = 0; a < 3 && !input->frame->stats.is_draft; a++) {
         if (a == best || !(r->share[a] > 0))
             continue;
         sum += r->share[a];

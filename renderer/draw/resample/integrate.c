@@ -6,54 +6,10 @@
  *           ·──────·──┬───·──────·         degree 3 through four sheets; in each half the value
  *                  └half┘                  changes linearly, and the curve's integral classifies it
  */
-#include "draw/resample/cut_face.h"
 #include "draw/resample/depth.h"
-#include "draw/resample/gradient.h"
 #include "draw/resample/insert.h"
-#include "draw/resample/normal.h"
 #include "draw/resample/opacity.h"
-#include "draw/resample/seen.h"
-#include "draw/resample/shares.h"
-#include "draw/resample/sheet_sample.h"
-#include "draw/resample/smooth.h"
-#include "frame/resolve.h"
-
-enum { PARTS = RESAMPLE_PIXELS / SP_WIDE };
-
-/* SP_WIDE rays of a block in one interval. */
-struct interval {
-    int begin;        /* first pixel */
-    sp_wide sheet[4]; /* values on the sheet before it, at its start, at its end and behind it */
-    sp_wide value[3]; /* at its start, in its middle and at its end [codes] */
-    sp_wide length;   /* of the ray inside, reference lengths */
-    sp_wide front;    /* where it begins inside: 0 on the sheet at its start, 1 at its end */
-    sp_wide share;    /* of the distance between both that lies inside */
-    sp_wide mean[4];  /* of the curve over it */
-    sp_wide
-        first[4]; /* the first half's part of the mean; only if gradients are needed, like `half` */
-    struct sp_seen_half half[2];
-    sp_wide seen;        /* where it is seen: as `front` */
-    sp_wide gradient[3]; /* there [gradient_unit] */
-    sp_wide square;      /* of its length */
-    sp_wide depth;       /* optical depth */
-    sp_wide opacity;
-    sp_wide color[3];
-};
-
-/* The interval behind sheet `number` of all rays of a block that may see something in it. Each step
- * is done for all rays before the next one, so that their latencies overlap. */
-struct work {
-    const struct sp_resample_open_tile *t;
-    struct sp_resample_block *block;
-    const float *light; /* transmittance of the pixels so far, through all channels */
-    int number;
-    bool is_cut; /* it does not reach from sheet to sheet */
-    float start; /* s of the first sheet */
-    float width; /* s from sheet to sheet */
-    float decay; /* of a surface's normal, over it */
-    int count;
-    struct interval parts[PARTS];
-};
+#include "draw/resample/quads.h"
 
 /* The bin of a value, and how far the value lies below all bins or above them. */
 static inline sp_wide compute_bin(const struct sp_curve *curve, sp_wide value, sp_wide *beyond) {
@@ -65,7 +21,7 @@ static inline sp_wide compute_bin(const struct sp_curve *curve, sp_wide value, s
 
 /* The curve's entries where the interval begins. Where the last one of these rays ended here, they
  * are known. */
-static inline sp_wide begin_mean(const struct work *work, int begin, sp_wide bin,
+static inline sp_wide begin_mean(const struct sp_interval_work *work, int begin, sp_wide bin,
                                  struct sp_entries *entries) {
     const struct sp_resample_block *block = work->block;
     if (block->entry_sheet[begin] == work->number && !work->is_cut) {
@@ -77,7 +33,7 @@ static inline sp_wide begin_mean(const struct work *work, int begin, sp_wide bin
     return bin;
 }
 
-static inline void end_mean(const struct work *work, int begin, sp_wide bin,
+static inline void end_mean(const struct sp_interval_work *work, int begin, sp_wide bin,
                             const struct sp_entries *entries) {
     struct sp_resample_block *block = work->block;
     sp_wide_store(block->entry_bin + begin, bin);
@@ -99,7 +55,7 @@ static inline void compute_half(const struct sp_curve *curve, const sp_wide beyo
 
 /* The mean of the curve over the interval: over its first half, where the value goes from
  * value[0] to value[1], and over its second one. */
-static inline void compute_mean(const struct work *work, struct interval *in) {
+static inline void compute_mean(const struct sp_interval_work *work, struct sp_interval *in) {
     const struct sp_resample *r = work->t->r;
     const struct sp_curve *curve = &r->curve;
     const sp_wide zero = sp_wide_all(0);
@@ -136,11 +92,6 @@ static inline void compute_mean(const struct work *work, struct interval *in) {
     end_mean(work, in->begin, bin[2], &entries[2]);
 }
 
-static inline struct sp_rays load_rays(const struct sp_resample_block *block, int begin) {
-    return (struct sp_rays){ sp_wide_load(block->u + begin), sp_wide_load(block->v + begin),
-                             sp_wide_load(block->du + begin), sp_wide_load(block->dv + begin) };
-}
-
 /* Reads the values of the rays from pixel `begin` on, and the gradients along u and v. */
 static inline sp_wide read_slopes(const struct sp_resample_open_tile *t,
                                   struct sp_resample_block *block, const struct sp_rays *rays,
@@ -153,8 +104,8 @@ static inline sp_wide read_slopes(const struct sp_resample_open_tile *t,
 }
 
 /* The gradient along u and v on sheet `number` [codes per sample]. */
-static inline void compute_slope(const struct work *work, const struct sp_rays *rays, int begin,
-                                 int number, sp_wide slope[2]) {
+static inline void compute_slope(const struct sp_interval_work *work, const struct sp_rays *rays,
+                                 int begin, int number, sp_wide slope[2]) {
     if (!(work->block->has_slope[number & 3] >> begin & 1))
         read_slopes(work->t, work->block, rays, begin, number);
     for (int a = 0; a < 2; a++)
@@ -178,10 +129,10 @@ static inline sp_wide widen(const struct sp_rays *rays) {
  *   rise + past·bend + (past² + (h² − ¼)/3)·turn        past = p − ½
  *
  * so that all three are differences over about one sample: none is blurred more than the others. */
-static inline void compute_gradient(const struct work *work, struct interval *in) {
+static inline void compute_gradient(const struct sp_interval_work *work, struct sp_interval *in) {
     const struct sp_resample_open_tile *t = work->t;
     const sp_wide *value = in->sheet, p = in->seen;
-    struct sp_rays rays = load_rays(work->block, in->begin);
+    struct sp_rays rays = sp_load_rays(work->block, in->begin);
     sp_wide slope[3] = { sp_wide_all(0), sp_wide_all(0) };
     sp_wide outer = p * (1 - p) * (1 / 6.0f), inner = (1 + p) * (2 - p) * 0.5f;
     const sp_wide share[4] = { (p - 2) * outer, (1 - p) * inner, p * inner, (-1 - p) * outer };
@@ -209,7 +160,7 @@ static inline void compute_gradient(const struct work *work, struct interval *in
 }
 
 /* Notes what the material shows where rays enter by a cut. */
-static inline void enter_faces(const struct work *work, const struct interval *in) {
+static inline void enter_faces(const struct sp_interval_work *work, const struct sp_interval *in) {
     const struct sp_resample *r = work->t->r;
     struct sp_entries entries[2];
     sp_wide change[4], beyond, bin = compute_bin(&r->curve, in->value[0], &beyond);
@@ -223,90 +174,9 @@ static inline void enter_faces(const struct work *work, const struct interval *i
     sp_cut_face_enter(work->block, in->begin, work->start, work->width, 1 - sp_transmit(r, depth));
 }
 
-/* The unit normal of the interval [world space]; zero if there is none. Behind a surface gradients
- * are small: noise, ringing of the interpolation and rounding would give the material there any
- * normal. So the surface's gradient stays, a quarter as long after each slice. A gradient that is
- * shorter than 0.8 of it, or than rounding, is mixed with it (normal.h). */
-static inline void compute_normal(const struct work *work, const struct interval *in,
-                                  sp_wide normal[3]) {
-    const float share = 0.8f, faint = 64, rounding = work->t->r->rounding;
-    struct sp_resample_block *block = work->block;
-    const sp_wide one = sp_wide_all(1);
-    sp_wide old[3], past[3], dot = sp_wide_all(0), length;
-    for (int c = 0; c < 3; c++) {
-        old[c] = sp_wide_load(block->normal[c] + in->begin);
-        past[c] = old[c] * work->decay;
-    }
-    sp_wide past_square = past[0] * past[0] + past[1] * past[1] + past[2] * past[2];
-    sp_wide least = past_square * (share * share) + rounding * rounding;
-    sp_wide firm = sp_wide_min(in->square * sp_wide_inverse(least), one);
-    sp_wide weight = sp_wide_min(in->opacity * faint, one); /* what is not seen is no surface */
-    length = sp_normal_mix(in->gradient, in->square, past, past_square, firm, normal);
-    for (int c = 0; c < 3; c++)
-        dot += old[c] * normal[c];
-    sp_wide side = sp_wide_copysign(one, dot);
-    for (int c = 0; c < 3; c++) {
-        old[c] *= side;
-        sp_wide_store(block->normal[c] + in->begin,
-                      old[c] + weight * (length * normal[c] - old[c]));
-    }
-}
-
-/* Mixes the smooth gradient at the place where the interval is seen into the fine gradient. Pixels
- * that get little of their light here keep the fine gradient. */
-static inline void smooth_gradient(const struct work *work, struct interval *in) {
-    const struct sp_resample *r = work->t->r;
-    const float faint = 1 / 32.0f; /* share of a pixel's light */
-    struct sp_rays rays = load_rays(work->block, in->begin);
-    sp_wide share = sp_wide_load(work->light + in->begin) * in->opacity, smooth[3];
-    sp_wide_mask lanes = sp_wide_lt(sp_wide_all(faint), share);
-    if (!sp_wide_any(lanes))
-        return;
-    sp_smooth_gradient(work->t, &rays, work->start + in->seen * work->width, lanes, smooth);
-    sp_gradient_mix(smooth, sp_wide_all(r->noise_square), sp_wide_all(r->keep_max), lanes,
-                    in->gradient);
-    const sp_wide *g = in->gradient;
-    in->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
-}
-
-/* Lights a colour of the interval by a normal. square: of the length of the gradient there. */
-static inline void light_color(const struct work *work, const struct interval *in,
-                               const sp_wide normal[3], sp_wide square, sp_wide color[3]) {
-    const struct sp_resample *r = work->t->r;
-    sp_wide to_eye[3];
-    for (int c = 0; c < 3; c++)
-        to_eye[c] = sp_wide_load(work->block->to_eye[c] + in->begin);
-    if (r->light) {
-        struct sp_rays rays = load_rays(work->block, in->begin);
-        sp_wide share[2];
-        sp_compute_shares(work->t, &rays, work->start + in->seen * work->width, normal, square,
-                          to_eye, share);
-        sp_shade_occluded(r->shade, normal, to_eye, share, color);
-    } else {
-        sp_shade_direction(r->shade, normal, to_eye, color);
-    }
-}
-
-/* Lights the interval's colour by its gradient, and by the face of a cut before it. */
-static inline void shade(const struct work *work, struct interval *in) {
-    const struct sp_resample *r = work->t->r;
-    const sp_wide place = work->start + in->seen * work->width;
-    sp_wide normal[3], face[3], cut[3] = { in->color[0], in->color[1], in->color[2] }, square;
-    if (r->is_smoothed)
-        smooth_gradient(work, in);
-    compute_normal(work, in, normal);
-    light_color(work, in, normal, in->square, in->color);
-    if (!work->block->has_faces ||
-        !sp_cut_face_find(r, work->block, in->begin, place, face, &square))
-        return;
-    light_color(work, in, face, square, cut);
-    sp_wide share = square * sp_wide_inverse(sp_wide_max(square + in->square, sp_wide_all(1e-20f)));
-    for (int c = 0; c < 3; c++)
-        in->color[c] += share * (cut[c] - in->color[c]);
-}
-
 /* Reads the values of the rays from pixel `begin` on; false if they show nothing. */
-static inline bool read_interval(const struct work *work, int begin, struct interval *in) {
+static inline bool read_interval(const struct sp_interval_work *work, int begin,
+                                 struct sp_interval *in) {
     const struct sp_resample_block *block = work->block;
     const struct sp_resample *r = work->t->r;
     in->begin = begin;
@@ -329,8 +199,8 @@ static inline bool read_interval(const struct work *work, int begin, struct inte
 /* Opens the interval behind sheet `number`; light: transmittance of the pixels so far. Returns
  * false if all pixels are opaque. */
 static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                             const float *light, int number, struct work *work) {
-    const sp_wide dark = sp_wide_all(SP_TRANSMITTANCE_MIN);
+                             const float *light, int number, struct sp_interval_work *work) {
+    const sp_wide dark = sp_wide_all(t->r->dark);
     float end = sp_resample_sheet_s(t, number + 1);
     bool is_alive = false;
     work->t = t;
@@ -351,7 +221,7 @@ static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_re
     return is_alive;
 }
 
-static inline void classify(const struct sp_resample *r, struct interval *in) {
+static inline void classify(const struct sp_resample *r, struct sp_interval *in) {
     sp_wide inverse = sp_wide_inverse(sp_wide_max(in->mean[3], sp_wide_all(1e-20f)));
     in->depth = in->mean[3] * in->length;
     in->opacity = 1 - sp_transmit(r, in->depth);
@@ -360,7 +230,7 @@ static inline void classify(const struct sp_resample *r, struct interval *in) {
 }
 
 /* Computes the place where the interval is seen. Black material is seen by its highlights. */
-static inline void compute_seen(const struct sp_resample *r, struct interval *in) {
+static inline void compute_seen(const struct sp_resample *r, struct sp_interval *in) {
     const float highlight = 0.01f;
     const sp_wide zero = sp_wide_all(0);
     sp_wide first = sp_wide_max(in->first[3], zero), brightness = zero, all = zero;
@@ -379,7 +249,7 @@ static inline void compute_seen(const struct sp_resample *r, struct interval *in
 }
 
 /* Scales the opacity by the gradient where the interval is seen. */
-static inline void scale_opacity(const struct sp_resample *r, struct interval *in) {
+static inline void scale_opacity(const struct sp_resample *r, struct sp_interval *in) {
     const struct sp_transfer_function *tf = &r->view->transfer_function;
     sp_wide scale = sp_gradient_scale(tf, sp_wide_sqrt(in->square) * r->gradient_unit);
     in->depth = sp_scale_depth(in->mean[3], scale) * in->length;
@@ -387,7 +257,7 @@ static inline void scale_opacity(const struct sp_resample *r, struct interval *i
 }
 
 /* Adds the interval behind what the rays have met. */
-static inline void composite(const struct work *work, const struct interval *in) {
+static inline void composite(const struct sp_interval_work *work, const struct sp_interval *in) {
     struct sp_resample_block *block = work->block;
     sp_wide light = sp_wide_load(block->light + in->begin), share = light * in->opacity;
     for (int c = 0; c < 3; c++) {
@@ -400,7 +270,7 @@ static inline void composite(const struct work *work, const struct interval *in)
 }
 
 /* The same for rays with fragments of other layers in the interval. */
-static void composite_around(const struct work *work, const struct interval *in) {
+static void composite_around(const struct sp_interval_work *work, const struct sp_interval *in) {
     const struct sp_resample_part part = { .pixel = in->begin,
                                            .begin = work->start,
                                            .end = work->start + work->width,
@@ -412,11 +282,11 @@ static void composite_around(const struct work *work, const struct interval *in)
 /* Computes what the interval behind sheet `number` shows; light and result as above. */
 static inline bool compute_interval(const struct sp_resample_open_tile *t,
                                     struct sp_resample_block *block, const float *light, int number,
-                                    struct work *work) {
+                                    struct sp_interval_work *work) {
     const struct sp_resample *r = t->r;
     bool is_alive = open_work(t, block, light, number, work);
     for (int k = 0; work->is_cut && k < work->count; k++) {
-        struct interval *in = &work->parts[k];
+        struct sp_interval *in = &work->parts[k];
         in->share =
             sp_cut_interval(block, in->begin, work->start, work->width, in->value, &in->front);
         in->length *= in->share;
@@ -429,27 +299,29 @@ static inline bool compute_interval(const struct sp_resample_open_tile *t,
         classify(r, &work->parts[k]);
     for (int k = 0; r->needs_gradient && k < work->count; k++)
         compute_seen(r, &work->parts[k]);
-    for (int k = 0; r->has_depth && !r->needs_gradient && k < work->count; k++)
+    for (int k = 0; (r->has_depth || r->has_quads) && !r->needs_gradient && k < work->count; k++)
         work->parts[k].seen =
             work->parts[k].front + work->parts[k].share * sp_seen_share(work->parts[k].depth);
     for (int k = 0; r->needs_gradient && k < work->count; k++)
         compute_gradient(work, &work->parts[k]);
     for (int k = 0; r->view->transfer_function.gradient_count > 0 && k < work->count; k++)
         scale_opacity(r, &work->parts[k]);
-    for (int k = 0; r->shade && k < work->count; k++)
-        shade(work, &work->parts[k]);
+    for (int k = 0; r->shade && !r->has_quads && k < work->count; k++)
+        sp_light_interval(work, &work->parts[k]);
+    if (r->has_quads)
+        sp_light_quads(work);
     return is_alive;
 }
 
 /* Composites it, and the fragments before it and in it. */
-static inline void composite_interval(const struct work *work) {
+static inline void composite_interval(const struct sp_interval_work *work) {
     struct sp_resample_block *block = work->block;
     const sp_wide end = sp_wide_all(work->start + work->width);
     sp_resample_open_depth(block, work->start);
     if (block->has_fragments)
         sp_resample_insert_before(work->t, block, work->start);
     for (int k = 0; k < work->count; k++) {
-        const struct interval *in = &work->parts[k];
+        const struct sp_interval *in = &work->parts[k];
         if (block->has_fragments &&
             sp_wide_any(sp_wide_lt(sp_wide_load(block->next_s + in->begin), end)))
             composite_around(work, in);
@@ -466,7 +338,7 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
     block->value_sheet[slot] = number;
     block->has_slope[slot] = 0;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
-        struct sp_rays rays = load_rays(block, i);
+        struct sp_rays rays = sp_load_rays(block, i);
         /* Rays that saw something in the last interval also need gradients in the next one. */
         bool needs_slope = t->r->needs_gradient && block->entry_sheet[i] == number - 2;
         sp_wide_store(block->value[slot] + i, needs_slope ? read_slopes(t, block, &rays, i, number)
@@ -483,22 +355,22 @@ static void read_sheets(const struct sp_resample_open_tile *t, struct sp_resampl
 
 /* What all channels show in an interval. */
 struct mixture {
-    struct work work;          /* colours times optical depth, until they are mixed */
-    sp_wide brightness[PARTS]; /* largest components of the colours times optical depth */
-    unsigned filled;           /* a bit for each part that is not empty */
+    struct sp_interval_work work;       /* colours times optical depth, until they are mixed */
+    sp_wide brightness[INTERVAL_PARTS]; /* largest components of the colours times optical depth */
+    unsigned filled;                    /* a bit for each part that is not empty */
 };
 
 static inline sp_wide largest(const sp_wide color[3]) {
     return sp_wide_max(sp_wide_max(color[0], color[1]), color[2]);
 }
 
-static inline void add_channel(const struct work *work, struct mixture *mixture) {
+static inline void add_channel(const struct sp_interval_work *work, struct mixture *mixture) {
     for (int k = 0; k < work->count; k++) {
-        const struct interval *in = &work->parts[k];
+        const struct sp_interval *in = &work->parts[k];
         const int i = in->begin / SP_WIDE;
-        struct interval *to = &mixture->work.parts[i];
+        struct sp_interval *to = &mixture->work.parts[i];
         if (!(mixture->filled >> i & 1)) {
-            *to = (struct interval){ .begin = in->begin };
+            *to = (struct sp_interval){ .begin = in->begin };
             mixture->brightness[i] = sp_wide_all(0);
         }
         mixture->filled |= 1u << i;
@@ -515,8 +387,8 @@ static inline void add_channel(const struct work *work, struct mixture *mixture)
  * the colours themselves would be grey. */
 static inline void mix_channels(const struct sp_resample *r, struct mixture *mixture) {
     const sp_wide least = sp_wide_all(1e-20f);
-    for (int i = 0; i < PARTS; i++) {
-        struct interval *in = &mixture->work.parts[mixture->work.count];
+    for (int i = 0; i < INTERVAL_PARTS; i++) {
+        struct sp_interval *in = &mixture->work.parts[mixture->work.count];
         if (!(mixture->filled >> i & 1))
             continue;
         *in = mixture->work.parts[i];
@@ -536,7 +408,7 @@ static inline void mix_channels(const struct sp_resample *r, struct mixture *mix
 static bool add_mixture(const struct sp_resample_open_tile *first,
                         const struct sp_resample_batch *batch, int n, int b) {
     struct sp_resample_block *block = &first->scratch->blocks[b];
-    struct work work;
+    struct sp_interval_work work;
     struct mixture mixture = { .filled = 0 };
     bool is_alive = true;
     for (const struct sp_resample_open_tile *t = first; t; t = t->next, batch++) {
@@ -581,7 +453,7 @@ bool sp_resample_integrate(const struct sp_resample_open_tile *t,
     if (t->next)
         return integrate_channels(t, batch, b);
     for (int n = batch->first; n <= batch->last; n++) {
-        struct work work;
+        struct sp_interval_work work;
         if (!(batch->now[n - batch->first] >> b & 1))
             continue;
         read_sheets(t, block, n);

@@ -12,6 +12,7 @@
 #include "data/volume/missing.h"
 #include "draw/resample/axes.h"
 #include "draw/resample/silhouette.h"
+#include "frame/resolve.h"
 
 bool sp_resample_draws(const struct sp_view *view) {
     if (sp_compositing_is_projection(view->compositing.mode))
@@ -288,9 +289,9 @@ static void init_faces(struct sp_resample *r) {
 /* Rays that go farther than 1.3 from slice to slice get half sheets, and so do those about 12 px
  * beside them: in small images of wide views, rays change a lot from pixel to pixel, and all that
  * are nearly steep gain by half sheets. At the limit steepness changes by about 1/scale per pixel.
- */
-static void init_steep(struct sp_resample *r) {
-    const double limit = 1.3, least_width = 0.01, beside_px = 12;
+ * Drafts have none. */
+static void init_steep(struct sp_resample *r, bool is_draft) {
+    const double limit = is_draft ? 2 : 1.3, least_width = 0.01, beside_px = 12;
     bool is_perspective = r->camera->projection == SP_PERSPECTIVE;
     double beside = is_perspective ? beside_px / r->camera->scale : 0;
     r->steep[1] = (float)(limit - beside);
@@ -356,6 +357,15 @@ static void init_smoothing(struct sp_resample *r, const struct sp_volume_info *i
         r->is_smoothed = r->is_smoothed && r->samples->dims[a] >= RESAMPLE_SMOOTH;
 }
 
+/* Lit drafts have light per quad, unless the gradient also decides what is seen. */
+static void init_quads(struct sp_resample *r, bool is_draft) {
+    const uint32_t *dims = r->samples->dims;
+    r->has_quads = is_draft && r->shade && r->view->transfer_function.gradient_count == 0 &&
+                   dims[0] >= RESAMPLE_SMOOTH && dims[1] >= RESAMPLE_SMOOTH &&
+                   dims[2] >= RESAMPLE_SMOOTH;
+    r->needs_gradient = r->needs_gradient && !r->has_quads;
+}
+
 /* What the samples of coarser levels are made of: a maximum of means would lose thin structures. */
 static enum sp_samples_kind kind_of(enum sp_compositing mode) {
     return mode == SP_COMPOSITE_MAXIMUM   ? SAMPLES_MAXIMA
@@ -419,6 +429,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     const struct sp_volume_info *info = sp_volume_info(input->volume);
     const struct sp_view *view = input->view;
     const bool is_projection = sp_compositing_is_projection(view->compositing.mode);
+    const bool is_draft = input->is_draft && !is_projection;
     *r = (struct sp_resample){
         .first = first,
         .level = level,
@@ -435,6 +446,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
         .needs_gradient =
             !is_projection && (input->shade || view->transfer_function.gradient_count > 0),
         .has_depth = input->frame->depth,
+        .dark = is_draft ? 1.0f / 48 : SP_TRANSMITTANCE_MIN,
         .columns = ((int)input->frame->width + RESAMPLE_TILE - 1) / RESAMPLE_TILE,
         .rows = ((int)input->frame->height + RESAMPLE_TILE - 1) / RESAMPLE_TILE
     };
@@ -447,7 +459,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     if (!sp_resample_turn(input, r, choose_axis(r, &coordinates), err))
         return false;
     r->rounding = compute_rounding(info->type, &r->curve);
-    init_steep(r);
+    init_steep(r, is_draft);
     r->lowest = sp_missing_are_holes(info) ? CURVE_CODE_NONE : CURVE_CODE_MIN;
     for (unsigned a = 0; a < 3; a++)
         if (!init_axis(&r->axes[a], input, r->samples, a, level))
@@ -457,9 +469,11 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     double length_unit = init_metric(r, &coordinates);
     init_faces(r);
     init_smoothing(r, info, level);
+    init_quads(r, is_draft);
     if (is_projection && !init_reduction(input, r, length_unit))
         return sp_arena_fail(input->arena, "data", err);
     input->frame->stats.mip_level = input->mip_level;
+    input->frame->stats.is_draft = is_draft;
     input->frame->stats.visible_voxels +=
         r->class->visible_count * SAMPLES_REGION * SAMPLES_REGION * SAMPLES_REGION;
     return true;

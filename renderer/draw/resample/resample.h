@@ -32,6 +32,7 @@
 enum {
     RESAMPLE_BLOCK = 8,      /* px: a tile is drawn in blocks of 8 × 8 pixels */
     RESAMPLE_PIXELS = 64,    /* of a block */
+    RESAMPLE_QUADS = 16,     /* squares of 2 × 2 pixels of a block (quads.h) */
     RESAMPLE_ACROSS_MAX = 8, /* blocks of a tile per axis */
     RESAMPLE_BLOCKS = 64,    /* of a tile: the bits of a mask */
     RESAMPLE_TILE = 64,      /* px */
@@ -102,6 +103,8 @@ struct sp_resample {
                             (rays.h) */
     bool needs_gradient; /* lit, or the transfer function has a gradient axis */
     bool has_depth;      /* the frame has depth */
+    bool has_quads;      /* a lit draft: light per 2 × 2 pixels (quads.h) */
+    float dark;          /* rays end where transmittance falls below it */
     bool is_smoothed;    /* normals come from fine and smooth gradients (gradient.h) */
     float noise_square;  /* square of the difference that noise explains [gradient_unit²] */
     float keep_max;      /* largest part of a fine gradient's deviation that stays, [0, 1] */
@@ -152,6 +155,8 @@ struct sp_resample_block {
     float face[RESAMPLE_PIXELS]; /* -1 = no cut */
     float face_opacity[RESAMPLE_PIXELS];
     bool has_faces; /* some rays enter by cuts */
+    /* Only if light is per quad: the means of u, v, du, dv and to_eye over the pixels of quads. */
+    _Alignas(64) float quad_ray[4][RESAMPLE_QUADS], quad_eye[3][RESAMPLE_QUADS];
     /* The curve's integral where the last interval ended, in an order that the kernel knows. */
     float entry[4][RESAMPLE_PIXELS];
     float entry_bin[RESAMPLE_PIXELS];
@@ -244,6 +249,7 @@ struct sp_resample_input {
     struct sp_samples_cache *cache;       /* mip levels and ranges */
     uint64_t bytes_max;                   /* of the cache */
     unsigned mip_level;                   /* no finer level is drawn */
+    bool is_draft;                        /* sp_render_options.draft */
     sp_resample_tile_fn *draw_tile;       /* sp_resample_tile() of an instruction set */
     sp_ranges_compute_fn *compute_ranges; /* sp_ranges_compute() of that set */
     bool keeps_layout; /* the cache makes no turned copy of the samples for faster reading */

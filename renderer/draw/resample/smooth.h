@@ -10,6 +10,10 @@
  *
  * It depends on the place alone: not on the ray, nor on the axis of the slices. As elsewhere in
  * this stage, samples without data count as the lowest code.
+ *
+ * Drafts also take the fine gradient from these samples (quads.h): per axis, the difference of the
+ * polynomial of degree 3 through the four samples from f − ½ to f + ½, and its value along both
+ * other axes.
  */
 #ifndef SP_RESAMPLE_SMOOTH_H
 #define SP_RESAMPLE_SMOOTH_H
@@ -48,6 +52,18 @@ typedef int32_t sp_smooth_words[SMOOTH_ROWS][SMOOTH_SIDE][SP_WIDE];
 struct sp_smooth_weights {
     sp_wide mean[SMOOTH_SIDE], change[SMOOTH_SIDE];
     sp_wide_int mean_pair[2], change_pair[2];
+};
+
+/* Weights along one of the other axes. */
+struct sp_smooth_across {
+    sp_wide mean[SMOOTH_SIDE], change[SMOOTH_SIDE];
+};
+
+/* All weights of a gradient, and the factors of its components. */
+struct sp_smooth_kernel {
+    struct sp_smooth_weights row;
+    struct sp_smooth_across down, deep;
+    float scale[3];
 };
 
 /* at: along the volume's axes [samples]. Near the volume's faces, places move inwards by up to a
@@ -120,20 +136,84 @@ static inline void sp_smooth_convert(const struct sp_smooth_cube *cube,
 #undef SMOOTH_CONVERT
 }
 
-/* is_split: the pairs hold samples 0 and 2, 1 and 3; otherwise 0 and 1, 2 and 3. */
-static inline void sp_smooth_weigh(sp_wide f, bool is_split, struct sp_smooth_weights *w) {
+/* Packs the weights in pairs. is_split: the pairs hold samples 0 and 2, 1 and 3; otherwise 0 and 1,
+ * 2 and 3. */
+static inline void sp_smooth_pack(bool is_split, struct sp_smooth_weights *w) {
+    for (int h = 0; h < 2; h++) {
+        const int low = is_split ? h : 2 * h, high = is_split ? h + 2 : 2 * h + 1;
+        w->mean_pair[h] =
+            sp_wide_to_int(w->mean[high]) << 16 | (sp_wide_to_int(w->mean[low]) & 0xffff);
+        w->change_pair[h] =
+            sp_wide_to_int(w->change[high]) << 16 | (sp_wide_to_int(w->change[low]) & 0xffff);
+    }
+}
+
+static inline void sp_smooth_weigh_row(sp_wide f, bool is_split, struct sp_smooth_weights *w) {
     const float quarter = SMOOTH_ONE / 4;
     const sp_wide q = sp_wide_floor(f * quarter + 0.5f), one = sp_wide_all(quarter);
     const sp_wide means[SMOOTH_SIDE] = { one - q, 2 * one - q, one + q, q };
     const sp_wide changes[SMOOTH_SIDE] = { 2 * (q - one), -2 * q, 2 * (one - q), 2 * q };
     memcpy(w->mean, means, sizeof means);
     memcpy(w->change, changes, sizeof changes);
-    for (int h = 0; h < 2; h++) {
-        const int low = is_split ? h : 2 * h, high = is_split ? h + 2 : 2 * h + 1;
-        w->mean_pair[h] = sp_wide_to_int(means[high]) << 16 | sp_wide_to_int(means[low]);
-        w->change_pair[h] =
-            sp_wide_to_int(changes[high]) << 16 | (sp_wide_to_int(changes[low]) & 0xffff);
+    sp_smooth_pack(is_split, w);
+}
+
+/* Four times the means and twice the differences. */
+static inline void sp_smooth_weigh_across(sp_wide f, struct sp_smooth_across *w) {
+    const sp_wide means[SMOOTH_SIDE] = { 1 - f, 2 - f, 1 + f, f };
+    const sp_wide changes[SMOOTH_SIDE] = { f - 1, -f, 1 - f, f };
+    memcpy(w->mean, means, sizeof means);
+    memcpy(w->change, changes, sizeof changes);
+}
+
+static inline void sp_smooth_weigh(const struct sp_smooth_places *places, bool is_split,
+                                   struct sp_smooth_kernel *kernel) {
+    const float scale[3] = { 1.0f / 16, 1.0f / 8, 1.0f / 8 };
+    sp_smooth_weigh_row(places->part[0], is_split, &kernel->row);
+    sp_smooth_weigh_across(places->part[1], &kernel->down);
+    sp_smooth_weigh_across(places->part[2], &kernel->deep);
+    memcpy(kernel->scale, scale, sizeof scale);
+}
+
+/* Weights of the polynomial of degree 3 through four samples, at f behind the second one. */
+static inline void sp_cubic_weights(sp_wide f, sp_wide w[SMOOTH_SIDE]) {
+    const sp_wide outer = f * (1 - f) * (1 / 6.0f), inner = (1 + f) * (2 - f) * 0.5f;
+    w[0] = (f - 2) * outer;
+    w[1] = (1 - f) * inner;
+    w[2] = f * inner;
+    w[3] = (-1 - f) * outer;
+}
+
+static inline void sp_fine_weigh_across(sp_wide f, struct sp_smooth_across *w) {
+    sp_wide before[SMOOTH_SIDE];
+    sp_cubic_weights(f, w->mean);
+    sp_cubic_weights(f + 0.5f, w->change);
+    sp_cubic_weights(f - 0.5f, before);
+    for (int i = 0; i < SMOOTH_SIDE; i++)
+        w->change[i] -= before[i];
+}
+
+/* Rounds weights of the given sum. */
+static inline void sp_fine_round(const sp_wide from[SMOOTH_SIDE], float sum,
+                                 sp_wide to[SMOOTH_SIDE]) {
+    sp_wide left = sp_wide_all(sum * SMOOTH_ONE);
+    for (int i = 0; i < SMOOTH_SIDE; i++) {
+        to[i] = sp_wide_floor(from[i] * SMOOTH_ONE + 0.5f);
+        left -= to[i];
     }
+    to[1] += left;
+}
+
+static inline void sp_fine_weigh(const struct sp_smooth_places *places, bool is_split,
+                                 struct sp_smooth_kernel *kernel) {
+    struct sp_smooth_across row;
+    sp_fine_weigh_across(places->part[0], &row);
+    sp_fine_round(row.mean, 1, kernel->row.mean);
+    sp_fine_round(row.change, 0, kernel->row.change);
+    sp_smooth_pack(is_split, &kernel->row);
+    sp_fine_weigh_across(places->part[1], &kernel->down);
+    sp_fine_weigh_across(places->part[2], &kernel->deep);
+    kernel->scale[0] = kernel->scale[1] = kernel->scale[2] = 1;
 }
 
 /* Sums a row of integers. They are limited to the range of the codes. */
@@ -208,17 +288,13 @@ static inline void sp_smooth_fill(const struct sp_resample *r, const struct sp_r
     }
 }
 
-/* Computes the smooth gradient at the places [codes per sample]. */
-static inline void sp_smooth_slopes(const struct sp_resample *r, const struct sp_rows *reader,
-                                    const struct sp_smooth_places *places, sp_wide gradient[3]) {
-    const sp_wide zero = sp_wide_all(0), f = places->part[1], g = places->part[2];
-    const sp_wide down[4] = { 1 - f, 2 - f, 1 + f, f }, fall[4] = { f - 1, -f, 1 - f, f };
-    const sp_wide deep[4] = { 1 - g, 2 - g, 1 + g, g }, sink[4] = { g - 1, -g, 1 - g, g };
+/* Computes a gradient from the samples around [codes per sample]. */
+static inline void sp_smooth_convolve(const struct sp_resample *r, const struct sp_rows *reader,
+                                      const sp_smooth_words words,
+                                      const struct sp_smooth_kernel *kernel, sp_wide gradient[3]) {
+    const sp_wide zero = sp_wide_all(0);
+    const struct sp_smooth_across *down = &kernel->down, *deep = &kernel->deep;
     const bool is_integer = reader->size <= 2;
-    _Alignas(64) sp_smooth_words words;
-    struct sp_smooth_weights weights;
-    sp_smooth_fill(r, reader, places, words);
-    sp_smooth_weigh(places->part[0], reader->size == 1, &weights);
     for (int a = 0; a < 3; a++)
         gradient[a] = zero;
     for (int k = 0; k < SMOOTH_SIDE; k++) {
@@ -227,22 +303,72 @@ static inline void sp_smooth_slopes(const struct sp_resample *r, const struct sp
             const int32_t(*row)[SP_WIDE] = (const int32_t(*)[SP_WIDE])words[SMOOTH_SIDE * k + j];
             sp_wide mean, change;
             if (is_integer)
-                sp_smooth_sum_integers(reader, row, &weights, &mean, &change);
+                sp_smooth_sum_integers(reader, row, &kernel->row, &mean, &change);
             else
-                sp_smooth_sum_reals(&r->curve, reader->is_float_exact, row, &weights, &mean,
+                sp_smooth_sum_reals(&r->curve, reader->is_float_exact, row, &kernel->row, &mean,
                                     &change);
-            across += down[j] * change;
-            along += fall[j] * mean;
-            level += down[j] * mean;
+            across += down->mean[j] * change;
+            along += down->change[j] * mean;
+            level += down->mean[j] * mean;
         }
-        gradient[0] += deep[k] * across;
-        gradient[1] += deep[k] * along;
-        gradient[2] += sink[k] * level;
+        gradient[0] += deep->mean[k] * across;
+        gradient[1] += deep->mean[k] * along;
+        gradient[2] += deep->change[k] * level;
     }
     const float unit = (is_integer ? (float)r->curve.codes_per_unit : 1) / SMOOTH_ONE;
-    const float scale[3] = { unit / 16, unit / 8, unit / 8 };
     for (int a = 0; a < 3; a++)
-        gradient[a] *= scale[a];
+        gradient[a] *= unit * kernel->scale[a];
+}
+
+/* Computes the smooth gradient at the places [codes per sample]. */
+static inline void sp_smooth_slopes(const struct sp_resample *r, const struct sp_rows *reader,
+                                    const struct sp_smooth_places *places, sp_wide gradient[3]) {
+    _Alignas(64) sp_smooth_words words;
+    struct sp_smooth_kernel kernel;
+    sp_smooth_fill(r, reader, places, words);
+    sp_smooth_weigh(places, reader->size == 1, &kernel);
+    sp_smooth_convolve(r, reader, words, &kernel, gradient);
+}
+
+/* Computes the fine gradient at the places, and the smooth one unless it is NULL. */
+static inline void sp_fine_slopes(const struct sp_resample *r, const struct sp_rows *reader,
+                                  const struct sp_smooth_places *places, sp_wide gradient[3],
+                                  sp_wide *smooth) {
+    _Alignas(64) sp_smooth_words words;
+    struct sp_smooth_kernel kernel;
+    sp_smooth_fill(r, reader, places, words);
+    sp_fine_weigh(places, reader->size == 1, &kernel);
+    sp_smooth_convolve(r, reader, words, &kernel, gradient);
+    if (!smooth)
+        return;
+    sp_smooth_weigh(places, reader->size == 1, &kernel);
+    sp_smooth_convolve(r, reader, words, &kernel, smooth);
+}
+
+/* Sets where the rays are at s, and returns the coordinates along the volume's axes in `at`. */
+static inline void sp_smooth_open_places(const struct sp_resample_open_tile *t,
+                                         const struct sp_rays *rays, sp_wide s, sp_wide_mask lanes,
+                                         sp_wide at[3], struct sp_smooth_places *places) {
+    sp_wide index[3];
+    places->lanes = sp_wide_mask_bits(lanes);
+    sp_place_on_rays(t, rays, s, at);
+    for (int a = 0; a < 3; a++) {
+        index[t->axis[a]] = at[t->axis[a]];
+        for (int i = 0; t->map[a] && i < SP_WIDE; i++)
+            index[t->axis[a]][i] = sp_resample_index(t, a, at[t->axis[a]][i]);
+    }
+    sp_smooth_place(t->r->samples, index, places);
+}
+
+/* Turns slopes along the axes at a place into a gradient in world space. */
+static inline void sp_smooth_turn(const struct sp_resample_open_tile *t, const sp_wide at[3],
+                                  sp_wide slope[3], sp_wide gradient[3]) {
+    for (int a = 0; a < 3; a++)
+        sp_rescale_slopes(t, a, at[t->axis[a]], &slope[t->axis[a]]);
+    for (int w = 0; w < 3; w++) {
+        const float *to = t->r->to_world[w];
+        gradient[w] = to[0] * slope[0] + to[1] * slope[1] + to[2] * slope[2];
+    }
 }
 
 /* Computes the smooth gradient in world space [gradient_unit], where the rays are at s, in the
@@ -250,22 +376,24 @@ static inline void sp_smooth_slopes(const struct sp_resample *r, const struct sp
 static inline void sp_smooth_gradient(const struct sp_resample_open_tile *t,
                                       const struct sp_rays *rays, sp_wide s, sp_wide_mask lanes,
                                       sp_wide gradient[3]) {
-    struct sp_smooth_places places = { .lanes = sp_wide_mask_bits(lanes) };
-    sp_wide at[3], index[3], slope[3];
-    sp_place_on_rays(t, rays, s, at);
-    for (int a = 0; a < 3; a++) {
-        index[t->axis[a]] = at[t->axis[a]];
-        for (int i = 0; t->map[a] && i < SP_WIDE; i++)
-            index[t->axis[a]][i] = sp_resample_index(t, a, at[t->axis[a]][i]);
-    }
-    sp_smooth_place(t->r->samples, index, &places);
+    struct sp_smooth_places places;
+    sp_wide at[3], slope[3];
+    sp_smooth_open_places(t, rays, s, lanes, at, &places);
     sp_smooth_slopes(t->r, &t->reader, &places, slope);
-    for (int a = 0; a < 3; a++)
-        sp_rescale_slopes(t, a, at[t->axis[a]], &slope[t->axis[a]]);
-    for (int w = 0; w < 3; w++) {
-        const float *to = t->r->to_world[w];
-        gradient[w] = to[0] * slope[0] + to[1] * slope[1] + to[2] * slope[2];
-    }
+    sp_smooth_turn(t, at, slope, gradient);
+}
+
+/* The same for the fine gradient, and for the smooth one unless it is NULL. */
+static inline void sp_fine_gradient(const struct sp_resample_open_tile *t,
+                                    const struct sp_rays *rays, sp_wide s, sp_wide_mask lanes,
+                                    sp_wide gradient[3], sp_wide *smooth) {
+    struct sp_smooth_places places;
+    sp_wide at[3], slope[2][3];
+    sp_smooth_open_places(t, rays, s, lanes, at, &places);
+    sp_fine_slopes(t->r, &t->reader, &places, slope[0], smooth ? slope[1] : NULL);
+    sp_smooth_turn(t, at, slope[0], gradient);
+    if (smooth)
+        sp_smooth_turn(t, at, slope[1], smooth);
 }
 
 #endif

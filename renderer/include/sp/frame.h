@@ -61,6 +61,7 @@ struct sp_frame_stats {
     uint32_t threads;            /* render threads of the backend */
     uint32_t mip_level; /* [0, SP_MIP_LEVEL_MAX]; n = 2^n × 2^n × 2^n voxels averaged into one;
                            0 = full detail */
+    bool is_draft;      /* the frame may differ from a whole one (sp_render_options.draft) */
     struct sp_frame_bricks bricks;
     uint64_t visible_voxels; /* voxels that are visible after classification; for a surface, its
                                 points */

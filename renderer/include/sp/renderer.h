@@ -123,6 +123,11 @@ struct sp_render_options {
      * The renderer may draw a lower level, see sp_frame_stats.mip_level: post-classification stops
      * at level 1, except for sheets. */
     unsigned mip_level;
+    /* true = the frame may be a draft, for a view that moves: the "cpu" backend draws sheets of
+     * interpolated values in about half the time, 38 dB and more from the whole frame
+     * (renderer/draw/resample/README.md). Everything else is drawn as with false
+     * (sp_frame_stats.is_draft). */
+    bool draft;
     /* true = the view has passed sp_view_validate() and is not checked again; false = the renderer
      * checks it */
     bool is_valid;

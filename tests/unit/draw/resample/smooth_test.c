@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The smooth gradient against its formula in double, for each type of samples, in arrays and in
- * blocks; and how it is mixed into a fine gradient.
+ * The smooth and the fine gradient against their formulas in double, for each type of samples, in
+ * arrays and in blocks; and how the smooth one is mixed into a fine gradient.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -25,25 +25,37 @@ static double value_at(size_t i) {
     return (double)((h ^ h >> 13) % 101);
 }
 
+/* Weight k of the polynomial of degree 3 through samples at −1, 0, 1 and 2, at f. */
+static double lagrange(int k, double f) {
+    double weight = 1;
+    for (int other = 0; other < 4; other++)
+        weight *= other == k ? 1 : (f - (other - 1)) / (k - other);
+    return weight;
+}
+
 /* The weight of sample i for a place at x: of the mean, or of the difference. */
-static double weight(int i, double x, bool is_change) {
+static double weight(int i, double x, bool is_fine, bool is_change) {
     double f = x - floor(x), first = floor(x) - 1;
     const double mean[4] = { 1 - f, 2 - f, 1 + f, f }, change[4] = { f - 1, -f, 1 - f, f };
     int k = i - (int)first;
-    return k < 0 || k > 3 ? 0 : is_change ? change[k] / 2 : mean[k] / 4;
+    if (k < 0 || k > 3)
+        return 0;
+    if (is_fine)
+        return is_change ? lagrange(k, f + 0.5) - lagrange(k, f - 0.5) : lagrange(k, f);
+    return is_change ? change[k] / 2 : mean[k] / 4;
 }
 
 /* The formula; values are limited to [low, high]. */
-static double expected(const void *voxels, enum sp_type type, const double x[3], int axis,
-                       double low, double high) {
+static double expected(const void *voxels, enum sp_type type, const double x[3], bool is_fine,
+                       int axis, double low, double high) {
     double sum = 0;
     for (int k = (int)x[2] - 1; k < (int)x[2] + 3; k++)
         for (int j = (int)x[1] - 1; j < (int)x[1] + 3; j++)
             for (int i = (int)x[0] - 1; i < (int)x[0] + 3; i++) {
                 double value = sp_sample(voxels, type,
                                          ((uint64_t)k * SIDE + (uint64_t)j) * SIDE + (uint64_t)i);
-                sum += weight(i, x[0], axis == 0) * weight(j, x[1], axis == 1) *
-                       weight(k, x[2], axis == 2) * fmin(fmax(value, low), high);
+                sum += weight(i, x[0], is_fine, axis == 0) * weight(j, x[1], is_fine, axis == 1) *
+                       weight(k, x[2], is_fine, axis == 2) * fmin(fmax(value, low), high);
             }
     return sum;
 }
@@ -65,24 +77,28 @@ static void check_samples(const struct sp_samples *samples, const void *voxels, 
     sp_rows_init(&reader, &r.curve, samples->voxels, samples->type, SIDE, 1);
     for (int round = 0; round < 40; round++) {
         struct sp_smooth_places places = { .lanes = 0 };
-        sp_wide at[3], slope[3];
+        sp_wide at[3], slope[2][3], alone[3];
         for (int i = 0; i < SP_WIDE; i++) {
             places.lanes |= UINT32_C(1) << i;
             for (int a = 0; a < 3; a++)
                 at[a][i] = (float)place(i, a, round);
         }
         sp_smooth_place(samples, at, &places);
-        sp_smooth_slopes(&r, &reader, &places, slope);
+        sp_smooth_slopes(&r, &reader, &places, alone);
+        sp_fine_slopes(&r, &reader, &places, slope[1], slope[0]);
         for (int i = 0; i < SP_WIDE; i++)
             for (int a = 0; a < 3; a++) {
                 const double x[3] = { (double)at[0][i], (double)at[1][i], (double)at[2][i] };
-                double want = expected(voxels, samples->type, x, a, low, high);
-                assert_float_equal((double)slope[a][i] / r.curve.codes_per_unit, want, 0.02);
+                for (int fine = 0; fine < 2; fine++)
+                    assert_float_equal((double)slope[fine][a][i] / r.curve.codes_per_unit,
+                                       expected(voxels, samples->type, x, fine, a, low, high),
+                                       0.02);
+                assert_true(alone[a][i] == slope[0][a][i]);
             }
     }
 }
 
-static void it_is_sobel_s_operator_for_all_types(void **state) {
+static void they_follow_their_formulas_for_all_types(void **state) {
     (void)state;
     for (int type = 0; type < SP_TYPE_COUNT; type++) {
         char *voxels = malloc(COUNT * sizeof(double));
@@ -226,7 +242,7 @@ static void the_largest_share_limits_what_is_kept(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(it_is_sobel_s_operator_for_all_types),
+        cmocka_unit_test(they_follow_their_formulas_for_all_types),
         cmocka_unit_test(blocks_give_the_same_as_an_array),
         cmocka_unit_test(samples_without_data_count_as_the_lowest_code),
         cmocka_unit_test(places_at_the_faces_read_no_sample_beyond),
