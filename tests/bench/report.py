@@ -16,7 +16,7 @@ import charts  # noqa: E402
 from brick_goals import bricks, bricks_headline, GOAL_COMPLETE_MS, GOAL_LOAD_MS  # noqa: E402
 from daemon_tables import browser, codecs, codecs_headline, latency, latency_headline, memory, motion, motion_headline, network, serve, serve_headline  # noqa: E402
 from gpu_tables import gpu, gpu_headline  # noqa: E402
-from scene_tables import (against_vtk, elements, elements_headline, exact, exact_headline, goals, headline, layers, layers_headline, overview, scans,  # noqa: E402
+from scene_tables import (against_vtk, drafts, elements, elements_headline, exact, exact_headline, goals, headline, layers, layers_headline, overview, scans,  # noqa: E402
                           PAPERS, pixels, pixels_headline, profile, scenes, speed_headline)
 from tables import ordered, read, table, verdicts  # noqa: E402
 
@@ -65,6 +65,7 @@ PAGES = [
         ('Speed per pixel', pixels,
          'Sheets that are classified per pixel, which most views get by default and which are sharper ([exact images](exact.md)). Frames per second, and in '
          'brackets the ratio to VTK\'s CPU ray caster in the same run. Two threads, eight views of each orbit. The goal is for all four columns.'),
+        ('Drafts', drafts, 'The same while a view moves: drafts, which alternated with the whole frames above.'),
     ], ['pixels'], ['pixels', 'light']),
     Page('exact', 'Against exact images', exact_headline, [
         ('Decibels and times', exact,

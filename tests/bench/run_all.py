@@ -235,19 +235,30 @@ def measure_scenes(run, corners, scalar_views):
     write_profile(run, stages)
 
 
+PIXEL_COLUMNS = SCENE_COLUMNS + ['psnr_db', 'psnr_worst_db']
+
+
+def draft_of(row):
+    """The drafts of a row that alternated whole frames and drafts."""
+    against = row['against']
+    return flat(row) | {'renderer': 'draft', 'fps': round(1000 / against['median_ms'], 2)} | {
+        key: against.get(key) for key in ('median_ms', 'cpu_ms', 'splats', 'psnr_db', 'psnr_worst_db')}
+
+
 def measure_pixels(run, sizes):
-    """Sheets that are classified per pixel, which most views get by default, beside VTK."""
+    """Sheets that are classified per pixel, which most views get by default, and their drafts, beside VTK."""
     rows = []
     peer = Peer(run)
     views = min(run.o.views, run.o.peer_views)
     for size in sizes:
         for shading in ('none', 'phong'):
             label = describe(size, 2, shading)
-            rows += [flat(row, renderer='splatd') for row in run.bench(f'sheets per pixel, {label}', '--size', size, '--threads', 2,
-                                                                       '--shading', shading, *run.files(views, peer.scenes), order='post')]
+            for row in run.bench(f'sheets per pixel, {label}', '--size', size, '--threads', 2, '--shading', shading,
+                                 '--against', 'draft=1', *run.files(views, peer.scenes), order='post'):
+                rows += [flat(row, renderer='splatd'), draft_of(row)]
             if peer.script:
                 rows += [flat(row, renderer='vtk', isa='', shading=shading) for row in peer.measure(size, 2, shading, views)]
-            run.write('pixels.csv', SCENE_COLUMNS, rows)
+            run.write('pixels.csv', PIXEL_COLUMNS, rows)
 
 
 def write_profile(run, rows):

@@ -22,6 +22,7 @@ PAPERS = {
 CHEN_ADAPTIVE = {'engine': 12, 'bonsai': 9, 'lobster': 21, 'head': 11}
 GOAL, GOAL_SPARSE, SPARSE = 5, 10, ('engine', 'bonsai', 'lobster', 'aneurism')
 GOAL_PIXELS, GOAL_PIXELS_SPARSE = 5, 10  # times VTK, sheets per pixel
+GOAL_DRAFT, GOAL_DRAFT_DB = 10, 36  # times VTK, and from the whole frame, drafts
 GOAL_ECHO_MS = 200
 GOAL_FPS = {'head-full': 40}  # at 512 px, two threads, unshaded
 GOAL_ADAPTIVE_DB, GOAL_DETAIL_DB, GOAL_EDIT, GOAL_CANCEL_MS, GOAL_BYTES = 45, 40, 0.90, 5, 2
@@ -122,6 +123,24 @@ def pixels(folder):
         scene = first['scene']
         lines.append([scene, *(speed_cell(*pair) for pair in pixel_ratios(rows, scene)), pixel_verdict(rows, scene)])
     return table(PIXELS_HEAD, lines) if lines else ''
+
+
+DRAFT_HEAD = ['scene', '512², unshaded', '512², shaded', '1024², unshaded', '1024², shaded', 'from the whole frame, at worst', 'goal']
+
+
+def drafts(folder):
+    """Drafts of sheets that are classified per pixel: frames per second, the ratio to VTK, and the distance from whole frames."""
+    rows = read(folder, 'pixels.csv')
+    lines = []
+    for first in ordered([r for r in rows if (r['renderer'], r['size'], r['shading']) == ('draft', 512, 'none')]):
+        own = [find(rows, renderer='draft', scene=first['scene'], size=size, shading=shading) for size in (512, 1024) for shading in ('none', 'phong')]
+        found = [against_vtk(rows, row) for row in own]
+        ratios = [ratio for _, ratio in found if ratio]
+        worst = min(row['psnr_worst_db'] for row in own if row)
+        is_met = ratios and min(ratios) >= GOAL_DRAFT and worst >= GOAL_DRAFT_DB
+        lines.append([first['scene'], *(speed_cell(*pair) for pair in found), decibels(worst),
+                      f'{GOAL_DRAFT}×, {GOAL_DRAFT_DB} dB: {met(is_met) if ratios else "–"}'])
+    return table(DRAFT_HEAD, lines) if lines else ''
 
 
 def pair_goals(folder):
