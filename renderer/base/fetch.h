@@ -118,49 +118,25 @@ static inline sp_wide_int sp_fetch_dot(sp_wide_int pair, sp_wide_int weights) {
 #endif
 }
 
-/* One table entry of four components per lane, in the order that sp_fetch_sum() reads. */
+/* One table entry of four components per lane. part[k]: the components of lane k; with more than
+ * four lanes, followed by those of the lanes k + 4, k + 8 and k + 12. */
 struct sp_entries {
     sp_wide part[4];
 };
 
-#if defined SP_WIDE_AVX512
-/* part[2·h + c]: components 2c and 2c + 1 of the lanes 8h to 8h + 7, interleaved. */
-static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wide_int index) {
-    __m512i twice = _mm512_slli_epi32((__m512i)index, 1);
-    __m256i half[2] = { _mm512_castsi512_si256(twice), _mm512_extracti64x4_epi64(twice, 1) };
-    struct sp_entries entries;
-    for (int k = 0; k < 4; k++) {
-        const char *from = (const char *)table + 8 * (k & 1);
-        entries.part[k] = (sp_wide)_mm512_i32gather_pd(half[k >> 1], from, 8);
-    }
-    return entries;
-}
-
-/* Repeats each lane of half h of `share` twice. */
-static inline sp_wide sp_fetch_spread(sp_wide share, int h) {
-    const __m512i twice = _mm512_setr_epi32(0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7);
-    __m512i order = _mm512_add_epi32(twice, _mm512_set1_epi32(8 * h));
-    return (sp_wide)_mm512_permutexvar_ps(order, (__m512)share);
-}
-
-static inline void sp_fetch_components(const sp_wide part[4], sp_wide out[4]) {
-    const __m512i even =
-        _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
-    const __m512i odd = _mm512_or_si512(even, _mm512_set1_epi32(1));
-    for (int c = 0; c < 4; c++) {
-        __m512i order = c & 1 ? odd : even;
-        out[c] = (sp_wide)_mm512_permutex2var_ps((__m512)part[c >> 1], order,
-                                                 (__m512)part[2 + (c >> 1)]);
-    }
-}
-#else
-/* part[k]: the components of lane k; with eight lanes, followed by the components of lane k + 4. */
+/* Separate loads are faster than gathers, with AVX2 on most processors and with AVX-512 at least on
+ * those of AMD. */
 static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wide_int index) {
     struct sp_entries entries;
     int32_t at[SP_WIDE];
     sp_wide_int_store(at, index);
     for (int k = 0; k < 4; k++) {
-#if defined SP_WIDE_AVX2
+#if defined SP_WIDE_AVX512
+        __m512 part = _mm512_castps128_ps512(_mm_load_ps(table[at[k]]));
+        part = _mm512_insertf32x4(part, _mm_load_ps(table[at[k + 4]]), 1);
+        part = _mm512_insertf32x4(part, _mm_load_ps(table[at[k + 8]]), 2);
+        entries.part[k] = (sp_wide)_mm512_insertf32x4(part, _mm_load_ps(table[at[k + 12]]), 3);
+#elif defined SP_WIDE_AVX2
         __m128 low = _mm_load_ps(table[at[k]]), high = _mm_load_ps(table[at[k + 4]]);
         entries.part[k] = (sp_wide)_mm256_set_m128(high, low);
 #else
@@ -170,7 +146,7 @@ static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wid
     return entries;
 }
 
-/* Repeats lane k of `share` four times; with eight lanes, followed by lane k + 4 four times. */
+/* Repeats lane k of each group of four lanes four times. */
 static inline sp_wide sp_fetch_spread(sp_wide share, int k) {
     switch (k) {
     case 0:
@@ -184,23 +160,17 @@ static inline sp_wide sp_fetch_spread(sp_wide share, int k) {
     }
 }
 
-static inline void sp_fetch_components(const sp_wide part[4], sp_wide out[4]) {
-    sp_quad_transpose(part, out);
-}
-#endif
-
 /* Computes for each component c: out[c] = share[0]·(entries[1] − entries[0]) + share[1]·(entries[2]
  * − entries[1]). */
 static inline void sp_fetch_sum(const struct sp_entries entries[3], const sp_wide share[2],
                                 sp_wide out[4]) {
     sp_wide sum[4];
     for (int k = 0; k < 4; k++) {
-        int lanes = SP_WIDE > 8 ? k >> 1 : k;
         sp_wide middle = entries[1].part[k];
-        sum[k] = sp_fetch_spread(share[0], lanes) * (middle - entries[0].part[k]) +
-                 sp_fetch_spread(share[1], lanes) * (entries[2].part[k] - middle);
+        sum[k] = sp_fetch_spread(share[0], k) * (middle - entries[0].part[k]) +
+                 sp_fetch_spread(share[1], k) * (entries[2].part[k] - middle);
     }
-    sp_fetch_components(sum, out);
+    sp_quad_transpose(sum, out);
 }
 
 /* Computes for each component: out = to − from. */
@@ -209,7 +179,7 @@ static inline void sp_fetch_change(const struct sp_entries *from, const struct s
     sp_wide change[4];
     for (int k = 0; k < 4; k++)
         change[k] = to->part[k] - from->part[k];
-    sp_fetch_components(change, out);
+    sp_quad_transpose(change, out);
 }
 
 #endif

@@ -42,9 +42,12 @@ static inline sp_wide sp_quad_spread(sp_quad a, int part) {
 #endif
 }
 
-/* Shuffles each group of four lanes of a and b as __builtin_shufflevector() does. Not available
- * with AVX-512. */
-#if defined SP_WIDE_AVX2
+/* Shuffles each group of four lanes of a and b as __builtin_shufflevector() does. With AVX-512 only
+ * lanes of a. */
+#if defined SP_WIDE_AVX512
+#define SP_QUAD_SHUFFLE(a, b, i, j, k, l)                                                          \
+    (sp_wide) _mm512_permute_ps((__m512)(a), (i) | (j) << 2 | (k) << 4 | (l) << 6)
+#elif defined SP_WIDE_AVX2
 #define SP_QUAD_SHUFFLE(a, b, i, j, k, l)                                                          \
     __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4)
 #else
