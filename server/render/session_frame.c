@@ -3,6 +3,7 @@
  * One frame of a session: begin, pause and resume, finish. The interactive and the preemption
  * worker share this.
  */
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -134,6 +135,7 @@ void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind 
     const struct sp_render_options options = { .format = SP_RGBA8,
                                                .wants_depth = srv_render_job_wants_depth(job),
                                                .mip_level = job->mip_level,
+                                               .draft = job->is_draft,
                                                .is_valid = true, /* session/view.c */
                                                .wait_ms = job->step == SRV_STEP_FINAL ? 0 : -1,
                                                .takes_parts = job->is_refinement,
@@ -179,6 +181,7 @@ void srv_session_frame_finish(struct srv_render_pool *pool, enum srv_worker_kind
     }
     if (frame->stats.bricks.is_incomplete)
         srv_schedule_incomplete(pool->schedule, job, frame->stats.bricks.is_being_read);
+    assert(!job->is_sharp || !frame->stats.is_draft);
     if (job->is_sharp) {
         const struct srv_fingerprint content =
             srv_catalog_fingerprint(pool->options.catalog, job->volume, &job->view);

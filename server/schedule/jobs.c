@@ -19,7 +19,8 @@ enum { PLAY_BUDGETS = 3 }; /* a frame of a view that plays may take that many */
 
 static struct srv_detail detail_of(const struct srv_render_job *job) {
     return (struct srv_detail){ .mip_level = job->mip_level,
-                                .size = { job->view.size[0], job->view.size[1] } };
+                                .size = { job->view.size[0], job->view.size[1] },
+                                .is_draft = job->is_draft };
 }
 
 /* NULL = it ended. */
@@ -134,13 +135,16 @@ static void choose_detail(const struct srv_schedule *schedule, struct srv_sessio
         uint32_t most[2];
         job->budget_ms = srv_quality_moving(quality, full, &budget, &detail);
         srv_rate_control_size(&first->delivery.rate_control, full, most);
-        for (int i = 0; i < 2; i++)
+        for (int i = 0; i < 2; i++) {
+            detail.is_draft = detail.is_draft || most[i] < detail.size[i];
             detail.size[i] = detail.size[i] < most[i] ? detail.size[i] : most[i];
+        }
     } else if (job->step == SRV_STEP_INTERMEDIATE)
         srv_quality_intermediate(quality, full, &first->schedule->newest.detail, &detail);
     job->mip_level = detail.mip_level;
+    job->is_draft = detail.is_draft;
     memcpy(job->view.size, detail.size, sizeof detail.size);
-    job->is_sharp = detail.mip_level == 0 && detail.size[0] == full[0] &&
+    job->is_sharp = detail.mip_level == 0 && !detail.is_draft && detail.size[0] == full[0] &&
                     detail.size[1] == full[1] && !s->shared.is_waiting;
 }
 
@@ -189,6 +193,7 @@ static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
         .full_size = { job->full[0], job->full[1] },
         .size = { job->view.size[0], job->view.size[1] },
         .mip_level = job->mip_level,
+        .is_draft = job->is_draft && !s->schedule->quality.ignores_drafts,
         .budget_ms = job->budget_ms,
         .sharp_ms = srv_quality_expected_ms(&s->schedule->quality, &sharp),
         .is_shared = job->budget_ms <
@@ -447,6 +452,8 @@ static void learn(struct srv_schedule *schedule, struct srv_session *s,
     double took_ms = fmax(result->render_ms - result->once_ms, 0) + result->encode_ms;
     if (result->again || job->version < s->schedule->start.volume)
         return;
+    if (job->is_draft)
+        srv_quality_drafts(&s->schedule->quality, result->is_draft);
     srv_quality_done(&s->schedule->quality, &drawn, job->step == SRV_STEP_MOVING, job->budget_ms,
                      took_ms);
     known_quality(schedule, s->shared.volume)->quality = s->schedule->quality;

@@ -14,12 +14,14 @@
 #define SPREAD 0.2      /* of sizes, for a line: sum of squares of (size / mean - 1) */
 #define PIXELLESS 2.0   /* fixed time over time of the pixels, if nothing is known */
 #define FADE 0.01       /* part of what is known of that ratio that is forgotten with each frame */
+#define DRAFT_TIME 0.5  /* of the whole frame's, if only the draft's is known */
 #define NEXT_LEVEL 0.25 /* of the time, where mip levels come first */
 #define LAST_RESORT                                                                                \
     2.0 /* times the limit: sides below SIDE_MIN, so that each view gets 10 frames/s */
 #define LEAST_MPX 0.00411 /* no frame is smaller for the sake of time */
 #define FIRST_MPX 0.27    /* of a first frame, whose time is not known */
 enum { SIDES = 128, SIDE_STEP = 16, SIDE_MIN = 32, FAILURES_MAX = 5 };
+enum { WHOLE = 0, DRAFT = 1 }; /* grades; a draft at mip level n is DRAFT + n */
 enum { SIDE_SHARED = 80 }; /* frames of several moving views get as small before they get fewer */
 
 struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
@@ -32,17 +34,31 @@ void srv_quality_init(struct srv_quality *quality) {
 
 void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality *other) {
     srv_quality_init(quality);
-    for (unsigned mip_level = 0; mip_level <= SP_MIP_LEVEL_MAX; mip_level++) {
-        const struct srv_quality_fit *fit = &other->fits[mip_level];
-        quality->fits[mip_level] = (struct srv_quality_fit){ .weight = fit->weight,
-                                                             .x = fit->x,
-                                                             .y = fit->y,
-                                                             .xx = fit->xx,
-                                                             .xy = fit->xy,
-                                                             .ratio = fit->ratio,
-                                                             .last_mpx = fit->last_mpx,
-                                                             .load_log = GUESS };
+    quality->ignores_drafts = other->ignores_drafts;
+    for (unsigned grade = 0; grade < SRV_GRADES; grade++) {
+        const struct srv_quality_fit *fit = &other->fits[grade];
+        quality->fits[grade] = (struct srv_quality_fit){ .weight = fit->weight,
+                                                         .x = fit->x,
+                                                         .y = fit->y,
+                                                         .xx = fit->xx,
+                                                         .xy = fit->xy,
+                                                         .ratio = fit->ratio,
+                                                         .last_mpx = fit->last_mpx,
+                                                         .load_log = GUESS };
     }
+}
+
+static unsigned mip_level_of(unsigned grade) {
+    return grade > DRAFT ? grade - DRAFT : 0;
+}
+
+static unsigned grade_of(const struct srv_detail *detail) {
+    return detail->is_draft || detail->mip_level > 0 ? DRAFT + detail->mip_level : WHOLE;
+}
+
+/* Returns the index of the grade's fit. */
+static unsigned fit_of(const struct srv_quality *quality, unsigned grade) {
+    return grade == DRAFT && quality->ignores_drafts ? WHOLE : grade;
 }
 
 static double megapixels(const uint32_t size[2]) {
@@ -65,43 +81,53 @@ static bool fit_line(const struct srv_quality_fit *fit, struct model *model) {
     return true;
 }
 
-/* Returns fixed / per_px of a level as last seen, or derives it from another level: footprints
- * cover the frame alike, and each level has an eighth of the voxels. 0 = no level had several
+/* Returns fixed / per_px of a fit as last seen, or derives it from another one: footprints cover
+ * the frame alike, and each mip level has an eighth of the voxels. 0 = no grade had several
  * sizes. */
-static double ratio_of(const struct srv_quality *quality, unsigned mip_level) {
-    if (quality->fits[mip_level].ratio > 0)
-        return quality->fits[mip_level].ratio;
-    for (unsigned other = 0; other <= SP_MIP_LEVEL_MAX; other++)
+static double ratio_of(const struct srv_quality *quality, unsigned index) {
+    if (quality->fits[index].ratio > 0)
+        return quality->fits[index].ratio;
+    for (unsigned other = 0; other < SRV_GRADES; other++)
         if (quality->fits[other].ratio > 0)
-            return ldexp(quality->fits[other].ratio, 3 * ((int)other - (int)mip_level));
+            return ldexp(quality->fits[other].ratio,
+                         3 * ((int)mip_level_of(other) - (int)mip_level_of(index)));
     return 0;
 }
 
-/* Returns the model of a level that was drawn. If its frames had one size and no ratio is known, a
- * third of the time is assumed to be for the pixels. */
-static struct model model_of_drawn(const struct srv_quality *quality, unsigned mip_level) {
-    const struct srv_quality_fit *fit = &quality->fits[mip_level];
+/* Returns the model of a fit that has frames. If they had one size and no ratio is known, a third
+ * of the time is assumed to be for the pixels. */
+static struct model model_of_drawn(const struct srv_quality *quality, unsigned index) {
+    const struct srv_quality_fit *fit = &quality->fits[index];
     struct model model;
     if (fit_line(fit, &model))
         return model;
     double mean_x = fit->x / fit->weight, mean_y = fit->y / fit->weight;
-    double ratio = ratio_of(quality, mip_level);
+    double ratio = ratio_of(quality, index);
     model.slope = mean_y / (mean_x + (ratio > 0 ? ratio : PIXELLESS * mean_x));
     model.fixed = mean_y - model.slope * mean_x;
     return model;
 }
 
-/* A level that was never drawn takes an eighth of the next finer one's fixed time, or a quarter of
- * all its time where mip levels come first. All 0: unknown. */
-static struct model model_of(const struct srv_quality *quality, unsigned mip_level) {
+static bool is_known(const struct srv_quality *quality, unsigned grade) {
+    return quality->fits[fit_of(quality, grade)].weight > 0;
+}
+
+/* A draft that was never drawn takes as long as the whole frame. A mip level that was never drawn
+ * takes an eighth of the next finer one's fixed time, or a quarter of all its time where mip levels
+ * come first. All 0: unknown. */
+static struct model model_of(const struct srv_quality *quality, unsigned grade) {
     struct model model = { 0, 0 };
-    unsigned known = mip_level + 1;
-    while (known > 0 && quality->fits[known - 1].weight == 0)
+    unsigned known = grade + 1;
+    while (known > 0 && !is_known(quality, known - 1))
         known--;
-    if (known == 0)
+    if (known == 0 && (grade != WHOLE || !is_known(quality, DRAFT)))
         return model;
-    model = model_of_drawn(quality, known - 1);
-    for (; known - 1 < mip_level; known++) {
+    if (known == 0) {
+        model = model_of_drawn(quality, DRAFT);
+        return (struct model){ model.fixed / DRAFT_TIME, model.slope / DRAFT_TIME };
+    }
+    model = model_of_drawn(quality, fit_of(quality, known - 1));
+    for (unsigned level = mip_level_of(known - 1); level < mip_level_of(grade); level++) {
         model.fixed *= quality->prefers_levels ? NEXT_LEVEL : 1 / 8.0;
         model.slope *= quality->prefers_levels ? NEXT_LEVEL : 1;
     }
@@ -113,7 +139,7 @@ static double time_of(const struct model *model, double mpx) {
 }
 
 double srv_quality_expected_ms(const struct srv_quality *quality, const struct srv_detail *detail) {
-    struct model model = model_of(quality, detail->mip_level);
+    struct model model = model_of(quality, grade_of(detail));
     return time_of(&model, megapixels(detail->size));
 }
 
@@ -140,17 +166,26 @@ static double mpx_of(const uint32_t full[2], unsigned side) {
 }
 
 struct choice {
-    unsigned mip_level, side;
+    unsigned grade, side;
 };
 
-static bool is_finer(struct choice a, struct choice b) {
-    return a.mip_level < b.mip_level || (a.mip_level == b.mip_level && a.side > b.side);
+static struct srv_detail detail_of(struct choice choice, const uint32_t full[2]) {
+    struct srv_detail detail = { .mip_level = mip_level_of(choice.grade),
+                                 .is_draft = choice.grade != WHOLE };
+    scale(full, choice.side, detail.size);
+    return detail;
 }
 
-/* Returns the part of a level's expected time that is believed; doubt counts below `doubted`. */
-static double confidence_of(const struct srv_quality *quality, unsigned mip_level,
-                            unsigned doubted) {
-    return mip_level < doubted ? 1 - quality->fits[mip_level].doubt : 1;
+static bool is_finer(struct choice a, struct choice b) {
+    return a.grade < b.grade || (a.grade == b.grade && a.side > b.side);
+}
+
+/* Returns the part of a grade's expected time that is believed; doubt counts at mip levels below
+ * that of `doubted`. */
+static double confidence_of(const struct srv_quality *quality, unsigned grade, unsigned doubted) {
+    return mip_level_of(grade) < mip_level_of(doubted)
+               ? 1 - quality->fits[fit_of(quality, grade)].doubt
+               : 1;
 }
 
 /* Halves the side while the frame takes far longer than limit_ms and a smaller one saves time. */
@@ -163,38 +198,47 @@ static unsigned last_resort(const struct model *model, const uint32_t full[2], d
     return side;
 }
 
-/* Returns the finest choice that is expected within limit_ms, else the coarsest that is useful.
- * `largest`: side of the largest frame, unless smaller ones take as long. */
+struct limits {
+    unsigned grade;   /* the finest one that is taken */
+    double ms;        /* of the expected time */
+    unsigned largest; /* side of the largest frame, unless smaller ones take as long */
+    unsigned doubted; /* grade in use (confidence_of) */
+};
+
+/* Returns the finest choice that is expected within the limits, else the coarsest that is
+ * useful. */
 static struct choice finest(const struct srv_quality *quality, const uint32_t full[2],
-                            double limit_ms, unsigned largest, unsigned doubted) {
-    for (unsigned mip_level = 0;; mip_level++) {
-        bool last = mip_level == SP_MIP_LEVEL_MAX;
-        struct model model = model_of(quality, mip_level);
-        double confidence = confidence_of(quality, mip_level, doubted);
+                            const struct limits *limits) {
+    for (unsigned grade = limits->grade;; grade++) {
+        bool last = grade == SRV_GRADES - 1;
+        struct model model = model_of(quality, grade);
+        double confidence = confidence_of(quality, grade, limits->doubted);
         double useful = model.slope > 0 ? model.fixed / model.slope / 4 : INFINITY;
         const unsigned least = quality->prefers_levels && !last ? SIDES : SIDE_MIN;
         unsigned side = SIDES;
-        while (side > largest && side > least && mpx_of(full, side) > useful)
+        while (side > limits->largest && side > least && mpx_of(full, side) > useful)
             side -= SIDE_STEP;
+        if (grade == WHOLE && side < SIDES)
+            continue;
         for (;; side -= SIDE_STEP) {
             const double mpx = mpx_of(full, side);
-            if (time_of(&model, mpx) * confidence <= limit_ms)
-                return (struct choice){ mip_level, side };
-            if (side == least || mpx <= useful)
+            if (time_of(&model, mpx) * confidence <= limits->ms)
+                return (struct choice){ grade, side };
+            if (side == least || mpx <= useful || grade == WHOLE)
                 break;
         }
         if (last && side == SIDE_MIN)
-            side = last_resort(&model, full, useful, limit_ms);
+            side = last_resort(&model, full, useful, limits->ms);
         if (last)
-            return (struct choice){ mip_level, side };
+            return (struct choice){ grade, side };
     }
 }
 
 /* The detail of a frame whose time is not known: half the side, or less if that is large. */
 static struct choice first_choice(const struct srv_quality *quality, const uint32_t full[2]) {
-    struct choice first = { 0, SIDES / 2 };
+    struct choice first = { DRAFT, SIDES / 2 };
     if (quality->prefers_levels)
-        return (struct choice){ SP_MIP_LEVEL_MAX, SIDES };
+        return (struct choice){ SRV_GRADES - 1, SIDES };
     while (first.side > 1 && mpx_of(full, first.side) > FIRST_MPX)
         first.side /= 2;
     return first;
@@ -209,31 +253,30 @@ static void forget_ratio(struct srv_quality_fit *fit) {
 
 double srv_quality_moving(struct srv_quality *quality, const uint32_t full[2],
                           const struct srv_quality_budget *budget, struct srv_detail *detail) {
-    const struct choice now = { quality->mip_level, quality->side }, small = { 0, SIDE_SHARED };
-    const unsigned doubted = now.side ? now.mip_level : 0;
+    const struct choice now = { quality->grade, quality->side }, small = { DRAFT, SIDE_SHARED };
+    const unsigned doubted = now.side ? now.grade : WHOLE;
     struct choice best = first_choice(quality, full);
     double budget_ms = budget->ms, now_ms = budget->ms;
-    if (quality->fits[0].weight > 0) {
-        best = finest(quality, full, budget_ms * RAISE, SIDES, doubted);
+    if (is_known(quality, WHOLE) || is_known(quality, DRAFT)) {
+        best = finest(quality, full, &(struct limits){ WHOLE, budget_ms * RAISE, SIDES, doubted });
         if (budget->most_ms > budget_ms && is_finer(small, best)) {
             budget_ms = budget->most_ms;
-            best = finest(quality, full, budget_ms * RAISE, SIDE_SHARED, doubted);
+            best = finest(quality, full,
+                          &(struct limits){ WHOLE, budget_ms * RAISE, SIDE_SHARED, doubted });
         }
     }
     if (!is_finer(now, small))
         now_ms = budget_ms;
     if (now.side) {
-        *detail = (struct srv_detail){ .mip_level = now.mip_level };
-        scale(full, now.side, detail->size);
+        *detail = detail_of(now, full);
         if (srv_quality_expected_ms(quality, detail) <= now_ms && !is_finer(best, now))
             best = now;
     }
     if (budget_ms > budget->ms && is_finer(best, small))
-        forget_ratio(&quality->fits[0]);
-    quality->mip_level = best.mip_level;
+        forget_ratio(&quality->fits[fit_of(quality, best.grade)]);
+    quality->grade = best.grade;
     quality->side = best.side;
-    detail->mip_level = best.mip_level;
-    scale(full, best.side, detail->size);
+    *detail = detail_of(best, full);
     return budget_ms;
 }
 
@@ -243,7 +286,7 @@ double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t f
     struct srv_detail detail;
     srv_quality_moving(&next, full, budget, &detail);
     return srv_quality_expected_ms(quality, &detail) *
-           confidence_of(quality, detail.mip_level, quality->side ? quality->mip_level : 0);
+           confidence_of(quality, grade_of(&detail), quality->side ? quality->grade : WHOLE);
 }
 
 bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t full[2],
@@ -252,11 +295,11 @@ bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t 
     double sharp_ms = srv_quality_expected_ms(quality, &sharp);
     if (sharp_ms <= SRV_QUALITY_INTERMEDIATE_MS)
         return false;
-    struct choice best = finest(quality, full, sharp_ms / 4, SIDES, 0);
-    detail->mip_level = best.mip_level;
-    scale(full, best.side, detail->size);
-    return best.mip_level < displayed->mip_level ||
-           (best.mip_level == displayed->mip_level && detail->size[0] > displayed->size[0]);
+    const unsigned was = displayed->mip_level;
+    *detail = detail_of(
+        finest(quality, full, &(struct limits){ DRAFT, sharp_ms / 4, SIDES, WHOLE }), full);
+    return detail->mip_level < was ||
+           (detail->mip_level == was && detail->size[0] > displayed->size[0]);
 }
 
 static void decay(struct srv_quality_fit *fit, double factor) {
@@ -301,29 +344,29 @@ static void add(struct srv_quality_fit *fit, double mpx, double expected_ms, dou
         fit->ratio = fmax(model.fixed / model.slope, 1e-6);
 }
 
-/* Adds a frame, and applies the load that it shows to the other levels. */
-static void learn(struct srv_quality *quality, unsigned mip_level, double mpx, double ms) {
-    struct srv_quality_fit *fit = &quality->fits[mip_level];
+/* Adds a frame, and applies the load that it shows to the other fits. */
+static void learn(struct srv_quality *quality, unsigned index, double mpx, double ms) {
+    struct srv_quality_fit *fit = &quality->fits[index];
     double was = 0;
     if (is_same_size(fit, mpx)) {
-        struct model before = model_of_drawn(quality, mip_level);
+        struct model before = model_of_drawn(quality, index);
         was = time_of(&before, mpx);
     }
     add(fit, mpx, was, ms);
-    struct model after = model_of_drawn(quality, mip_level);
+    struct model after = model_of_drawn(quality, index);
     double is = time_of(&after, mpx);
     if (was <= 0 || is <= 0)
         return;
     double load = fmin(is / was, 4);
-    for (unsigned other = 0; other <= SP_MIP_LEVEL_MAX; other++)
-        if (other != mip_level) {
+    for (unsigned other = 0; other < SRV_GRADES; other++)
+        if (other != index) {
             quality->fits[other].y *= load;
             quality->fits[other].xy *= load;
             quality->fits[other].load_log += log(load);
         }
 }
 
-/* The level's time is known now: ends its doubt or trial. */
+/* The time is known now: ends its doubt or trial. */
 static void judge(struct srv_quality_fit *fit, bool is_over_budget) {
     fit->on_trial = fit->on_trial || fit->doubt > 0;
     fit->doubt = 0;
@@ -333,33 +376,43 @@ static void judge(struct srv_quality_fit *fit, bool is_over_budget) {
     fit->failures += fit->failures < FAILURES_MAX;
 }
 
+void srv_quality_drafts(struct srv_quality *quality, bool are_drawn) {
+    if (quality->ignores_drafts != are_drawn)
+        return;
+    quality->ignores_drafts = !are_drawn;
+    for (unsigned grade = DRAFT; grade < SRV_GRADES; grade++) {
+        quality->fits[grade].load_log = GUESS; /* the times are those of other frames */
+        quality->fits[grade].last_mpx = 0;
+    }
+}
+
 void srv_quality_done(struct srv_quality *quality, const struct srv_detail *drawn, bool moving,
                       double budget_ms, double ms) {
-    struct srv_quality_fit *fit = &quality->fits[drawn->mip_level];
-    double mpx = megapixels(drawn->size);
-    learn(quality, drawn->mip_level, mpx, ms);
-    judge(fit, moving && ms > budget_ms);
+    const unsigned index = fit_of(quality, grade_of(drawn));
+    learn(quality, index, megapixels(drawn->size), ms);
+    judge(&quality->fits[index], moving && ms > budget_ms);
     for (unsigned finer = 0; moving && finer < drawn->mip_level; finer++) {
-        struct srv_quality_fit *f = &quality->fits[finer];
+        struct srv_quality_fit *f = &quality->fits[fit_of(quality, DRAFT + finer)];
         f->doubt = fmin(f->doubt + DOUBT_STEP / (1u << f->failures), DOUBT_MAX);
     }
 }
 
 void srv_quality_cancelled(struct srv_quality *quality, const struct srv_detail *drawn, double ms) {
-    struct srv_quality_fit *fit = &quality->fits[drawn->mip_level];
+    const unsigned index = fit_of(quality, grade_of(drawn));
+    struct srv_quality_fit *fit = &quality->fits[index];
     if (ms <= srv_quality_expected_ms(quality, drawn))
         return;
     fit->was_slow = true; /* believe it, as the second slow frame in a row */
-    learn(quality, drawn->mip_level, megapixels(drawn->size), ms);
+    learn(quality, index, megapixels(drawn->size), ms);
     judge(fit, true);
 }
 
 void srv_quality_rest(struct srv_quality *quality, const uint32_t full[2]) {
-    for (unsigned mip_level = 0; mip_level <= SP_MIP_LEVEL_MAX; mip_level++) {
-        struct srv_quality_fit *fit = &quality->fits[mip_level];
-        struct srv_detail whole = { .mip_level = mip_level, .size = { full[0], full[1] } };
+    for (unsigned grade = 0; grade < SRV_GRADES; grade++) {
+        struct srv_quality_fit *fit = &quality->fits[grade];
+        const struct srv_detail whole = detail_of((struct choice){ grade, SIDES }, full);
         fit->failures = 0;
-        if (mip_level > 0 && !quality->prefers_levels &&
+        if (grade > DRAFT && !quality->prefers_levels &&
             srv_quality_expected_ms(quality, &whole) > SRV_QUALITY_BUDGET_MS * RAISE)
             *fit = (struct srv_quality_fit){ .ratio = fit->ratio };
     }

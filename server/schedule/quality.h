@@ -23,9 +23,14 @@
 struct srv_detail { /* of a frame */
     unsigned mip_level;
     uint32_t size[2];
+    bool is_draft; /* asked for (sp_render_options.draft) */
 };
 
-struct srv_quality_fit {         /* of one mip level */
+/* Grades of frames by the work that they take: 0 = whole at mip level 0; 1 + n = a draft at mip
+ * level n. Moving frames that are not as sharp as the view at rest are drafts. */
+enum { SRV_GRADES = SP_MIP_LEVEL_MAX + 2 };
+
+struct srv_quality_fit {         /* of one grade */
     double weight, x, y, xx, xy; /* weighted sums over (megapixels, ms); weight 0 = unknown */
     double ratio;                /* fixed / per_px as last seen, megapixels; 0 = not yet */
     double last_mpx;             /* size of the last frame */
@@ -35,16 +40,19 @@ struct srv_quality_fit {         /* of one mip level */
     bool on_trial;               /* it is being tried again */
     unsigned failures;           /* trials that ended over the budget since the view rested */
 };
-/* The model:  time of a frame ≈ fixed + per_px · pixels       for each mip level (sp/renderer.h)
+/* The model:  time of a frame ≈ fixed + per_px · pixels       for each grade
  *
- * Exponentially weighted least squares fit both to the last frames of a level. The fixed part, the
+ * Exponentially weighted least squares fit both to the last frames of a grade. The fixed part, the
  * work per voxel, does not shrink with the frame: below pixels = fixed / per_px / 4 a smaller frame
  * gains nothing, and a higher mip level must help. Above it a smaller frame is closer to the sharp
  * one than a higher mip level of the same cost (6 to 10 dB on CT scans).
  *
  *   finest ────────────────────────────────────────────────────────► coarsest
- *   (0, 8/8) (0, 7/8) … (0, 2/8)  (1, 8/8) … (1, 2/8)  (2, 8/8) … (2, 2/8)   (mip level, side)
- *                                             and then (2, 3/16) (2, 9/64) … down to 64 x 64 px
+ *   (0, 8/8)  (1, 8/8) (1, 7/8) … (1, 2/8)  (2, 8/8) … (2, 2/8)  (3, 8/8) … (3, 2/8) (grade, side)
+ *                                             and then (3, 3/16) (3, 9/64) … down to 64 x 64 px
+ *
+ * A draft whose time is not known takes as long as a whole frame. Where the renderer ignores that
+ * drafts are asked for, both are one grade, of the same times: frames of mip level 0.
  *
  * The last steps are for views so heavy that they would get less than ten frames per second: no
  * view may take that rate from other views. The time of the first frame is not known, so it has
@@ -63,9 +71,9 @@ struct srv_quality_fit {         /* of one mip level */
  *     until it is tried again. Each trial that is too slow doubles the time to the next one.
  *     A level that is twice too slow is not tried. */
 struct srv_quality {
-    struct srv_quality_fit fits[SP_MIP_LEVEL_MAX + 1];
-    unsigned mip_level,
-        side; /* in use while moving; side in 128ths of the full one, 0 = none yet */
+    struct srv_quality_fit fits[SRV_GRADES];
+    unsigned grade, side; /* in use while moving; side in 128ths of the full one, 0 = none yet */
+    bool ignores_drafts;  /* the last frame that was asked for as a draft was whole */
     /* Set by the caller: mip levels come before smaller frames, from the first frame on. They merge
      * points in the image, so that one of full size is sharper than a smaller frame of as many
      * points, and takes as long. */
@@ -74,7 +82,7 @@ struct srv_quality {
 
 void srv_quality_init(struct srv_quality *quality);
 /* As init, with the frame times of another view of the same volume as a guess, which the first
- * frame of each level outweighs. */
+ * frame of each grade outweighs. */
 void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality *other);
 
 /* Returns the time from one frame of a moving view to the next, if it is alone. `warps`: all
@@ -97,14 +105,16 @@ double srv_quality_moving(struct srv_quality *quality, const uint32_t full[2],
 double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t full[2],
                              const struct srv_quality_budget *budget);
 
-/* Chooses an intermediate frame for a view at rest, after `displayed`. It takes at most a quarter
- * of the time of the sharp frame. False: none is worth it. */
+/* Chooses an intermediate frame for a view at rest, after `displayed`. It is a draft, and takes at
+ * most a quarter of the time of the sharp frame. False: none is worth it. */
 bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t full[2],
                               const struct srv_detail *displayed, struct srv_detail *detail);
 
 /* Returns the expected time of a frame; 0 = not known yet. */
 double srv_quality_expected_ms(const struct srv_quality *quality, const struct srv_detail *detail);
 
+/* A frame was asked for as a draft: was it one? Call it before srv_quality_done(). */
+void srv_quality_drafts(struct srv_quality *quality, bool are_drawn);
 /* A frame took `ms` (render and encode); `moving`: chosen by srv_quality_moving(),
  * which returned budget_ms. */
 void srv_quality_done(struct srv_quality *quality, const struct srv_detail *drawn, bool moving,

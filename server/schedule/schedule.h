@@ -58,13 +58,14 @@ struct srv_render_job {
     uint64_t image; /* that the view gives: it may have newer versions with the same image */
     uint64_t order; /* rises from job to job */
     enum srv_frame_step step;
-    bool is_refinement;         /* a newer view of the session cancels it at once */
-    bool is_alone;              /* for the only participant of the daemon */
-    bool is_first;              /* before others, for a client that has no frame yet */
-    bool is_slow_to_encode;     /* SRV_SLOW_ENCODE_MS */
-    bool is_sharp;              /* full size and all voxels: only the encoding can get better */
-    double protected_ms;        /* SRV_INTERRUPT_MOTION cancels it once it was drawn for so long;
-                                   INFINITY = never */
+    bool is_refinement;     /* a newer view of the session cancels it at once */
+    bool is_alone;          /* for the only participant of the daemon */
+    bool is_first;          /* before others, for a client that has no frame yet */
+    bool is_slow_to_encode; /* SRV_SLOW_ENCODE_MS */
+    bool is_sharp;          /* whole, of full size, all voxels: only the encoding can get better */
+    bool is_draft;          /* sp_render_options.draft */
+    double protected_ms;    /* SRV_INTERRUPT_MOTION cancels it once it was drawn for so long;
+                               INFINITY = never */
     double cancellable_from_ms; /* a newer view cancels it from this time on: 0 = at once,
                                    INFINITY = never */
     double budget_ms;           /* time for which its detail was chosen */
@@ -105,6 +106,7 @@ static inline struct srv_drawn_frame srv_render_job_frame(const struct srv_rende
 
 struct srv_render_result {
     uint32_t width, height, mip_level;
+    bool is_draft;               /* as in sp/frame.h */
     double render_ms, encode_ms; /* encode_ms: the time of all encodings */
     double once_ms; /* part of render_ms that the next frame of this volume does not need */
     uint64_t splats, visible_voxels;

@@ -53,6 +53,7 @@ struct srv_moving_detail {
     uint32_t full_size[2]; /* at rest, px */
     uint32_t size[2];      /* px; 0 = there was no moving frame yet */
     unsigned mip_level;    /* as in sp/renderer.h */
+    bool is_draft;         /* as in sp/frame.h, as far as it is known when the frame is begun */
     double budget_ms;      /* time that the frame had */
     double sharp_ms;       /* expected time of a sharp frame; 0 = not known */
     bool is_shared;        /* others took a part of the time */

@@ -57,8 +57,8 @@ bool srv_policy_is_final(const struct srv_participant *p, const struct srv_encod
 static bool is_same(const struct srv_moving_detail *a, const struct srv_moving_detail *b) {
     return a->full_size[0] == b->full_size[0] && a->full_size[1] == b->full_size[1] &&
            a->size[0] == b->size[0] && a->size[1] == b->size[1] && a->mip_level == b->mip_level &&
-           a->is_shared == b->is_shared && a->rate_step == b->rate_step &&
-           a->is_video == b->is_video;
+           a->is_draft == b->is_draft && a->is_shared == b->is_shared &&
+           a->rate_step == b->rate_step && a->is_video == b->is_video;
 }
 
 void srv_policy_update(struct srv_hub *hub, struct srv_participant *p,
@@ -89,6 +89,8 @@ static proto_json *encode(const struct srv_participant *p, const struct srv_enco
     if (detail) {
         proto_json_set(&json, "size", proto_json_integers(detail->size, 2));
         proto_json_set_integer(&json, "coarse", detail->mip_level);
+        if (detail->is_draft)
+            proto_json_set_bool(&json, "draft", true);
     }
     return json;
 }
@@ -101,7 +103,8 @@ static proto_json *reasons(const struct srv_participant *p, const struct srv_enc
     const struct srv_rate_control then = { .step = m->rate_step };
     uint32_t most[2];
     srv_rate_control_size(&then, m->full_size, most);
-    bool is_less = is_known && (m->mip_level > 0 || m->size[0] < most[0] || m->size[1] < most[1]);
+    bool is_less = is_known && (m->is_draft || m->mip_level > 0 || m->size[0] < most[0] ||
+                                m->size[1] < most[1]);
     proto_json *list = proto_json_array();
     if (moving->video != SP_VIDEO_CODEC_COUNT && p->delivery.is_video_refused)
         proto_json_append_string(&list, "video_pixels");

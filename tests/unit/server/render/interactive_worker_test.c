@@ -82,7 +82,7 @@ bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *vo
     };
     gate.entered++;
     seen.mip_level = options->mip_level;
-    seen.sharp += options->mip_level == 0 && view->size[0] == FULL;
+    seen.sharp += options->mip_level == 0 && view->size[0] == FULL && !options->draft;
     memcpy(seen.size, view->size, sizeof seen.size);
     pthread_mutex_unlock(&gate.mutex);
     return true;

@@ -14,10 +14,11 @@
 #include "schedule/quality.h"
 #include "support/compare.h"
 
-/* The time of a frame: fixed work, which is an eighth with each level, work per megapixel, and the
- * factor by which other load slows the machine. */
+/* The time of a frame: fixed work, which is an eighth with each level, work per megapixel, the
+ * factor by which other load slows the machine, and the part of the time that a draft takes; 0 =
+ * there are no drafts. */
 struct machine {
-    double fixed_ms, pixel_ms, load;
+    double fixed_ms, pixel_ms, load, draft;
 };
 
 static const uint32_t full[2] = { 1024, 1024 };
@@ -26,7 +27,15 @@ static const struct srv_quality_budget budget = { BUDGET, BUDGET };
 
 static double time_on(const struct machine *m, const struct srv_detail *d) {
     double mpx = (double)d->size[0] * d->size[1] * 1e-6;
-    return m->load * (m->fixed_ms / (1 << 3 * d->mip_level) + m->pixel_ms * mpx);
+    const double part = d->is_draft && m->draft > 0 ? m->draft : 1;
+    return part * m->load * (m->fixed_ms / (1 << 3 * d->mip_level) + m->pixel_ms * mpx);
+}
+
+static void draw(struct srv_quality *quality, const struct machine *m,
+                 const struct srv_detail *detail, bool moving) {
+    if (detail->is_draft)
+        srv_quality_drafts(quality, m->draft > 0);
+    srv_quality_done(quality, detail, moving, BUDGET, time_on(m, detail));
 }
 
 /* Returns the rank of a detail, 0 = finest. */
@@ -47,7 +56,7 @@ static struct drag drag(struct srv_quality *quality, const struct machine *m, in
         struct srv_detail detail;
         srv_quality_moving(quality, full, &budget, &detail);
         double ms = time_on(m, &detail);
-        srv_quality_done(quality, &detail, true, BUDGET, ms);
+        draw(quality, m, &detail, true);
         result.changes += i > 0 && rank(&detail) != rank(&result.last);
         result.misses += ms > BUDGET;
         result.worst_ms = ms > result.worst_ms ? ms : result.worst_ms;
@@ -59,10 +68,9 @@ static struct drag drag(struct srv_quality *quality, const struct machine *m, in
 
 static double rest(struct srv_quality *quality, const struct machine *m) {
     struct srv_detail sharp = { .size = { full[0], full[1] } };
-    double ms = time_on(m, &sharp);
-    srv_quality_done(quality, &sharp, false, BUDGET, ms);
+    draw(quality, m, &sharp, false);
     srv_quality_rest(quality, full);
-    return ms;
+    return time_on(m, &sharp);
 }
 
 static void the_budget_is_for_thirty_frames_per_second_or_fewer(void **state) {
@@ -346,7 +354,7 @@ static void slow_levels_are_tried_again_after_a_rest(void **state) {
     /* Levels that are known to be fast stay known: the next drag begins as the last one ended. */
     struct drag before = drag(&quality, &m, 20);
     rest(&quality, &m);
-    assert_int_equal(rank(&before.last), rank(&(struct srv_detail){ 1, { 1024, 1024 } }));
+    assert_int_equal(rank(&before.last), rank(&(struct srv_detail){ 1, { 1024, 1024 }, true }));
     assert_int_equal(drag(&quality, &m, 20).changes, 0);
 }
 
@@ -373,8 +381,8 @@ static void an_intermediate_frame_precedes_a_slow_sharp_one(void **state) {
     struct srv_detail middle;
     struct machine quick = { 100, 50, 1 }, voxels = { 1600, 20, 1 }, pixels = { 10, 2000, 1 };
     srv_quality_init(&quality);
-    assert_false(
-        srv_quality_intermediate(&quality, full, &(struct srv_detail){ 0, { 512, 512 } }, &middle));
+    assert_false(srv_quality_intermediate(&quality, full,
+                                          &(struct srv_detail){ 0, { 512, 512 }, true }, &middle));
     struct drag d = drag(&quality, &quick, 50);
     assert_false(srv_quality_intermediate(&quality, full, &d.last,
                                           &middle)); /* the sharp frame is ready soon */
@@ -394,6 +402,85 @@ static void an_intermediate_frame_precedes_a_slow_sharp_one(void **state) {
     if (middle.mip_level >= d.last.mip_level)
         assert_compare(middle.size[0], >, d.last.size[0]);
     assert_compare(time_on(&pixels, &middle), <=, sharp_ms / 3);
+}
+
+static bool is_whole(const struct srv_detail *d) {
+    return !d->is_draft && rank(d) == 0;
+}
+
+static void only_moving_frames_of_all_detail_are_whole(void **state) {
+    (void)state;
+    static const struct machine machines[] = {
+        { 5, 10, 1, 0.5 },   { 10, 30, 1, 0.5 }, { 40, 30, 1, 0.5 },
+        { 10, 100, 1, 0.6 }, { 400, 4, 1, 0.5 }, { 5, 10, 1, 0 },
+    };
+    for (size_t i = 0; i < sizeof machines / sizeof *machines; i++) {
+        const struct machine *m = &machines[i];
+        const struct srv_detail sharp = { .size = { full[0], full[1] } };
+        struct srv_quality quality;
+        struct srv_detail detail;
+        srv_quality_init(&quality);
+        for (int motion = 0; motion < 3; motion++) {
+            for (int frame = 0; frame < 50; frame++) {
+                srv_quality_moving(&quality, full, &budget, &detail);
+                assert_true(is_whole(&detail) || detail.is_draft);
+                draw(&quality, m, &detail, true);
+            }
+            if (srv_quality_intermediate(&quality, full, &detail, &detail))
+                assert_true(detail.is_draft);
+            rest(&quality, m);
+            srv_quality_moving(&quality, full, &budget, &detail);
+            assert_int_equal(is_whole(&detail), time_on(m, &sharp) <= 0.75 * BUDGET);
+        }
+    }
+}
+
+/* Twice as slow a machine with drafts of half the time draws frames of the same sizes. */
+static void drafts_have_times_of_their_own(void **state) {
+    (void)state;
+    const struct machine drafts = { 20, 160, 1, 0.5 }, whole = { 10, 80, 1, 0 };
+    struct srv_quality quality, other;
+    struct srv_detail sharp = { .size = { full[0], full[1] } };
+    srv_quality_init(&quality);
+    srv_quality_init(&other);
+    for (int motion = 0; motion < 3; motion++) {
+        const struct drag d = drag(&quality, &drafts, 100), e = drag(&other, &whole, 100);
+        assert_true(d.last.is_draft);
+        assert_int_equal(rank(&d.last), rank(&e.last));
+        if (motion > 0)
+            assert_int_equal(d.changes, 0);
+        rest(&quality, &drafts);
+        rest(&other, &whole);
+        assert_float_equal(srv_quality_expected_ms(&quality, &sharp), 180, 10);
+        assert_float_equal(srv_quality_expected_ms(&quality, &d.last), time_on(&drafts, &d.last),
+                           2);
+    }
+}
+
+/* The time of the first draft is the whole frame's, so that it is not too slow. */
+static void an_unknown_draft_takes_as_long_as_a_whole_frame(void **state) {
+    (void)state;
+    const struct srv_detail sharp = { .size = { full[0], full[1] } };
+    const struct srv_detail draft = { .size = { full[0], full[1] }, .is_draft = true };
+    struct srv_quality quality;
+    srv_quality_init(&quality);
+    srv_quality_done(&quality, &sharp, false, BUDGET, 100);
+    assert_float_equal(srv_quality_expected_ms(&quality, &draft), 100, 1e-6);
+    srv_quality_init(&quality);
+    srv_quality_drafts(&quality, true);
+    srv_quality_done(&quality, &draft, true, BUDGET, 50);
+    assert_float_equal(srv_quality_expected_ms(&quality, &sharp), 100, 1e-6);
+    /* It was no draft: all frames are whole. */
+    srv_quality_drafts(&quality, false);
+    srv_quality_done(&quality, &draft, true, BUDGET, 90);
+    assert_float_equal(srv_quality_expected_ms(&quality, &sharp), 90, 1e-6);
+    srv_quality_done(&quality, &sharp, false, BUDGET, 90);
+    assert_float_equal(srv_quality_expected_ms(&quality, &draft), 90, 1e-6);
+    /* Other layers, for example: drafts are drawn again, and the first one's time is believed. */
+    srv_quality_drafts(&quality, true);
+    srv_quality_done(&quality, &draft, true, BUDGET, 30);
+    assert_float_equal(srv_quality_expected_ms(&quality, &draft), 30, 1e-6);
+    assert_float_equal(srv_quality_expected_ms(&quality, &sharp), 90, 1e-6);
 }
 
 static void tiny_frames_have_a_size(void **state) {
@@ -427,6 +514,9 @@ int main(void) {
         cmocka_unit_test(slow_levels_are_tried_again_after_a_rest),
         cmocka_unit_test(a_cancelled_frame_took_at_least_its_elapsed_time),
         cmocka_unit_test(an_intermediate_frame_precedes_a_slow_sharp_one),
+        cmocka_unit_test(only_moving_frames_of_all_detail_are_whole),
+        cmocka_unit_test(drafts_have_times_of_their_own),
+        cmocka_unit_test(an_unknown_draft_takes_as_long_as_a_whole_frame),
         cmocka_unit_test(tiny_frames_have_a_size),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -400,6 +400,49 @@ static void a_moving_frame_that_cannot_get_better_is_final(void **state) {
     srv_hub_leave(f->hub, &p, 7000);
 }
 
+/* Renders the newest view in 60 ms, or in 20 as a draft, of full size. */
+static struct srv_render_job render(struct fixture *f, struct srv_participant *p, unsigned seq,
+                                    double now_ms) {
+    struct srv_render_job job;
+    hub_update(f, p, seq, now_ms);
+    assert_true(hub_next_job(f, now_ms, &job));
+    const double part = (double)job.view.size[0] * job.view.size[1] / (job.full[0] * job.full[1]);
+    const struct srv_render_job copy = job;
+    const double ms = (job.is_draft ? 20 : 60) * (0.2 + 0.8 * part);
+    hub_finish(f, &job, ms);
+    hub_ack(f, p, hub_drain(f, p, now_ms + ms).frame, now_ms + ms + 1);
+    return copy;
+}
+
+static void a_draft_is_drawn_again_when_the_view_rests(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
+    f->draws_drafts = true;
+    hub_send(f, p, "stream.configure", "{\"quality\":60}", 0);
+    assert_true(hub_next_job(f, 0, &job));
+    assert_true(job.is_draft);
+    hub_finish(f, &job, 8);
+    hub_ack(f, p, hub_drain(f, p, 8).frame, 9);
+    for (unsigned i = 1; i < 40; i++)
+        job = render(f, p, i, 100 * i);
+    assert_int_equal(job.step, SRV_STEP_MOVING);
+    assert_int_equal(job.mip_level, 0);
+    assert_int_equal(job.view.size[0], job.full[0]);
+    assert_true(job.is_draft);
+    assert_false(job.is_sharp);
+    assert_false(job.targets[0].final);
+    assert_true(hub_next_job(f, 6500, &job));
+    assert_int_equal(job.step, SRV_STEP_FINAL);
+    assert_false(job.is_draft);
+    assert_true(job.is_sharp);
+    hub_finish(f, &job, 60);
+    const struct proto_frame_header header = hub_drain(f, p, 6560);
+    assert_int_equal(header.flags & PROTO_FRAME_FINAL, PROTO_FRAME_FINAL);
+    assert_false(hub_next_job(f, 20000, &job));
+    srv_hub_leave(f->hub, &p, 20000);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
@@ -417,6 +460,7 @@ int main(void) {
         TEST(a_change_of_volume_or_stream_interrupts),
         TEST(an_intermediate_frame_precedes_a_slow_sharp_one),
         TEST(a_moving_frame_that_cannot_get_better_is_final),
+        TEST(a_draft_is_drawn_again_when_the_view_rests),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
