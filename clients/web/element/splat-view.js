@@ -14,7 +14,7 @@ import { follow, Warp } from '../app/frames/warp.js';
 const STYLE = `
 :host { display: block; position: relative; min-width: 1px; min-height: 1px; aspect-ratio: 4 / 3; background: #000; overflow: hidden; }
 :host([hidden]) { display: none; }
-div { position: absolute; inset: 0; pointer-events: none; }
+div { position: absolute; inset: 0; pointer-events: none; background: var(--ground); }
 div[hidden] { display: none; }
 canvas { position: absolute; inset: 0; width: 100%; height: 100%; display: block; outline: none; }
 :host(:not([controls])) canvas { pointer-events: none; }

@@ -156,6 +156,34 @@ test('what shows nothing stays background', () => {
   compare(stray, '<', 0.03 * SIZE[0] * SIZE[1], 'only px beside the outline');
 });
 
+test('a picture that is drawn over another one is the same as a fresh one, and its box holds all that is not background', () => {
+  const frame = drawBall(perspective(turned(0)), SIZE);
+  const [over, fresh] = [new PixelWarp(), new PixelWarp()];
+  for (const warp of [over, fresh]) warp.take(frame);
+  const out = new Int32Array(SIZE[0] * SIZE[1]).fill(1);
+  for (const [degrees, ground] of [[5, BLACK], [-5, BLACK], [2, 0x102030 | BLACK]]) {
+    const camera = perspective(turned(degrees), { target: [0.5 * Math.sign(degrees), 0, 0] });
+    const box = over.draw(camera, out, SIZE, ground);
+    const expected = new Int32Array(out.length);
+    fresh.draw(camera, expected, SIZE, ground);
+    assert.deepEqual(out, expected);
+    out.forEach((px, i) => {
+      const [x, y] = [i % SIZE[0], Math.floor(i / SIZE[0])];
+      if (px !== ground) assert.ok(x >= box.left && x < box.right && y >= box.top && y < box.bottom, `px ${x}, ${y} lies in the box`);
+    });
+    compare((box.right - box.left) * (box.bottom - box.top), '<', 0.8 * out.length, 'the box is smaller than the picture');
+  }
+});
+
+test('a frame that shows nothing gives background', () => {
+  const frame = { ...drawBall(perspective(turned(0)), SIZE), values: new Uint8Array(50 * 40) };
+  const warp = new PixelWarp();
+  warp.take(frame);
+  const out = new Int32Array(SIZE[0] * SIZE[1]);
+  warp.draw(perspective(turned(5)), out, SIZE, BLACK);
+  assert.ok(out.every((px) => px === BLACK));
+});
+
 test('what was hidden takes what lies behind it, not what hid it', () => {
   // A near red stripe over a far blue wall. From aside, the part of the wall beside the stripe was hidden.
   const [width, height] = [160, 120];

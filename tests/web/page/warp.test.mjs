@@ -114,6 +114,26 @@ for (const [name, prepareMore] of [['pixel by pixel', async () => {}], ['with a 
   });
 }
 
+test('without a GPU, the px of a frame are read when motion begins', async (context) => {
+  const it = await setUp(context, 16, { hasDepth: true }, (page) => page.addInitScript(() => {
+    window.reads = 0;
+    const { getImageData } = OffscreenCanvasRenderingContext2D.prototype;
+    OffscreenCanvasRenderingContext2D.prototype.getImageData = function counted(...rest) {
+      window.reads += 1;
+      return getImageData.apply(this, rest);
+    };
+  }));
+  const { daemon, page } = it;
+  const reads = () => page.evaluate(() => window.reads);
+  await until(page, 'a frame with depth', (s) => s.hasDepth && s.isDrawn);
+  assert.equal(await reads(), 0);
+  await dragUnseen(it, 3);
+  await until(page, 'a warp', (s) => s.isIdle && s.isDrawn && s.warps > 1);
+  assert.equal(await reads(), 2, 'the frame and its depth, once');
+  daemon.draws = true;
+  await page.mouse.up();
+});
+
 test('after the GPU is lost, the canvas is shown, and the next frames are drawn again', async (context) => {
   const it = await setUp(context, 16, { hasDepth: true }, feignGpu);
   const { daemon, page } = it;

@@ -11,12 +11,33 @@ const SHORT_MS = 4; // the next larger size takes less than LONG_MS then
 const LONG_COUNT = 8; // drawings in a row
 const PARTS = [1, 0.75, 0.5]; // of the size, where drawing takes long
 
+/** A copy of an image whose px can be read later, although the image is closed by then. */
+class Copy {
+  #context = new OffscreenCanvas(1, 1).getContext('2d', { alpha: false, willReadFrequently: true });
+
+  take(image) {
+    const { canvas } = this.#context;
+    if (canvas.width !== image.width || canvas.height !== image.height) [canvas.width, canvas.height] = [image.width, image.height];
+    this.#context.drawImage(image, 0, 0);
+  }
+
+  get size() { return [this.#context.canvas.width, this.#context.canvas.height]; }
+
+  read() { return new Int32Array(this.#context.getImageData(0, 0, ...this.size).data.buffer); }
+}
+
 /** Has the same methods as GlWarp. Its canvas has the size of the frame: more px would show no more of it. */
 class CanvasWarp {
   #canvas; #context;
   #warp = new PixelWarp();
-  #reader = new OffscreenCanvas(1, 1).getContext('2d', { alpha: false, willReadFrequently: true });
+  #frame = new Copy();
+  #map = new Copy(); // the image of its depth
+  #depth = null; // {camera, cells, near, far}
+  #isRead = false; // the warp has the newest frame
   #image = null; // ImageData of the canvas
+  #px = null; // its px
+  #box = null; // the box of px that are not background, as PixelWarp gives it
+  #ground = ''; // the background of the canvas
   #frameHeight = 0;
   #level = 0; // of PARTS
   #long = 0; // drawings in a row that took long; negative: that were short
@@ -26,35 +47,54 @@ class CanvasWarp {
     this.#context = canvas.getContext('2d', { alpha: false });
   }
 
-  #read(image) {
-    const { canvas } = this.#reader;
-    if (canvas.width !== image.width || canvas.height !== image.height) [canvas.width, canvas.height] = [image.width, image.height];
-    this.#reader.drawImage(image, 0, 0);
-    return new Int32Array(this.#reader.getImageData(0, 0, image.width, image.height).data.buffer);
+  take(image, map, depth) {
+    this.#frame.take(image);
+    this.#map.take(map);
+    [this.#depth, this.#frameHeight, this.#isRead] = [depth, image.height, false];
+    return true;
   }
 
-  take(image, map, { camera, cells, near, far }) {
-    const values = new Uint8Array(this.#read(map)).subarray(0, cells[0] * cells[1]); // the lowest byte of each px; the lower half is the spread
-    const { width, height } = image;
-    this.#warp.take({ pixels: this.#read(image), width, height, values, cells, camera, near, far, aspect: width / height });
-    this.#frameHeight = height;
-    return true;
+  /** Reads the px of the newest frame, when the first picture of it is drawn: a frame at rest is not read. */
+  #read() {
+    if (this.#isRead) return;
+    const { camera, cells, near, far } = this.#depth;
+    const pixels = this.#frame.read();
+    const values = new Uint8Array(this.#map.read()).subarray(0, cells[0] * cells[1]); // the lowest byte of each px; the lower half is the spread
+    const [width, height] = this.#frame.size;
+    this.#warp.take({ pixels, width, height, values, cells, camera, near, far, aspect: width / height });
+    this.#isRead = true;
   }
 
   draw(camera, size, ground) {
     const start = performance.now();
+    this.#read();
     const part = Math.min(1, this.#frameHeight / size[1]) * PARTS[this.#level];
     const [width, height] = size.map((side) => Math.max(1, Math.round(side * part)));
     if (this.#image?.width !== width || this.#image.height !== height) {
       this.#image = this.#context.createImageData(width, height);
+      this.#px = new Int32Array(this.#image.data.buffer);
+      this.#box = { left: 0, top: 0, right: width, bottom: height };
       [this.#canvas.width, this.#canvas.height] = [width, height];
     }
     const [red, green, blue] = ground.map((channel) => Math.round(255 * channel));
     const px = red | (green << 8) | (blue << 16) | (255 << 24);
-    if (!this.#warp.draw(camera, new Int32Array(this.#image.data.buffer), [width, height], px)) return false;
-    this.#context.putImageData(this.#image, 0, 0);
+    const box = this.#warp.draw(camera, this.#px, [width, height], px);
+    if (!box) return false;
+    this.#put(box, ground);
     this.#adapt(performance.now() - start);
     return true;
+  }
+
+  /** Shows what changed. The canvas is cut to what is not background, because enlarging it takes the compositor 5 ms at 1024². */
+  #put(box, ground) {
+    const { width, height } = this.#image;
+    const before = this.#ground === String(ground) ? this.#box : { left: 0, top: 0, right: width, bottom: height };
+    const [left, top] = [Math.min(before.left, box.left), Math.min(before.top, box.top)];
+    this.#context.putImageData(this.#image, 0, 0, left, top, Math.max(before.right, box.right) - left, Math.max(before.bottom, box.bottom) - top);
+    [this.#box, this.#ground] = [box, String(ground)];
+    const percent = [box.top / height, 1 - box.right / width, 1 - box.bottom / height, box.left / width].map((part) => `${100 * part}%`);
+    this.#canvas.style.clipPath = `inset(${percent.join(' ')})`;
+    this.#canvas.parentElement.style.setProperty('--ground', `rgb(${ground.map((channel) => Math.round(255 * channel)).join(' ')})`);
   }
 
   /** Draws fewer px after several long drawings in a row, and more after several short ones. */
