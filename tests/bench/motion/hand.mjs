@@ -43,10 +43,11 @@ export async function moveInPage(page, move, { x, y, width, height }, seconds) {
   await page.mouse.move(move === 'zoom' ? middleX : at(0), middleY);
   if (move !== 'zoom') await page.mouse.down({ button: move === 'pan' ? 'right' : 'left' });
   const begin = performance.now();
+  const events = []; // a hand does not wait for the page
   for (let due = begin; due < begin + 1000 * seconds; due = Math.max(due + TICK_MS, performance.now())) {
     await new Promise((resolve) => { setTimeout(resolve, due - performance.now()); });
-    if (move === 'zoom') await page.mouse.wheel(0, -ZOOM * TICK_MS / 1000 / 0.0015);
-    else await page.mouse.move(at((performance.now() - begin) / 1000), middleY);
+    events.push(move === 'zoom' ? page.mouse.wheel(0, -ZOOM * TICK_MS / 1000 / 0.0015) : page.mouse.move(at((performance.now() - begin) / 1000), middleY));
   }
+  await Promise.all(events);
   if (move !== 'zoom') await page.mouse.up({ button: move === 'pan' ? 'right' : 'left' });
 }
