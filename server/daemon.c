@@ -280,6 +280,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
                      .nearest_step = srv_catalog_nearest_step,
                      .other_steps = srv_catalog_other_steps,
                      .default_view = srv_catalog_default_view,
+                     .spacing = srv_catalog_spacing,
                      .pick = srv_catalog_pick,
                      .measure = srv_catalog_measure,
                      .fits = srv_catalog_fits },

@@ -150,6 +150,7 @@ struct srv_volume *srv_catalog_acquire(void *catalog, const char *id, struct sp_
 struct srv_volume *srv_catalog_ref(void *catalog, struct srv_volume *volume);
 void srv_catalog_release(void *catalog, struct srv_volume *volume);
 void srv_catalog_default_view(void *catalog, struct srv_volume *volume, struct sp_view *view);
+double srv_catalog_spacing(void *catalog, struct srv_volume *volume);
 /* Returns a use of a time step of the volume, and starts to load the step if necessary. `step` is
  * below the number of steps. NULL = out of memory. Once the step is ready, all functions below
  * accept it in place of the volume. */

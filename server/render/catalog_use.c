@@ -3,6 +3,7 @@
  * The catalog for its readers: status of volumes, and counted uses.
  */
 #include <assert.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -155,6 +156,13 @@ void srv_catalog_release(void *user, struct srv_volume *v) {
 void srv_catalog_default_view(void *user, struct srv_volume *volume, struct sp_view *view) {
     (void)user;
     *view = srv_catalog_entry_of(volume)->view;
+}
+
+double srv_catalog_spacing(void *user, struct srv_volume *volume) {
+    const struct sp_volume_info *info = sp_volume_info(volume->volume);
+    const double *spacing = info->whole.dims[0] ? info->whole.spacing : info->grid.spacing;
+    (void)user;
+    return fmin(fmin(spacing[0], spacing[1]), spacing[2]);
 }
 
 bool srv_catalog_fits(void *user, struct srv_volume *volume, const struct sp_view *view,

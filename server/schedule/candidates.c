@@ -231,6 +231,17 @@ bool srv_session_warps(const struct srv_session *s) {
     return true;
 }
 
+/* Returns the height of a voxel at the camera's target, in px of a full image of this height; 0 =
+ * not known. */
+static double voxel_px(const struct srv_schedule *schedule, const struct srv_session *s,
+                       uint32_t height) {
+    const struct srv_volume_source *source = &schedule->hub->options.volumes;
+    const double shown = srv_motion_height(&s->shared.view.camera);
+    return source->spacing && shown > 0
+               ? source->spacing(source->user, s->shared.displayed) * height / shown
+               : 0;
+}
+
 struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
                                             const struct srv_participant *p, int max_fps) {
     const struct srv_session *s = p->session;
@@ -240,7 +251,14 @@ struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
     const double own = srv_participant_portion(s, p) / (owners * fmax(1, siblings));
     const double others = srv_fair_used_portion(&schedule->use, now_ms) -
                           srv_fair_used_portion(&p->schedule->use, now_ms);
-    return srv_quality_budget(max_fps, srv_session_warps(s), fmin(fmax(1 - others, own), 1));
+    struct srv_quality_budget budget =
+        srv_quality_budget(max_fps, srv_session_warps(s), fmin(fmax(1 - others, own), 1));
+    uint32_t full[2];
+    struct srv_speed speed;
+    srv_hub_size(s, p, full);
+    if (srv_motion_speed(&s->schedule->motion, now_ms, &speed) && !srv_play_moves(s))
+        srv_quality_budget_moves(&budget, &speed, full[1], voxel_px(schedule, s, full[1]));
+    return budget;
 }
 
 /* Expected time of the next frame of a moving view, with its detail; 0 = not known. */

@@ -52,7 +52,9 @@ static void change_view(struct srv_schedule *schedule, struct srv_session *sessi
     const uint64_t version = session->shared.version;
     if (event != SRV_VIEW_CHANGED)
         plan->start.cold = version;
+    srv_motion_update(&plan->motion, &session->shared.view.camera, now_ms);
     if (event == SRV_VOLUME_CHANGED) {
+        plan->motion.moved_ms = 0; /* the camera jumped */
         plan->start.volume = version;
         init_quality(schedule, session);
     }
@@ -103,6 +105,7 @@ static void on_event(void *user, enum srv_session_event event, struct srv_sessio
     case SRV_SESSION_STARTED:
         session->schedule->owner = hash(session->identity.owner.name);
         session->schedule->start.cold = session->shared.version;
+        srv_motion_update(&session->schedule->motion, &session->shared.view.camera, now_ms);
         init_quality(schedule, session);
         return;
     case SRV_SESSION_ENDED:

@@ -4,11 +4,19 @@
 #include <math.h>
 #include <string.h>
 
-#define DECAY 0.8     /* weight of the past with each new frame */
-#define SLOW 2.0      /* times the expected time: the load rose for a moment, or for good */
-#define FAST (2 / 3.) /* of the expected time: the load fell */
-#define RAISE 0.75    /* of the budget: detail comes back */
-#define GUESS 9.0     /* load_log of a guess from another view */
+#include "schedule/error_model.h"
+
+#define DECAY 0.8        /* weight of the past with each new frame */
+#define SLOW 2.0         /* times the expected time: the load rose for a moment, or for good */
+#define FAST (2 / 3.)    /* of the expected time: the load fell */
+#define RAISE 0.75       /* of the budget: detail comes back */
+#define RAISE_MOVING 0.9 /* the same, of the longest time */
+#define INDIFFERENT 0.05 /* part of the error that is not worth a change */
+#define TRUST 0.2        /* in the ratio of a new line, as a power */
+#define SAME_SIZE 0.05   /* part of the pixels */
+#define NEAR_SIZE 0.35   /* the change from frame to frame: the model tells the time */
+#define EXPLODES 1.2     /* times the limit: the side falls at once */
+#define GUESS 9.0        /* load_log of a guess from another view */
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
 #define SPREAD 0.2      /* of sizes, for a line: sum of squares of (size / mean - 1) */
@@ -20,12 +28,14 @@
     2.0 /* times the limit: sides below SIDE_MIN, so that each view gets 10 frames/s */
 #define LEAST_MPX 0.00411 /* no frame is smaller for the sake of time */
 #define FIRST_MPX 0.27    /* of a first frame, whose time is not known */
-enum { SIDES = 128, SIDE_STEP = 16, SIDE_MIN = 32, FAILURES_MAX = 5 };
+enum { SIDE_CHANGE = 8 }; /* the side changes by at most 1 / SIDE_CHANGE of itself */
+enum { SIDES = 128, SIDE_STEP = 4, SIDE_MIN = 32, FAILURES_MAX = 5 };
 enum { WHOLE = 0, DRAFT = 1 }; /* grades; a draft at mip level n is DRAFT + n */
 enum { SIDE_SHARED = 80 }; /* frames of several moving views get as small before they get fewer */
 
 struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
     double fixed, slope;
+    double guessed_mpx; /* the ratio is a guess from frames of this size; 0 = it is known */
 };
 
 void srv_quality_init(struct srv_quality *quality) {
@@ -94,17 +104,16 @@ static double ratio_of(const struct srv_quality *quality, unsigned index) {
     return 0;
 }
 
-/* Returns the model of a fit that has frames. If they had one size and no ratio is known, a third
- * of the time is assumed to be for the pixels. */
+/* Returns the model of a fit that has frames: the mean of the last ones, with the ratio that many
+ * frames gave. If no ratio is known, a third of the time is assumed to be for the pixels. */
 static struct model model_of_drawn(const struct srv_quality *quality, unsigned index) {
     const struct srv_quality_fit *fit = &quality->fits[index];
     struct model model;
-    if (fit_line(fit, &model))
-        return model;
     double mean_x = fit->x / fit->weight, mean_y = fit->y / fit->weight;
     double ratio = ratio_of(quality, index);
     model.slope = mean_y / (mean_x + (ratio > 0 ? ratio : PIXELLESS * mean_x));
     model.fixed = mean_y - model.slope * mean_x;
+    model.guessed_mpx = ratio > 0 ? 0 : mean_x;
     return model;
 }
 
@@ -116,7 +125,7 @@ static bool is_known(const struct srv_quality *quality, unsigned grade) {
  * takes an eighth of the next finer one's fixed time, or a quarter of all its time where mip levels
  * come first. All 0: unknown. */
 static struct model model_of(const struct srv_quality *quality, unsigned grade) {
-    struct model model = { 0, 0 };
+    struct model model = { 0, 0, 0 };
     unsigned known = grade + 1;
     while (known > 0 && !is_known(quality, known - 1))
         known--;
@@ -124,7 +133,8 @@ static struct model model_of(const struct srv_quality *quality, unsigned grade) 
         return model;
     if (known == 0) {
         model = model_of_drawn(quality, DRAFT);
-        return (struct model){ model.fixed / DRAFT_TIME, model.slope / DRAFT_TIME };
+        return (struct model){ model.fixed / DRAFT_TIME, model.slope / DRAFT_TIME,
+                               model.guessed_mpx };
     }
     model = model_of_drawn(quality, fit_of(quality, known - 1));
     for (unsigned level = mip_level_of(known - 1); level < mip_level_of(grade); level++) {
@@ -136,6 +146,13 @@ static struct model model_of(const struct srv_quality *quality, unsigned grade) 
 
 static double time_of(const struct model *model, double mpx) {
     return model->fixed + model->slope * mpx;
+}
+
+/* The same while the camera moves. If the ratio is a guess, smaller frames are tried before coarser
+ * mip levels: they are assumed to take a time in proportion. */
+static double moving_time_of(const struct model *model, double mpx) {
+    return mpx < model->guessed_mpx ? time_of(model, model->guessed_mpx) * mpx / model->guessed_mpx
+                                    : time_of(model, mpx);
 }
 
 double srv_quality_expected_ms(const struct srv_quality *quality, const struct srv_detail *detail) {
@@ -156,7 +173,20 @@ struct srv_quality_budget srv_quality_budget(int max_fps, bool warps, double par
     const double interval_ms = srv_quality_interval_ms(max_fps, warps);
     const double round_ms = fmax(interval_ms, SRV_QUALITY_ROUND_MS);
     return (struct srv_quality_budget){ .ms = interval_ms * part,
-                                        .most_ms = fmin(interval_ms, round_ms * part) };
+                                        .most_ms = fmin(interval_ms, round_ms * part),
+                                        .warps = warps,
+                                        .part = part,
+                                        .least_ms = 1000.0 / max_fps };
+}
+
+void srv_quality_budget_moves(struct srv_quality_budget *budget, const struct srv_speed *speed,
+                              uint32_t height, double voxel_px) {
+    const double alone = fmin(fmax(2 * budget->part - 1, 0), 1); /* others: as with a rate */
+    const double round_ms = fmax(budget->ms, SRV_QUALITY_ROUND_MS * budget->part);
+    budget->moves = true;
+    budget->longest_ms = budget->ms + (round_ms - budget->ms) * alone;
+    budget->error_per_ms = srv_error_per_ms(speed, budget->warps, height);
+    budget->voxel_px = voxel_px;
 }
 
 static double mpx_of(const uint32_t full[2], unsigned side) {
@@ -234,6 +264,110 @@ static struct choice finest(const struct srv_quality *quality, const uint32_t fu
     }
 }
 
+/* Returns the expected error of a choice whose frames take `ms`. */
+static double error_of(const struct srv_quality *quality, const struct srv_quality_budget *budget,
+                       struct choice choice, double ms) {
+    const unsigned mip_level = mip_level_of(choice.grade);
+    const double interval_ms = fmax(ms / budget->part, budget->least_ms);
+    const bool is_draft = choice.grade != WHOLE && !quality->ignores_drafts;
+    return srv_error_of_width((double)SIDES / choice.side, mip_level, budget->voxel_px) +
+           (is_draft ? SRV_ERROR_DRAFT : 0) + budget->error_per_ms * interval_ms;
+}
+
+struct best {
+    struct choice choice; /* side 0 = none is within the limit */
+    double error;
+};
+
+static double longest_of(const struct srv_quality_budget *budget, unsigned side) {
+    return side <= SIDE_SHARED ? fmax(budget->longest_ms, budget->most_ms) : budget->longest_ms;
+}
+
+/* True if frames that take `ms` are within the limit. To be finer than now takes more. */
+static bool is_within(const struct srv_quality *quality, const struct srv_quality_budget *budget,
+                      struct choice choice, double ms) {
+    const struct choice now = { quality->grade, quality->side };
+    const double raise = now.side > 0 && is_finer(choice, now) ? RAISE_MOVING : 1;
+    return ms <= longest_of(budget, choice.side) * raise;
+}
+
+/* Adds the frames of a grade whose side is in [least, SIDES]. */
+static void add_grade(const struct srv_quality *quality, const uint32_t full[2],
+                      const struct srv_quality_budget *budget, unsigned grade, unsigned least,
+                      struct best *best) {
+    const struct model model = model_of(quality, grade);
+    const double confidence = confidence_of(quality, grade, quality->side ? quality->grade : WHOLE);
+    for (unsigned side = SIDES; side >= least; side -= SIDE_STEP) {
+        const struct choice choice = { grade, side };
+        const double ms = moving_time_of(&model, mpx_of(full, side)) * confidence;
+        const double error = error_of(quality, budget, choice, ms);
+        const bool is_less = best->choice.side == 0 || error < best->error;
+        if (is_less && is_within(quality, budget, choice, ms))
+            *best = (struct best){ choice, error };
+    }
+}
+
+/* Returns the least side of drafts at mip level 0: for clients that warp the largest one within the
+ * limit, up to SRV_QUALITY_SIDE_WARPED. So the side falls smoothly where the time gets short. */
+static unsigned least_side(const struct srv_quality *quality, const uint32_t full[2],
+                           const struct srv_quality_budget *budget) {
+    const struct model model = model_of(quality, DRAFT);
+    const double confidence = confidence_of(quality, DRAFT, quality->side ? quality->grade : WHOLE);
+    unsigned side = budget->warps ? SRV_QUALITY_SIDE_WARPED : SIDE_MIN;
+    while (side > SIDE_MIN && !is_within(quality, budget, (struct choice){ DRAFT, side },
+                                         moving_time_of(&model, mpx_of(full, side)) * confidence))
+        side -= SIDE_STEP;
+    return side;
+}
+
+/* Returns the choice of the least error while the camera moves. */
+static struct best least_error(const struct srv_quality *quality, const uint32_t full[2],
+                               const struct srv_quality_budget *budget) {
+    struct best best = { .choice.side = 0 };
+    const struct model whole = model_of(quality, WHOLE);
+    const bool is_whole = quality->side == SIDES && quality->grade == WHOLE;
+    if (time_of(&whole, mpx_of(full, SIDES)) <=
+        fmin(budget->ms, SRV_QUALITY_BUDGET_MS * budget->part) * (is_whole ? 1 : RAISE))
+        return (struct best){ { WHOLE, SIDES }, 0 };
+    add_grade(quality, full, budget, WHOLE, SIDES, &best);
+    add_grade(quality, full, budget, DRAFT, least_side(quality, full, budget), &best);
+    for (unsigned grade = DRAFT + 1; grade < SRV_GRADES; grade++)
+        if (!budget->warps || best.choice.side == 0)
+            add_grade(quality, full, budget, grade, SIDE_MIN, &best);
+    return best;
+}
+
+/* Returns what is in use if it is within the limit and hardly worse than the best. */
+static struct choice keep(const struct srv_quality *quality, const uint32_t full[2],
+                          const struct srv_quality_budget *budget, const struct best *best) {
+    const struct choice now = { quality->grade, quality->side };
+    if (now.side < least_side(quality, full, budget) || best->choice.grade == WHOLE)
+        return best->choice;
+    const struct srv_detail detail = detail_of(now, full);
+    const double ms = srv_quality_expected_ms(quality, &detail);
+    const bool is_good = error_of(quality, budget, now, ms) <= best->error * (1 + INDIFFERENT);
+    return ms <= longest_of(budget, now.side) && is_good ? now : best->choice;
+}
+
+/* Returns the next choice on the way from what is in use to `best`. */
+static struct choice approach(const struct srv_quality *quality, const uint32_t full[2],
+                              struct choice best, double limit_ms) {
+    const struct choice now = { quality->grade, quality->side };
+    const bool is_smooth = quality->is_settled && now.side >= SIDE_MIN && best.side >= SIDE_MIN &&
+                           mip_level_of(now.grade) == mip_level_of(best.grade);
+    const unsigned step = now.side / SIDE_CHANGE / SIDE_STEP * SIDE_STEP;
+    const unsigned most = now.side + (step > SIDE_STEP ? step : SIDE_STEP);
+    const unsigned least = now.side - (step > SIDE_STEP ? step : SIDE_STEP);
+    if (!is_smooth || (best.side <= most && best.side >= least))
+        return best;
+    struct choice next = best;
+    next.side = best.side > most ? most : least;
+    if (next.side < SIDES && next.grade == WHOLE)
+        next.grade = DRAFT;
+    const struct srv_detail detail = detail_of(next, full);
+    return srv_quality_expected_ms(quality, &detail) > EXPLODES * limit_ms ? best : next;
+}
+
 /* The detail of a frame whose time is not known: half the side, or less if that is large. */
 static struct choice first_choice(const struct srv_quality *quality, const uint32_t full[2]) {
     struct choice first = { DRAFT, SIDES / 2 };
@@ -251,32 +385,54 @@ static void forget_ratio(struct srv_quality_fit *fit) {
         fit->ratio *= pow(PIXELLESS * fit->x / fit->weight / fit->ratio, FADE);
 }
 
-double srv_quality_moving(struct srv_quality *quality, const uint32_t full[2],
-                          const struct srv_quality_budget *budget, struct srv_detail *detail) {
+/* Chooses by the time alone, and returns the limit. */
+static double choose_by_time(struct srv_quality *quality, const uint32_t full[2],
+                             const struct srv_quality_budget *budget, struct choice *chosen) {
     const struct choice now = { quality->grade, quality->side }, small = { DRAFT, SIDE_SHARED };
     const unsigned doubted = now.side ? now.grade : WHOLE;
-    struct choice best = first_choice(quality, full);
     double budget_ms = budget->ms, now_ms = budget->ms;
-    if (is_known(quality, WHOLE) || is_known(quality, DRAFT)) {
-        best = finest(quality, full, &(struct limits){ WHOLE, budget_ms * RAISE, SIDES, doubted });
-        if (budget->most_ms > budget_ms && is_finer(small, best)) {
-            budget_ms = budget->most_ms;
-            best = finest(quality, full,
-                          &(struct limits){ WHOLE, budget_ms * RAISE, SIDE_SHARED, doubted });
-        }
+    struct choice best =
+        finest(quality, full, &(struct limits){ WHOLE, budget_ms * RAISE, SIDES, doubted });
+    if (budget->most_ms > budget_ms && is_finer(small, best)) {
+        budget_ms = budget->most_ms;
+        best = finest(quality, full,
+                      &(struct limits){ WHOLE, budget_ms * RAISE, SIDE_SHARED, doubted });
     }
     if (!is_finer(now, small))
         now_ms = budget_ms;
     if (now.side) {
-        *detail = detail_of(now, full);
-        if (srv_quality_expected_ms(quality, detail) <= now_ms && !is_finer(best, now))
+        const struct srv_detail detail = detail_of(now, full);
+        if (srv_quality_expected_ms(quality, &detail) <= now_ms && !is_finer(best, now))
             best = now;
     }
     if (budget_ms > budget->ms && is_finer(best, small))
         forget_ratio(&quality->fits[fit_of(quality, best.grade)]);
-    quality->grade = best.grade;
-    quality->side = best.side;
-    *detail = detail_of(best, full);
+    *chosen = best;
+    return budget_ms;
+}
+
+double srv_quality_moving(struct srv_quality *quality, const uint32_t full[2],
+                          const struct srv_quality_budget *budget, struct srv_detail *detail) {
+    struct choice choice = first_choice(quality, full);
+    double budget_ms = budget->ms;
+    const bool is_timed = is_known(quality, WHOLE) || is_known(quality, DRAFT);
+    if (is_timed) {
+        struct best best = { .choice.side = 0 };
+        if (budget->moves && !quality->prefers_levels)
+            best = least_error(quality, full, budget);
+        if (best.choice.side > 0) {
+            choice = keep(quality, full, budget, &best);
+            budget_ms = longest_of(budget, choice.side);
+        } else
+            budget_ms = choose_by_time(quality, full, budget, &choice);
+        choice = approach(quality, full, choice, budget_ms);
+    }
+    quality->is_settled = is_timed;
+    quality->grade = choice.grade;
+    quality->side = choice.side;
+    *detail = detail_of(choice, full);
+    if (budget->moves) /* a frame that takes twice as long as it should is cancelled */
+        budget_ms = fmin(budget_ms, fmax(budget->ms, srv_quality_expected_ms(quality, detail)));
     return budget_ms;
 }
 
@@ -310,10 +466,9 @@ static void decay(struct srv_quality_fit *fit, double factor) {
     fit->xy *= factor;
 }
 
-/* True if the last frame had this size: then a difference in time is load, not an error of the
- * model. */
-static bool is_same_size(const struct srv_quality_fit *fit, double mpx) {
-    return fit->weight > 0 && fabs(mpx - fit->last_mpx) <= 0.05 * mpx;
+/* True if the last frame had nearly this size. */
+static bool is_near(const struct srv_quality_fit *fit, double mpx, double part) {
+    return fit->weight > 0 && fabs(mpx - fit->last_mpx) <= part * mpx;
 }
 
 /* Returns the weight of the past after a frame that took *ms; expected_ms 0 = nothing to compare
@@ -340,22 +495,28 @@ static void add(struct srv_quality_fit *fit, double mpx, double expected_ms, dou
     fit->xx += mpx * mpx;
     fit->xy += mpx * ms;
     struct model model;
-    if (fit_line(fit, &model))
-        fit->ratio = fmax(model.fixed / model.slope, 1e-6);
+    if (!fit_line(fit, &model))
+        return;
+    /* A load that changes with the size, for example because a frame was late and the next one is
+     * smaller, bends a single line. */
+    const double ratio = fmax(model.fixed / model.slope, 1e-6), was = fit->ratio;
+    fit->ratio = was > 0 ? was * pow(ratio / was, TRUST) : ratio;
 }
 
-/* Adds a frame, and applies the load that it shows to the other fits. */
+/* Adds a frame. If the last one had the same size, a difference in time is load, not an error of
+ * the model, and applies to the other fits. */
 static void learn(struct srv_quality *quality, unsigned index, double mpx, double ms) {
     struct srv_quality_fit *fit = &quality->fits[index];
     double was = 0;
-    if (is_same_size(fit, mpx)) {
+    const bool is_same = is_near(fit, mpx, SAME_SIZE);
+    if (is_near(fit, mpx, NEAR_SIZE)) {
         struct model before = model_of_drawn(quality, index);
         was = time_of(&before, mpx);
     }
     add(fit, mpx, was, ms);
     struct model after = model_of_drawn(quality, index);
     double is = time_of(&after, mpx);
-    if (was <= 0 || is <= 0)
+    if (!is_same || was <= 0 || is <= 0)
         return;
     double load = fmin(is / was, 4);
     for (unsigned other = 0; other < SRV_GRADES; other++)
@@ -412,6 +573,7 @@ void srv_quality_rest(struct srv_quality *quality, const uint32_t full[2]) {
         struct srv_quality_fit *fit = &quality->fits[grade];
         const struct srv_detail whole = detail_of((struct choice){ grade, SIDES }, full);
         fit->failures = 0;
+        quality->is_settled = false;
         if (grade > DRAFT && !quality->prefers_levels &&
             srv_quality_expected_ms(quality, &whole) > SRV_QUALITY_BUDGET_MS * RAISE)
             *fit = (struct srv_quality_fit){ .ratio = fit->ratio };

@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "schedule/motion.h"
 #include "session/encode_params.h"
 #include "sp/renderer.h"
 
@@ -17,6 +18,9 @@
 /* While several views move, their frame rate falls before the side of a frame falls below five
  * eighths, until one frame of each view together takes longer than this. */
 #define SRV_QUALITY_ROUND_MS (1000.0 / 15)
+/* Least side for clients that warp, in 128ths of the full one: people see coarse pixels more than
+ * the mean square error says. */
+enum { SRV_QUALITY_SIDE_WARPED = 92 };
 /* An intermediate frame precedes a sharp frame that takes longer than this. */
 #define SRV_QUALITY_INTERMEDIATE_MS 250.0
 
@@ -58,8 +62,18 @@ struct srv_quality_fit {         /* of one grade */
  * view may take that rate from other views. The time of the first frame is not known, so it has
  * half the side, or less if half the side gives more than a quarter of a megapixel.
  *
- * Detail is reduced when a frame is expected to exceed the budget. It comes back when the finer
- * frame is expected within three quarters of the budget, so that it does not flicker.
+ * While the camera moves, the choice has the least expected error (error_model.h) of all whose time
+ * is within the longest that is allowed. A whole frame of full size that fits the frame rate is
+ * always taken. Clients that warp get at least SRV_QUALITY_SIDE_WARPED of the side where the time
+ * allows it.
+ *
+ * For other changes of the view, detail is reduced when a frame is expected to exceed the budget.
+ *
+ * Detail comes back when the finer frame is expected within three quarters of the budget, or nine
+ * tenths of the longest time while the camera moves, so that it does not flicker. At one mip level
+ * the side changes by at most an eighth from frame to frame, unless a frame is expected to take
+ * more than 1.2 times the limit, the view rested, or nothing was known. A choice whose error is a
+ * little larger than the least is kept.
  *
  * The load of the machine changes. It shows in frames of the same level and size:
  *   - A frame that takes more than twice the expected time counts as twice. The second one in a row
@@ -74,6 +88,7 @@ struct srv_quality {
     struct srv_quality_fit fits[SRV_GRADES];
     unsigned grade, side; /* in use while moving; side in 128ths of the full one, 0 = none yet */
     bool ignores_drafts;  /* the last frame that was asked for as a draft was whole */
+    bool is_settled;      /* the side follows from known times, and changes smoothly */
     /* Set by the caller: mip levels come before smaller frames, from the first frame on. They merge
      * points in the image, so that one of full size is sharper than a smaller frame of as many
      * points, and takes as long. */
@@ -92,9 +107,21 @@ double srv_quality_interval_ms(int max_fps, bool warps);
 struct srv_quality_budget { /* how long a frame of a moving view may take */
     double ms;              /* so that its rate stays */
     double most_ms;         /* if it has at most five eighths of the side for that */
+    bool warps;             /* all clients that get the frames warp them */
+    double part;            /* of the time that the view gets, (0, 1] */
+    double least_ms;        /* shorter frames are not shown more often */
+    /* Set by srv_quality_budget_moves(): */
+    bool moves;          /* the camera moves */
+    double longest_ms;   /* how long a frame may take, whatever its size */
+    double error_per_ms; /* that is added by each millisecond between frames */
+    double voxel_px;     /* as in error_model.h */
 };
 /* Returns the budget of a view that gets `part` of the time, in (0, 1]. */
 struct srv_quality_budget srv_quality_budget(int max_fps, bool warps, double part);
+/* The camera moves with this speed; `height` of the full image, px. A view that is alone may have
+ * frames of up to SRV_QUALITY_ROUND_MS, or SRV_WARP_INTERVAL_MS if clients warp. */
+void srv_quality_budget_moves(struct srv_quality_budget *budget, const struct srv_speed *speed,
+                              uint32_t height, double voxel_px);
 
 /* Chooses the detail of the next frame of a moving view. Returns how long it may take, in ms: what
  * of the budget applies. */

@@ -7,6 +7,7 @@
 #define SRV_SCHEDULE_STATE_H
 
 #include "common/fair_queue.h"
+#include "schedule/motion.h"
 #include "schedule/quality.h"
 #include "schedule/schedule.h"
 #include "session/session.h"
@@ -57,6 +58,7 @@ struct srv_session_schedule {
     unsigned siblings;               /* sessions of its owner that get frames now, with itself */
     double clock_ms;                 /* of its participants' accounts */
     struct srv_quality quality;
+    struct srv_motion motion;
     struct srv_cold_start start;
     bool must_finish; /* a moving frame was cancelled: the next one is not */
 };

@@ -55,6 +55,8 @@ struct srv_volume_source {
     bool (*other_steps)(void *user, struct srv_volume *volume, const struct sp_view *view,
                         struct srv_volume *steps[2 * SP_LAYERS_MAX], unsigned *count);
     void (*default_view)(void *user, struct srv_volume *volume, struct sp_view *view);
+    /* Returns the smallest distance of samples, world units; 0 = it has none. NULL = not known. */
+    double (*spacing)(void *user, struct srv_volume *volume);
     /* As sp_pick_at(). Runs without the hub's mutex. */
     bool (*pick)(void *user, struct srv_volume *volume, const struct sp_view *view,
                  const uint32_t size[2], const double at[2], struct sp_pick *pick,

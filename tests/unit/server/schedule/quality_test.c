@@ -23,7 +23,7 @@ struct machine {
 
 static const uint32_t full[2] = { 1024, 1024 };
 #define BUDGET SRV_QUALITY_ROUND_MS
-static const struct srv_quality_budget budget = { BUDGET, BUDGET };
+static const struct srv_quality_budget budget = { .ms = BUDGET, .most_ms = BUDGET };
 
 static double time_on(const struct machine *m, const struct srv_detail *d) {
     double mpx = (double)d->size[0] * d->size[1] * 1e-6;
@@ -97,11 +97,11 @@ static void a_part_of_the_time_costs_size_then_rate_then_size(void **state) {
         uint32_t side;
         double most_ms;
     } cases[] = {
-        { { 5, 10, 1 }, 1, 1024, SRV_QUALITY_BUDGET_MS },
-        { { 5, 20, 1 }, 0.5, 640, SRV_QUALITY_BUDGET_MS / 2 },
-        { { 8, 24, 1 }, 0.4, 640, SRV_QUALITY_ROUND_MS * 0.4 },
-        { { 5, 80, 1 }, 0.5, 384, SRV_QUALITY_BUDGET_MS },
-        { { 20, 1, 1 }, 0.5, 1024, SRV_QUALITY_BUDGET_MS }, /* smaller frames take as long */
+        { { 5, 10, 1, 0 }, 1, 1024, SRV_QUALITY_BUDGET_MS },
+        { { 5, 20, 1, 0 }, 0.5, 640, SRV_QUALITY_BUDGET_MS / 2 },
+        { { 8, 24, 1, 0 }, 0.4, 640, SRV_QUALITY_ROUND_MS * 0.4 },
+        { { 5, 80, 1, 0 }, 0.5, 384, SRV_QUALITY_BUDGET_MS },
+        { { 20, 1, 1, 0 }, 0.5, 1024, SRV_QUALITY_BUDGET_MS }, /* smaller frames take as long */
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct srv_quality_budget own = srv_quality_budget(30, false, cases[i].part);
@@ -114,14 +114,14 @@ static void a_part_of_the_time_costs_size_then_rate_then_size(void **state) {
             srv_quality_done(&quality, &detail, true, ms, time_on(&cases[i].machine, &detail));
         }
         assert_int_equal(detail.mip_level, 0);
-        assert_int_equal(detail.size[0], cases[i].side);
+        assert_compare(detail.size[0], >=, cases[i].side);
         assert_compare(time_on(&cases[i].machine, &detail), <=, cases[i].most_ms);
     }
 }
 
 static void frames_within_the_budget_keep_all_detail(void **state) {
     (void)state;
-    static const struct machine machines[] = { { 2, 1, 1 }, { 20, 10, 1 }, { 5, 40, 1 } };
+    static const struct machine machines[] = { { 2, 1, 1, 0 }, { 20, 10, 1, 0 }, { 5, 40, 1, 0 } };
     for (size_t i = 0; i < sizeof machines / sizeof *machines; i++) {
         struct srv_quality quality;
         srv_quality_init(&quality);
@@ -140,7 +140,7 @@ static void detail_settles_on_any_machine(void **state) {
     static const double pixel[] = { 0.5, 5, 20, 60, 100, 300, 800 };
     for (size_t f = 0; f < sizeof fixed / sizeof *fixed; f++)
         for (size_t p = 0; p < sizeof pixel / sizeof *pixel; p++) {
-            struct machine m = { fixed[f], pixel[p], 1 };
+            struct machine m = { fixed[f], pixel[p], 1, 0 };
             struct srv_quality quality;
             srv_quality_init(&quality);
             drag(&quality, &m, 8);
@@ -165,7 +165,7 @@ static void jitter_does_not_flicker(void **state) {
     uint32_t random = 1;
     for (size_t f = 0; f < sizeof fixed / sizeof *fixed; f++)
         for (size_t p = 0; p < sizeof pixel / sizeof *pixel; p++) {
-            struct machine m = { fixed[f], pixel[p], 1 };
+            struct machine m = { fixed[f], pixel[p], 1, 0 };
             struct srv_quality quality;
             struct srv_detail last = { .mip_level = 9 };
             unsigned changes = 0;
@@ -187,12 +187,12 @@ static void jitter_does_not_flicker(void **state) {
 static void pixels_are_reduced_before_voxels(void **state) {
     (void)state;
     struct srv_quality quality;
-    struct machine m = { 10, 100, 1 };
+    struct machine m = { 10, 100, 1, 0 };
     srv_quality_init(&quality);
     struct drag d = drag(&quality, &m, 50);
     assert_int_equal(d.last.mip_level, 0);
     assert_in_range(d.last.size[0], 512, 1000);
-    m = (struct machine){ 320, 4, 1 }; /* on this machine, fewer pixels save no time */
+    m = (struct machine){ 320, 4, 1, 0 }; /* on this machine, fewer pixels save no time */
     srv_quality_init(&quality);
     d = drag(&quality, &m, 50);
     assert_int_equal(d.last.mip_level, 1);
@@ -241,7 +241,7 @@ static void times_of_another_view_are_the_first_guess(void **state) {
     (void)state;
     struct srv_detail detail;
     struct srv_quality other, quality;
-    struct machine m = { 20, 5, 1 };
+    struct machine m = { 20, 5, 1, 0 };
     srv_quality_init(&other);
     drag(&other, &m, 20);
     srv_quality_init(&quality);
@@ -264,7 +264,9 @@ static void times_of_another_view_are_the_first_guess(void **state) {
  * comes back during the drag, without a rest. */
 static void detail_comes_back_when_the_load_falls(void **state) {
     (void)state;
-    static const struct machine machines[] = { { 20, 5, 1 }, { 5, 25, 1 }, { 25, 0.5, 1 } };
+    static const struct machine machines[] = { { 20, 5, 1, 0 },
+                                               { 5, 25, 1, 0 },
+                                               { 25, 0.5, 1, 0 } };
     for (size_t i = 0; i < sizeof machines / sizeof *machines; i++)
         for (double load = 1.5; load <= 24; load *= 2) {
             struct srv_quality quality;
@@ -288,7 +290,7 @@ static void detail_comes_back_when_the_load_falls(void **state) {
 static void keeping_and_raising_detail_have_different_thresholds(void **state) {
     (void)state;
     struct srv_quality quality;
-    struct machine m = { 20, 20, 1 };
+    struct machine m = { 20, 20, 1, 0 };
     srv_quality_init(&quality);
     drag(&quality, &m, 10);
     m.load = 1.5; /* 61 ms: within the budget */
@@ -296,7 +298,7 @@ static void keeping_and_raising_detail_have_different_thresholds(void **state) {
     assert_int_equal(rank(&d.last), 0);
     assert_int_equal(d.changes, 0);
     m.load = 2;
-    for (int i = 0; i < 20 && rank(&d.last) == 0; i++)
+    for (int i = 0; i < 20 && (i < 10 || rank(&d.last) == 0); i++)
         d = drag(&quality, &m, 1);
     assert_compare(rank(&d.last), >, 0);
     m.load = 1.5; /* the same load after less detail: all detail would fit, but barely */
@@ -311,7 +313,7 @@ static void keeping_and_raising_detail_have_different_thresholds(void **state) {
 static void only_the_second_slow_frame_in_a_row_reduces_detail(void **state) {
     (void)state;
     struct srv_quality quality;
-    struct machine m = { 10, 5, 1 }, slow = { 10, 5, 40 };
+    struct machine m = { 10, 5, 1, 0 }, slow = { 10, 5, 40, 0 };
     srv_quality_init(&quality);
     drag(&quality, &m, 20);
     drag(&quality, &slow, 1);
@@ -328,7 +330,7 @@ static void only_the_second_slow_frame_in_a_row_reduces_detail(void **state) {
 static void levels_that_were_too_slow_are_tried_less_and_less_often(void **state) {
     (void)state;
     struct srv_quality quality;
-    struct machine m = { 90, 0.5, 1 };
+    struct machine m = { 90, 0.5, 1, 0 };
     srv_quality_init(&quality);
     drag(&quality, &m, 4);
     unsigned tries[3];
@@ -336,7 +338,7 @@ static void levels_that_were_too_slow_are_tried_less_and_less_often(void **state
         tries[i] = drag(&quality, &m, 200).misses;
     assert_in_range(tries[0], 1, 4);
     assert_compare(tries[2], <=, 1);
-    struct machine hopeless = { 400, 0.5, 1 }; /* more than twice too slow */
+    struct machine hopeless = { 400, 0.5, 1, 0 }; /* more than twice too slow */
     srv_quality_init(&quality);
     drag(&quality, &hopeless, 4);
     assert_int_equal(drag(&quality, &hopeless, 400).misses, 0);
@@ -345,7 +347,7 @@ static void levels_that_were_too_slow_are_tried_less_and_less_often(void **state
 static void slow_levels_are_tried_again_after_a_rest(void **state) {
     (void)state;
     struct srv_quality quality;
-    struct machine m = { 320, 1, 1 }, jammed = { 320, 1, 100 };
+    struct machine m = { 320, 1, 1, 0 }, jammed = { 320, 1, 100, 0 };
     srv_quality_init(&quality);
     assert_int_equal(drag(&quality, &m, 20).last.mip_level, 1);
     assert_int_equal(drag(&quality, &jammed, 3).last.mip_level, 2);
@@ -361,7 +363,7 @@ static void slow_levels_are_tried_again_after_a_rest(void **state) {
 static void a_cancelled_frame_took_at_least_its_elapsed_time(void **state) {
     (void)state;
     struct srv_quality quality;
-    struct machine m = { 40, 4, 1 };
+    struct machine m = { 40, 4, 1, 0 };
     struct srv_detail detail, next;
     srv_quality_init(&quality);
     drag(&quality, &m, 20);
@@ -379,7 +381,8 @@ static void an_intermediate_frame_precedes_a_slow_sharp_one(void **state) {
     (void)state;
     struct srv_quality quality;
     struct srv_detail middle;
-    struct machine quick = { 100, 50, 1 }, voxels = { 1600, 20, 1 }, pixels = { 10, 2000, 1 };
+    struct machine quick = { 100, 50, 1, 0 }, voxels = { 1600, 20, 1, 0 },
+                   pixels = { 10, 2000, 1, 0 };
     srv_quality_init(&quality);
     assert_false(srv_quality_intermediate(&quality, full,
                                           &(struct srv_detail){ 0, { 512, 512 }, true }, &middle));
