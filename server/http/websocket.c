@@ -12,6 +12,7 @@
 #include "sp/log.h"
 
 enum {
+    FRAME_PING_BYTES = 4, /* payload of the ping behind a frame; others have less */
     REPLIES_MAX = 64,     /* messages waiting for the socket at which reading stops */
     FRAGMENTS_MAX = 1024, /* per message, because each costs memory */
     READ_BYTES = 8192,    /* per srv_ws_read() */
@@ -26,6 +27,7 @@ struct out_frame { /* a frame being sent: WebSocket header, frame header, then t
     uint8_t head[10 + PROTO_FRAME_HEADER_BYTES];
     size_t head_size, sent;
     struct srv_blob *blob; /* NULL = no frame is being sent */
+    uint32_t number;
     double since_ms;
 };
 
@@ -171,7 +173,22 @@ static double trip_due_ms(const struct srv_ws *ws) {
     return ws->trip_ms + (ws->trip == 1 ? TRIP_FIRST_MS : TRIP_MS);
 }
 
+/* A ping whose payload is the number of a frame follows it, and tells when it has arrived. */
+static void ping_frame(struct srv_ws *ws) {
+    uint8_t number[FRAME_PING_BYTES];
+    for (int i = 0; i < FRAME_PING_BYTES; i++)
+        number[i] = (uint8_t)(ws->frame.number >> 8 * i);
+    ping(ws, number, sizeof number);
+}
+
 static void on_pong(struct srv_ws *ws, const struct wslay_event_on_msg_recv_arg *message) {
+    if (message->msg_length == FRAME_PING_BYTES) {
+        uint32_t number = 0;
+        for (int i = 0; i < FRAME_PING_BYTES; i++)
+            number |= (uint32_t)message->msg[i] << 8 * i;
+        srv_hub_arrived(ws->options.hub, ws->participant, number, ws->now_ms);
+        return;
+    }
     if (ws->is_trip_measured || message->msg_length != 1 || message->msg[0] != ws->trip)
         return;
     ws->is_trip_measured = true;
@@ -323,6 +340,7 @@ static void begin_frame(struct srv_ws *ws, struct srv_message *message) {
     proto_frame_header_encode(&message->header, frame->head + 2 + length_bytes);
     frame->sent = 0;
     frame->blob = message->blob;
+    frame->number = message->header.frame;
     frame->since_ms = srv_clock_ms();
     ws->has_sent_frame = true;
 }
@@ -330,6 +348,8 @@ static void begin_frame(struct srv_ws *ws, struct srv_message *message) {
 static void end_frame(struct srv_ws *ws) {
     srv_metrics_time(ws->options.metrics, SRV_TIME_SEND, srv_clock_ms() - ws->frame.since_ms);
     srv_blob_unref(&ws->frame.blob);
+    if (!ws->closing)
+        ping_frame(ws);
 }
 
 /* False if the transport fails. */

@@ -10,8 +10,9 @@
 enum { RATE_EPOCH_ACKS = 8 };
 /* Shorter times are jitter: a small frame says little about a fast link. */
 #define TRIP_MIN_MS 2.0
-#define EARLY_MS 3.0 /* a frame may wait so long for the link: it must not idle by jitter */
-#define LATE_MS 10.0 /* an acknowledgement may be so late, and an interval between frames */
+#define EARLY_MS 3.0     /* a frame may wait so long for the link: it must not idle by jitter */
+#define WAIT_MAX_MS 60.0 /* a client may wait so long before it acknowledges a frame */
+#define LATE_MS 10.0     /* an acknowledgement may be so late, and an interval between frames */
 
 void srv_congestion_init(struct srv_congestion *window) {
     memset(window, 0, sizeof *window);
@@ -65,19 +66,27 @@ static void measure_base(struct srv_congestion *window, double rtt_ms, bool may_
         window->base_ms[0] = fmax(rtt_ms, 0.01);
 }
 
+/* Returns the rate of a frame over its time on the way, bytes per ms. */
+static double rate_of(struct srv_congestion *window, const struct srv_congestion_frame *f,
+                      double now_ms) {
+    const double trip_ms = now_ms - f->sent_ms - srv_congestion_rtt_ms(window);
+    double rate = 0;
+    if (f->arrived_ms > 0)
+        return (double)f->bytes / fmax(trip_ms, TRIP_MIN_MS);
+    srv_ack_delay_limit(&window->delay, trip_ms);
+    if (f->is_first)
+        rate = srv_ack_delay_add(&window->delay, (double)f->bytes, trip_ms, now_ms);
+    return fmax(rate,
+                (double)f->bytes / fmax(trip_ms - srv_ack_delay_ms(&window->delay), TRIP_MIN_MS));
+}
+
 static void measure_rate(struct srv_congestion *window, const struct srv_congestion_frame *f,
                          double now_ms) {
     double bytes = (double)(window->acked_bytes - f->acked);
     double took_ms = fmax(now_ms - f->acked_ms, f->sent_ms - f->before_ms);
     double rate = bytes / fmax(took_ms, TRIP_MIN_MS);
-    if (window->is_base_exact) {
-        const double trip_ms = now_ms - f->sent_ms - srv_congestion_rtt_ms(window);
-        srv_ack_delay_limit(&window->delay, trip_ms);
-        if (f->is_first)
-            rate = fmax(rate, srv_ack_delay_add(&window->delay, (double)f->bytes, trip_ms, now_ms));
-        rate = fmax(rate, (double)f->bytes /
-                              fmax(trip_ms - srv_ack_delay_ms(&window->delay), TRIP_MIN_MS));
-    }
+    if (window->is_base_exact)
+        rate = fmax(rate, rate_of(window, f, now_ms));
     if (window->rate_acks++ == RATE_EPOCH_ACKS || now_ms - window->rate_epoch_ms > RATE_EPOCH_MS) {
         window->rate[1] = window->rate[0];
         window->rate[0] = 0;
@@ -94,29 +103,46 @@ static void predict_arrivals(struct srv_congestion *window, double passed_ms) {
         expect(window, at(window, i));
 }
 
+void srv_congestion_arrived(struct srv_congestion *window, uint32_t frame, double now_ms) {
+    for (unsigned i = 0; i < window->count; i++)
+        if (at(window, i)->frame == frame && at(window, i)->arrived_ms == 0)
+            at(window, i)->arrived_ms = now_ms;
+}
+
+/* Returns when a frame arrived that is acknowledged now. */
+static double arrival_ms(const struct srv_congestion_frame *f, double now_ms) {
+    return f->arrived_ms > 0 ? fmax(f->arrived_ms, now_ms - WAIT_MAX_MS) : now_ms;
+}
+
+static void measure_acked(struct srv_congestion *window, const struct srv_congestion_frame *f,
+                          double arrived_ms) {
+    const double rtt_ms = arrived_ms - f->sent_ms;
+    const bool has_pong = window->is_base_exact,
+               is_shorter = rtt_ms < srv_congestion_rtt_ms(window);
+    if (!has_pong || is_shorter) {
+        window->is_base_exact = has_pong && f->arrived_ms > 0;
+        measure_base(window, rtt_ms, f->alone && !has_pong, arrived_ms);
+    }
+    measure_rate(window, f, arrived_ms);
+}
+
 bool srv_congestion_acked(struct srv_congestion *window, uint32_t frame, double now_ms) {
     if (frame == 0 || frame > window->last_frame)
         return false;
-    bool is_new = false;
+    double arrived_ms = 0;
     while (window->count > 0 && at(window, 0)->frame <= frame) {
         struct srv_congestion_frame *oldest = at(window, 0);
-        double rtt_ms = now_ms - oldest->sent_ms;
-        bool has_pong = window->is_base_exact, is_shorter = rtt_ms < srv_congestion_rtt_ms(window);
+        arrived_ms = fmax(arrival_ms(oldest, now_ms), window->last_ack_ms);
         window->acked_bytes += oldest->bytes;
         window->bytes -= oldest->bytes;
-        if (!has_pong || is_shorter) {
-            window->is_base_exact = false;
-            measure_base(window, rtt_ms, oldest->alone && !has_pong, now_ms);
-        }
-        measure_rate(window, oldest, now_ms);
+        measure_acked(window, oldest, arrived_ms);
         window->last_sent_ms = oldest->sent_ms;
         window->head = (window->head + 1) % SRV_CONGESTION_MAX;
         window->count--;
-        is_new = true;
     }
-    if (is_new) {
-        window->last_ack_ms = now_ms;
-        predict_arrivals(window, now_ms - srv_congestion_rtt_ms(window));
+    if (arrived_ms > 0) {
+        window->last_ack_ms = arrived_ms;
+        predict_arrivals(window, arrived_ms - srv_congestion_rtt_ms(window));
     }
     return true;
 }

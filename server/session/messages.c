@@ -240,6 +240,13 @@ double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *p)
     return oldest;
 }
 
+void srv_hub_arrived(struct srv_hub *hub, struct srv_participant *p, uint32_t frame,
+                     double now_ms) {
+    pthread_mutex_lock(&hub->mutex);
+    srv_congestion_arrived(&p->delivery.congestion_window, frame, now_ms);
+    pthread_mutex_unlock(&hub->mutex);
+}
+
 void srv_hub_ponged(struct srv_hub *hub, struct srv_participant *p, double rtt_ms, double now_ms) {
     pthread_mutex_lock(&hub->mutex);
     srv_congestion_ponged(&p->delivery.congestion_window, rtt_ms, now_ms);

@@ -24,7 +24,7 @@ static const uint32_t full[2] = { SIDE, SIDE };
 struct client {
     double rtt_ms, bytes_per_ms; /* of its network */
     double delay_ms, jitter_ms;  /* of its acknowledgements */
-    bool takes_video;
+    bool takes_video, answers_pings;
 };
 
 struct seen {                /* in the last second */
@@ -51,7 +51,7 @@ static struct seen simulate(const struct client *client, int seconds) {
     struct srv_congestion window;
     struct srv_rate_control control;
     struct seen seen = { 0 };
-    double ack_ms = INFINITY, free_ms = 0, next_ms = 0, rest_ms = MOVES_MS;
+    double ack_ms = INFINITY, pong_ms = INFINITY, free_ms = 0, next_ms = 0, rest_ms = MOVES_MS;
     uint32_t frame = 0, seed = 1;
     srv_congestion_init(&window);
     srv_rate_control_init(&control);
@@ -62,6 +62,10 @@ static struct seen simulate(const struct client *client, int seconds) {
                                               .interval_ms = 1000.0 / 60,
                                               .takes_video = client->takes_video,
                                               .quality = 90 };
+        if (now >= pong_ms) {
+            srv_congestion_arrived(&window, frame, now);
+            pong_ms = INFINITY;
+        }
         if (now >= ack_ms) {
             assert_true(srv_congestion_acked(&window, frame, now));
             srv_rate_control_update(&control, &rate);
@@ -85,6 +89,7 @@ static struct seen simulate(const struct client *client, int seconds) {
         free_ms = fmax(now, free_ms) + send_ms;
         ack_ms = free_ms + client->rtt_ms + client->delay_ms +
                  client->jitter_ms * (next_random(&seed) >> 8) / (1 << 24);
+        pong_ms = client->answers_pings ? free_ms + client->rtt_ms : INFINITY;
         next_ms = now + 1000.0 / 60;
         if (now >= (seconds - 1) * 1000.0 && !is_final) {
             seen.frames++;
@@ -117,6 +122,37 @@ static void a_busy_client_on_a_fast_network_gets_full_images(void **state) {
                 }
 }
 
+/* Pongs tell how long acknowledgements wait, whatever the sizes of frames and the jitter. */
+static void pings_behind_frames_tell_a_busy_client_from_a_slow_network(void **state) {
+    const struct client busy = { .rtt_ms = 1,
+                                 .bytes_per_ms = 12500,
+                                 .delay_ms = 10,
+                                 .jitter_ms = 40,
+                                 .takes_video = true,
+                                 .answers_pings = true };
+    const struct client slow = {
+        .rtt_ms = 1, .bytes_per_ms = 1000, .delay_ms = 10, .jitter_ms = 10, .answers_pings = true
+    };
+    const struct seen fast = simulate(&busy, 9), small = simulate(&slow, 9);
+    (void)state;
+    assert_int_equal(fast.videos, 0);
+    assert_int_equal(fast.finest, fast.frames);
+    assert_in_range((uintmax_t)small.rate, 900, 1100);
+}
+
+/* A proxy that answers pings in place of the client hides at most 60 ms. */
+static void an_early_pong_is_believed_in_part(void **state) {
+    struct srv_congestion window;
+    (void)state;
+    srv_congestion_init(&window);
+    srv_congestion_ponged(&window, 1, 1);
+    srv_congestion_sent(&window, 1, 100000, 10);
+    srv_congestion_arrived(&window, 1, 11);
+    srv_congestion_arrived(&window, 7, 11);
+    assert_true(srv_congestion_acked(&window, 1, 171));
+    assert_in_range((uintmax_t)srv_congestion_rate(&window), 990, 1020);
+}
+
 /* 8 Mbit/s carry an image in 100 ms: frames become smaller, and the measured rate is right. */
 static void a_slow_network_is_still_seen(void **state) {
     (void)state;
@@ -141,6 +177,8 @@ static void a_slow_network_is_still_seen(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_busy_client_on_a_fast_network_gets_full_images),
+        cmocka_unit_test(pings_behind_frames_tell_a_busy_client_from_a_slow_network),
+        cmocka_unit_test(an_early_pong_is_believed_in_part),
         cmocka_unit_test(a_slow_network_is_still_seen),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
