@@ -26,6 +26,9 @@ export function install(app) {
     askKey: () => connection.notify('stream.key', {}),
     giveUp: (error) => frames.emit('video-failed', error),
   });
+  let view = null; // of the last drawn frame
+  /** True if a frame shows the same view as the last one, and sharper. */
+  const isSharper = ({ seq, width, isFinal }) => seq === drawn.seq && viewer.view === view && !drawn.isFinal && (isFinal || width > drawn.width);
   const order = new FrameOrder({
     decode: async (frame) => {
       frame.map = app.warp?.depth?.decode(frame); // before the image: its decoder takes the bytes of the message
@@ -35,6 +38,9 @@ export function install(app) {
     },
     schedule: nextFrame,
     draw: (image, frame) => {
+      if (frames.hasPicture && isSharper(frame) && !app.warp?.isVisible) app.warp?.fade?.begin();
+      else app.warp?.fade?.end();
+      view = viewer.view;
       screen.draw(image, { isMoving: !frame.isFinal });
       app.warp?.depth?.take(image, frame);
       const { frame: number, seq, width, height, isFinal, isLossless, isVideo, renderUs, encodeUs } = frame;

@@ -85,11 +85,13 @@ export class Screen {
     this.#paint(image, isMoving ? 'low' : 'high');
   }
 
-  /** Copies the content into another canvas, which gets the same size. */
-  copyTo(canvas) {
+  /** Copies the content into another canvas, which gets the same size; `part` of 1 over what is there. */
+  copyTo(canvas, part = 1) {
     const { width, height } = this.#canvas;
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-    canvas.getContext('2d', { alpha: false }).drawImage(this.#canvas, 0, 0);
+    const context = canvas.getContext('2d', { alpha: false });
+    context.globalAlpha = part;
+    context.drawImage(this.#canvas, 0, 0);
   }
 
   /** The address of a thumbnail of the centre of the canvas. */

@@ -48,6 +48,7 @@ export function follow(app) {
 export class Warp {
   #layer; #sheet; #canvas; #fades; #screen;
   #depth = null; // a DepthWarp, once it is loaded
+  #fade = null; // a Fade, once it is loaded
   #wanted = null; // {rig, ground} to draw by depth at the next animation frame
   #isOn = true;
   onSwitch = () => {}; // called after isOn was set
@@ -70,10 +71,14 @@ export class Warp {
   /** The frames by their depth (depth_warp.js); null until load() is done. */
   get depth() { return this.#depth; }
 
+  /** Frames that replace coarser ones gradually (fade.js); null until load() is done. */
+  get fade() { return this.#fade; }
+
   /** Loads what draws frames by their depth. Without it, they are warped as if they were flat. */
   async load() {
-    const { DepthWarp } = await import(new URL('../parts/warp.js', import.meta.url).href);
+    const { DepthWarp, Fade } = await import(new URL('../parts/warp.js', import.meta.url).href);
     this.#depth = new DepthWarp(this.#layer.lastElementChild, this.#screen, () => this.hide());
+    this.#fade = new Fade(this.#screen);
   }
 
   /** True while a warped picture is visible. */

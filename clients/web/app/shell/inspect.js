@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // window.splatd for tests and the console: read-only and not an interface. frame, seq: of the last drawn frame; count: frames drawn since
-// the page opened; videos: how many of them were video; warps: pictures drawn from frames by their depth; hasDepth: the newest frame has depth; sent: seq of the newest update;
-// compared: the second picture of a comparison; isDrawn: nothing (labels, scale bar, controls) waits for the next animation frame; isComplete: all
-// parts that load on demand are there.
+// the page opened; videos: how many of them were video; warps: pictures drawn from frames by their depth; hasDepth: the newest frame has depth;
+// sent: seq of the newest update; compared: the second picture of a comparison; isDrawn: nothing (labels, scale bar, controls) waits for the next
+// animation frame, and no frame fades out; isComplete: all parts that load on demand are there.
 import { plannedFrames } from '../frames/animation.js';
 
 export function install(app) {
@@ -23,7 +23,7 @@ export function install(app) {
       get isLossless() { return drawn.isLossless; },
       get sent() { return viewer.updates.sent; },
       get isIdle() { return viewer.updates.isIdle; },
-      get isDrawn() { return plannedFrames() === 0; },
+      get isDrawn() { return plannedFrames() === 0 && !warp.fade?.isOn; },
       get isComplete() { return app.later.isComplete; },
       get isWarped() { return warp.isVisible; },
       get hasDepth() { return Boolean(warp.depth?.isReady); },
@@ -41,7 +41,7 @@ export function install(app) {
       get latency() { return statusPanel.latency; },
       get compared() {
         const other = app.compare?.companion;
-        return other && { id: other.id, isAtRest: other.isAtRest, view: structuredClone(other.view) };
+        return other && { id: other.id, isAtRest: other.isAtRest, warps: other.warps, view: structuredClone(other.view) };
       },
       get stats() { return structuredClone(status.stats); },
       get mode() { return modes.current; },

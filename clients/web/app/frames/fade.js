@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sharpness arrives gradually: when a sharper frame of the same view replaces a coarser one, the coarser one fades out above the canvas. The
+// canvas itself has the new frame at once, so whatever reads it gets that one.
+
+const FADE_MS = 120;
+
+export class Fade {
+  #screen; #canvas = null; #animation = null;
+  #reduced = window.matchMedia('(prefers-reduced-motion: reduce)');
+
+  /** screen: the Screen. */
+  constructor(screen) { this.#screen = screen; }
+
+  /** True while an old frame is visible. */
+  get isOn() { return this.#animation !== null; }
+
+  /** The canvas is about to change: fades out what it shows now. */
+  begin() {
+    if (this.#reduced.matches || document.hidden) return;
+    const part = this.#animation ? Math.min(this.#animation.currentTime / FADE_MS, 1) : 1;
+    this.#canvas ??= this.#make();
+    this.#screen.copyTo(this.#canvas, part); // an older frame that has not faded out yet stays as visible as it is
+    this.#animation?.cancel();
+    this.#screen.element.after(this.#canvas);
+    const animation = this.#canvas.animate([{ opacity: 1 }, { opacity: 0 }], { duration: FADE_MS, fill: 'forwards' });
+    animation.onfinish = () => this.end();
+    this.#animation = animation;
+  }
+
+  #make() {
+    const canvas = document.createElement('canvas');
+    canvas.ariaHidden = 'true';
+    Object.assign(canvas.style, { position: 'absolute', inset: '0', width: '100%', height: '100%', pointerEvents: 'none' });
+    return canvas;
+  }
+
+  /** Shows the canvas as it is. */
+  end() {
+    if (!this.#animation) return;
+    this.#animation.cancel();
+    this.#animation = null;
+    this.#canvas.remove();
+  }
+}
