@@ -22,14 +22,14 @@ async function setUp(context, frameMs = 16, change = {}, prepareMore = async () 
   return visitMock(context, browser, { prepare, change });
 }
 
-/** Begins a drag of which the daemon draws nothing, until `count` updates are answered. */
-async function dragUnseen({ daemon, page }, count) {
+/** Begins a drag from x on, of which the daemon draws nothing, until `count` updates are answered. */
+async function dragUnseen({ daemon, page }, count, x = 450) {
   const sent = await page.evaluate(() => window.splatd.sent);
   daemon.draws = false;
-  await page.mouse.move(450, 300);
+  await page.mouse.move(x, 300);
   await page.mouse.down();
   for (let i = 1; i <= count; i++) {
-    await page.mouse.move(450 + 10 * i, 300);
+    await page.mouse.move(x + 10 * i, 300);
     await until(page, 'an answered update', `(s) => s.isIdle && s.sent >= ${sent + i}`);
   }
 }
@@ -161,6 +161,33 @@ test('after the GPU is lost, the canvas is shown, and the next frames are drawn 
   await until(page, 'a warp', (s) => s.isIdle && s.isWarped);
   assert.deepEqual((await byDepth(page)).middle, [200, 120, 40]);
   await page.mouse.up();
+});
+
+test('both pictures of a comparison follow the hand', async (context) => {
+  const it = await setUp(context, 16, { hasDepth: true });
+  const { daemon, page } = it;
+  await until(page, 'a frame with depth', (s) => s.hasDepth);
+  await page.locator('#compare').evaluate((fold) => { fold.open = true; });
+  await page.click('#compare-start');
+  const asked = (id) => daemon.heard.filter(({ method, params }) => method === 'stream.configure' && params.depth).length >= id;
+  await eventually('depth for both', () => asked(2) && [...daemon.streams].filter(({ wantsDepth }) => wantsDepth).length === 2);
+  await until(page, 'the second picture at rest', (s) => s.compared?.isAtRest);
+  await dragUnseen(it, 3, 520); // beside the panel and the divider
+  await until(page, 'two warped pictures', (s) => s.isDrawn && s.isWarped && s.warps > 0 && s.compared.warps > 0);
+  const { hidden, middle } = await page.evaluate(() => {
+    const layer = document.getElementById('warp-b');
+    const copy = new OffscreenCanvas(1, 1).getContext('2d');
+    copy.drawImage(layer.lastElementChild, -(layer.lastElementChild.width >> 1), -(layer.lastElementChild.height >> 1));
+    return { hidden: layer.hidden, middle: [...copy.getImageData(0, 0, 1, 1).data].slice(0, 3) };
+  });
+  assert.equal(hidden, false);
+  assert.deepEqual(middle, [200, 120, 40]);
+  daemon.draws = true;
+  await page.mouse.move(570, 300);
+  await until(page, 'the frames', (s) => s.isIdle && s.seq === s.sent && !s.isWarped && s.compared.isAtRest);
+  assert.equal(await page.evaluate(() => document.getElementById('warp-b').hidden), true);
+  await page.mouse.up();
+  assert.deepEqual(it.said, []);
 });
 
 test('depth is asked for only where the prediction is on', async (context) => {

@@ -4,40 +4,58 @@ import { Connection } from '../../core/connection.js';
 import { Emitter } from '../../core/emitter.js';
 import { FrameOrder } from '../../core/order.js';
 import { UpdateQueue } from '../../core/update_queue.js';
+import { rigFromCamera } from '../../core/camera.js';
 import { applyPatch } from '../../core/merge.js';
 import { nextFrame } from '../frames/animation.js';
 import { decodeImage } from '../frames/decoder.js';
 import { Screen } from '../frames/screen.js';
+import { Warp } from '../frames/warp.js';
 
 const RESIZE_MS = 120;
 
 /** Events: view, drawn, failed Error (the picture stays), ended Error (the session is gone). */
 export class Companion extends Emitter {
-  #api; #isGuests; #connection = null; #screen; #updates; #order;
+  #api; #isGuests; #isPredicted; #connection = null; #screen; #warp; #updates; #order;
   #view;
+  #rig = null; // the camera of the view, as the page moves it
+  #rigs = new Map(); // by seq: the cameras of updates that no frame shows yet
   #drawn = { seq: 0, isFinal: false, count: 0 };
   #timer = null;
   #isBehind = false; // a view of the daemon was not taken, because changes were on their way
   #isStopped = false;
 
-  /** api: of the page; made: {id, tokens, view}; isGuests: a join token made it; canvas: where it draws. */
-  constructor({ base, env, api, made, canvas, isGuests }) {
+  /** api: of the page; made: {id, tokens, view}; isGuests: a join token made it; canvas: where it draws; layer: above it, for the frames as the
+   * newest camera sees them; isPredicted(): whether they are shown. */
+  constructor({ base, env, api, made, canvas, layer, isGuests, isPredicted }) {
     super();
     this.#isGuests = isGuests;
     this.#api = api;
     this.#view = made.view;
     this.#screen = new Screen(canvas);
+    this.#warp = new Warp(layer, this.#screen);
+    this.#isPredicted = isPredicted;
+    this.#warp.isOn = isPredicted();
+    this.#warp.onSwitch = () => this.#configure({ depth: this.#wantsDepth });
     this.#connection = new Connection({
       base, token: api.token, session: { id: made.id, token: made.tokens.control, isJoined: true }, env, size: () => this.#screen.size,
     });
     this.#updates = new UpdateQueue({
-      send: (params) => this.#connection.call('view.update', params),
+      send: (params) => {
+        this.#rigs.set(params.seq, this.#rig);
+        return this.#connection.call('view.update', params);
+      },
       schedule: nextFrame, now: () => performance.now(),
       done: (patch) => (patch.volume || (this.#isBehind && this.#updates.isIdle)) && this.#reload(),
       fail: (error) => this.emit('failed', error),
     });
     this.#order = new FrameOrder({
-      decode: decodeImage, schedule: nextFrame,
+      decode: async (frame) => {
+        frame.map = this.#warp.depth?.decode(frame); // before the image: its decoder takes the bytes of the message
+        const image = await decodeImage(frame);
+        frame.map = await frame.map;
+        return image;
+      },
+      schedule: nextFrame,
       draw: (image, frame) => this.#draw(image, frame),
       ack: ({ frame }) => this.#connection.notify('stream.ack', { frame }),
       fail: (error) => this.emit('failed', error),
@@ -48,6 +66,8 @@ export class Companion extends Emitter {
 
   get id() { return this.#connection.session?.id ?? null; }
   get view() { return this.#view; }
+  /** How many pictures were drawn from frames by their depth. */
+  get warps() { return this.#warp.depth?.count ?? 0; }
   /** True if the newest change is drawn in full quality and in the wanted size. */
   get isAtRest() {
     return this.#updates.isIdle && this.#drawn.isFinal && this.#drawn.seq === this.#updates.sent && this.#drawn.size === String(this.#screen.size);
@@ -60,11 +80,14 @@ export class Companion extends Emitter {
       if (this.#isStopped) return;
       if (state === 'live') {
         this.#order.reset();
+        this.#warp.depth?.reset();
+        this.#rigs.clear();
         this.#drawn = { seq: 0, isFinal: false, count: 0 };
         this.#resize();
         this.#updates.open();
       } else if (state === 'lost' || state === 'refused') {
         this.#updates.close();
+        this.#warp.hide();
       }
       if (state === 'refused') this.emit('ended', error ?? new Error(reason));
     });
@@ -73,11 +96,27 @@ export class Companion extends Emitter {
     });
   }
 
-  #draw(image, { seq, isFinal, width, height }) {
+  /** True if frames should come with depth, by which they are drawn as the newest camera sees them. */
+  get #wantsDepth() { return this.#warp.isOn && Boolean(this.#warp.depth); }
+
+  #draw(image, frame) {
+    const { seq, isFinal, width, height } = frame;
     this.#screen.draw(image, { isMoving: !isFinal });
+    this.#warp.depth?.take(image, frame);
+    this.#warp.drew(this.#rigs.get(seq) ?? null);
+    for (const key of this.#rigs.keys()) if (key < seq) this.#rigs.delete(key);
     this.#updates.show(seq);
+    this.#predict();
+    if (this.#drawn.count === 0 && !this.#warp.depth) this.#warp.load().then(() => this.#warp.onSwitch(), () => {}); // without it, the last frame stays
     this.#drawn = { seq, isFinal, size: String([width, height]), count: this.#drawn.count + 1 };
     this.emit('drawn');
+  }
+
+  /** Shows the newest frame as the newest camera sees it. */
+  #predict() {
+    if (this.#warp.isOn !== this.#isPredicted()) this.#warp.isOn = this.#isPredicted();
+    const ahead = this.#updates.sent - this.#updates.drawn + Number(this.#updates.isWaiting);
+    this.#warp.show(this.#rig, ahead, this.#view.background);
   }
 
   #planResize() {
@@ -88,8 +127,12 @@ export class Companion extends Emitter {
   }
 
   #resize() {
+    this.#configure({ size: this.#screen.size, format: ['jpeg'], depth: this.#wantsDepth });
+  }
+
+  #configure(params) {
     if (!this.#connection.isLive) return;
-    this.#connection.call('stream.configure', { size: this.#screen.size, format: ['jpeg'] }).catch((error) => this.emit('failed', error));
+    this.#connection.call('stream.configure', params).catch((error) => this.emit('failed', error));
   }
 
   async #reload() {
@@ -112,7 +155,9 @@ export class Companion extends Emitter {
   /** Moves the camera. */
   look(camera, time) {
     this.#view = applyPatch(this.#view, { camera });
+    this.#rig = rigFromCamera(this.#view.camera);
     this.#updates.put({ camera }, { time });
+    this.#predict();
   }
 
   stop() {
@@ -120,6 +165,7 @@ export class Companion extends Emitter {
     this.#isStopped = true;
     clearTimeout(this.#timer);
     const { session } = this.#connection;
+    this.#warp.hide();
     this.#connection.stop();
     // The daemon permits it for the token that created the session; for a fork by a guest, that is its own control token.
     if (session) this.#api.deleteSession(session.id, this.#isGuests ? session.token : undefined).catch(() => {});

@@ -25,7 +25,7 @@ export function install(app) {
 
 class Compare {
   #app; #source; #start; #running; #fit; #fitRow; #note; #mode; #swap;
-  #canvas; #pane; #stage; #divider; #badges; #lost;
+  #canvas; #layer; #pane; #stage; #divider; #badges; #lost;
   #companion = null;
   #isStarting = false;
   #told = new Set();
@@ -38,11 +38,12 @@ class Compare {
     this.#app = app;
     this.#stage = byId('pane-3d');
     this.#canvas = make('canvas', { id: 'screen-b', role: 'img', 'aria-label': t('compare.label.b') });
+    this.#layer = make('div', { id: 'warp-b', 'aria-hidden': 'true', 'data-kind': 'depth', hidden: true });
     this.#pane = app.layout.pane('compare', t('compare.b'), { layouts: ['compare'] });
     this.#lost = make('div', { id: 'compare-lost', class: 'prompt', role: 'status', hidden: true }, make('p'),
       make('div', { class: 'buttons' }, make('button', { id: 'compare-lost-fit', text: t('compare.fit'), press: () => this.#setFit(true) })));
     this.#divider = new Divider(this.#stage, (percent) => {
-      this.#canvas.style.clipPath = `inset(0 0 0 ${percent}%)`;
+      for (const part of [this.#canvas, this.#layer]) part.style.clipPath = `inset(0 0 0 ${percent}%)`;
       this.#lost.style.setProperty('--split', `${percent}%`);
       this.#app.overlay.update();
     });
@@ -179,7 +180,11 @@ class Compare {
     const size = screen.size;
     const made = session.isJoined ? await api.sessionFrom(session.id, session.token)
       : await api.createSession({ ...view, camera: this.#linked(view.volume), size });
-    this.#companion = new Companion({ base, env: connection.env, api, made, canvas: this.#canvas, isGuests: Boolean(session.isJoined) });
+    this.#layer.replaceChildren(make('canvas', {})); // a canvas keeps its first kind of context
+    this.#companion = new Companion({
+      base, env: connection.env, api, made, canvas: this.#canvas, layer: this.#layer, isGuests: Boolean(session.isJoined),
+      isPredicted: () => this.#app.warp.isOn,
+    });
     this.#companion.on('view', () => this.#label());
     this.#companion.on('failed', (error) => setText(this.#note, error.message));
     this.#companion.on('ended', () => this.#ended());
@@ -315,19 +320,19 @@ class Compare {
     this.#stage.toggleAttribute('data-compare', isSplit);
     for (const badge of this.#badges) badge.hidden = !this.isOn;
     if (isSide) {
-      this.#pane.append(this.#canvas, this.#cube.root, this.#badges[1], this.#lost);
-      this.#canvas.style.clipPath = 'none';
+      this.#pane.append(this.#canvas, this.#layer, this.#cube.root, this.#badges[1], this.#lost);
+      for (const part of [this.#canvas, this.#layer]) part.style.clipPath = 'none';
       this.#lost.style.setProperty('--split', '0%');
       layout.set('compare');
     } else {
       if (layout.current === 'compare') layout.set('3d');
       if (isSplit) {
-        this.#stage.insertBefore(this.#canvas, byId('overlay'));
+        for (const part of [this.#canvas, this.#layer]) this.#stage.insertBefore(part, byId('overlay'));
         this.#divider.element.append(...this.#badges);
         this.#stage.append(this.#lost);
         this.#divider.set(this.#divider.percent);
       } else {
-        this.#canvas.remove();
+        for (const part of [this.#canvas, this.#layer]) part.remove();
       }
     }
     if (isSide) this.#stage.append(this.#badges[0]);
