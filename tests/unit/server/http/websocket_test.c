@@ -271,13 +271,20 @@ static void reading_stops_while_the_client_does_not_read(void **state) {
     assert_int_equal(answers(&s->wire), PINGS);
 }
 
-/* Checks that the image was sent once and whole, and that all other frames are text. Returns their
- * number. */
-static unsigned check_image(const struct wire *wire, const struct srv_blob *blob) {
+/* Checks that the image was sent once and whole, that a ping with its number follows it unless the
+ * stream is closed, and that all other frames are text. Returns their number. */
+static unsigned check_image(const struct wire *wire, const struct srv_blob *blob, bool is_closed) {
     struct sent sent;
     struct proto_frame_header header;
-    unsigned images = 0, others = 0;
+    unsigned images = 0, pings = 0, others = 0;
     for (size_t at = 0; next_sent(wire, &at, &sent);) {
+        if (sent.first == 0x89 && images > 0) {
+            const uint8_t number[4] = { (uint8_t)header.frame };
+            assert_int_equal(sent.size, sizeof number);
+            assert_memory_equal(sent.bytes, number, sizeof number);
+            pings++;
+            continue;
+        }
         if (sent.first != 0x82) {
             assert_int_equal(sent.first, 0x81);
             others++;
@@ -291,6 +298,7 @@ static unsigned check_image(const struct wire *wire, const struct srv_blob *blob
         assert_memory_equal(sent.bytes + PROTO_FRAME_HEADER_BYTES, blob->bytes, blob->size);
     }
     assert_int_equal(images, 1);
+    assert_int_equal(pings, !is_closed);
     return others;
 }
 
@@ -311,7 +319,7 @@ static void an_image_arrives_whole_in_pieces_of_any_size(void **state) {
         send_pings(&s->wire, 3);
         stream_run(s, 3);
         assert_int_equal(answers(&s->wire), 3);
-        assert_compare(check_image(&s->wire, blob), >=, 3);
+        assert_compare(check_image(&s->wire, blob, false), >=, 3);
         assert_int_equal(close_code(&s->wire), 0);
         srv_blob_unref(&blob);
         assert_int_equal(stream_tear_down(&one), 0);
@@ -332,7 +340,7 @@ static void an_image_is_sent_without_a_copy(void **state) {
     assert_false(memory_restore());
     stream_run(s, 3);
     assert_int_equal(atomic_load(&blob->references), 1);
-    check_image(&s->wire, blob);
+    check_image(&s->wire, blob, false);
     srv_blob_unref(&blob);
 }
 
@@ -353,7 +361,7 @@ static void a_close_waits_for_the_image_before_it(void **state) {
     assert_true(srv_ws_is_over(s->ws));
     assert_int_equal(close_code(&s->wire), 1001);
     s->wire.out_size -= 2 + 2 + 3;
-    assert_int_equal(check_image(&s->wire, blob), 0);
+    assert_int_equal(check_image(&s->wire, blob, true), 0);
     srv_blob_unref(&blob);
 }
 
