@@ -12,7 +12,7 @@
 #include "sp/log.h"
 
 enum {
-    FRAME_PING_BYTES = 4, /* payload of the ping behind a frame; others have less */
+    FRAME_PING_BYTES = 5, /* payload of the pings around a frame; others have less */
     REPLIES_MAX = 64,     /* messages waiting for the socket at which reading stops */
     FRAGMENTS_MAX = 1024, /* per message, because each costs memory */
     READ_BYTES = 8192,    /* per srv_ws_read() */
@@ -23,8 +23,8 @@ enum {
 #define TRIP_MS 5000.0      /* at least, between measurements of the round trip */
 #define TRIP_FIRST_MS 100.0 /* between the first one, while much else begins, and the second */
 
-struct out_frame { /* a frame being sent: WebSocket header, frame header, then the image */
-    uint8_t head[10 + PROTO_FRAME_HEADER_BYTES];
+struct out_frame { /* being sent: a ping, WebSocket header, frame header, then the image */
+    uint8_t head[2 + FRAME_PING_BYTES + 10 + PROTO_FRAME_HEADER_BYTES];
     size_t head_size, sent;
     struct srv_blob *blob; /* NULL = no frame is being sent */
     uint32_t number;
@@ -173,22 +173,23 @@ static double trip_due_ms(const struct srv_ws *ws) {
     return ws->trip_ms + (ws->trip == 1 ? TRIP_FIRST_MS : TRIP_MS);
 }
 
-/* A ping whose payload is the number of a frame follows it, and tells when it has arrived. */
-static void ping_frame(struct srv_ws *ws) {
-    uint8_t number[FRAME_PING_BYTES];
-    for (int i = 0; i < FRAME_PING_BYTES; i++)
-        number[i] = (uint8_t)(ws->frame.number >> 8 * i);
-    ping(ws, number, sizeof number);
+/* The payload of the ping before a frame, or of the one behind it. */
+static void write_frame_ping(uint32_t number, bool is_end, uint8_t payload[FRAME_PING_BYTES]) {
+    for (int i = 0; i < 4; i++)
+        payload[i] = (uint8_t)(number >> 8 * i);
+    payload[4] = is_end;
+}
+
+static void on_frame_pong(struct srv_ws *ws, const uint8_t payload[FRAME_PING_BYTES]) {
+    uint32_t number = 0;
+    for (int i = 0; i < 4; i++)
+        number |= (uint32_t)payload[i] << 8 * i;
+    srv_hub_arrived(ws->options.hub, ws->participant, number, payload[4], ws->now_ms);
 }
 
 static void on_pong(struct srv_ws *ws, const struct wslay_event_on_msg_recv_arg *message) {
-    if (message->msg_length == FRAME_PING_BYTES) {
-        uint32_t number = 0;
-        for (int i = 0; i < FRAME_PING_BYTES; i++)
-            number |= (uint32_t)message->msg[i] << 8 * i;
-        srv_hub_arrived(ws->options.hub, ws->participant, number, ws->now_ms);
-        return;
-    }
+    if (message->msg_length == FRAME_PING_BYTES)
+        on_frame_pong(ws, message->msg);
     if (ws->is_trip_measured || message->msg_length != 1 || message->msg[0] != ws->trip)
         return;
     ws->is_trip_measured = true;
@@ -332,12 +333,17 @@ static void begin_frame(struct srv_ws *ws, struct srv_message *message) {
     struct out_frame *frame = &ws->frame;
     uint64_t size = PROTO_FRAME_HEADER_BYTES + (uint64_t)message->blob->size;
     unsigned length_bytes = size < 126 ? 0 : size <= UINT16_MAX ? 2 : 8;
-    frame->head[0] = 0x80 | WSLAY_BINARY_FRAME; /* RFC 6455, 5.2: a message of one frame */
-    frame->head[1] = (uint8_t)(length_bytes == 0 ? size : length_bytes == 2 ? 126 : 127);
+    uint8_t *head = frame->head;
+    *head++ = 0x80 | WSLAY_PING; /* RFC 6455, 5.2: a message of one frame */
+    *head++ = FRAME_PING_BYTES;
+    write_frame_ping(message->header.frame, false, head);
+    head += FRAME_PING_BYTES;
+    *head++ = 0x80 | WSLAY_BINARY_FRAME;
+    *head++ = (uint8_t)(length_bytes == 0 ? size : length_bytes == 2 ? 126 : 127);
     for (unsigned i = 0; i < length_bytes; i++)
-        frame->head[2 + i] = (uint8_t)(size >> 8 * (length_bytes - 1 - i));
-    frame->head_size = 2 + length_bytes + PROTO_FRAME_HEADER_BYTES;
-    proto_frame_header_encode(&message->header, frame->head + 2 + length_bytes);
+        *head++ = (uint8_t)(size >> 8 * (length_bytes - 1 - i));
+    proto_frame_header_encode(&message->header, head);
+    frame->head_size = (size_t)(head - frame->head) + PROTO_FRAME_HEADER_BYTES;
     frame->sent = 0;
     frame->blob = message->blob;
     frame->number = message->header.frame;
@@ -348,8 +354,11 @@ static void begin_frame(struct srv_ws *ws, struct srv_message *message) {
 static void end_frame(struct srv_ws *ws) {
     srv_metrics_time(ws->options.metrics, SRV_TIME_SEND, srv_clock_ms() - ws->frame.since_ms);
     srv_blob_unref(&ws->frame.blob);
-    if (!ws->closing)
-        ping_frame(ws);
+    if (ws->closing)
+        return;
+    uint8_t payload[FRAME_PING_BYTES];
+    write_frame_ping(ws->frame.number, true, payload);
+    ping(ws, payload, sizeof payload);
 }
 
 /* False if the transport fails. */

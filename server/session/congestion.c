@@ -72,7 +72,8 @@ static double rate_of(struct srv_congestion *window, const struct srv_congestion
     const double trip_ms = now_ms - f->sent_ms - srv_congestion_rtt_ms(window);
     double rate = 0;
     if (f->arrived_ms > 0)
-        return (double)f->bytes / fmax(trip_ms, TRIP_MIN_MS);
+        return (double)f->bytes /
+               fmax(f->begun_ms > 0 ? fmin(now_ms - f->begun_ms, trip_ms) : trip_ms, TRIP_MIN_MS);
     srv_ack_delay_limit(&window->delay, trip_ms);
     if (f->is_first)
         rate = srv_ack_delay_add(&window->delay, (double)f->bytes, trip_ms, now_ms);
@@ -103,10 +104,14 @@ static void predict_arrivals(struct srv_congestion *window, double passed_ms) {
         expect(window, at(window, i));
 }
 
-void srv_congestion_arrived(struct srv_congestion *window, uint32_t frame, double now_ms) {
-    for (unsigned i = 0; i < window->count; i++)
-        if (at(window, i)->frame == frame && at(window, i)->arrived_ms == 0)
-            at(window, i)->arrived_ms = now_ms;
+void srv_congestion_arrived(struct srv_congestion *window, uint32_t frame, bool is_end,
+                            double now_ms) {
+    for (unsigned i = 0; i < window->count; i++) {
+        struct srv_congestion_frame *f = at(window, i);
+        double *when = is_end ? &f->arrived_ms : &f->begun_ms;
+        if (f->frame == frame && *when == 0)
+            *when = now_ms;
+    }
 }
 
 /* Returns when a frame arrived that is acknowledged now. */

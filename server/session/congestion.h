@@ -15,13 +15,14 @@
  *   base  The round trip of a message without bytes: the shortest pong of the last 10 to 20 seconds
  *         before the newest one. An acknowledgement that takes less time shows that the pong was
  *         late; it replaces the pong until the next one.
- *   delay The wait of a busy client before it acknowledges. A ping follows each frame; its pong
- * tells when the frame has arrived, since browsers answer pings while a page is busy. Where no pong
- *         came, frames of different sizes tell the wait (ack_delay.h). A pong is believed for a
- * wait of up to 60 ms, because a proxy may have answered the ping. rate  The rate of the link. Two
- * measurements estimate it; neither exceeds the true rate while base and delay are right, apart
- * from jitter. The largest of the last 8 to 16 frames counts, or of the last 1 to 2 seconds,
- * whichever is shorter.
+ *   delay The wait of a busy client before it acknowledges. A ping goes before each frame and one
+ *         behind it. Browsers answer pings while a page is busy, so the second pong tells when the
+ *         frame has arrived, and the time between both how long the link took for it. Where no
+ *         pong came, frames of different sizes tell the wait (ack_delay.h). A pong is believed for
+ *         a wait of up to 60 ms, because a proxy may have answered the ping.
+ *   rate  The rate of the link. Two measurements estimate it; neither exceeds the true rate while
+ *         base and delay are right, apart from jitter. The largest of the last 8 to 16 frames
+ *         counts, or of the last 1 to 2 seconds, whichever is shorter.
  *           1. The bytes of a frame over its round trip beyond base and delay. Exact if no other
  *              frame was on the way before it.
  *           2. The bytes that were acknowledged while the frame was on its way, over that time, or
@@ -46,13 +47,13 @@ struct srv_congestion_frame {
     uint32_t frame;
     size_t bytes;
     double sent_ms;
-    double arrived_ms; /* when the pong of its ping came; 0 = not yet */
-    double due_ms;     /* when its acknowledgement is expected */
-    bool alone;        /* no other frame was unacknowledged */
-    bool is_first;     /* the link was free */
-    uint64_t acked;    /* bytes acknowledged before it was sent */
-    double acked_ms;   /* time of the last acknowledgement before it was sent; sent_ms if alone */
-    double before_ms;  /* when the frame of that acknowledgement was sent; sent_ms if alone */
+    double begun_ms, arrived_ms; /* when the pongs around it came; 0 = not yet */
+    double due_ms;               /* when its acknowledgement is expected */
+    bool alone;                  /* no other frame was unacknowledged */
+    bool is_first;               /* the link was free */
+    uint64_t acked;              /* bytes acknowledged before it was sent */
+    double acked_ms;  /* time of the last acknowledgement before it was sent; sent_ms if alone */
+    double before_ms; /* when the frame of that acknowledgement was sent; sent_ms if alone */
 };
 
 struct srv_congestion {
@@ -86,9 +87,10 @@ void srv_congestion_sent(struct srv_congestion *window, uint32_t frame, size_t b
  * never sent. A repeated acknowledgement is harmless. */
 bool srv_congestion_acked(struct srv_congestion *window, uint32_t frame, double now_ms);
 
-/* Call it when the ping behind a frame was answered. Frames that are not on their way are ignored.
- */
-void srv_congestion_arrived(struct srv_congestion *window, uint32_t frame, double now_ms);
+/* Call it when the ping before a frame was answered, or the one behind it (is_end). Frames that are
+ * not on their way are ignored. */
+void srv_congestion_arrived(struct srv_congestion *window, uint32_t frame, bool is_end,
+                            double now_ms);
 
 /* Call it when a ping was answered after rtt_ms. There was no unacknowledged frame when the ping
  * was sent. */

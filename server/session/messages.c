@@ -240,10 +240,10 @@ double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *p)
     return oldest;
 }
 
-void srv_hub_arrived(struct srv_hub *hub, struct srv_participant *p, uint32_t frame,
+void srv_hub_arrived(struct srv_hub *hub, struct srv_participant *p, uint32_t frame, bool is_end,
                      double now_ms) {
     pthread_mutex_lock(&hub->mutex);
-    srv_congestion_arrived(&p->delivery.congestion_window, frame, now_ms);
+    srv_congestion_arrived(&p->delivery.congestion_window, frame, is_end, now_ms);
     pthread_mutex_unlock(&hub->mutex);
 }
 

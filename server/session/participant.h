@@ -56,9 +56,9 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
                                            struct srv_message *message);
 /* Returns when the oldest unacknowledged frame was sent, ms; 0 = there is none. */
 double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *participant);
-/* The client answered the ping behind a frame, which has thus arrived. */
+/* The client answered the ping before a frame, or the one behind it (is_end): it has arrived. */
 void srv_hub_arrived(struct srv_hub *hub, struct srv_participant *participant, uint32_t frame,
-                     double now_ms);
+                     bool is_end, double now_ms);
 
 /* The client answered a ping after rtt_ms. No frame was unacknowledged when it was sent. */
 void srv_hub_ponged(struct srv_hub *hub, struct srv_participant *participant, double rtt_ms,

@@ -24,6 +24,7 @@ static const uint32_t full[2] = { SIDE, SIDE };
 struct client {
     double rtt_ms, bytes_per_ms; /* of its network */
     double delay_ms, jitter_ms;  /* of its acknowledgements */
+    double wake_ms;              /* until it answers a ping */
     bool takes_video, answers_pings;
 };
 
@@ -51,7 +52,8 @@ static struct seen simulate(const struct client *client, int seconds) {
     struct srv_congestion window;
     struct srv_rate_control control;
     struct seen seen = { 0 };
-    double ack_ms = INFINITY, pong_ms = INFINITY, free_ms = 0, next_ms = 0, rest_ms = MOVES_MS;
+    double ack_ms = INFINITY, pong_ms[2] = { INFINITY, INFINITY }, free_ms = 0, next_ms = 0,
+           rest_ms = MOVES_MS;
     uint32_t frame = 0, seed = 1;
     srv_congestion_init(&window);
     srv_rate_control_init(&control);
@@ -62,10 +64,11 @@ static struct seen simulate(const struct client *client, int seconds) {
                                               .interval_ms = 1000.0 / 60,
                                               .takes_video = client->takes_video,
                                               .quality = 90 };
-        if (now >= pong_ms) {
-            srv_congestion_arrived(&window, frame, now);
-            pong_ms = INFINITY;
-        }
+        for (int end = 0; end < 2; end++)
+            if (now >= pong_ms[end]) {
+                srv_congestion_arrived(&window, frame, end, now);
+                pong_ms[end] = INFINITY;
+            }
         if (now >= ack_ms) {
             assert_true(srv_congestion_acked(&window, frame, now));
             srv_rate_control_update(&control, &rate);
@@ -86,10 +89,13 @@ static struct seen simulate(const struct client *client, int seconds) {
             srv_rate_control_learn(&control, &drawn);
         srv_congestion_sent(&window, ++frame, drawn.bytes, now);
         const double send_ms = (double)drawn.bytes / client->bytes_per_ms;
+        pong_ms[0] = fmax(now, free_ms) + client->rtt_ms + client->wake_ms;
         free_ms = fmax(now, free_ms) + send_ms;
+        pong_ms[1] = free_ms + client->rtt_ms + client->wake_ms;
+        for (int end = 0; end < 2 && !client->answers_pings; end++)
+            pong_ms[end] = INFINITY;
         ack_ms = free_ms + client->rtt_ms + client->delay_ms +
                  client->jitter_ms * (next_random(&seed) >> 8) / (1 << 24);
-        pong_ms = client->answers_pings ? free_ms + client->rtt_ms : INFINITY;
         next_ms = now + 1000.0 / 60;
         if (now >= (seconds - 1) * 1000.0 && !is_final) {
             seen.frames++;
@@ -128,6 +134,7 @@ static void pings_behind_frames_tell_a_busy_client_from_a_slow_network(void **st
                                  .bytes_per_ms = 12500,
                                  .delay_ms = 10,
                                  .jitter_ms = 40,
+                                 .wake_ms = 10,
                                  .takes_video = true,
                                  .answers_pings = true };
     const struct client slow = {
@@ -147,8 +154,10 @@ static void an_early_pong_is_believed_in_part(void **state) {
     srv_congestion_init(&window);
     srv_congestion_ponged(&window, 1, 1);
     srv_congestion_sent(&window, 1, 100000, 10);
-    srv_congestion_arrived(&window, 1, 11);
-    srv_congestion_arrived(&window, 7, 11);
+    for (int end = 0; end < 2; end++) {
+        srv_congestion_arrived(&window, 1, end, 11);
+        srv_congestion_arrived(&window, 7, end, 11);
+    }
     assert_true(srv_congestion_acked(&window, 1, 171));
     assert_in_range((uintmax_t)srv_congestion_rate(&window), 990, 1020);
 }
