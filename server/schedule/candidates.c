@@ -225,6 +225,8 @@ double srv_session_price(const struct srv_schedule *schedule, const struct srv_s
 }
 
 bool srv_session_warps(const struct srv_session *s) {
+    if (s->holder && s->holder->settings.progressive)
+        return s->holder->settings.depth;
     for (const struct srv_participant *p = s->participants; p; p = p->next)
         if (p->settings.progressive && !p->settings.depth)
             return false;

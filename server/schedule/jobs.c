@@ -130,6 +130,7 @@ static void choose_detail(const struct srv_schedule *schedule, struct srv_sessio
         budget.ms *= PLAY_BUDGETS;
         budget.most_ms *= PLAY_BUDGETS;
     }
+    job->part = budget.part;
     job->budget_ms = budget.ms;
     if (job->step == SRV_STEP_MOVING) {
         uint32_t most[2];
@@ -196,8 +197,7 @@ static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
         .is_draft = job->is_draft && !s->schedule->quality.ignores_drafts,
         .budget_ms = job->budget_ms,
         .sharp_ms = srv_quality_expected_ms(&s->schedule->quality, &sharp),
-        .is_shared = job->budget_ms <
-                     srv_quality_interval_ms(p->settings.max_fps, srv_session_warps(s)) * 0.99,
+        .is_shared = job->part < 0.99,
         .rate_step = p->delivery.rate_control.step,
         .is_video = p->delivery.rate_control.is_video,
     };

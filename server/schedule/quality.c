@@ -24,8 +24,8 @@
 #define FADE 0.01       /* part of what is known of that ratio that is forgotten with each frame */
 #define DRAFT_TIME 0.5  /* of the whole frame's, if only the draft's is known */
 #define NEXT_LEVEL 0.25 /* of the time, where mip levels come first */
-#define LAST_RESORT                                                                                \
-    2.0 /* times the limit: sides below SIDE_MIN, so that each view gets 10 frames/s */
+/* Times the limit: sides below SIDE_MIN, so that each view gets 10 frames/s. */
+#define LAST_RESORT 2.0
 #define LEAST_MPX 0.00411 /* no frame is smaller for the sake of time */
 #define FIRST_MPX 0.27    /* of a first frame, whose time is not known */
 enum { SIDE_CHANGE = 8 }; /* the side changes by at most 1 / SIDE_CHANGE of itself */
@@ -307,14 +307,14 @@ static void add_grade(const struct srv_quality *quality, const uint32_t full[2],
     }
 }
 
-/* Returns the least side of drafts at mip level 0: for clients that warp the largest one within the
+/* Returns the least side of drafts of a grade: for clients that warp the largest one within the
  * limit, up to SRV_QUALITY_SIDE_WARPED. So the side falls smoothly where the time gets short. */
 static unsigned least_side(const struct srv_quality *quality, const uint32_t full[2],
-                           const struct srv_quality_budget *budget) {
-    const struct model model = model_of(quality, DRAFT);
-    const double confidence = confidence_of(quality, DRAFT, quality->side ? quality->grade : WHOLE);
+                           const struct srv_quality_budget *budget, unsigned grade) {
+    const struct model model = model_of(quality, grade);
+    const double confidence = confidence_of(quality, grade, quality->side ? quality->grade : WHOLE);
     unsigned side = budget->warps ? SRV_QUALITY_SIDE_WARPED : SIDE_MIN;
-    while (side > SIDE_MIN && !is_within(quality, budget, (struct choice){ DRAFT, side },
+    while (side > SIDE_MIN && !is_within(quality, budget, (struct choice){ grade, side },
                                          moving_time_of(&model, mpx_of(full, side)) * confidence))
         side -= SIDE_STEP;
     return side;
@@ -330,10 +330,10 @@ static struct best least_error(const struct srv_quality *quality, const uint32_t
         fmin(budget->ms, SRV_QUALITY_BUDGET_MS * budget->part) * (is_whole ? 1 : RAISE))
         return (struct best){ { WHOLE, SIDES }, 0 };
     add_grade(quality, full, budget, WHOLE, SIDES, &best);
-    add_grade(quality, full, budget, DRAFT, least_side(quality, full, budget), &best);
-    for (unsigned grade = DRAFT + 1; grade < SRV_GRADES; grade++)
-        if (!budget->warps || best.choice.side == 0)
-            add_grade(quality, full, budget, grade, SIDE_MIN, &best);
+    for (unsigned grade = DRAFT; grade < SRV_GRADES; grade++)
+        if (grade == DRAFT || !budget->warps || best.choice.side == 0)
+            add_grade(quality, full, budget, grade, least_side(quality, full, budget, grade),
+                      &best);
     return best;
 }
 
@@ -341,7 +341,8 @@ static struct best least_error(const struct srv_quality *quality, const uint32_t
 static struct choice keep(const struct srv_quality *quality, const uint32_t full[2],
                           const struct srv_quality_budget *budget, const struct best *best) {
     const struct choice now = { quality->grade, quality->side };
-    if (now.side < least_side(quality, full, budget) || best->choice.grade == WHOLE)
+    if (best->choice.grade == WHOLE ||
+        now.side < least_side(quality, full, budget, now.grade > DRAFT ? now.grade : DRAFT))
         return best->choice;
     const struct srv_detail detail = detail_of(now, full);
     const double ms = srv_quality_expected_ms(quality, &detail);
@@ -568,7 +569,22 @@ void srv_quality_cancelled(struct srv_quality *quality, const struct srv_detail 
     judge(fit, true);
 }
 
+/* A draft never takes longer than the whole frame, which was drawn since. */
+static void limit_drafts(struct srv_quality *quality, const uint32_t full[2]) {
+    struct srv_quality_fit *fit = &quality->fits[DRAFT];
+    if (fit->weight == 0 || quality->fits[WHOLE].weight == 0)
+        return;
+    const struct model draft = model_of(quality, DRAFT), whole = model_of(quality, WHOLE);
+    const double ratio =
+        time_of(&whole, mpx_of(full, SIDES)) / time_of(&draft, mpx_of(full, SIDES));
+    if (ratio < 1) {
+        fit->y *= ratio;
+        fit->xy *= ratio;
+    }
+}
+
 void srv_quality_rest(struct srv_quality *quality, const uint32_t full[2]) {
+    limit_drafts(quality, full);
     for (unsigned grade = 0; grade < SRV_GRADES; grade++) {
         struct srv_quality_fit *fit = &quality->fits[grade];
         const struct srv_detail whole = detail_of((struct choice){ grade, SIDES }, full);

@@ -46,6 +46,8 @@ struct srv_quality_fit {         /* of one grade */
 };
 /* The model:  time of a frame ≈ fixed + per_px · pixels       for each grade
  *
+ * Grade 0 is the whole frame, grade n a draft at mip level n − 1.
+ *
  * Exponentially weighted least squares fit both to the last frames of a grade. The fixed part, the
  * work per voxel, does not shrink with the frame: below pixels = fixed / per_px / 4 a smaller frame
  * gains nothing, and a higher mip level must help. Above it a smaller frame is closer to the sharp
@@ -107,7 +109,7 @@ double srv_quality_interval_ms(int max_fps, bool warps);
 struct srv_quality_budget { /* how long a frame of a moving view may take */
     double ms;              /* so that its rate stays */
     double most_ms;         /* if it has at most five eighths of the side for that */
-    bool warps;             /* all clients that get the frames warp them */
+    bool warps;             /* the client that moves the view warps frames */
     double part;            /* of the time that the view gets, (0, 1] */
     double least_ms;        /* shorter frames are not shown more often */
     /* Set by srv_quality_budget_moves(): */

@@ -69,6 +69,7 @@ struct srv_render_job {
     double cancellable_from_ms; /* a newer view cancels it from this time on: 0 = at once,
                                    INFINITY = never */
     double budget_ms;           /* time for which its detail was chosen */
+    double part;                /* of the time that the session gets, (0, 1] */
     double expected_ms;         /* INFINITY = not known, or it begins with classification */
     /* Virtual times at which the accounts of its session and of its first participant start.
      * charged_ms is charged until the true time of the job is known; the session pays `price` times

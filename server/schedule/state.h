@@ -117,7 +117,8 @@ double srv_session_price(const struct srv_schedule *schedule, const struct srv_s
 /* Returns the part of its session's time that a participant has if all want frames. */
 double srv_participant_portion(const struct srv_session *session,
                                const struct srv_participant *participant);
-/* True if all participants that take moving frames warp them. */
+/* True if the holder of control warps moving frames; without a holder that takes them, if all
+ * participants that take them do. */
 bool srv_session_warps(const struct srv_session *session);
 /* Time that a moving frame for the participant may take: the part of its interval that others
  * leave, but at least its own fair part. So it gets less detail instead of fewer frames. */

@@ -10,9 +10,10 @@
 enum { RATE_EPOCH_ACKS = 8 };
 /* Shorter times are jitter: a small frame says little about a fast link. */
 #define TRIP_MIN_MS 2.0
-#define EARLY_MS 3.0     /* a frame may wait so long for the link: it must not idle by jitter */
-#define WAIT_MAX_MS 60.0 /* a client may wait so long before it acknowledges a frame */
-#define LATE_MS 10.0     /* an acknowledgement may be so late, and an interval between frames */
+#define EARLY_MS 3.0       /* a frame may wait so long for the link: it must not idle by jitter */
+#define WAIT_MAX_MS 60.0   /* a client may wait so long before it acknowledges a frame */
+#define WAIT_USUAL_MS 30.0 /* of a busy client, after which its acknowledgement is late */
+#define LATE_MS 10.0       /* an acknowledgement may be so late, and an interval between frames */
 
 void srv_congestion_init(struct srv_congestion *window) {
     memset(window, 0, sizeof *window);
@@ -160,8 +161,11 @@ void srv_congestion_ponged(struct srv_congestion *window, double rtt_ms, double 
 }
 
 static bool is_late(const struct srv_congestion *window, int max_fps, double now_ms) {
-    return window->count > 0 &&
-           now_ms > window->inflight[window->head].due_ms + LATE_MS + 1000.0 / max_fps;
+    const struct srv_congestion_frame *oldest = &window->inflight[window->head];
+    if (window->count == 0)
+        return false;
+    const double waits_ms = oldest->arrived_ms > 0 ? oldest->arrived_ms + WAIT_USUAL_MS : 0;
+    return now_ms > fmax(oldest->due_ms, waits_ms) + LATE_MS + 1000.0 / max_fps;
 }
 
 double srv_congestion_opens_ms(const struct srv_congestion *window,

@@ -9,9 +9,10 @@ const REASONS = {
     const isSharp = VIDEO.has(moving.format) && !isSmaller(moving, final);
     return t(isSharp ? 'policy.bandwidth.video' : 'policy.bandwidth');
   },
-  time: ({ sharp_ms: sharp, budget_ms: budget }) =>
-    (Number.isFinite(sharp) && Number.isFinite(budget)
-      ? t('policy.time', { sharp: Math.round(sharp), budget: Math.round(budget) }) : t('policy.time.long')),
+  time: ({ sharp_ms: sharp, budget_ms: budget }) => {
+    if (!Number.isFinite(sharp) || !Number.isFinite(budget)) return t('policy.time.long');
+    return sharp > budget ? t('policy.time', { sharp: Math.round(sharp), budget: Math.round(budget) }) : t('policy.time.sooner');
+  },
   unknown_time: () => t('policy.time.unknown'),
   shared_time: () => t('policy.shared'),
   video_pixels: () => t('policy.video'),
@@ -19,12 +20,13 @@ const REASONS = {
 
 const isSmaller = (moving, final) => Boolean(moving.size && final.size && moving.size[0] < final.size[0]);
 
-function describe({ format, quality, subsampling, size, coarse } = {}) {
+function describe({ format, quality, subsampling, size, coarse, draft } = {}) {
   if (!format) return '';
   const parts = [format.toUpperCase(), quality === undefined ? t('policy.format.lossless') : t('policy.format.quality', { quality })];
   if (subsampling) parts.push(t('policy.colors', { subsampling }));
   if (size) parts.push(`${size[0]} × ${size[1]}`);
   if (coarse) parts.push(t('policy.coarse', { n: 2 ** coarse }));
+  if (draft) parts.push(t('policy.draft'));
   return parts.join(', ');
 }
 

@@ -131,6 +131,12 @@ export class WarpTiles {
     }
     const reachX = 2 + Math.ceil(2 * width / TILE / wide);
     const reachY = 2 + Math.ceil(2 * height / TILE / high);
+    const has = (n, at) => { for (let i = 0; i < n; i += 1) if (values[at(i)]) return true; return false; };
+    const down = this.#frame.cells[1];
+    if (has(down, (i) => i * across)) fromX -= FILL_STEPS;
+    if (has(down, (i) => i * across + across - 1)) toX += FILL_STEPS;
+    if (has(across, (i) => i)) fromY -= FILL_STEPS;
+    if (has(across, (i) => (down - 1) * across + i)) toY += FILL_STEPS;
     const within = (tile, most) => Math.min(Math.max(tile, 0), most) || 0; // NaN: nothing is visible
     this.box = {
       left: within(Math.floor(fromX) - reachX, this.columns), right: within(Math.ceil(toX) + reachX + 1, this.columns),

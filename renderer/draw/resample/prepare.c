@@ -289,7 +289,7 @@ static void init_faces(struct sp_resample *r) {
 /* Rays that go farther than 1.3 from slice to slice get half sheets, and so do those about 12 px
  * beside them: in small images of wide views, rays change a lot from pixel to pixel, and all that
  * are nearly steep gain by half sheets. At the limit steepness changes by about 1/scale per pixel.
- * Drafts have none. */
+ * Drafts get them only beyond two slices or samples. */
 static void init_steep(struct sp_resample *r, bool is_draft) {
     const double limit = is_draft ? 2 : 1.3, least_width = 0.01, beside_px = 12;
     bool is_perspective = r->camera->projection == SP_PERSPECTIVE;
@@ -422,6 +422,12 @@ static void compute_offset(struct sp_resample *r, const struct coordinates *own,
     memcpy(r->offset, at.v, sizeof r->offset);
 }
 
+/* Small volumes are drawn fast, and drafts of them differ more. */
+static bool is_large(const struct sp_grid *grid) {
+    const uint32_t least = 24; /* samples along an axis */
+    return grid->dims[0] >= least && grid->dims[1] >= least && grid->dims[2] >= least;
+}
+
 /* Prepares a channel at a mip level. first: the first channel; NULL = this is the first. */
 static bool prepare(const struct sp_resample_input *input, const struct sp_resample *first,
                     const struct sp_grid *first_grid, unsigned level, struct sp_resample *r,
@@ -429,7 +435,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     const struct sp_volume_info *info = sp_volume_info(input->volume);
     const struct sp_view *view = input->view;
     const bool is_projection = sp_compositing_is_projection(view->compositing.mode);
-    const bool is_draft = input->is_draft && !is_projection;
+    const bool is_draft = input->is_draft && !is_projection && is_large(&info->grid);
     *r = (struct sp_resample){
         .first = first,
         .level = level,
@@ -473,7 +479,7 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     if (is_projection && !init_reduction(input, r, length_unit))
         return sp_arena_fail(input->arena, "data", err);
     input->frame->stats.mip_level = input->mip_level;
-    input->frame->stats.is_draft = is_draft;
+    input->frame->stats.is_draft |= is_draft;
     input->frame->stats.visible_voxels +=
         r->class->visible_count * SAMPLES_REGION * SAMPLES_REGION * SAMPLES_REGION;
     return true;

@@ -124,8 +124,9 @@ struct sp_render_options {
      * at level 1, except for sheets. */
     unsigned mip_level;
     /* true = the frame may be a draft, for a view that moves: the "cpu" backend draws sheets of
-     * interpolated values in about half the time, 38 dB and more from the whole frame
-     * (renderer/draw/resample/README.md). Everything else is drawn as with false
+     * interpolated values in about half the time, scans 35 to 46 dB from the whole frame
+     * (renderer/draw/resample/README.md). Volumes with fewer than 24 samples along an axis are
+     * drawn whole. Everything else is drawn as with false
      * (sp_frame_stats.is_draft). */
     bool draft;
     /* true = the view has passed sp_view_validate() and is not checked again; false = the renderer

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws the newest frame with depth as another camera sees it, on a separate canvas: with the GPU (warp_gl.js) where there is one, else pixel
-// by pixel (core/warp_pixels.js), which takes a third of the time of WebGL on a processor. Both draw on the thread of the page, in the animation
+// by pixel (core/warp_pixels.js), which takes a fraction of the time of WebGL on a processor. Both draw on the thread of the page, in the animation
 // frame that shows the picture. A worker would show it one animation frame later; at 30 degrees per second that is half a degree.
 import { cameraFromRig } from '../../core/camera.js';
 import { PixelWarp } from '../../core/warp_pixels.js';

@@ -148,6 +148,7 @@ export default {
   'policy.bandwidth.video': 'the network is too slow for images',
   'policy.coarse': '{n}×{n}×{n} voxels as one',
   'policy.colors': 'colours {subsampling}',
+  'policy.draft': 'draft',
   'policy.final': 'At rest: {about}',
   'policy.format.lossless': 'lossless',
   'policy.format.quality': 'quality {quality}',
@@ -156,6 +157,7 @@ export default {
   'policy.shared': 'other sessions are moving, too',
   'policy.time': 'full detail would take {sharp} ms of a budget of {budget} ms',
   'policy.time.long': 'full detail would take too long',
+  'policy.time.sooner': 'less detail comes sooner',
   'policy.time.unknown': 'the time for full detail is not known yet',
   'policy.video': 'the video capacity is used up',
   // The view.
