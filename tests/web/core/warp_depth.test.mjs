@@ -142,6 +142,11 @@ for (const [name, from, to, least] of [
   });
 }
 
+test('an object that fills the frame also fills the picture after a pan: beyond the border of the frame it goes on', () => {
+  const { out } = warpBall(perspective([0, 0, 1.35]), perspective([0.06, 0.04, 1.35], { target: [0.06, 0.04, 0] }));
+  assert.equal(out.filter((px) => px === BLACK).length, 0);
+});
+
 test('a picture may have another size and shape than the frame', () => {
   const { out, truth, inner } = warpBall(perspective(turned(0)), perspective(turned(2)), [331, 217]);
   compare(psnr(out, truth, inner), '>', 40);
