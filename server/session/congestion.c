@@ -10,7 +10,10 @@
 enum { RATE_EPOCH_ACKS = 8 };
 /* Shorter times are jitter: a small frame says little about a fast link. */
 #define TRIP_MIN_MS 2.0
-#define EARLY_MS 3.0       /* a frame may wait so long for the link: it must not idle by jitter */
+#define EARLY_MS 3.0 /* a frame may wait so long for the link: it must not idle by jitter */
+/* Processes on both sides may take so long to wake up. The pongs cannot tell more: the network may
+ * deliver both pings and the frame at once. */
+#define WAKE_MAX_MS 6.0
 #define WAIT_MAX_MS 60.0   /* a client may wait so long before it acknowledges a frame */
 #define WAIT_USUAL_MS 30.0 /* of a busy client, after which its acknowledgement is late */
 #define LATE_MS 10.0       /* an acknowledgement may be so late, and an interval between frames */
@@ -72,9 +75,11 @@ static double rate_of(struct srv_congestion *window, const struct srv_congestion
                       double now_ms) {
     const double trip_ms = now_ms - f->sent_ms - srv_congestion_rtt_ms(window);
     double rate = 0;
-    if (f->arrived_ms > 0)
-        return (double)f->bytes /
-               fmax(f->begun_ms > 0 ? fmin(now_ms - f->begun_ms, trip_ms) : trip_ms, TRIP_MIN_MS);
+    if (f->arrived_ms > 0) {
+        const double between_ms = f->begun_ms > 0 ? now_ms - f->begun_ms : trip_ms;
+        const double took_ms = fmin(fmax(between_ms, trip_ms - WAKE_MAX_MS), trip_ms);
+        return (double)f->bytes / fmax(took_ms, TRIP_MIN_MS);
+    }
     srv_ack_delay_limit(&window->delay, trip_ms);
     if (f->is_first)
         rate = srv_ack_delay_add(&window->delay, (double)f->bytes, trip_ms, now_ms);

@@ -17,9 +17,10 @@
  *         late; it replaces the pong until the next one.
  *   delay The wait of a busy client before it acknowledges. A ping goes before each frame and one
  *         behind it. Browsers answer pings while a page is busy, so the second pong tells when the
- *         frame has arrived, and the time between both how long the link took for it. Where no
- *         pong came, frames of different sizes tell the wait (ack_delay.h). A pong is believed for
- *         a wait of up to 60 ms, because a proxy may have answered the ping.
+ *         frame has arrived. The time between both pongs tells what part of its time the link took;
+ *         up to 6 ms of the rest, in which processes woke up, are left out. Where no pong came,
+ *         frames of different sizes tell the wait (ack_delay.h). A pong is believed for a wait of
+ *         up to 60 ms, because a proxy may have answered the ping.
  *   rate  The rate of the link. Two measurements estimate it; neither exceeds the true rate while
  *         base and delay are right, apart from jitter. The largest of the last 8 to 16 frames
  *         counts, or of the last 1 to 2 seconds, whichever is shorter.
