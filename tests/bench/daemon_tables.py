@@ -140,7 +140,7 @@ def network(folder):
 
 
 def motion(folder):
-    """One table per client; rows: move, size and network; columns: volumes. An arrow follows what was measured before frames had depth."""
+    """One table per client; rows: move, size and network; columns: volumes. An arrow follows what was measured before."""
     rows, earlier, texts = read(folder, 'motion.csv'), read(folder, 'motion_before.csv'), []
     volumes = list(dict.fromkeys(r['volume'] for r in rows))
     for client in dict.fromkeys(r['client'] for r in rows):

@@ -35,7 +35,7 @@ ABOUT = {
     'gl_pixels': 'the GPU backend, classified per pixel', 'gl_vtk': 'VTK\'s GPU ray caster on the same GPU',
     'gl_streams': 'sessions of 1024 px that turn, on the GPU backend', 'gl_edits': 'a changing transfer function on the GPU backend', 'gl_elements': 'elements.csv on the GPU backend',
     'serve': 'the daemon with its clients', 'latency': 'from a change to its image', 'network': 'the same over slow and distant networks',
-    'browser': 'the page in Chromium', 'motion': 'what a user sees while the view moves', 'motion_before': 'the same before frames had depth (0f468e90)', 'bricks': 'volumes that are larger than memory', 'memory': 'the memory of frames',
+    'browser': 'the page in Chromium', 'motion': 'what a user sees while the view moves', 'motion_before': 'the same before moving frames were drafts (cb1bbba3)', 'bricks': 'volumes that are larger than memory', 'memory': 'the memory of frames',
     'soak': 'the daemon with clients that come and go', 'codecs': 'bytes and time per image format and video codec',
     'tls': 'the TLS acceptor',
 }
@@ -116,7 +116,7 @@ PAGES = [
          'Measured by `motion.mjs`: 60 updates per second, a turn of 34 degrees per second, on the same two cores as the daemon. Each cell has, in dB, the '
          'image on the screen at ticks of the display against the snapshot of the view that was asked for at that moment, over the whole image and in brackets '
          'over the pixels that the object covers; the median width of the frames, and how often per second the image on the screen changes. Before an arrow '
-         'stands the daemon and the page of 0f468e90, whose frames had no depth, on the same machine in the same hour. Squared errors are summed over all '
+         'stands the daemon and the page of cb1bbba3, without drafts, on the same machine in the same hour. Squared errors are summed over all '
          'ticks of a row. The network is a proxy that delays and limits the rate.'),
     ], ['motion', 'motion_before'], ['motion']),
     Page('memory', 'Memory', bricks_headline, [
