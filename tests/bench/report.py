@@ -64,7 +64,7 @@ PAGES = [
     Page('pixels', 'Speed per pixel', pixels_headline, [
         ('Speed per pixel', pixels,
          'Sheets that are classified per pixel, which most views get by default and which are sharper ([exact images](exact.md)). Frames per second, and in '
-         'brackets the ratio to VTK\'s CPU ray caster in the same run. Two threads, eight views of each orbit. The goal is for all four columns.'),
+         'brackets the ratio to VTK\'s CPU ray caster in the same run. Two threads, four to eight views of each orbit. The goal is for all four columns.'),
         ('Drafts', drafts, 'The same while a view moves: drafts, which alternated with the whole frames above.'),
     ], ['pixels'], ['pixels', 'light']),
     Page('exact', 'Against exact images', exact_headline, [
