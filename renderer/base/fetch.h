@@ -118,8 +118,8 @@ static inline sp_wide_int sp_fetch_dot(sp_wide_int pair, sp_wide_int weights) {
 #endif
 }
 
-/* One table entry of four components per lane. part[k]: the components of lane k; with more than
- * four lanes, followed by those of the lanes k + 4, k + 8 and k + 12. */
+/* One table entry of four components per lane. part[k] has the components of lane k. With eight
+ * lanes those of lane k + 4 follow, with sixteen also those of the lanes k + 8 and k + 12. */
 struct sp_entries {
     sp_wide part[4];
 };

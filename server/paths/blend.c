@@ -4,8 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "common/vectors.h"
 #include "paths/blend_transform.h"
-#include "paths/vectors.h"
 
 /* Linear. The result is never outside [a, b] despite rounding: both may be the end of a range. */
 static double mix(double a, double b, double u) {

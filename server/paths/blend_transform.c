@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-#include "paths/vectors.h"
+#include "common/vectors.h"
 
 /* A turn, an even scale and a shift. */
 struct similarity {

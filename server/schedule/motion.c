@@ -4,6 +4,8 @@
 #include <complex.h>
 #include <math.h>
 
+#include "common/vectors.h"
+
 #define LEAST_MS 4.0   /* updates that are closer together count as one */
 #define PAUSE_MS 300.0 /* the time of an update after such a pause tells no speed */
 #define SMOOTH_MS 80.0 /* time constant of the mean */
@@ -20,17 +22,8 @@ struct basis { /* of a camera */
     bool is_perspective;
 };
 
-static double dot(const double a[3], const double b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross(const double a[3], const double b[3], double out[3]) {
-    for (int i = 0; i < 3; i++)
-        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-}
-
 static void normalize(double a[3]) {
-    const double length = sqrt(dot(a, a));
+    const double length = sqrt(srv_dot(a, a));
     for (int i = 0; i < 3 && length > 0; i++)
         a[i] /= length;
 }
@@ -41,11 +34,11 @@ static struct basis basis_of(const struct sp_camera *c) {
         b.position[i] = c->position[i];
         b.forward[i] = c->target[i] - c->position[i];
     }
-    b.distance = sqrt(dot(b.forward, b.forward));
+    b.distance = sqrt(srv_dot(b.forward, b.forward));
     normalize(b.forward);
-    cross(b.forward, c->up, b.right);
+    srv_cross(b.forward, c->up, b.right);
     normalize(b.right);
-    cross(b.right, b.forward, b.up);
+    srv_cross(b.right, b.forward, b.up);
     b.height = b.is_perspective ? 2 * tan(c->fov_y * (M_PI / 360)) : c->height;
     return b;
 }
@@ -55,9 +48,9 @@ static double complex project(const struct basis *b, const double point[3]) {
     double to[3];
     for (int i = 0; i < 3; i++)
         to[i] = point[i] - b->position[i];
-    const double depth = fmax(dot(to, b->forward), NEAREST * b->distance);
+    const double depth = fmax(srv_dot(to, b->forward), NEAREST * b->distance);
     const double scale = b->height * (b->is_perspective ? depth : 1);
-    return dot(to, b->right) / scale + dot(to, b->up) / scale * I;
+    return srv_dot(to, b->right) / scale + srv_dot(to, b->up) / scale * I;
 }
 
 static void corner_of(const struct basis *b, int corner, double point[3]) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What is known of the interval between two sheets while it is classified, lit and composited
+ * An interval between two sheets: the state of its rays from classification to compositing
  * (integrate.c).
  */
 #ifndef SP_RESAMPLE_INTERVAL_H

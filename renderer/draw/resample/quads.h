@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The light of drafts (sp_render_options.draft): once per quad, which is a square of 2 × 2 pixels,
- * for each interval. Colours stay those of the pixels:
+ * The light of drafts (sp_render_options.draft): per interval, one light for each quad, a square
+ * of 2 × 2 pixels. Each pixel keeps its own colour:
  *
  *   ┌───┬───┐   place on the mean ray of the quad: the mean of the places where the four pixels
  *   │ · │ · │   see the interval, weighted by the light that they get from it

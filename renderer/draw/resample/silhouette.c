@@ -35,8 +35,8 @@ static void init_face(struct face *face, const struct sp_resample *r,
 }
 
 /* True if rays enter the drawn part through this face. A joint counts neither here nor below:
- * behind it, another image shows the rest of the volume. Both images cover whole pixels at the
- * joint, because light would pass between two parts of a pixel. */
+ * behind it, another image shows the rest of the volume. At the joint both images cover whole
+ * pixels. If each covered a part of the pixel, the background would show between them. */
 static bool is_in_front(const struct face *face) {
     return face->is_entered && !face->is_joint;
 }

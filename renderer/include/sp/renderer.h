@@ -125,7 +125,7 @@ struct sp_render_options {
     unsigned mip_level;
     /* true = the frame may be a draft, for a view that moves: the "cpu" backend draws sheets of
      * interpolated values in about half the time, scans 35 to 46 dB from the whole frame
-     * (renderer/draw/resample/README.md). Volumes with fewer than 24 samples along an axis are
+     * (renderer/draw/resample/drafts.md). Volumes with fewer than 24 samples along an axis are
      * drawn whole. Everything else is drawn as with false
      * (sp_frame_stats.is_draft). */
     bool draft;

@@ -127,7 +127,7 @@ export class DepthWarp {
   /** How many drawings were made. */
   get count() { return this.#count; }
 
-  /** Resolves to the image of the depth of a frame. Resolves to null if the frame has no depth, or if its depth cannot be decoded. */
+  /** Decodes the depth image of a frame. Gives null if there is none, or if it is broken. */
   async decode({ depth }) {
     if (!depth?.payload) return null;
     return createImageBitmap(new Blob([depth.payload], { type: 'image/png' }), plain).catch(() => null);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Products of vectors, for the interpolation of directions and rotations.
+ * Products of vectors with three components.
  */
-#ifndef SRV_PATHS_VECTORS_H
-#define SRV_PATHS_VECTORS_H
+#ifndef SRV_COMMON_VECTORS_H
+#define SRV_COMMON_VECTORS_H
 
 static inline double srv_dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
