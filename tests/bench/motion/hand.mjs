@@ -15,11 +15,15 @@ const unit = (a) => a.map((x) => x / Math.hypot(...a));
 const turned = (vector, axis, angle) =>
   add(add(vector.map((x) => x * Math.cos(angle)), cross(axis, vector), Math.sin(angle)), axis, dot(axis, vector) * (1 - Math.cos(angle)));
 
+/** False in the gaps of a hand that moves with gaps: it moves at every second, third or fourth tick (33 to 67 ms). */
+export const isActive = (move, tick) => move !== 'gaps' || [0, 2, 5].includes(tick % 9);
+
 export const MOVES = {
   turn: ({ position, target, up }, time) => {
     const axis = unit(up);
     return { position: add(target, turned(add(position, target, -1), axis, TURN * time)), target, up };
   },
+  gaps: (camera, time) => MOVES.turn(camera, time),
   zoom: ({ position, target, up }, time) => ({ position: add(target, add(position, target, -1), Math.exp(-ZOOM * time)), target, up }),
   pan: ({ position, target, up }, time) => {
     const back = add(position, target, -1);
@@ -29,13 +33,13 @@ export const MOVES = {
   },
 };
 
-/** Moves the pressed mouse of a page over a canvas {x, y, width, height}, or turns its wheel, for a time in seconds. */
-export async function moveInPage(page, move, { x, y, width, height }, seconds) {
+/** Moves the pressed mouse of a page over a canvas {x, y, width, height}, or turns its wheel, for a time in seconds. isBack: zooms out. */
+export async function moveInPage(page, move, { x, y, width, height }, seconds, isBack = false) {
   const [middleX, middleY] = [x + width / 2, y + height / 2];
   const side = Math.min(width, height);
   const reach = 0.3 * side; // a drag goes to and fro, so that it stays on the canvas
   // The arcball of the page turns by twice the angle between two of its points; its radius is 0.75 of the side.
-  const speed = move === 'turn' ? TURN * 0.75 * side / 2 : 2 * Math.PI * 0.1 * side / PAN_PERIOD;
+  const speed = move === 'turn' || move === 'gaps' ? TURN * 0.75 * side / 2 : 2 * Math.PI * 0.1 * side / PAN_PERIOD;
   const at = (time) => {
     const way = (speed * time + reach) % (4 * reach);
     return middleX + (way < 2 * reach ? way - reach : 3 * reach - way);
@@ -44,9 +48,11 @@ export async function moveInPage(page, move, { x, y, width, height }, seconds) {
   if (move !== 'zoom') await page.mouse.down({ button: move === 'pan' ? 'right' : 'left' });
   const begin = performance.now();
   const events = []; // a hand does not wait for the page
+  let tick = 0;
   for (let due = begin; due < begin + 1000 * seconds; due = Math.max(due + TICK_MS, performance.now())) {
     await new Promise((resolve) => { setTimeout(resolve, due - performance.now()); });
-    events.push(move === 'zoom' ? page.mouse.wheel(0, -ZOOM * TICK_MS / 1000 / 0.0015) : page.mouse.move(at((performance.now() - begin) / 1000), middleY));
+    tick += 1;
+    if (isActive(move, tick)) events.push(move === 'zoom' ? page.mouse.wheel(0, (isBack ? 1 : -1) * ZOOM * TICK_MS / 1000 / 0.0015) : page.mouse.move(at((performance.now() - begin) / 1000), middleY));
   }
   await Promise.all(events);
   if (move !== 'zoom') await page.mouse.up({ button: move === 'pan' ? 'right' : 'left' });

@@ -4,6 +4,7 @@
 /** Runs in the page. Each image is {bytes (base64), type, map}; `map`: a homography by rows that the image is drawn by, or null. */
 function prepare() {
   const snapshots = new Map();
+  let before = null; // px of the image that was compared last
 
   const blobOf = async ({ bytes, type }) => (await fetch(`data:${type};base64,${bytes}`)).blob();
 
@@ -41,12 +42,14 @@ function prepare() {
     snapshots.set(name, await pixelsOf(image, size));
   }
 
-  /** Sums of squared differences from a snapshot: over the whole image and over the pixels where the snapshot is not background. */
+  /** Sums of squared differences from a snapshot: over the whole image and over the pixels where the snapshot is not background. `change`: the mean
+   * absolute difference of these pixels from the image that was compared before, in levels of 0 to 255. */
   async function compare(image, name, size, ground) {
     const snapshot = snapshots.get(name);
     const plain = await pixelsOf(image, size);
     const shown = image.map ? mapped(plain, size, image.map, ground) : plain;
-    const sums = { whole: 0, count: 0, object: 0, covered: 0 };
+    const sums = { whole: 0, count: 0, object: 0, covered: 0, change: 0 };
+    const last = before?.length === shown.length ? before : shown;
     for (let at = 0; at < snapshot.length; at += 4) {
       let [square, isObject] = [0, false];
       for (let k = 0; k < 3; k += 1) {
@@ -58,22 +61,26 @@ function prepare() {
       if (isObject) {
         sums.object += square;
         sums.covered += 3;
+        for (let k = 0; k < 3; k += 1) sums.change += Math.abs(shown[at + k] - last[at + k]);
       }
     }
+    sums.change /= Math.max(sums.covered, 1);
+    before = shown;
     return sums;
   }
 
-  window.judge = { keep, compare, forget: () => snapshots.clear() };
+  window.judge = { keep, compare, forget: () => { snapshots.clear(); before = null; } };
 }
 
-const db = (square, count) => (count ? 10 * Math.log10(255 ** 2 / Math.max(square / count, 1e-4)) : NaN);
+/** Decibels of a sum of squared differences of `count` values. */
+export const db = (square, count) => (count ? 10 * Math.log10(255 ** 2 / Math.max(square / count, 1e-4)) : NaN);
 
 /** Sums of several images, and their decibels. */
 export class Score {
   #sums = { whole: 0, count: 0, object: 0, covered: 0 };
 
   add(sums) {
-    for (const key of Object.keys(sums)) this.#sums[key] += sums[key];
+    for (const key of Object.keys(this.#sums)) this.#sums[key] += sums[key];
   }
 
   get whole() { return db(this.#sums.whole, this.#sums.count); }

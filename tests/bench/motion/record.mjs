@@ -5,8 +5,9 @@
 // A look is one tick of the display: the image on the screen, and the camera that the hand asked for at that moment.
 import { Client, pause } from '../serve/peers.mjs';
 import { resize, until } from '../../web/support/browser.mjs';
-import { MOVES, moveInPage, TICK_MS } from './hand.mjs';
+import { isActive, MOVES, moveInPage, TICK_MS } from './hand.mjs';
 
+const FINAL = 2; // flag in the frame header
 export const TYPES = { 1: 'image/jpeg', 2: 'image/png', 3: 'image/webp' };
 export const WARM = 1; // seconds of motion before the first look
 
@@ -24,17 +25,20 @@ export async function recordStream(daemon, view, { move, px, seconds, looksPerSe
   const last = first + Math.round(1000 * seconds / TICK_MS);
   const step = Math.round(1000 / looksPerSecond / TICK_MS);
   await new Promise((resolve) => {
+    let tick = 0;
     client.drive(TICK_MS, () => {
-      const tick = cameras.length;
+      tick += 1;
       if (tick === first) client.reset();
       if (tick > last) {
         clearTimeout(client.timer);
         resolve();
         return;
       }
-      cameras.push(MOVES[move](view.camera, tick * TICK_MS / 1000));
-      client.update({ camera: cameras[tick] });
-      if (tick >= first && (tick - first) % step === 0 && frames.length) looks.push({ wanted: cameras[tick], frame: frames.length - 1 });
+      if (isActive(move, tick)) {
+        cameras.push(MOVES[move](view.camera, tick * TICK_MS / 1000));
+        client.update({ camera: cameras.at(-1) });
+      }
+      if (tick >= first && (tick - first) % step === 0 && frames.length) looks.push({ wanted: cameras.at(-1), frame: frames.length - 1 });
     });
   });
   const base = looks[0]?.frame ?? 0;
@@ -43,6 +47,49 @@ export async function recordStream(daemon, view, { move, px, seconds, looksPerSe
   const result = { frames: seen, looks, hands: client.latencies, seconds, changes: seen.length };
   client.end();
   return result;
+}
+
+/** The same client, whose hand moves for a while and stops, `stops` times. Gives {stops: [{looks: [{at (ms after the stop), image}], wanted, frames, first, final}]}; see settle.mjs. */
+export async function recordStreamStops(daemon, view, { move, px, stops, moveSeconds, lookMs, settings }) {
+  const client = await Client.open(daemon, await daemon.session(px, view));
+  client.configure({ max_fps: 60, format: 'jpeg', ...settings });
+  await pause(1000);
+  let [frames, camera, time, way] = [[], view.camera, 0, 1];
+  client.onFrame = (seq, data) => {
+    frames.push({ at: performance.now(), seq, isFinal: (data[5] & FINAL) !== 0, bytes: data.subarray(data.length - data.readUInt32LE(28)), type: TYPES[data[4]] });
+  };
+  const record = { stops: [] };
+  for (let i = 0; i < stops; i += 1) {
+    const ticks = Math.round(1000 * moveSeconds / TICK_MS);
+    await new Promise((resolve) => {
+      let tick = 0;
+      client.drive(TICK_MS, () => {
+        tick += 1;
+        time += way * TICK_MS / 1000;
+        camera = MOVES[move](view.camera, time);
+        client.update({ camera });
+        if (tick < ticks) return;
+        clearTimeout(client.timer);
+        resolve();
+      });
+    });
+    const stopped = performance.now();
+    await pause(lookMs + 500);
+    const looks = [];
+    for (let at = 0; at < lookMs; at += TICK_MS) looks.push({ at, image: frames.findLast((frame) => frame.at <= stopped + at) });
+    record.stops.push({ looks, wanted: camera, ...arrivals(frames, client.seq, stopped) });
+    if (move === 'zoom') way = -way;
+    frames = frames.slice(-1);
+  }
+  client.end();
+  return record;
+}
+
+/** How many frames came after the stop, and when the first and the last one of the newest view did (ms). */
+function arrivals(frames, seq, stopped) {
+  const after = frames.filter(({ at }) => at > stopped);
+  const own = after.filter((frame) => frame.seq === seq);
+  return { frames: after.length, first: own[0]?.at - stopped, final: own.find(({ isFinal }) => isFinal)?.at - stopped };
 }
 
 /** Runs in the page before its scripts: records the images that arrive and the cameras that are sent. */
@@ -56,15 +103,16 @@ function listen() {
       this.addEventListener('message', ({ data }) => {
         if (!record.isOn || typeof data === 'string') return;
         const view = new DataView(data);
+        const isFinal = (view.getUint8(5) & 2) !== 0;
         const kept = view.getUint8(4) <= 3 ? data.slice(data.byteLength - view.getUint32(28, true)) : null; // the daemon may send video
-        record.frames.push({ at: performance.now(), length: data.byteLength, seq: view.getUint32(12, true), width: view.getUint16(16, true), codec: view.getUint8(4), data: kept });
+        record.frames.push({ at: performance.now(), length: data.byteLength, seq: view.getUint32(12, true), width: view.getUint16(16, true), codec: view.getUint8(4), isFinal, data: kept });
       });
     }
 
     send(text) {
       if (typeof text === 'string' && text.includes('"view.update"')) {
         const { params } = JSON.parse(text);
-        if (params.patch.camera) record.cameras.push([params.seq, params.patch.camera]);
+        if (params.patch.camera) record.cameras.push([params.seq, params.patch.camera, performance.now()]);
       }
       super.send(text);
     }
@@ -129,8 +177,8 @@ async function tell() {
 /** The homography of a CSS matrix between canvases whose px are `scale` per CSS px. */
 const homographyOf = (m, scale) => [[m[0], m[4], m[12] * scale], [m[1], m[5], m[13] * scale], [m[3] / scale, m[7] / scale, m[15]]];
 
-/** The page of splatd. Returns a record, and `size` of its canvas. */
-export async function recordPage(page, url, { move, px, seconds, looksPerSecond }) {
+/** Opens the page of splatd with a canvas of px x px, and waits until it rests. Gives {box (of the canvas), rest (waits again)}. */
+async function openAtRest(page, url, px) {
   await page.addInitScript(listen);
   await page.setViewportSize({ width: px, height: px });
   await page.goto(url);
@@ -147,17 +195,106 @@ export async function recordPage(page, url, { move, px, seconds, looksPerSecond 
     [width, height] = [width + px - Math.round(box.width), height + px - Math.round(box.height)];
     await resize(page, { width, height });
   }
+  return { box, rest };
+}
+
+/** The page of splatd. Returns a record, and `size` of its canvas. */
+export async function recordPage(page, url, { move, px, seconds, looksPerSecond }) {
+  const { box } = await openAtRest(page, url, px);
   const size = await page.evaluate(() => window.splatd.wanted);
   const moved = moveInPage(page, move, box, WARM + seconds);
   await pause(1000 * WARM);
   await page.evaluate(watch, Math.round(1000 / looksPerSecond / TICK_MS));
   await moved;
   const { cameras, ...record } = await page.evaluate(tell);
-  const sent = new Map(cameras);
+  const sent = new Map(cameras.map(([seq, camera]) => [seq, camera]));
   for (const frame of record.frames) Object.assign(frame, { bytes: frame.data && Buffer.from(frame.data, 'base64'), type: TYPES[frame.codec] });
   for (const look of record.looks) {
     look.image = { bytes: Buffer.from(look.image, 'base64'), type: 'image/png', map: look.matrix && homographyOf(look.matrix, look.scale) };
     look.of = look.frame < 0 ? null : sent.get(record.frames[look.frame].seq);
   }
   return { ...record, size };
+}
+
+/** Runs in the page: looks at every animation frame, until motion.isOn is false. A look is what is on the screen: the canvas or the warped picture,
+ * and above it a frame that fades out. */
+function watchEach() {
+  const { motion } = window;
+  Object.assign(motion, { isOn: true, looks: [], frames: [], shown: '' });
+  const layer = document.getElementById('warp');
+  const screen = document.getElementById('screen');
+  const look = () => {
+    if (!motion.isOn) return;
+    const { count, warps } = window.splatd;
+    const old = document.querySelector('#screen + canvas');
+    const opacity = old ? Number(getComputedStyle(old).opacity) : 0;
+    const shown = [count, !layer.hidden && warps, opacity].join(' ');
+    const at = performance.now();
+    if (shown === motion.shown) {
+      motion.looks.push({ at, image: null }); // as the one before
+      return;
+    }
+    motion.shown = shown;
+    const canvas = new OffscreenCanvas(screen.width, screen.height);
+    const context = canvas.getContext('2d', { alpha: false });
+    context.imageSmoothingQuality = 'low';
+    context.drawImage(layer.hidden ? screen : layer.lastElementChild, 0, 0, canvas.width, canvas.height);
+    context.globalAlpha = opacity;
+    if (opacity > 0) context.drawImage(old, 0, 0, canvas.width, canvas.height);
+    motion.looks.push({ at, image: canvas.transferToImageBitmap() });
+  };
+  const { port1, port2 } = new MessageChannel();
+  port1.onmessage = look;
+  const next = () => {
+    if (!motion.isOn) return;
+    port2.postMessage(0);
+    requestAnimationFrame(next);
+  };
+  requestAnimationFrame(next);
+}
+
+/** Runs in the page: what watchEach() saw since the last camera was sent. */
+async function tellEach() {
+  const { motion } = window;
+  motion.isOn = false;
+  const [seq, wanted, stopped] = motion.cameras.at(-1);
+  const first = Math.max(motion.looks.findLastIndex(({ at }) => at <= stopped), 0);
+  const begin = motion.looks.findLastIndex(({ image }, i) => i <= first && image);
+  const looks = [];
+  for (const { at, image } of motion.looks.slice(begin)) {
+    let text = null;
+    if (image) {
+      const canvas = new OffscreenCanvas(image.width, image.height);
+      canvas.getContext('2d', { alpha: false }).drawImage(image, 0, 0);
+      const bytes = new Uint8Array(await (await canvas.convertToBlob()).arrayBuffer());
+      text = '';
+      for (let from = 0; from < bytes.length; from += 32768) text += String.fromCharCode(...bytes.subarray(from, from + 32768));
+      text = btoa(text);
+      image.close();
+    }
+    looks.push({ at: at - stopped, image: text });
+  }
+  return { looks, wanted, seq, stopped, frames: motion.frames.map(({ at, isFinal, seq: of }) => ({ at, isFinal, seq: of })) };
+}
+
+/** The page of splatd, as recordStreamStops(). The last look before the stop counts as the look at the stop. */
+export async function recordPageStops(page, url, { move, px, stops, moveSeconds, lookMs }) {
+  const { box, rest } = await openAtRest(page, url, px);
+  const record = { stops: [], size: await page.evaluate(() => window.splatd.wanted) };
+  for (let i = 0; i < stops; i += 1) {
+    const moved = moveInPage(page, move, box, moveSeconds, i % 2 === 1);
+    await pause(1000 * moveSeconds - 100);
+    await page.evaluate(watchEach);
+    await moved;
+    await pause(lookMs);
+    const { looks, wanted, seq, stopped, frames } = await page.evaluate(tellEach);
+    let image = null;
+    for (const look of looks) {
+      if (look.image) image = { bytes: Buffer.from(look.image, 'base64'), type: 'image/png' };
+      Object.assign(look, { at: Math.max(look.at, 0), image });
+    }
+    record.stops.push({ looks, wanted, ...arrivals(frames, seq, stopped) });
+    await rest();
+  }
+  return record;
 }
