@@ -48,13 +48,20 @@ static double sharp_ms(const struct srv_session *s, const struct srv_participant
     return srv_quality_expected_ms(&s->schedule->quality, &sharp);
 }
 
+bool srv_intermediate(const struct srv_session *s, const struct srv_participant *p,
+                      struct srv_detail *detail) {
+    uint32_t full[2], most[2];
+    srv_hub_size(s, p, full);
+    srv_rate_control_size(&p->delivery.rate_control, full, most);
+    return srv_quality_intermediate(&s->schedule->quality, full, most, &p->schedule->newest.detail,
+                                    detail);
+}
+
 static bool needs_intermediate(const struct srv_session *s, const struct srv_participant *p) {
     struct srv_detail detail;
-    uint32_t full[2];
-    srv_hub_size(s, p, full);
-    return p->settings.progressive && p->schedule->newest.step == SRV_STEP_MOVING &&
-           srv_quality_intermediate(&s->schedule->quality, full, &p->schedule->newest.detail,
-                                    &detail);
+    const struct srv_newest_job *newest = &p->schedule->newest;
+    return p->settings.progressive && newest->version > 0 && newest->step == SRV_STEP_MOVING &&
+           srv_intermediate(s, p, &detail);
 }
 
 /* Would the frame of this step be slow to encode? The last moving frame tells the size of the next
@@ -88,6 +95,14 @@ static bool is_first(const struct srv_schedule *schedule, const struct srv_parti
            schedule->first_ms <= now_ms + FIRST_BURST_MS;
 }
 
+static double settles_at_ms(const struct srv_schedule *schedule, const struct srv_session *s,
+                            double rest_at_ms) {
+    if (rest_at_ms == INFINITY)
+        return INFINITY;
+    return s->shared.changed_ms +
+           srv_decide_settle_ms(s->schedule->gap_ms, schedule->hub->options.rest_ms);
+}
+
 static struct srv_demand demand_of(const struct srv_schedule *schedule, const struct srv_session *s,
                                    const struct srv_participant *p, double now_ms) {
     const struct srv_participant_schedule *plan = p->schedule;
@@ -100,7 +115,7 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     demand.is_first = is_first(schedule, p, now_ms);
     demand.is_newer = is_newer(s, p);
     demand.is_progressive = p->settings.progressive;
-    demand.needs_intermediate = !demand.is_newer && needs_intermediate(s, p);
+    demand.needs_intermediate = needs_intermediate(s, p);
     for (int step = 0; step < SRV_STEPS; step++)
         demand.is_slow[step] = is_slow(s, p, (enum srv_frame_step)step);
     demand.has_slow_slot = has_slow_slot(schedule, s);
@@ -110,6 +125,8 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     demand.rest_at_ms = srv_play_moves(s) || s->shared.is_waiting
                             ? INFINITY
                             : s->shared.changed_ms + schedule->hub->options.rest_ms;
+    demand.settles_at_ms = settles_at_ms(schedule, s, demand.rest_at_ms);
+    demand.is_alone = schedule->sharing <= 1 && !s->schedule->must_finish;
     demand.sharp_ms = sharp_ms(s, p);
     demand.waited_ms = waited_ms(&plan->waiting, now_ms);
     demand.spent_ms = plan->waiting.spent_ms;

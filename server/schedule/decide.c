@@ -7,6 +7,8 @@
 #include "schedule/quality.h"
 
 #define FIRST_FRAME_MS 150.0 /* a first frame that takes longer has less detail at first */
+#define SETTLE_MS 30.0       /* two updates of 60 per second, nearly */
+#define SETTLE_GAPS 1.5      /* times the longest time between updates */
 #define ROUNDING_MS 1e-6     /* of a mean of equal numbers */
 #define SHORT_PORTION 0.1    /* of the work that it preempts */
 
@@ -21,26 +23,44 @@ static double protected_ms(const struct srv_demand *d) {
 }
 
 static enum srv_frame_step step_of(const struct srv_demand *d, bool is_refinement) {
-    if (!d->is_newer)
+    if (!d->is_newer || (is_refinement && d->needs_intermediate))
         return d->needs_intermediate ? SRV_STEP_INTERMEDIATE : SRV_STEP_FINAL;
     return !d->is_progressive || is_refinement ? SRV_STEP_FINAL : SRV_STEP_MOVING;
+}
+
+double srv_decide_settle_ms(double gap_ms, double rest_ms) {
+    return fmin(rest_ms, fmax(SETTLE_MS, SETTLE_GAPS * gap_ms));
+}
+
+/* Returns in how many ms the refinement may begin. */
+static double refinement_in_ms(const struct srv_demand *d, double now_ms) {
+    const double settles_ms = d->settles_at_ms - now_ms;
+    return d->needs_intermediate ? settles_ms
+                                 : fmax(d->rest_at_ms - d->sharp_ms - now_ms, settles_ms);
+}
+
+/* True if a better frame than a moving one is drawn of a view that has no frame yet. */
+static bool skips_moving(const struct srv_demand *d, double now_ms) {
+    if (now_ms < d->settles_at_ms)
+        return false;
+    if (d->needs_intermediate)
+        return d->is_alone;
+    return now_ms >= d->rest_at_ms && is_sharp_soon(d);
 }
 
 struct srv_frame_request srv_decide_request(const struct srv_demand *d, double now_ms) {
     struct srv_frame_request request = { .in_ms = INFINITY };
     if (!d->wants_frame)
         return request;
-    double rest_ms = d->rest_at_ms - now_ms;
     double in_ms = fmax(d->next_frame_ms, d->opens_ms) - now_ms;
     if (!d->is_newer)
-        in_ms = fmax(in_ms, rest_ms);
+        in_ms = fmax(in_ms, refinement_in_ms(d, now_ms));
     if (in_ms > 0) {
         request.in_ms = in_ms;
         return request;
     }
     request.deadline_ms = fmax(d->next_frame_ms, d->behind_ms) + 1000.0 / d->max_fps;
-    request.is_refinement =
-        d->is_progressive && (!d->is_newer || (rest_ms <= 0 && is_sharp_soon(d)));
+    request.is_refinement = d->is_progressive && (!d->is_newer || skips_moving(d, now_ms));
     request.step = step_of(d, request.is_refinement);
     request.is_slow_to_encode = d->is_slow[request.step];
     request.is_wanted = !request.is_slow_to_encode || d->has_slow_slot;

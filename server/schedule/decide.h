@@ -33,25 +33,35 @@ enum srv_rank {
  *
  *   the participant wants a frame if          and gets it if
  *     the view is newer than its last job       its window is open (session/congestion.h)
- *     or the view rests, and its last frame     and its frame rate allows it
- *     was not of final quality */
+ *     or its last frame was not of final        and its frame rate allows it
+ *     quality
+ *
+ * A refinement begins when the hand seems to have stopped: no update came for longer than between
+ * the last ones. Earlier, the next update would cancel it, and would wait until it is cancelled.
+ * The frame of final quality is not expected to be ready before the view rests. */
 struct srv_demand {
     bool wants_frame;        /* as above, without the frame rate and the rest */
     bool is_first;           /* the client has no frame yet, and may have one before others */
     bool is_newer;           /* the view is newer than its last job */
     bool is_progressive;     /* the client takes frames of less detail while the view moves */
-    bool needs_intermediate; /* at rest; the sharp frame takes long, so a faster one precedes it */
+    bool needs_intermediate; /* the sharp frame takes long, so a faster one precedes it */
     bool is_slow[SRV_STEPS]; /* the frame of this step is slow to encode */
     bool has_slow_slot;      /* another slow frame may be encoded now */
     int max_fps;
     double next_frame_ms; /* the frame rate allows no frame before, */
     double opens_ms;      /* nor does the network */
     double behind_ms;     /* time since which the view is newer than its last job */
+    double settles_at_ms; /* time at which the hand seems to have stopped, <= rest_at_ms */
     double rest_at_ms;    /* time at which the view is at rest, unless it changes */
+    bool is_alone;        /* no other session gets frames */
     double sharp_ms;      /* expected time of a sharp frame; 0 = not known */
     double waited_ms;     /* how long a refinement waited although it could be drawn */
     double spent_ms;      /* longest time for which it was drawn before it was cancelled */
 };
+
+/* Returns how long no update must come until the hand seems to have stopped. gap_ms: the longest
+ * time between the last updates, 0 = not known; rest_ms: then the view is at rest. */
+double srv_decide_settle_ms(double gap_ms, double rest_ms);
 
 struct srv_frame_request {
     bool is_wanted;
@@ -67,7 +77,8 @@ struct srv_frame_request {
 };
 /* Returns what the participant wants now. The deadline of a moving frame is the time of the frame
  * after it. A moving view wants no refinement, but its first frame after a rest is sharp if that is
- * fast. */
+ * fast. When the hand seems to have stopped, an intermediate frame replaces the moving one, unless
+ * other sessions get frames. */
 struct srv_frame_request srv_decide_request(const struct srv_demand *demand, double now_ms);
 
 /* A participant that wants a frame now, or the best participant of a session. */

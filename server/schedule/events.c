@@ -9,6 +9,9 @@
 
 #include "schedule/state.h"
 
+#define PAUSE_MS 500.0 /* between two motions */
+#define GAP_FADE 0.9   /* of the longest gap with each change */
+
 static void interrupt(const struct srv_schedule *schedule, uint64_t of, enum srv_interrupt why) {
     schedule->options.interrupt(schedule->options.user, of, why);
 }
@@ -45,6 +48,13 @@ static void init_quality(const struct srv_schedule *schedule, struct srv_session
             srv_quality_init_from(quality, &schedule->qualities[i].quality);
 }
 
+/* Notes the time since the last change. A pause ends the motion and says nothing about it. */
+static void note_gap(struct srv_session_schedule *plan, double now_ms) {
+    const double gap_ms = now_ms - plan->changed_ms;
+    plan->gap_ms = gap_ms < PAUSE_MS ? fmax(gap_ms, plan->gap_ms * GAP_FADE) : 0;
+    plan->changed_ms = now_ms;
+}
+
 /* The version is the new one. */
 static void change_view(struct srv_schedule *schedule, struct srv_session *session,
                         enum srv_session_event event, double now_ms) {
@@ -53,6 +63,7 @@ static void change_view(struct srv_schedule *schedule, struct srv_session *sessi
     if (event != SRV_VIEW_CHANGED)
         plan->start.cold = version;
     srv_motion_update(&plan->motion, &session->shared.view.camera, now_ms);
+    note_gap(plan, now_ms);
     if (event == SRV_VOLUME_CHANGED) {
         plan->motion.moved_ms = 0; /* the camera jumped */
         plan->start.volume = version;

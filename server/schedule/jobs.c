@@ -141,7 +141,7 @@ static void choose_detail(const struct srv_schedule *schedule, struct srv_sessio
             detail.size[i] = detail.size[i] < most[i] ? detail.size[i] : most[i];
         }
     } else if (job->step == SRV_STEP_INTERMEDIATE)
-        srv_quality_intermediate(quality, full, &first->schedule->newest.detail, &detail);
+        srv_intermediate(s, first, &detail);
     job->mip_level = detail.mip_level;
     job->is_draft = detail.is_draft;
     memcpy(job->view.size, detail.size, sizeof detail.size);
@@ -587,6 +587,7 @@ void srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job
         if (!p || !is_newest(p, job))
             continue;
         p->schedule->newest.step = SRV_STEP_MOVING;
+        p->schedule->newest.detail = (struct srv_detail){ .mip_level = SP_MIP_LEVEL_MAX };
         if (job->protected_ms < INFINITY)
             p->schedule->waiting.spent_ms = fmax(p->schedule->waiting.spent_ms, elapsed_ms);
         if (!job->is_refinement)

@@ -19,11 +19,13 @@
 #define GUESS 9.0        /* load_log of a guess from another view */
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
-#define SPREAD 0.2      /* of sizes, for a line: sum of squares of (size / mean - 1) */
-#define PIXELLESS 2.0   /* fixed time over time of the pixels, if nothing is known */
-#define FADE 0.01       /* part of what is known of that ratio that is forgotten with each frame */
-#define DRAFT_TIME 0.5  /* of the whole frame's, if only the draft's is known */
-#define NEXT_LEVEL 0.25 /* of the time, where mip levels come first */
+#define SPREAD 0.2     /* of sizes, for a line: sum of squares of (size / mean - 1) */
+#define PIXELLESS 2.0  /* fixed time over time of the pixels, if nothing is known */
+#define FADE 0.01      /* part of what is known of that ratio that is forgotten with each frame */
+#define DRAFT_TIME 0.5 /* of the whole frame's, if only the draft's is known */
+#define INTERMEDIATE_TIME 0.8  /* of the sharp frame's: else it gains nothing */
+#define INTERMEDIATE_SIDE 1.05 /* times the side of the displayed frame, at least */
+#define NEXT_LEVEL 0.25        /* of the time, where mip levels come first */
 /* Times the limit: sides below SIDE_MIN, so that each view gets 10 frames/s. */
 #define LAST_RESORT 2.0
 #define LEAST_MPX 0.00411 /* no frame is smaller for the sake of time */
@@ -447,16 +449,23 @@ double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t f
 }
 
 bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t full[2],
-                              const struct srv_detail *displayed, struct srv_detail *detail) {
+                              const uint32_t most[2], const struct srv_detail *displayed,
+                              struct srv_detail *detail) {
     struct srv_detail sharp = { .size = { full[0], full[1] } };
     double sharp_ms = srv_quality_expected_ms(quality, &sharp);
     if (sharp_ms <= SRV_QUALITY_INTERMEDIATE_MS)
         return false;
     const unsigned was = displayed->mip_level;
-    *detail = detail_of(
-        finest(quality, full, &(struct limits){ DRAFT, sharp_ms / 4, SIDES, WHOLE }), full);
+    const double most_ms = fmax(SRV_QUALITY_INTERMEDIATE_MS, sharp_ms / 4);
+    *detail =
+        detail_of(finest(quality, full, &(struct limits){ DRAFT, most_ms, SIDES, WHOLE }), full);
+    for (int i = 0; i < 2; i++)
+        detail->size[i] = detail->size[i] < most[i] ? detail->size[i] : most[i];
+    const double ms = srv_quality_expected_ms(quality, detail);
+    if (ms > INTERMEDIATE_TIME * sharp_ms)
+        return false;
     return detail->mip_level < was ||
-           (detail->mip_level == was && detail->size[0] > displayed->size[0]);
+           (detail->mip_level == was && detail->size[0] >= INTERMEDIATE_SIDE * displayed->size[0]);
 }
 
 static void decay(struct srv_quality_fit *fit, double factor) {

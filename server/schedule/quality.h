@@ -21,8 +21,9 @@
 /* Least side for clients that warp, in 128ths of the full one: people see coarse pixels more than
  * the mean square error says. */
 enum { SRV_QUALITY_SIDE_WARPED = 92 };
-/* An intermediate frame precedes a sharp frame that takes longer than this. */
-#define SRV_QUALITY_INTERMEDIATE_MS 250.0
+/* An intermediate frame precedes a sharp frame that takes longer than this. It takes as long
+ * itself, or a quarter of the time of the sharp frame if that is more. */
+#define SRV_QUALITY_INTERMEDIATE_MS 150.0
 
 struct srv_detail { /* of a frame */
     unsigned mip_level;
@@ -134,10 +135,12 @@ double srv_quality_moving(struct srv_quality *quality, const uint32_t full[2],
 double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t full[2],
                              const struct srv_quality_budget *budget);
 
-/* Chooses an intermediate frame for a view at rest, after `displayed`. It is a draft, and takes at
- * most a quarter of the time of the sharp frame. False: none is worth it. */
+/* Chooses an intermediate frame of at most `most` px a side for a view that does not move, after
+ * `displayed`. It is a draft that takes at most SRV_QUALITY_INTERMEDIATE_MS, or a quarter of the
+ * time of the sharp frame if that is more. False: none is worth it. */
 bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t full[2],
-                              const struct srv_detail *displayed, struct srv_detail *detail);
+                              const uint32_t most[2], const struct srv_detail *displayed,
+                              struct srv_detail *detail);
 
 /* Returns the expected time of a frame; 0 = not known yet. */
 double srv_quality_expected_ms(const struct srv_quality *quality, const struct srv_detail *detail);

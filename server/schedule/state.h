@@ -59,6 +59,8 @@ struct srv_session_schedule {
     double clock_ms;                 /* of its participants' accounts */
     struct srv_quality quality;
     struct srv_motion motion;
+    double changed_ms; /* when the view changed last */
+    double gap_ms;     /* the longest time between its last changes, fading; 0 = not known */
     struct srv_cold_start start;
     bool must_finish; /* a moving frame was cancelled: the next one is not */
 };
@@ -109,6 +111,10 @@ struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, doubl
 struct srv_choice srv_choose_short(struct srv_schedule *schedule,
                                    const struct srv_running_job *running, double now_ms,
                                    double *wait_ms);
+/* Chooses the detail of an intermediate frame for the participant, as large as its network allows.
+ * False: none is worth it. */
+bool srv_intermediate(const struct srv_session *session, const struct srv_participant *participant,
+                      struct srv_detail *detail);
 /* True if some participant gets a frame of a moving view now or within SRV_QUIET_MS. */
 bool srv_has_motion(const struct srv_schedule *schedule);
 /* The price of a millisecond for the session: owners have equal shares of the time, and the

@@ -53,7 +53,46 @@ static void the_frame_rate_and_the_rest_time_delay_a_frame(void **state) {
     demand.next_frame_ms = 1007;
     assert_float_equal(srv_decide_request(&demand, 1000).in_ms, 7, 1e-9);
     demand.is_newer = false;
+    demand.sharp_ms = 0; /* not known */
     assert_float_equal(srv_decide_request(&demand, 1000).in_ms, 200, 1e-9);
+}
+
+static void a_refinement_begins_before_the_view_rests(void **state) {
+    (void)state;
+    struct srv_demand demand = moving();
+    demand.is_newer = false;
+    demand.settles_at_ms = 1030;
+    demand.sharp_ms = 150; /* of the 200 until the view rests */
+    assert_float_equal(srv_decide_request(&demand, 1000).in_ms, 50, 1e-9);
+    demand.sharp_ms = 250;
+    assert_float_equal(srv_decide_request(&demand, 1000).in_ms, 30, 1e-9);
+    demand.settles_at_ms = 1000;
+    struct srv_frame_request request = srv_decide_request(&demand, 1000);
+    assert_int_equal(request.step, SRV_STEP_FINAL);
+    assert_true(request.is_wanted && request.is_refinement);
+    demand.needs_intermediate = true;
+    demand.sharp_ms = 0;
+    request = srv_decide_request(&demand, 1000);
+    assert_int_equal(request.step, SRV_STEP_INTERMEDIATE);
+    assert_true(request.is_wanted && request.is_refinement);
+    assert_int_equal(request.rank, SRV_RANK_REFINEMENT);
+    demand.is_newer = true; /* and not alone: others wait for moving frames only */
+    assert_int_equal(srv_decide_request(&demand, 1000).step, SRV_STEP_MOVING);
+    demand.is_alone = true;
+    assert_int_equal(srv_decide_request(&demand, 1000).step, SRV_STEP_INTERMEDIATE);
+    assert_int_equal(srv_decide_request(&demand, 999).step, SRV_STEP_MOVING);
+    demand.is_newer = false;
+    demand.rest_at_ms = demand.settles_at_ms = INFINITY; /* it plays, or waits for its volume */
+    assert_false(srv_decide_request(&demand, 1000).is_wanted);
+}
+
+static void a_hand_with_gaps_settles_later(void **state) {
+    (void)state;
+    assert_float_equal(srv_decide_settle_ms(0, 120), 30, 1e-9);
+    assert_float_equal(srv_decide_settle_ms(1000 / 60., 120), 30, 1e-9);
+    assert_float_equal(srv_decide_settle_ms(40, 120), 60, 1e-9);
+    assert_float_equal(srv_decide_settle_ms(100, 120), 120, 1e-9);
+    assert_float_equal(srv_decide_settle_ms(0, 10), 10, 1e-9);
 }
 
 static void a_view_at_rest_gets_refinements(void **state) {
@@ -184,6 +223,8 @@ int main(void) {
         cmocka_unit_test(a_moving_view_gets_a_frame_that_motion_does_not_cancel),
         cmocka_unit_test(a_closed_window_waits_for_an_event),
         cmocka_unit_test(the_frame_rate_and_the_rest_time_delay_a_frame),
+        cmocka_unit_test(a_refinement_begins_before_the_view_rests),
+        cmocka_unit_test(a_hand_with_gaps_settles_later),
         cmocka_unit_test(a_view_at_rest_gets_refinements),
         cmocka_unit_test(a_first_frame_is_sharp_at_once_if_that_is_fast),
         cmocka_unit_test(the_starvation_limit_raises_the_rank),

@@ -218,7 +218,7 @@ static void points_are_merged_before_frames_get_smaller(void **state) {
         }
         if (motion > 0) { /* the sharp time is known */
             const struct srv_detail shown = detail;
-            assert_true(srv_quality_intermediate(&quality, full, &shown, &detail));
+            assert_true(srv_quality_intermediate(&quality, full, full, &shown, &detail));
             assert_int_equal(detail.mip_level, 1);
             assert_int_equal(detail.size[0], full[0]);
             srv_quality_done(&quality, &detail, false, BUDGET, times[1]);
@@ -384,27 +384,32 @@ static void an_intermediate_frame_precedes_a_slow_sharp_one(void **state) {
     struct machine quick = { 100, 50, 1, 0 }, voxels = { 1600, 20, 1, 0 },
                    pixels = { 10, 2000, 1, 0 };
     srv_quality_init(&quality);
-    assert_false(srv_quality_intermediate(&quality, full,
+    assert_false(srv_quality_intermediate(&quality, full, full,
                                           &(struct srv_detail){ 0, { 512, 512 }, true }, &middle));
     struct drag d = drag(&quality, &quick, 50);
-    assert_false(srv_quality_intermediate(&quality, full, &d.last,
+    assert_false(srv_quality_intermediate(&quality, full, full, &d.last,
                                           &middle)); /* the sharp frame is ready soon */
     srv_quality_init(&quality);
     d = drag(&quality, &voxels, 50);
     rest(&quality, &voxels);
     assert_int_equal(d.last.mip_level, 2);
-    assert_true(srv_quality_intermediate(&quality, full, &d.last, &middle));
+    assert_true(srv_quality_intermediate(&quality, full, full, &d.last, &middle));
     assert_int_equal(middle.mip_level, 1);
     assert_int_equal(middle.size[0], 1024);
     /* The client has this frame already. */
-    assert_false(srv_quality_intermediate(&quality, full, &middle, &middle));
+    assert_false(srv_quality_intermediate(&quality, full, full, &middle, &middle));
     srv_quality_init(&quality);
     d = drag(&quality, &pixels, 50);
     double sharp_ms = rest(&quality, &pixels);
-    assert_true(srv_quality_intermediate(&quality, full, &d.last, &middle));
+    assert_true(srv_quality_intermediate(&quality, full, full, &d.last, &middle));
     if (middle.mip_level >= d.last.mip_level)
         assert_compare(middle.size[0], >, d.last.size[0]);
     assert_compare(time_on(&pixels, &middle), <=, sharp_ms / 3);
+    /* No larger than the network allows; then it may be too small to gain anything. */
+    const uint32_t most[2] = { middle.size[0] - 8, middle.size[0] - 8 };
+    assert_true(srv_quality_intermediate(&quality, full, most, &d.last, &middle));
+    assert_int_equal(middle.size[0], most[0]);
+    assert_false(srv_quality_intermediate(&quality, full, d.last.size, &d.last, &middle));
 }
 
 static bool is_whole(const struct srv_detail *d) {
@@ -429,7 +434,7 @@ static void only_moving_frames_of_all_detail_are_whole(void **state) {
                 assert_true(is_whole(&detail) || detail.is_draft);
                 draw(&quality, m, &detail, true);
             }
-            if (srv_quality_intermediate(&quality, full, &detail, &detail))
+            if (srv_quality_intermediate(&quality, full, full, &detail, &detail))
                 assert_true(detail.is_draft);
             rest(&quality, m);
             srv_quality_moving(&quality, full, &budget, &detail);
