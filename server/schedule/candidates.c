@@ -126,7 +126,7 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
                             ? INFINITY
                             : s->shared.changed_ms + schedule->hub->options.rest_ms;
     demand.settles_at_ms = settles_at_ms(schedule, s, demand.rest_at_ms);
-    demand.is_alone = schedule->sharing <= 1 && !s->schedule->must_finish;
+    demand.is_alone = schedule->hub->participants.count == 1 && !s->schedule->must_finish;
     demand.sharp_ms = sharp_ms(s, p);
     demand.waited_ms = waited_ms(&plan->waiting, now_ms);
     demand.spent_ms = plan->waiting.spent_ms;

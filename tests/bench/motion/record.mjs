@@ -227,7 +227,7 @@ function watchEach() {
     if (!motion.isOn) return;
     const { count, warps } = window.splatd;
     const old = document.querySelector('#screen + canvas');
-    const opacity = old ? Number(getComputedStyle(old).opacity) : 0;
+    const opacity = old && layer.hidden ? Number(getComputedStyle(old).opacity) : 0;
     const shown = [count, !layer.hidden && warps, opacity].join(' ');
     const at = performance.now();
     if (shown === motion.shown) {

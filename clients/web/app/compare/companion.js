@@ -19,7 +19,7 @@ export class Companion extends Emitter {
   #view;
   #rig = null; // the camera of the view, as the page moves it
   #rigs = new Map(); // by seq: the cameras of updates that no frame shows yet
-  #drawn = { seq: 0, isFinal: false, count: 0 };
+  #drawn = { seq: 0, isFinal: false, width: 0, count: 0 };
   #timer = null;
   #isBehind = false; // a view of the daemon was not taken, because changes were on their way
   #isStopped = false;
@@ -70,7 +70,7 @@ export class Companion extends Emitter {
   get warps() { return this.#warp.depth?.count ?? 0; }
   /** True if the newest change is drawn in full quality and in the wanted size. */
   get isAtRest() {
-    return this.#updates.isIdle && this.#drawn.isFinal && this.#drawn.seq === this.#updates.sent && this.#drawn.size === String(this.#screen.size);
+    return this.#updates.isIdle && this.#drawn.isFinal && this.#drawn.seq === this.#updates.sent && this.#drawn.size === String(this.#screen.size) && !this.#warp.fade?.isOn;
   }
 
   #listen() {
@@ -82,7 +82,7 @@ export class Companion extends Emitter {
         this.#order.reset();
         this.#warp.depth?.reset();
         this.#rigs.clear();
-        this.#drawn = { seq: 0, isFinal: false, count: 0 };
+        this.#drawn = { seq: 0, isFinal: false, width: 0, count: 0 };
         this.#resize();
         this.#updates.open();
       } else if (state === 'lost' || state === 'refused') {
@@ -101,6 +101,9 @@ export class Companion extends Emitter {
 
   #draw(image, frame) {
     const { seq, isFinal, width, height } = frame;
+    const last = this.#drawn;
+    const isSharper = last.count > 0 && seq === last.seq && !last.isFinal && (isFinal || width > last.width);
+    this.#warp.arrive(isSharper, seq === this.#updates.sent && !this.#updates.isWaiting);
     this.#screen.draw(image, { isMoving: !isFinal });
     this.#warp.depth?.take(image, frame);
     this.#warp.drew(this.#rigs.get(seq) ?? null);
@@ -108,7 +111,7 @@ export class Companion extends Emitter {
     this.#updates.show(seq);
     this.#predict();
     if (this.#drawn.count === 0 && !this.#warp.depth) this.#warp.load().then(() => this.#warp.onSwitch(), () => {}); // without it, the last frame stays
-    this.#drawn = { seq, isFinal, size: String([width, height]), count: this.#drawn.count + 1 };
+    this.#drawn = { seq, isFinal, width, size: String([width, height]), count: this.#drawn.count + 1 };
     this.emit('drawn');
   }
 

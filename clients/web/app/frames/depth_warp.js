@@ -111,13 +111,14 @@ class CanvasWarp {
 const plain = { colorSpaceConversion: 'none', premultiplyAlpha: 'none' };
 
 export class DepthWarp {
-  #screen; #warp;
+  #screen; #canvas; #warp;
+  #last = null; // arguments of the last drawing
   #hasDepth = false; // the newest frame has depth, and can be drawn
   #count = 0;
 
   /** canvas: an element that nothing drew on; screen: the Screen; lost(): what was drawn is gone. */
   constructor(canvas, screen, lost) {
-    this.#screen = screen;
+    [this.#screen, this.#canvas] = [screen, canvas];
     this.#warp = GlWarp.create(canvas, () => {
       this.#hasDepth = false; // until the next frame
       lost();
@@ -139,6 +140,12 @@ export class DepthWarp {
     map?.close();
   }
 
+  /** The canvas with the last drawing, to be read in this task: a canvas of WebGL is empty after it was shown. */
+  get picture() {
+    if (this.#warp instanceof GlWarp) this.#warp.draw(...this.#last);
+    return this.#canvas;
+  }
+
   /** Forgets the frame of a stream that ended. */
   reset() { this.#hasDepth = false; }
 
@@ -149,7 +156,8 @@ export class DepthWarp {
   draw(rig, ground) {
     if (!this.#hasDepth) return false;
     const { projection, fovY } = rig;
-    const isDrawn = this.#warp.draw({ projection, fov_y: fovY, ...cameraFromRig(rig) }, this.#screen.size, ground);
+    this.#last = [{ projection, fov_y: fovY, ...cameraFromRig(rig) }, this.#screen.size, ground];
+    const isDrawn = this.#warp.draw(...this.#last);
     this.#count += Number(isDrawn);
     return isDrawn;
   }

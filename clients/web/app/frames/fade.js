@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sharpness arrives gradually: when a sharper frame of the same view replaces a coarser one, the coarser one fades out above the canvas. The
-// canvas itself has the new frame at once, so whatever reads it gets that one.
+// Sharpness arrives gradually: when a frame replaces a coarser one of the same view, or a warped picture of that view, the latter fades out above
+// the canvas. The canvas itself has the new frame at once, so whatever reads it gets that one.
 
 const FADE_MS = 120;
 
@@ -14,12 +14,12 @@ export class Fade {
   /** True while an old frame is visible. */
   get isOn() { return this.#animation !== null; }
 
-  /** The canvas is about to change: fades out what it shows now. */
-  begin() {
+  /** The canvas is about to change: fades out what it shows now, or `warped`, the canvas that covers it. */
+  begin(warped = null) {
     if (this.#reduced.matches || document.hidden) return;
-    const part = this.#animation ? Math.min(this.#animation.currentTime / FADE_MS, 1) : 1;
+    const part = this.#animation && !warped ? Math.min(this.#animation.currentTime / FADE_MS, 1) : 1;
     this.#canvas ??= this.#make();
-    this.#screen.copyTo(this.#canvas, part); // an older frame that has not faded out yet stays as visible as it is
+    this.#screen.copyTo(this.#canvas, part, warped ?? undefined); // an older frame that has not faded out yet stays as visible as it is
     this.#animation?.cancel();
     this.#screen.element.after(this.#canvas);
     const animation = this.#canvas.animate([{ opacity: 1 }, { opacity: 0 }], { duration: FADE_MS, fill: 'forwards' });

@@ -38,8 +38,7 @@ export function install(app) {
     },
     schedule: nextFrame,
     draw: (image, frame) => {
-      if (frames.hasPicture && isSharper(frame) && !app.warp?.isVisible) app.warp?.fade?.begin();
-      else app.warp?.fade?.end();
+      app.warp?.arrive(frames.hasPicture && isSharper(frame), frame.seq === viewer.updates.sent && !viewer.updates.isWaiting);
       view = viewer.view;
       screen.draw(image, { isMoving: !frame.isFinal });
       app.warp?.depth?.take(image, frame);

@@ -85,13 +85,13 @@ export class Screen {
     this.#paint(image, isMoving ? 'low' : 'high');
   }
 
-  /** Copies the content into another canvas, which gets the same size; `part` of 1 over what is there. */
-  copyTo(canvas, part = 1) {
+  /** Copies the content, or what another canvas shows in its place, into a canvas, which gets the same size; `part` of 1 over what is there. */
+  copyTo(canvas, part = 1, source = this.#canvas) {
     const { width, height } = this.#canvas;
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     const context = canvas.getContext('2d', { alpha: false });
     context.globalAlpha = part;
-    context.drawImage(this.#canvas, 0, 0);
+    context.drawImage(source, 0, 0, width, height);
   }
 
   /** The address of a thumbnail of the centre of the canvas. */

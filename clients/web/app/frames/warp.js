@@ -99,6 +99,14 @@ export class Warp {
     this.#layer.hidden = true;
   }
 
+  /** A frame is about to be drawn. isSharper: it shows the view of the canvas, sharper; isNewest: it shows the newest view, as a picture that is
+   * warped by depth does. What is on the screen fades out where the frame shows the same. */
+  arrive(isSharper, isNewest) {
+    const isByDepth = this.isVisible && this.#layer.dataset.kind === 'depth';
+    if (isByDepth ? isNewest : isSharper && !this.isVisible) this.#fade?.begin(isByDepth ? this.#depth.picture : null);
+    else this.#fade?.end();
+  }
+
   /** A new picture is on the canvas; `rig`: its camera, or null if it is unknown. */
   drew(rig) {
     this.#shown = rig;
