@@ -127,6 +127,7 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
                             : s->shared.changed_ms + schedule->hub->options.rest_ms;
     demand.settles_at_ms = settles_at_ms(schedule, s, demand.rest_at_ms);
     demand.is_alone = schedule->hub->participants.count == 1 && !s->schedule->must_finish;
+    demand.has_frame = plan->newest.version > 0 && plan->newest.step == SRV_STEP_MOVING;
     demand.sharp_ms = sharp_ms(s, p);
     demand.waited_ms = waited_ms(&plan->waiting, now_ms);
     demand.spent_ms = plan->waiting.spent_ms;

@@ -53,6 +53,7 @@ struct srv_demand {
     double behind_ms;     /* time since which the view is newer than its last job */
     double settles_at_ms; /* time at which the hand seems to have stopped, <= rest_at_ms */
     double rest_at_ms;    /* time at which the view is at rest, unless it changes */
+    bool has_frame;       /* a moving frame of this motion is displayed */
     bool is_alone;        /* the only client, whose last moving frame was finished */
     double sharp_ms;      /* expected time of a sharp frame; 0 = not known */
     double waited_ms;     /* how long a refinement waited although it could be drawn */
@@ -77,8 +78,8 @@ struct srv_frame_request {
 };
 /* Returns what the participant wants now. The deadline of a moving frame is the time of the frame
  * after it. A moving view wants no refinement, but its first frame after a rest is sharp if that is
- * fast. When the hand seems to have stopped, an intermediate frame replaces the moving one of a
- * client that is alone. */
+ * fast. When the hand seems to have stopped, an intermediate or sharp frame replaces the
+ * moving one of a client that is alone. */
 struct srv_frame_request srv_decide_request(const struct srv_demand *demand, double now_ms);
 
 /* A participant that wants a frame now, or the best participant of a session. */

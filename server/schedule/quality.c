@@ -23,9 +23,9 @@
 #define PIXELLESS 2.0  /* fixed time over time of the pixels, if nothing is known */
 #define FADE 0.01      /* part of what is known of that ratio that is forgotten with each frame */
 #define DRAFT_TIME 0.5 /* of the whole frame's, if only the draft's is known */
-#define INTERMEDIATE_TIME 0.8  /* of the sharp frame's: else it gains nothing */
-#define INTERMEDIATE_SIDE 1.05 /* times the side of the displayed frame, at least */
-#define NEXT_LEVEL 0.25        /* of the time, where mip levels come first */
+#define INTERMEDIATE_TIME 0.8 /* of the sharp frame's: else it gains nothing */
+#define INTERMEDIATE_SIDE 1.5 /* times the side of the displayed frame, at least */
+#define NEXT_LEVEL 0.25       /* of the time, where mip levels come first */
 /* Times the limit: sides below SIDE_MIN, so that each view gets 10 frames/s. */
 #define LAST_RESORT 2.0
 #define LEAST_MPX 0.00411 /* no frame is smaller for the sake of time */

@@ -81,6 +81,15 @@ static void a_refinement_begins_before_the_view_rests(void **state) {
     demand.is_alone = true;
     assert_int_equal(srv_decide_request(&demand, 1000).step, SRV_STEP_INTERMEDIATE);
     assert_int_equal(srv_decide_request(&demand, 999).step, SRV_STEP_MOVING);
+    demand.needs_intermediate = false;
+    demand.has_frame = true;
+    demand.sharp_ms = 220; /* ready after the view rests, and soon */
+    assert_int_equal(srv_decide_request(&demand, 1000).step, SRV_STEP_FINAL);
+    demand.sharp_ms = 180;
+    assert_int_equal(srv_decide_request(&demand, 1000).step, SRV_STEP_MOVING);
+    demand.sharp_ms = 300;
+    assert_int_equal(srv_decide_request(&demand, 1000).step, SRV_STEP_MOVING);
+    demand.needs_intermediate = true;
     demand.is_newer = false;
     demand.rest_at_ms = demand.settles_at_ms = INFINITY; /* it plays, or waits for its volume */
     assert_false(srv_decide_request(&demand, 1000).is_wanted);
