@@ -4,7 +4,7 @@
 // screen against the snapshot of the view that was asked for at that moment ("seen"), and the newest frame against its own snapshot ("frame").
 // Both in dB, over the whole image and over the pixels that the object covers.
 //
-//   node tests/bench/motion.mjs [--bin DIR] [--volumes LIST] [--clients stream,page] [--moves turn,zoom,pan] [--px LIST] [--seconds N]
+//   node tests/bench/motion.mjs [--bin DIR] [--volumes LIST] [--clients stream,page] [--moves turn,sway,zoom,pan] [--px LIST] [--seconds N]
 //     [--rtt LIST] [--mbit LIST] [--looks N] [--images DIR] [--out FILE.csv]
 //
 // The client "stream" shows the newest image, enlarged; "page" is splatd's page in Chromium, whose canvas is read back. --looks: per

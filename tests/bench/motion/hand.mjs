@@ -18,11 +18,18 @@ const turned = (vector, axis, angle) =>
 /** False in the gaps of a hand that moves with gaps: it moves at every second, third or fourth tick (33 to 67 ms). */
 export const isActive = (move, tick) => move !== 'gaps' || [0, 2, 5].includes(tick % 9);
 
+/** How far a hand is that swings between 0 and 1, one way per second, as smoothly as hands do: with the least jerk (Flash and Hogan 1985). */
+function swing(time) {
+  const u = time % 1;
+  const part = u ** 3 * (10 - 15 * u + 6 * u * u);
+  return Math.floor(time) % 2 ? 1 - part : part;
+}
+
+const turn = ({ position, target, up }, angle) => ({ position: add(target, turned(add(position, target, -1), unit(up), angle)), target, up });
+
 export const MOVES = {
-  turn: ({ position, target, up }, time) => {
-    const axis = unit(up);
-    return { position: add(target, turned(add(position, target, -1), axis, TURN * time)), target, up };
-  },
+  turn: (camera, time) => turn(camera, TURN * time),
+  sway: (camera, time) => turn(camera, TURN * swing(time)),
   gaps: (camera, time) => MOVES.turn(camera, time),
   zoom: ({ position, target, up }, time) => ({ position: add(target, add(position, target, -1), Math.exp(-ZOOM * time)), target, up }),
   pan: ({ position, target, up }, time) => {
@@ -39,8 +46,9 @@ export async function moveInPage(page, move, { x, y, width, height }, seconds, i
   const side = Math.min(width, height);
   const reach = 0.3 * side; // a drag goes to and fro, so that it stays on the canvas
   // The arcball of the page turns by twice the angle between two of its points; its radius is 0.75 of the side.
-  const speed = move === 'turn' || move === 'gaps' ? TURN * 0.75 * side / 2 : 2 * Math.PI * 0.1 * side / PAN_PERIOD;
+  const speed = move !== 'pan' ? TURN * 0.75 * side / 2 : 2 * Math.PI * 0.1 * side / PAN_PERIOD;
   const at = (time) => {
+    if (move === 'sway') return middleX + speed * (swing(time) - 0.5);
     const way = (speed * time + reach) % (4 * reach);
     return middleX + (way < 2 * reach ? way - reach : 3 * reach - way);
   };

@@ -105,7 +105,10 @@ function listen() {
         const view = new DataView(data);
         const isFinal = (view.getUint8(5) & 2) !== 0;
         const kept = view.getUint8(4) <= 3 ? data.slice(data.byteLength - view.getUint32(28, true)) : null; // the daemon may send video
-        record.frames.push({ at: performance.now(), length: data.byteLength, seq: view.getUint32(12, true), width: view.getUint16(16, true), codec: view.getUint8(4), isFinal, data: kept });
+        const number = (at) => view.getFloat64(at, true);
+        const vector = (at) => [number(at), number(at + 8), number(at + 16)];
+        const camera = view.getUint8(5) & 16 ? { position: vector(56), target: vector(80), up: vector(104) } : null; // the daemon may be ahead of the view
+        record.frames.push({ at: performance.now(), length: data.byteLength, camera, seq: view.getUint32(12, true), width: view.getUint16(16, true), codec: view.getUint8(4), isFinal, data: kept });
       });
     }
 
@@ -211,7 +214,8 @@ export async function recordPage(page, url, { move, px, seconds, looksPerSecond 
   for (const frame of record.frames) Object.assign(frame, { bytes: frame.data && Buffer.from(frame.data, 'base64'), type: TYPES[frame.codec] });
   for (const look of record.looks) {
     look.image = { bytes: Buffer.from(look.image, 'base64'), type: 'image/png', map: look.matrix && homographyOf(look.matrix, look.scale) };
-    look.of = look.frame < 0 ? null : sent.get(record.frames[look.frame].seq);
+    const frame = record.frames[look.frame];
+    look.of = frame ? frame.camera ?? sent.get(frame.seq) : null;
   }
   return { ...record, size };
 }
