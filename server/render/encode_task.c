@@ -172,6 +172,7 @@ static void encode_session_frame(struct srv_render_pool *pool, struct sp_encoder
                                         .height = frame->height,
                                         .mip_level = frame->stats.mip_level,
                                         .is_draft = frame->stats.is_draft,
+                                        .has_depth = frame->depth != NULL,
                                         .render_ms = frame->stats.render_ms,
                                         /* The renderer caches the classification until the volume
                                            or the transfer function changes. */

@@ -154,3 +154,8 @@ int srv_decide_preemption(const struct srv_candidate *candidates, int count, dou
     }
     return best;
 }
+
+double srv_next_frame_ms(double next_ms, int max_fps, double now_ms) {
+    const double interval_ms = 1000.0 / max_fps;
+    return fmax(next_ms, now_ms - interval_ms) + interval_ms;
+}

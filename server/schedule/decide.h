@@ -129,4 +129,10 @@ bool srv_decide_is_short(double expected_ms, double running_ms, double drawn_ms)
  * preempt. */
 int srv_decide_preemption(const struct srv_candidate *candidates, int count, double *wait_ms);
 
+/* Returns the time before which the frame rate allows no further frame, after a frame at now_ms.
+ * Each frame adds an interval. Up to one interval that was not used counts, so that changes which
+ * come as often as frames are allowed do not wait, however irregularly they come (the generic cell
+ * rate algorithm, ITU-T I.371). */
+double srv_next_frame_ms(double next_ms, int max_fps, double now_ms);
+
 #endif

@@ -64,8 +64,10 @@ static void change_view(struct srv_schedule *schedule, struct srv_session *sessi
         plan->start.cold = version;
     srv_motion_update(&plan->motion, &session->shared.view.camera, now_ms);
     note_gap(plan, now_ms);
+    srv_past_add(&plan->past, &session->shared.view.camera, now_ms);
     if (event == SRV_VOLUME_CHANGED) {
         plan->motion.moved_ms = 0; /* the camera jumped */
+        srv_past_clear(&plan->past);
         plan->start.volume = version;
         init_quality(schedule, session);
     }

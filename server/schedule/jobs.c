@@ -174,16 +174,8 @@ static struct srv_frame_target target_of(const struct srv_participant *p,
                                       .chroma = e.chroma,
                                       .depth = p->settings.depth,
                                       .final = job->step == SRV_STEP_FINAL ||
-                                               (job->is_sharp && srv_policy_is_final(p, &e)) };
-}
-
-/* Returns the time before which the frame rate allows no further frame, after a frame at now_ms.
- * Each frame adds an interval. Up to one interval that was not used counts, so that changes which
- * come as often as frames are allowed do not wait, however irregularly they come (the generic cell
- * rate algorithm, ITU-T I.371). */
-static double next_frame_ms(double next_ms, int max_fps, double now_ms) {
-    double interval_ms = 1000.0 / max_fps;
-    return fmax(next_ms, now_ms - interval_ms) + interval_ms;
+                                               (job->is_sharp && !job->is_predicted &&
+                                                srv_policy_is_final(p, &e)) };
 }
 
 static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
@@ -218,7 +210,7 @@ static void add_target(struct srv_schedule *schedule, struct srv_session *s,
     plan->waiting.ready_ms = 0;
     if (job->step == SRV_STEP_MOVING)
         plan->waiting.waited_ms = plan->waiting.spent_ms = 0;
-    plan->next_frame_ms = next_frame_ms(plan->next_frame_ms, p->settings.max_fps, now_ms);
+    plan->next_frame_ms = srv_next_frame_ms(plan->next_frame_ms, p->settings.max_fps, now_ms);
 }
 
 /* Collects the participants of the session that want the same frame as the chosen one. */
@@ -317,6 +309,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     choose_detail(schedule, s, job, first, max_fps);
     job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
+    job->is_predicted = count == 1 && srv_predict_job(first, job, now_ms);
     for (uint32_t i = 0; i < count; i++)
         add_target(schedule, s, recipients[i], job, now_ms);
     plan->clock_ms = srv_fair_start(&first->schedule->account, plan->clock_ms);
@@ -479,6 +472,8 @@ static void finish_job(struct srv_schedule *schedule, struct srv_session *s,
     plan->must_finish = plan->must_finish && !is_moving;
     plan->start.done = plan->start.done > job->version ? plan->start.done : job->version;
     learn(schedule, s, job, result);
+    if (srv_render_job_wants_depth(job))
+        plan->has_depth = result->has_depth;
     if (is_final)
         srv_quality_rest(&plan->quality, job->view.size);
     const double took_ms = (result->again ? 0 : result->render_ms) + result->encode_ms;

@@ -78,6 +78,7 @@ struct srv_render_job {
     unsigned mip_level;          /* as in sp/renderer.h; 0 if final */
     uint32_t full[2];            /* size at rest, px */
     struct sp_view view;         /* with the size to render */
+    bool is_predicted;           /* its camera is ahead of the view's */
     struct srv_volume *volume;   /* a counted use, released when the job ends */
     struct srv_blob_owner owner; /* of the session; see srv_render_job_owner() */
     uint64_t too_large;     /* targets whose encoded frame does not fit; 0 = of all; for render/ */
@@ -108,6 +109,7 @@ static inline struct srv_drawn_frame srv_render_job_frame(const struct srv_rende
 struct srv_render_result {
     uint32_t width, height, mip_level;
     bool is_draft;               /* as in sp/frame.h */
+    bool has_depth;              /* the frame has depth; false if the job wants none */
     double render_ms, encode_ms; /* encode_ms: the time of all encodings */
     double once_ms; /* part of render_ms that the next frame of this volume does not need */
     uint64_t splats, visible_voxels;

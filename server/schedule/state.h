@@ -8,6 +8,7 @@
 
 #include "common/fair_queue.h"
 #include "schedule/motion.h"
+#include "schedule/predict.h"
 #include "schedule/quality.h"
 #include "schedule/schedule.h"
 #include "session/session.h"
@@ -61,6 +62,8 @@ struct srv_session_schedule {
     struct srv_motion motion;
     double changed_ms; /* when the view changed last */
     double gap_ms;     /* the longest time between its last changes, fading; 0 = not known */
+    struct srv_past past;
+    bool has_depth; /* the last frame of a job that wants depth had it */
     struct srv_cold_start start;
     bool must_finish; /* a moving frame was cancelled: the next one is not */
 };
@@ -130,6 +133,11 @@ bool srv_session_warps(const struct srv_session *session);
  * leave, but at least its own fair part. So it gets less detail instead of fewer frames. */
 struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
                                             const struct srv_participant *p, int max_fps);
+
+/* Replaces the camera of a moving frame by the one that its only recipient will probably show with
+ * it, if that one moves the view and asked for predicted frames. True: the camera was replaced, so
+ * that the frame is not final. (ahead.c) */
+bool srv_predict_job(const struct srv_participant *only, struct srv_render_job *job, double now_ms);
 
 /* There may be something to render, for this session (NULL = for others). (events.c) */
 void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);

@@ -196,6 +196,9 @@ static void pop_frame(struct srv_hub *hub, struct srv_participant *p, double now
     message->blob = srv_outbox_pop(&p->delivery.outbox, &message->header);
     message->header.frame = ++p->delivery.frame;
     message->header.queue_us = queue_us_of(&p->delivery, &message->header, now_ms);
+    if (message->header.seq != p->delivery.sent_seq)
+        srv_display_delay_sent(&p->delivery.display_delay, p->delivery.frame,
+                               p->delivery.outbox.updated_ms);
     p->delivery.sent_seq = message->header.seq;
     srv_congestion_sent(&p->delivery.congestion_window, p->delivery.frame,
                         message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);

@@ -88,6 +88,7 @@ static bool stream_ack(struct srv_call *call) {
         !srv_congestion_acked(&p->delivery.congestion_window, (uint32_t)frame, call->now_ms))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/frame",
                                "must be the number of a frame that was sent");
+    srv_display_delay_acked(&p->delivery.display_delay, (uint32_t)frame, call->now_ms);
     srv_policy_update_rate(p);
     if (sent_ms > 0)
         srv_metrics_time(call->hub->options.metrics, SRV_TIME_ROUND_TRIP, call->now_ms - sent_ms);

@@ -16,6 +16,7 @@
 #include "config/secret.h"
 #include "protocol/rpc.h"
 #include "session/congestion.h"
+#include "session/display_delay.h"
 #include "session/encode_params.h"
 #include "session/hub.h"
 #include "session/measures.h"
@@ -85,6 +86,7 @@ struct srv_stream_settings { /* of stream.configure */
     bool progressive;               /* wants frames of less detail while the view moves */
     bool lossless;                  /* wants PNG at rest */
     bool depth;                     /* wants the depth and the camera of each frame */
+    int predict_ms;                 /* moving frames may show the camera so far ahead */
     uint32_t size[2];               /* px; 0 = the view's */
 };
 
@@ -94,6 +96,7 @@ struct srv_delivery {
     uint32_t sent_seq; /* of the newest frame sent */
     uint32_t frame;    /* number of the newest frame sent */
     struct srv_congestion congestion_window;
+    struct srv_display_delay display_delay;
     struct srv_rate_control rate_control;
     struct srv_outbox outbox;
     struct srv_video_mark mark; /* the video frame that it can take next; epoch 0 = a key frame */

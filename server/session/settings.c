@@ -9,7 +9,7 @@
 #include "protocol/text.h"
 #include "session/rpc_private.h"
 
-enum { FORMATS_MAX = 16 }; /* that a client may list */
+enum { FORMATS_MAX = 16, /* that a client may list */ PREDICT_MS_MAX = 1000 };
 
 static bool read_range(struct srv_call *call, const char *key, const char *pointer, int64_t max,
                        const char *text, int *out) {
@@ -117,12 +117,19 @@ static bool read_settings(struct srv_call *call, struct srv_stream_settings *s) 
     const proto_json *progressive = proto_json_get(call->params, "progressive");
     const proto_json *lossless = proto_json_get(call->params, "lossless");
     const proto_json *depth = proto_json_get(call->params, "depth");
+    const proto_json *predict = proto_json_get(call->params, "predict");
+    int64_t predict_ms = s->predict_ms;
     if (format && !read_format(call, format, s))
         return false;
     if (progressive && !proto_json_bool(progressive, &s->progressive))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/progressive", "must be true or false");
     if (lossless && !proto_json_bool(lossless, &s->lossless))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/lossless", "must be true or false");
+    if (predict && (!proto_json_integer(predict, &predict_ms) || predict_ms < 0 ||
+                    predict_ms > PREDICT_MS_MAX))
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/predict",
+                               "must be a whole number in [0, 1000] ms");
+    s->predict_ms = (int)predict_ms;
     if (depth && !proto_json_bool(depth, &s->depth))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/depth", "must be true or false");
     return read_range(call, "quality", "/quality", 100, "must be a whole number in [1, 100]",
@@ -168,6 +175,7 @@ static proto_json *encode_settings(const struct srv_participant *p) {
     proto_json_set_bool(&result, "progressive", p->settings.progressive);
     proto_json_set_bool(&result, "lossless", p->settings.lossless);
     proto_json_set_bool(&result, "depth", p->settings.depth);
+    proto_json_set_integer(&result, "predict", p->settings.predict_ms);
     proto_json_set_string(&result, "name", p->identity.name);
     proto_json_set(&result, "formats", encode_formats());
     return result;
@@ -183,9 +191,9 @@ static bool gives_other_image(const struct srv_stream_settings *a,
 }
 
 bool srv_call_configure(struct srv_call *call) {
-    static const char *const known[] = { "format", "quality",     "subsampling", "max_fps",
-                                         "size",   "progressive", "lossless",    "depth",
-                                         "name",   NULL };
+    static const char *const known[] = { "format",  "quality",     "subsampling", "max_fps",
+                                         "size",    "progressive", "lossless",    "depth",
+                                         "predict", "name",        NULL };
     struct srv_participant *p = call->participant;
     struct srv_stream_settings s = p->settings;
     const char *name;

@@ -137,6 +137,31 @@ test('a client that asks for depth and never acknowledges gets no more frames th
   await stream.end();
 });
 
+test('a client that asks for it gets moving frames that are ahead of its hand, and the frame at rest where the hand stopped', async () => {
+  const stream = await open({ predict: 200, max_fps: 60 });
+  await deepFinal(stream, 1);
+  const { camera } = stream.session.view;
+  const sent = [0, 0]; // the places of the camera, by seq
+  const isAhead = ({ seq, depth }) => seq > 1 && depth.position[0] - camera.position[0] > sent[seq] + 1e-6;
+  while (!stream.frames.some(isAhead)) {
+    sent.push(sent.length * 0.05);
+    await stream.update({ camera: { ...camera, position: camera.position.map((x, i) => x + (i === 0 ? sent.at(-1) : 0)) } }, sent.length - 1);
+  }
+  const { depth } = await deepFinal(stream, sent.length - 1);
+  compare(Math.abs(depth.position[0] - camera.position[0] - sent.at(-1)), '<', 1e-9);
+  assert.deepEqual((await stream.call('view.get')).view.camera.position, depth.position, 'the view itself is where the hand is');
+  await stream.end();
+});
+
+test('how far frames may be ahead is a whole number of ms', async () => {
+  const stream = await daemon.stream();
+  for (const predict of [-1, 1001, 0.5, true])
+    await assert.rejects(stream.call('stream.configure', { predict }), ({ code, data }) => code === -32602 && data.pointer === '/predict');
+  assert.equal((await stream.call('stream.configure', {})).predict, 0);
+  assert.equal((await stream.call('stream.configure', { predict: 1000 })).predict, 1000);
+  await stream.end();
+});
+
 test('depth must be true or false', async () => {
   const stream = await daemon.stream();
   await assert.rejects(stream.call('stream.configure', { depth: 'yes' }), ({ code, data }) => code === -32602 && data.pointer === '/depth');

@@ -237,6 +237,7 @@ void hub_finish(struct fixture *f, struct srv_render_job *job, double render_ms)
     struct srv_render_result result = { .width = job->view.size[0],
                                         .height = job->view.size[1],
                                         .is_draft = job->is_draft && f->draws_drafts,
+                                        .has_depth = f->has_depth,
                                         .render_ms = render_ms };
     struct srv_blob *blob = srv_blob_create(NULL, NULL, (const uint8_t *)"image", 5, NULL);
     const struct srv_drawn_frame frame = srv_render_job_frame(job);

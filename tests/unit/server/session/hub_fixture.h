@@ -30,6 +30,7 @@ struct fixture {
     struct srv_quota *quota; /* of the token ann; NULL = there is no such token */
     unsigned rights;         /* of the token ann */
     bool draws_drafts;       /* a frame that is asked for as a draft is one */
+    bool has_depth;          /* frames have depth */
     uint32_t step_count;
     struct fixture_step steps[4];
     struct fixture_step others[4]; /* steps of the volume "w", which a layer of the view may name */
