@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How the last picture would look from a newer camera, as if it were painted on the plane through its target that is parallel
 // to it. The map of screen points is a homography, a 3×3 matrix by rows: (x, y, 1) ↦ (X·W, Y·W, W).
-import { cameraFromRig, pointOnPlane } from './camera.js';
+import { cameraFromRig, pointOnPlane, rigFromCamera } from './camera.js';
 import { dot, rotate, subtract } from './vector.js';
 
 const DEGREE = Math.PI / 180;
@@ -57,4 +57,20 @@ export function fadesOf(map, { width, height }) {
     left: fade(topLeft[0], bottomLeft[0]), right: fade(width - topRight[0], width - bottomRight[0]),
     top: fade(topLeft[1], topRight[1]), bottom: fade(height - bottomLeft[1], height - bottomRight[1]),
   };
+}
+
+const SAME = 1e-6; // of the distance of the target
+
+/**
+ * The camera of a frame: {rig, isAhead}. rig: that of the update that the frame shows, or null if it is unknown. A frame with depth may have been
+ * drawn for the camera that the daemon expected instead (protocol/stream.md).
+ */
+export function cameraOf({ depth }, rig) {
+  if (!rig || !depth?.payload) return { rig, isAhead: false };
+  const asked = cameraFromRig(rig);
+  const { camera } = depth;
+  const isSame = (key, unit) => camera[key].every((x, i) => Math.abs(x - asked[key][i]) <= SAME * unit);
+  const isAhead = !isSame('position', rig.distance) || !isSame('target', rig.distance) || !isSame('up', 1)
+    || (rig.projection === 'orthographic' && Math.abs(camera.height - asked.height) > SAME * asked.height);
+  return isAhead ? { rig: rigFromCamera(camera), isAhead } : { rig, isAhead };
 }

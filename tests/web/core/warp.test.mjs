@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { orbit, pan, pointOnPlane, rigFromCamera, zoom } from '../../../clients/web/core/camera.js';
+import { cameraFromRig, orbit, pan, pointOnPlane, rigFromCamera, zoom } from '../../../clients/web/core/camera.js';
 import { project } from '../../../clients/web/core/project.js';
-import { cssTransform, fadesOf, homography } from '../../../clients/web/core/warp.js';
+import { cameraOf, cssTransform, fadesOf, homography } from '../../../clients/web/core/warp.js';
 
 const VIEWPORT = { width: 800, height: 500 };
 const POINTS = [[0, 0], [800, 0], [0, 500], [800, 500], [400, 250], [123, 321]];
@@ -61,4 +61,21 @@ test('the picture fades at the sides beyond which the background shows, and not 
 
 test('the CSS transform has the columns of the matrix', () => {
   assert.equal(cssTransform([[2, 4, 6], [8, 10, 12], [14, 16, 2]]), 'matrix3d(1, 4, 0, 7, 2, 5, 0, 8, 0, 0, 1, 0, 3, 6, 0, 1)');
+});
+
+test('the camera of a frame is that of its update, or another one that the daemon expected', () => {
+  for (const camera of CAMERAS) {
+    const rig = rigFromCamera(camera);
+    const own = { ...camera, ...cameraFromRig(rig) };
+    const frame = (change = {}) => ({ depth: { payload: new Uint8Array(1), camera: { ...own, ...change } } });
+    assert.deepEqual(cameraOf(frame(), rig), { rig, isAhead: false });
+    const later = orbit(rig, 0.1, 0, 0);
+    const ahead = cameraOf(frame(cameraFromRig(later)), rig);
+    assert.equal(ahead.isAhead, true);
+    for (const i of [0, 1, 2]) assert.ok(Math.abs(cameraFromRig(ahead.rig).position[i] - cameraFromRig(later).position[i]) < 1e-6);
+    if (camera.projection === 'orthographic') assert.equal(cameraOf(frame({ height: 2 * own.height }), rig).isAhead, true);
+    assert.deepEqual(cameraOf(frame(cameraFromRig(later)), null), { rig: null, isAhead: false }, 'an update of another client');
+    assert.deepEqual(cameraOf({ depth: null }, rig), { rig, isAhead: false }, 'no camera');
+    assert.deepEqual(cameraOf({ depth: { payload: null, camera: cameraFromRig(later) } }, rig), { rig, isAhead: false }, 'no depth');
+  }
 });

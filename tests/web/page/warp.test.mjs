@@ -114,6 +114,25 @@ for (const [name, prepareMore] of [['pixel by pixel', async () => {}], ['with a 
   });
 }
 
+test('a frame that is ahead of the hand is shown as the hand sees it, until a frame of its own camera comes', async (context) => {
+  const it = await setUp(context, 16, { hasDepth: true });
+  const { daemon, page } = it;
+  const predicts = () => daemon.heard.filter(({ method, params }) => method === 'stream.configure' && params.predict > 0).length;
+  await until(page, 'a frame with depth', (s) => s.hasDepth);
+  await eventually('a request for predicted frames', () => predicts() > 0);
+  daemon.expect = (camera) => ({ ...camera, position: camera.position.map((x, i) => x + (i === 0 ? 5 : 0)) });
+  await page.mouse.move(450, 300);
+  await page.mouse.down();
+  await page.mouse.move(480, 300);
+  await until(page, 'the warp of the newest frame', (s) => s.isIdle && s.isDrawn && s.seq === s.sent && s.isWarped);
+  assert.deepEqual((await byDepth(page)).middle, [200, 120, 40]);
+  daemon.expect = (camera) => camera;
+  await page.mouse.move(490, 300);
+  await until(page, 'a frame of the hand', (s) => s.isIdle && s.seq === s.sent && !s.isWarped);
+  await page.mouse.up();
+  assert.deepEqual(it.said, []);
+});
+
 test('without a GPU, the px of a frame are read when motion begins', async (context) => {
   const it = await setUp(context, 16, { hasDepth: true }, (page) => page.addInitScript(() => {
     window.reads = 0;

@@ -105,6 +105,8 @@ export class MockDaemon {
   failWith = 0;
   /** Its frames have depth, for clients that ask for it. */
   hasDepth = false;
+  /** The camera of a frame with depth: (camera of the view) → the camera that the daemon expects. */
+  expect = (camera) => camera;
   /** Draws a frame after every change. */
   draws = true;
   /** Replaces the histograms: (id, isJoint) → answer, or null for 404. */
@@ -366,7 +368,7 @@ export class MockDaemon {
     if (!this.script && this.draws) {
       stream.frame += 1;
       const [width, height] = stream.size;
-      messages.push(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, color: this.color?.(stream.session.view) ?? [200, 120, 40], depth: this.hasDepth && stream.wantsDepth ? stream.session.view.camera : null }));
+      messages.push(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, color: this.color?.(stream.session.view) ?? [200, 120, 40], depth: this.hasDepth && stream.wantsDepth ? this.expect(stream.session.view.camera) : null }));
     }
     for (const message of messages) stream.socket.send(message);
   }

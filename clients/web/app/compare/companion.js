@@ -6,10 +6,11 @@ import { FrameOrder } from '../../core/order.js';
 import { UpdateQueue } from '../../core/update_queue.js';
 import { rigFromCamera } from '../../core/camera.js';
 import { applyPatch } from '../../core/merge.js';
+import { cameraOf } from '../../core/warp.js';
 import { nextFrame } from '../frames/animation.js';
 import { decodeImage } from '../frames/decoder.js';
 import { Screen } from '../frames/screen.js';
-import { Warp } from '../frames/warp.js';
+import { depthSettings, Warp } from '../frames/warp.js';
 
 const RESIZE_MS = 120;
 
@@ -35,7 +36,7 @@ export class Companion extends Emitter {
     this.#warp = new Warp(layer, this.#screen);
     this.#isPredicted = isPredicted;
     this.#warp.isOn = isPredicted();
-    this.#warp.onSwitch = () => this.#configure({ depth: this.#wantsDepth });
+    this.#warp.onSwitch = () => this.#configure(depthSettings(this.#wantsDepth));
     this.#connection = new Connection({
       base, token: api.token, session: { id: made.id, token: made.tokens.control, isJoined: true }, env, size: () => this.#screen.size,
     });
@@ -106,7 +107,8 @@ export class Companion extends Emitter {
     this.#warp.arrive(isSharper, seq === this.#updates.sent && !this.#updates.isWaiting);
     this.#screen.draw(image, { isMoving: !isFinal });
     this.#warp.depth?.take(image, frame);
-    this.#warp.drew(this.#rigs.get(seq) ?? null);
+    const { rig, isAhead } = cameraOf(frame, this.#rigs.get(seq) ?? null);
+    this.#warp.drew(rig, isAhead);
     for (const key of this.#rigs.keys()) if (key < seq) this.#rigs.delete(key);
     this.#updates.show(seq);
     this.#predict();
@@ -130,7 +132,7 @@ export class Companion extends Emitter {
   }
 
   #resize() {
-    this.#configure({ size: this.#screen.size, format: ['jpeg'], depth: this.#wantsDepth });
+    this.#configure({ size: this.#screen.size, format: ['jpeg'], ...depthSettings(this.#wantsDepth) });
   }
 
   #configure(params) {

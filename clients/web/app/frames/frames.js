@@ -4,10 +4,11 @@ import { Emitter } from '../../core/emitter.js';
 import { FrameOrder } from '../../core/order.js';
 import { t } from '../../core/text.js';
 import { VideoStream } from '../../core/video.js';
+import { cameraOf } from '../../core/warp.js';
 import { nextFrame } from './animation.js';
 import { decodeImage, prepareDecoder } from './decoder.js';
 
-/** Events: drawn {frame (its header), rig (its camera, or null), latency (ms, or null), decodeMs (from its arrival to its drawing)}; video-failed Error. */
+/** Events: drawn {frame (its header), rig (its camera, or null), isAhead (the daemon expected this camera), latency (ms, or null), decodeMs (from its arrival to its drawing)}; video-failed Error. */
 class Frames extends Emitter {
   /** Of the last drawn frame; count, videos: since the page opened. */
   drawn = { frame: 0, seq: 0, count: 0, videos: 0, width: 0, height: 0, isFinal: false, isLossless: false, isVideo: false, renderMs: 0 };
@@ -47,7 +48,7 @@ export function install(app) {
         frame: number, seq, width, height, isFinal, isLossless, isVideo, count: drawn.count + 1, videos: drawn.videos + Number(isVideo),
         renderMs: (renderUs + encodeUs) / 1000,
       });
-      frames.emit('drawn', { frame, rig: viewer.rigOf(seq), latency: viewer.updates.show(seq), decodeMs: performance.now() - frame.arrived });
+      frames.emit('drawn', { frame, ...cameraOf(frame, viewer.rigOf(seq)), latency: viewer.updates.show(seq), decodeMs: performance.now() - frame.arrived });
     },
     ack: ({ frame }) => connection.notify('stream.ack', { frame }),
     fail: (error, { frame }) => report(new Error(t('frames.undecodable', { frame, reason: error.message }))),

@@ -15,6 +15,11 @@ const GAP_MS = 200; // a longer time between two of them says nothing: the tab w
 const PAUSE_MS = 20000;
 const FADE_PX = 100; // width of a strip in style.css
 
+/** Moving frames may show the camera this many ms ahead: they are wanted with depth, and drawn as the newest camera sees them. */
+const PREDICT_MS = 300;
+/** Parameters of the stream that a window sets which warps frames by their depth, or does not. */
+export const depthSettings = (isWanted) => ({ depth: isWanted, predict: isWanted ? PREDICT_MS : 0 });
+
 /** Shows the newest frame for the newest camera whenever one of them changes. Sets app.wantsDepth(), which tells if frames should come with
  * depth. A client that only watches needs none: it is never ahead of the frames. */
 export function follow(app) {
@@ -28,18 +33,18 @@ export function follow(app) {
   const tell = () => {
     if (app.wantsDepth() === before) return;
     before = app.wantsDepth();
-    app.configure({ depth: before });
+    app.configure(depthSettings(before));
   };
   warp.onSwitch = tell;
   viewer.on('view', tell);
   viewer.on('camera', show);
   let isAsked = false;
-  frames.on('drawn', ({ rig }) => {
+  frames.on('drawn', ({ rig, isAhead }) => {
     if (!isAsked) {
       isAsked = true;
       warp.load().then(tell, () => {}); // without it, the flat warp stays
     }
-    warp.drew(rig);
+    warp.drew(rig, isAhead);
     overlay?.drew(rig);
     show();
   });
@@ -53,6 +58,7 @@ export class Warp {
   #isOn = true;
   onSwitch = () => {}; // called after isOn was set
   #shown = null; // camera of the picture
+  #isAhead = false; // no view had this camera
   #isCopied = false;
   #times = []; // of the last animation frames with a warped picture
   #watching = 0; // the request of the next one
@@ -107,9 +113,10 @@ export class Warp {
     else this.#fade?.end();
   }
 
-  /** A new picture is on the canvas; `rig`: its camera, or null if it is unknown. */
-  drew(rig) {
+  /** A new picture is on the canvas. rig: its camera, or null if it is unknown; isAhead: it was drawn for a camera that is expected. */
+  drew(rig, isAhead = false) {
     this.#shown = rig;
+    this.#isAhead = isAhead;
     this.#isCopied = false;
   }
 
@@ -117,7 +124,7 @@ export class Warp {
   show(rig, ahead, background) {
     const isPossible = this.#isOn && performance.now() >= this.#pausedUntil;
     const isMoved = rig && this.#shown && rig !== this.#shown; // other changes of the view are not predicted
-    if (this.#isOn && isMoved && ahead > 0 && this.#depth?.isReady) {
+    if (this.#isOn && isMoved && (ahead > 0 || this.#isAhead) && this.#depth?.isReady) {
       if (!this.#wanted) nextFrame(() => this.#drawByDepth());
       this.#wanted = { rig, ground: background.slice(0, 3) };
       return;

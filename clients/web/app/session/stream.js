@@ -3,6 +3,7 @@
 // size is always sent.
 import { t } from '../../core/text.js';
 import { refreshRate } from '../frames/animation.js';
+import { depthSettings } from '../frames/warp.js';
 
 const RESIZE_MS = 120;
 
@@ -19,7 +20,7 @@ export function install(app) {
     const format = await app.formats.wanted();
     const name = storage.recall('name') ?? app.guestName?.();
     try {
-      const { formats } = await connection.call('stream.configure', { size, max_fps: maxFps, depth: Boolean(app.wantsDepth?.()), ...(name ? { name } : {}), ...format });
+      const { formats } = await connection.call('stream.configure', { size, max_fps: maxFps, ...depthSettings(Boolean(app.wantsDepth?.())), ...(name ? { name } : {}), ...format });
       if (formats) app.formats.keepGranted(formats);
     } catch (error) {
       if (connection.isLive) report(new Error(t('stream.size.refused', { reason: error.message })));
