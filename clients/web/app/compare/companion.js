@@ -104,10 +104,10 @@ export class Companion extends Emitter {
     const { seq, isFinal, width, height } = frame;
     const last = this.#drawn;
     const isSharper = last.count > 0 && seq === last.seq && !last.isFinal && (isFinal || width > last.width);
-    this.#warp.arrive(isSharper, seq === this.#updates.sent && !this.#updates.isWaiting);
+    const { rig, isAhead } = cameraOf(frame, this.#rigs.get(seq) ?? null);
+    this.#warp.arrive(isSharper, seq === this.#updates.sent && !this.#updates.isWaiting && !isAhead);
     this.#screen.draw(image, { isMoving: !isFinal });
     this.#warp.depth?.take(image, frame);
-    const { rig, isAhead } = cameraOf(frame, this.#rigs.get(seq) ?? null);
     this.#warp.drew(rig, isAhead);
     for (const key of this.#rigs.keys()) if (key < seq) this.#rigs.delete(key);
     this.#updates.show(seq);

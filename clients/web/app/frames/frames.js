@@ -39,7 +39,8 @@ export function install(app) {
     },
     schedule: nextFrame,
     draw: (image, frame) => {
-      app.warp?.arrive(frames.hasPicture && isSharper(frame), frame.seq === viewer.updates.sent && !viewer.updates.isWaiting);
+      const camera = cameraOf(frame, viewer.rigOf(frame.seq));
+      app.warp?.arrive(frames.hasPicture && isSharper(frame), frame.seq === viewer.updates.sent && !viewer.updates.isWaiting && !camera.isAhead);
       view = viewer.view;
       screen.draw(image, { isMoving: !frame.isFinal });
       app.warp?.depth?.take(image, frame);
@@ -48,7 +49,7 @@ export function install(app) {
         frame: number, seq, width, height, isFinal, isLossless, isVideo, count: drawn.count + 1, videos: drawn.videos + Number(isVideo),
         renderMs: (renderUs + encodeUs) / 1000,
       });
-      frames.emit('drawn', { frame, ...cameraOf(frame, viewer.rigOf(seq)), latency: viewer.updates.show(seq), decodeMs: performance.now() - frame.arrived });
+      frames.emit('drawn', { frame, ...camera, latency: viewer.updates.show(seq), decodeMs: performance.now() - frame.arrived });
     },
     ack: ({ frame }) => connection.notify('stream.ack', { frame }),
     fail: (error, { frame }) => report(new Error(t('frames.undecodable', { frame, reason: error.message }))),

@@ -105,7 +105,7 @@ export class Warp {
     this.#layer.hidden = true;
   }
 
-  /** A frame is about to be drawn. isSharper: it shows the view of the canvas, sharper; isNewest: it shows the newest view, as a picture that is
+  /** A frame is about to be drawn. isSharper: it shows the view of the canvas, sharper; isNewest: it shows the newest view from its camera, as a picture that is
    * warped by depth does. What is on the screen fades out where the frame shows the same. */
   arrive(isSharper, isNewest) {
     const isByDepth = this.isVisible && this.#layer.dataset.kind === 'depth';
