@@ -41,6 +41,11 @@ static bool is_newer(const struct srv_session *s, const struct srv_participant *
     return p->schedule->newest.version < s->shared.version;
 }
 
+/* The newest frame is ahead of a hand that moved no further. */
+static bool is_ahead(const struct srv_session *s, const struct srv_participant *p) {
+    return p->schedule->newest.is_ahead && !is_newer(s, p);
+}
+
 /* Expected time of a sharp frame; 0 = not known. */
 static double sharp_ms(const struct srv_session *s, const struct srv_participant *p) {
     struct srv_detail sharp = { .mip_level = 0 };
@@ -95,10 +100,7 @@ static bool is_first(const struct srv_schedule *schedule, const struct srv_parti
            schedule->first_ms <= now_ms + FIRST_BURST_MS;
 }
 
-static double settles_at_ms(const struct srv_schedule *schedule, const struct srv_session *s,
-                            double rest_at_ms) {
-    if (rest_at_ms == INFINITY)
-        return INFINITY;
+double srv_settles_at_ms(const struct srv_schedule *schedule, const struct srv_session *s) {
     return s->shared.changed_ms +
            srv_decide_settle_ms(s->schedule->gap_ms, schedule->hub->options.rest_ms);
 }
@@ -113,7 +115,8 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     if (!demand.wants_frame)
         return demand;
     demand.is_first = is_first(schedule, p, now_ms);
-    demand.is_newer = is_newer(s, p);
+    demand.is_ahead = is_ahead(s, p);
+    demand.is_newer = is_newer(s, p) || demand.is_ahead;
     demand.is_progressive = p->settings.progressive;
     demand.needs_intermediate = needs_intermediate(s, p);
     for (int step = 0; step < SRV_STEPS; step++)
@@ -125,7 +128,7 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     demand.rest_at_ms = srv_play_moves(s) || s->shared.is_waiting
                             ? INFINITY
                             : s->shared.changed_ms + schedule->hub->options.rest_ms;
-    demand.settles_at_ms = settles_at_ms(schedule, s, demand.rest_at_ms);
+    demand.settles_at_ms = demand.rest_at_ms < INFINITY ? srv_settles_at_ms(schedule, s) : INFINITY;
     demand.is_alone = schedule->hub->participants.count == 1 && !s->schedule->must_finish;
     demand.has_frame = plan->newest.version > 0 && plan->newest.step == SRV_STEP_MOVING;
     demand.sharp_ms = sharp_ms(s, p);

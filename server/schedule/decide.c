@@ -42,7 +42,7 @@ static double refinement_in_ms(const struct srv_demand *d, double now_ms) {
 
 /* True if a better frame than a moving one is drawn of a view that has no frame yet. */
 static bool skips_moving(const struct srv_demand *d, double now_ms) {
-    if (now_ms < d->settles_at_ms)
+    if (now_ms < d->settles_at_ms || d->is_ahead)
         return false;
     if (d->needs_intermediate)
         return d->is_alone;
@@ -57,7 +57,9 @@ struct srv_frame_request srv_decide_request(const struct srv_demand *d, double n
     if (!d->wants_frame)
         return request;
     double in_ms = fmax(d->next_frame_ms, d->opens_ms) - now_ms;
-    if (!d->is_newer)
+    if (d->is_ahead)
+        in_ms = fmax(in_ms, d->settles_at_ms - now_ms);
+    else if (!d->is_newer)
         in_ms = fmax(in_ms, refinement_in_ms(d, now_ms));
     if (in_ms > 0) {
         request.in_ms = in_ms;

@@ -42,7 +42,8 @@ enum srv_rank {
 struct srv_demand {
     bool wants_frame;        /* as above, without the frame rate and the rest */
     bool is_first;           /* the client has no frame yet, and may have one before others */
-    bool is_newer;           /* the view is newer than its last job */
+    bool is_newer;           /* the view is newer than its last job, */
+    bool is_ahead;           /* or that job's frame is ahead of a hand that has not moved since */
     bool is_progressive;     /* the client takes frames of less detail while the view moves */
     bool needs_intermediate; /* the sharp frame takes long, so a faster one precedes it */
     bool is_slow[SRV_STEPS]; /* the frame of this step is slow to encode */

@@ -204,7 +204,8 @@ static void add_target(struct srv_schedule *schedule, struct srv_session *s,
     plan->newest = (struct srv_newest_job){ .order = job->order,
                                             .version = s->shared.version,
                                             .step = target.final ? SRV_STEP_FINAL : job->step,
-                                            .detail = detail_of(job) };
+                                            .detail = detail_of(job),
+                                            .is_ahead = job->is_predicted };
     const struct srv_moving_detail moving = moving_detail_of(s, p, job);
     srv_policy_update(schedule->hub, p, job->step == SRV_STEP_MOVING ? &moving : NULL, now_ms);
     plan->waiting.ready_ms = 0;
@@ -309,7 +310,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     choose_detail(schedule, s, job, first, max_fps);
     job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
-    job->is_predicted = count == 1 && srv_predict_job(first, job, now_ms);
+    job->is_predicted = count == 1 && srv_predict_job(schedule, first, job, now_ms);
     for (uint32_t i = 0; i < count; i++)
         add_target(schedule, s, recipients[i], job, now_ms);
     plan->clock_ms = srv_fair_start(&first->schedule->account, plan->clock_ms);

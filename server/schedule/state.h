@@ -21,6 +21,7 @@ struct srv_newest_job { /* that was made for a participant, and what came of it 
     uint64_t version; /* of the view; 0 = it does not count: a frame is wanted again */
     enum srv_frame_step step;
     struct srv_detail detail;
+    bool is_ahead; /* it has a camera that was expected, not that of the view */
 };
 
 struct srv_waiting {  /* of a refinement, for the starvation limit */
@@ -114,6 +115,8 @@ struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, doubl
 struct srv_choice srv_choose_short(struct srv_schedule *schedule,
                                    const struct srv_running_job *running, double now_ms,
                                    double *wait_ms);
+/* Returns the time at which the hand seems to have stopped, unless the view changes before. */
+double srv_settles_at_ms(const struct srv_schedule *schedule, const struct srv_session *session);
 /* Chooses the detail of an intermediate frame for the participant, as large as its network allows.
  * False: none is worth it. */
 bool srv_intermediate(const struct srv_session *session, const struct srv_participant *participant,
@@ -137,7 +140,8 @@ struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
 /* Replaces the camera of a moving frame by the one that its only recipient will probably show with
  * it, if that one moves the view and asked for predicted frames. True: the camera was replaced, so
  * that the frame is not final. (ahead.c) */
-bool srv_predict_job(const struct srv_participant *only, struct srv_render_job *job, double now_ms);
+bool srv_predict_job(const struct srv_schedule *schedule, const struct srv_participant *only,
+                     struct srv_render_job *job, double now_ms);
 
 /* There may be something to render, for this session (NULL = for others). (events.c) */
 void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);

@@ -76,15 +76,20 @@ static void frames_are_ahead_by_the_time_to_the_screen(void **state) {
     assert_true(job.is_predicted);
     /* The delay, and half of the time between frames. */
     assert_float_equal(ahead, (15 + UPDATE_MS / 2) / UPDATE_MS, 0.2);
-    /* It is not final, although it is sharp: the frame at rest has the camera of the view. */
+    /* It is not final, although it is sharp. */
     assert_true(job.is_sharp);
     assert_false(job.targets[0].final);
+    /* When the hand seems to have stopped, a frame of its own camera follows at once. */
+    const double stopped_ms = 10000 + UPDATE_MS * LAST;
     struct srv_render_job next;
-    assert_true(hub_next_job(f, 20000, &next));
-    assert_int_equal(next.step, SRV_STEP_FINAL);
-    assert_false(next.is_predicted);
-    assert_float_equal(next.view.camera.target[0], STEP * LAST, 0);
-    hub_finish(f, &next, 5);
+    assert_false(hub_next_job(f, stopped_ms + 29, &next));
+    for (int step = SRV_STEP_MOVING; step <= SRV_STEP_FINAL; step += SRV_STEP_FINAL) {
+        assert_true(hub_next_job(f, stopped_ms + (step == SRV_STEP_MOVING ? 31 : 200), &next));
+        assert_int_equal(next.step, step);
+        assert_false(next.is_predicted);
+        assert_float_equal(next.view.camera.target[0], STEP * LAST, 0);
+        hub_finish(f, &next, 5);
+    }
     srv_hub_leave(f->hub, &p, 30000);
 }
 
