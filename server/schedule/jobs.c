@@ -174,7 +174,7 @@ static struct srv_frame_target target_of(const struct srv_participant *p,
                                       .chroma = e.chroma,
                                       .depth = p->settings.depth,
                                       .final = job->step == SRV_STEP_FINAL ||
-                                               (job->is_sharp && !job->is_predicted &&
+                                               (job->is_sharp && job->ahead == 0 &&
                                                 srv_policy_is_final(p, &e)) };
 }
 
@@ -205,7 +205,7 @@ static void add_target(struct srv_schedule *schedule, struct srv_session *s,
                                             .version = s->shared.version,
                                             .step = target.final ? SRV_STEP_FINAL : job->step,
                                             .detail = detail_of(job),
-                                            .is_ahead = job->is_predicted };
+                                            .is_ahead = job->ahead > SRV_FAR_AHEAD };
     const struct srv_moving_detail moving = moving_detail_of(s, p, job);
     srv_policy_update(schedule->hub, p, job->step == SRV_STEP_MOVING ? &moving : NULL, now_ms);
     plan->waiting.ready_ms = 0;
@@ -310,7 +310,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     choose_detail(schedule, s, job, first, max_fps);
     job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
-    job->is_predicted = count == 1 && srv_predict_job(schedule, first, job, now_ms);
+    job->ahead = count == 1 ? srv_predict_job(schedule, first, job, now_ms) : 0;
     for (uint32_t i = 0; i < count; i++)
         add_target(schedule, s, recipients[i], job, now_ms);
     plan->clock_ms = srv_fair_start(&first->schedule->account, plan->clock_ms);

@@ -91,6 +91,10 @@ static struct srv_speed displacement(const struct sp_camera *from, const struct 
     return d;
 }
 
+double srv_motion_between(const struct sp_camera *from, const struct sp_camera *to) {
+    return displacement(from, to).motion;
+}
+
 double srv_motion_height(const struct sp_camera *camera) {
     const struct basis b = basis_of(camera);
     return b.height * (b.is_perspective ? b.distance : 1);

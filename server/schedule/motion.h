@@ -31,6 +31,9 @@ struct srv_motion {
 /* The view has this camera now. A zeroed struct is a view that has not moved. */
 void srv_motion_update(struct srv_motion *motion, const struct sp_camera *camera, double now_ms);
 
+/* Returns how far the image moves from one camera to the other in the mean, image heights. */
+double srv_motion_between(const struct sp_camera *from, const struct sp_camera *to);
+
 /* Returns the height of what the image shows at the target, world units. */
 double srv_motion_height(const struct sp_camera *camera);
 

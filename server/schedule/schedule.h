@@ -75,10 +75,10 @@ struct srv_render_job {
      * charged_ms is charged until the true time of the job is known; the session pays `price` times
      * that time. */
     double start_ms, participant_start_ms, charged_ms, price;
-    unsigned mip_level;          /* as in sp/renderer.h; 0 if final */
-    uint32_t full[2];            /* size at rest, px */
-    struct sp_view view;         /* with the size to render */
-    bool is_predicted;           /* its camera is ahead of the view's */
+    unsigned mip_level;  /* as in sp/renderer.h; 0 if final */
+    uint32_t full[2];    /* size at rest, px */
+    struct sp_view view; /* with the size to render */
+    double ahead;        /* its camera was expected: its image is ahead by so many image heights */
     struct srv_volume *volume;   /* a counted use, released when the job ends */
     struct srv_blob_owner owner; /* of the session; see srv_render_job_owner() */
     uint64_t too_large;     /* targets whose encoded frame does not fit; 0 = of all; for render/ */

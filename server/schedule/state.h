@@ -14,6 +14,7 @@
 #include "session/session.h"
 
 #define SRV_MOVING_MS 500.0  /* a session counts as moving this long after a moving frame */
+#define SRV_FAR_AHEAD 0.005  /* image heights: a frame that is this far ahead does not stay */
 enum { SRV_QUALITIES = 16 }; /* volumes whose frame times are remembered */
 
 struct srv_newest_job { /* that was made for a participant, and what came of it */
@@ -21,7 +22,7 @@ struct srv_newest_job { /* that was made for a participant, and what came of it 
     uint64_t version; /* of the view; 0 = it does not count: a frame is wanted again */
     enum srv_frame_step step;
     struct srv_detail detail;
-    bool is_ahead; /* it has a camera that was expected, not that of the view */
+    bool is_ahead; /* its image is far ahead of the view's */
 };
 
 struct srv_waiting {  /* of a refinement, for the starvation limit */
@@ -138,10 +139,10 @@ struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
                                             const struct srv_participant *p, int max_fps);
 
 /* Replaces the camera of a moving frame by the one that its only recipient will probably show with
- * it, if that one moves the view and asked for predicted frames. True: the camera was replaced, so
- * that the frame is not final. (ahead.c) */
-bool srv_predict_job(const struct srv_schedule *schedule, const struct srv_participant *only,
-                     struct srv_render_job *job, double now_ms);
+ * it, if that one moves the view and asked for predicted frames. Returns by how much the image is
+ * ahead, image heights; 0 = the camera was not replaced. (ahead.c) */
+double srv_predict_job(const struct srv_schedule *schedule, const struct srv_participant *only,
+                       struct srv_render_job *job, double now_ms);
 
 /* There may be something to render, for this session (NULL = for others). (events.c) */
 void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);
