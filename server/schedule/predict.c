@@ -6,11 +6,12 @@
 #include "common/vectors.h"
 
 #define LEAST_MS 4.0   /* updates that are closer together count as one */
-#define WINDOW_MS 60.0 /* the motion is measured over about this time */
+#define WINDOW_MS 40.0 /* the motion is measured over about this time, and over as long before */
 #define SHORTEST_MS 24.0
 #define PAUSE_MS 60.0 /* without an update for so long, the camera rests */
 #define TURN_MAX 0.35 /* rad: no prediction turns further */
-#define SCALE_MAX 1.5 /* or comes nearer by a larger factor */
+#define ZOOM_MAX 0.4  /* or zooms by a larger factor, as a logarithm */
+#define RATIO_MIN 0.05
 #define SHIFT_MAX 0.3 /* or moves the target by more than this part of its distance */
 
 void srv_past_clear(struct srv_past *past) {
@@ -79,54 +80,92 @@ static void rotate(double v[3], const double axis[3], double angle) {
         v[i] = v[i] * cos(angle) + cross[i] * sin(angle) + axis[i] * along;
 }
 
-/* Continues the motion from one camera to another by `part` of it. */
-static bool continue_motion(const struct sp_camera *from, double part, struct sp_camera *camera) {
+struct motion {            /* from one camera to another */
+    double axis[3], angle; /* rad */
+    double zoom;           /* logarithm of the change of the distance or height */
+    double shift[3];       /* of the target */
+    double size;           /* of all of it, 1 = a radian, a factor of e, or the distance */
+};
+
+/* False: this is no motion, for example another projection. */
+static bool motion_between(const struct sp_camera *from, const struct sp_camera *to,
+                           struct motion *m) {
     struct pose before, after;
-    double axis[3], shift[3];
-    if (from->projection != camera->projection || from->fov_y != camera->fov_y ||
-        !pose_of(from, &before) || !pose_of(camera, &after))
+    if (from->projection != to->projection || from->fov_y != to->fov_y || !pose_of(from, &before) ||
+        !pose_of(to, &after))
         return false;
-    const double angle = rotation(&before, &after, axis);
-    double scale = after.distance / before.distance;
-    if (camera->projection == SP_ORTHOGRAPHIC)
-        scale = camera->height / from->height;
+    m->angle = rotation(&before, &after, m->axis);
+    m->zoom = to->projection == SP_ORTHOGRAPHIC ? log(to->height / from->height)
+                                                : log(after.distance / before.distance);
     for (int i = 0; i < 3; i++)
-        shift[i] = camera->target[i] - from->target[i];
-    const double largest = fmax(fmax(fabs(angle) / TURN_MAX, fabs(log(scale)) / log(SCALE_MAX)),
-                                sqrt(srv_dot(shift, shift)) / (SHIFT_MAX * after.distance));
-    if (!(largest > 0))
+        m->shift[i] = to->target[i] - from->target[i];
+    const double shift = sqrt(srv_dot(m->shift, m->shift)) / after.distance;
+    m->size = sqrt(m->angle * m->angle + m->zoom * m->zoom + shift * shift);
+    return true;
+}
+
+/* Moves the camera by `part` of the motion, but not further than the limits. */
+static bool move(struct sp_camera *camera, const struct motion *m, double part) {
+    struct pose pose;
+    if (!pose_of(camera, &pose) || !(m->size * part > 0))
         return false;
-    part = fmin(part, 1 / largest);
-    rotate(after.axes[1], axis, angle * part);
-    rotate(after.axes[2], axis, angle * part);
-    const double zoom = pow(scale, part);
-    const double distance = after.distance * (camera->projection == SP_ORTHOGRAPHIC ? 1 : zoom);
-    camera->height *= camera->projection == SP_ORTHOGRAPHIC ? zoom : 1;
+    const double shift = sqrt(srv_dot(m->shift, m->shift)) / pose.distance;
+    part = fmin(part,
+                1 / fmax(fmax(m->angle / TURN_MAX, fabs(m->zoom) / ZOOM_MAX), shift / SHIFT_MAX));
+    rotate(pose.axes[1], m->axis, m->angle * part);
+    rotate(pose.axes[2], m->axis, m->angle * part);
+    if (camera->projection == SP_ORTHOGRAPHIC)
+        camera->height *= exp(m->zoom * part);
+    else
+        pose.distance *= exp(m->zoom * part);
     for (int i = 0; i < 3; i++) {
-        camera->target[i] += shift[i] * part;
-        camera->position[i] = camera->target[i] - after.axes[2][i] * distance;
-        camera->up[i] = after.axes[1][i];
+        camera->target[i] += m->shift[i] * part;
+        camera->position[i] = camera->target[i] - pose.axes[2][i] * pose.distance;
+        camera->up[i] = pose.axes[1][i];
     }
     return true;
+}
+
+/* Returns the newest update that is at least WINDOW_MS older than the one at `at`, or the oldest
+ * one of an unbroken motion. `at` = there is none. */
+static unsigned before(const struct srv_past *past, unsigned at) {
+    const unsigned oldest = (past->newest + SRV_PAST_CAMERAS + 1 - past->count) % SRV_PAST_CAMERAS;
+    unsigned found = at;
+    while (found != oldest && past->ring[at].at_ms - past->ring[found].at_ms < WINDOW_MS) {
+        const unsigned next = (found + SRV_PAST_CAMERAS - 1) % SRV_PAST_CAMERAS;
+        if (past->ring[found].at_ms - past->ring[next].at_ms > PAUSE_MS)
+            break;
+        found = next;
+    }
+    return found;
+}
+
+/* Returns for how long the motion would go on at its present speed, if it gets slower as it did
+ * between both windows: its speed falls by the same factor in each window. ratio: that factor. */
+static double lasting_ms(double ahead_ms, double window_ms, double ratio) {
+    if (ratio >= 0.999)
+        return ahead_ms;
+    const double decay = -log(fmax(ratio, RATIO_MIN)) / window_ms;
+    return (1 - exp(-decay * ahead_ms)) / decay;
 }
 
 bool srv_predict(const struct srv_past *past, double now_ms, double ahead_ms,
                  struct sp_camera *camera) {
     if (past->count == 0)
         return false;
-    const double newest_ms = past->ring[past->newest].at_ms;
-    *camera = past->ring[past->newest].camera;
-    const struct sp_camera *from = NULL;
-    double since_ms = 0;
-    for (unsigned i = 1; i < past->count && since_ms < WINDOW_MS; i++) {
-        const unsigned at = (past->newest + SRV_PAST_CAMERAS - i) % SRV_PAST_CAMERAS;
-        const double ms = newest_ms - past->ring[at].at_ms;
-        if (ms - since_ms > PAUSE_MS)
-            break;
-        since_ms = ms;
-        from = &past->ring[at].camera;
-    }
-    if (!from || since_ms < SHORTEST_MS || now_ms - newest_ms > PAUSE_MS || !(ahead_ms > 0))
+    const unsigned newest = past->newest, middle = before(past, newest),
+                   oldest = before(past, middle);
+    const double new_ms = past->ring[newest].at_ms - past->ring[middle].at_ms;
+    const double old_ms = past->ring[middle].at_ms - past->ring[oldest].at_ms;
+    struct motion now, then;
+    *camera = past->ring[newest].camera;
+    if (new_ms < SHORTEST_MS || now_ms - past->ring[newest].at_ms > PAUSE_MS || !(ahead_ms > 0) ||
+        !motion_between(&past->ring[middle].camera, camera, &now))
         return false;
-    return continue_motion(from, ahead_ms / since_ms, camera);
+    double ratio = 1;
+    if (old_ms >= SHORTEST_MS &&
+        motion_between(&past->ring[oldest].camera, &past->ring[middle].camera, &then) &&
+        then.size > 0)
+        ratio = (now.size / new_ms) / (then.size / old_ms);
+    return move(camera, &now, lasting_ms(ahead_ms, (new_ms + old_ms) / 2, ratio) / new_ms);
 }

@@ -30,7 +30,8 @@ void srv_past_add(struct srv_past *past, const struct sp_camera *camera, double 
 void srv_past_clear(struct srv_past *past);
 
 /* Gets the camera that is expected ahead_ms after the newest update. The target and the logarithms
- * of its distance and of the height change evenly, and the camera turns evenly about one axis.
+ * of its distance and of the height go on as in the last 40 ms, and the camera turns on about one
+ * axis. If the motion was faster before, it gets slower by the same factor in each 40 ms.
  * False, and *camera is the newest one: the camera rests or has just begun to move, or it changes
  * in another way, for example its projection. */
 bool srv_predict(const struct srv_past *past, double now_ms, double ahead_ms,

@@ -146,7 +146,7 @@ static void a_camera_without_direction_stays(void **state) {
 static void a_swinging_hand_is_predicted_better_than_not(void **state) {
     (void)state;
     struct srv_past past = { .count = 0 };
-    double with = 0, without = 0;
+    double with = 0, without = 0, stop_with = 0, stop_without = 0;
     for (int i = 0; i < 600; i++) {
         double angle[2]; /* now, and when the frame is displayed */
         for (int k = 0; k < 2; k++) {
@@ -162,8 +162,13 @@ static void a_swinging_hand_is_predicted_better_than_not(void **state) {
         srv_predict(&past, arrived_ms + 1, AHEAD_MS, &predicted);
         with += pow(distance(&predicted, &then), 2);
         without += pow(distance(&now, &then), 2);
+        if (fmod(i * UPDATE_MS / 1000, 1) > 0.8) { /* the hand comes to its end */
+            stop_with += pow(distance(&predicted, &then), 2);
+            stop_without += pow(distance(&now, &then), 2);
+        }
     }
     assert_compare(with, <, 0.5 * without);
+    assert_compare(stop_with, <, stop_without);
 }
 
 int main(void) {
