@@ -80,17 +80,34 @@ static inline sp_wide_int sp_fetch_pairs(const int16_t *from, sp_wide_int index)
 #endif
 }
 
+#if defined SP_WIDE_AVX512
+/* Loads 8 bytes for each of two lanes. */
+static inline __m128i sp_fetch_two(const int16_t *from, const int32_t at[2]) {
+    int64_t second;
+    memcpy(&second, from + at[1], sizeof second);
+    return _mm_insert_epi64(_mm_loadu_si64(from + at[0]), second, 1);
+}
+
+static inline __m512i sp_fetch_join(__m128i a, __m128i b, __m128i c, __m128i d) {
+    return _mm512_inserti64x4(_mm512_castsi256_si512(_mm256_set_m128i(b, a)),
+                              _mm256_set_m128i(d, c), 1);
+}
+#endif
+
 /* Loads four neighbouring 16-bit values per lane: the first two into out[0], the other two into
- * out[1]. */
+ * out[1]. With AVX-512, separate loads of 8 bytes are a little faster than gathers at least on
+ * AMD's processors; those of 4 bytes are not. */
 static inline void sp_fetch_quads(const int16_t *from, sp_wide_int index, sp_wide_int out[2]) {
 #if defined SP_WIDE_AVX512
     const __m512i even =
         _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
     const __m512i odd = _mm512_or_si512(even, _mm512_set1_epi32(1));
-    __m256i half[2] = { _mm512_castsi512_si256((__m512i)index),
-                        _mm512_extracti64x4_epi64((__m512i)index, 1) };
-    __m512i low = _mm512_i32gather_epi64(half[0], from, 2);
-    __m512i high = _mm512_i32gather_epi64(half[1], from, 2);
+    int32_t at[SP_WIDE];
+    sp_wide_int_store(at, index);
+    __m512i low = sp_fetch_join(sp_fetch_two(from, at), sp_fetch_two(from, at + 2),
+                                sp_fetch_two(from, at + 4), sp_fetch_two(from, at + 6));
+    __m512i high = sp_fetch_join(sp_fetch_two(from, at + 8), sp_fetch_two(from, at + 10),
+                                 sp_fetch_two(from, at + 12), sp_fetch_two(from, at + 14));
     out[0] = (sp_wide_int)_mm512_permutex2var_epi32(low, even, high);
     out[1] = (sp_wide_int)_mm512_permutex2var_epi32(low, odd, high);
 #else

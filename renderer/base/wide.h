@@ -195,6 +195,15 @@ static inline sp_wide sp_wide_select(sp_wide_mask mask, sp_wide a, sp_wide b) {
 #endif
 }
 
+/* The same with x in each lane instead of a. */
+static inline sp_wide_int sp_wide_int_select_all(sp_wide_mask mask, int32_t x, sp_wide_int b) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide_int)_mm512_mask_broadcastd_epi32((__m512i)b, mask, _mm_cvtsi32_si128(x));
+#else
+    return (sp_wide_int)sp_wide_select(mask, (sp_wide)sp_wide_int_all(x), (sp_wide)b);
+#endif
+}
+
 /* Keeps the lanes of a where the mask is set; the other lanes become 0. */
 static inline sp_wide sp_wide_keep(sp_wide_mask mask, sp_wide a) {
 #if defined SP_WIDE_AVX512

@@ -106,14 +106,52 @@ sp_smooth_open(const struct sp_samples *s, const uint32_t first[3], size_t size,
     return (struct sp_smooth_cube){ copy, side * size, SMOOTH_ROWS * size };
 }
 
-/* Reads the samples of a lane as they are. */
-static inline void sp_smooth_read(const struct sp_smooth_cube *cube, int words, int lane,
+/* Samples around places, and the lanes whose places lie among them. With samples wider than pixels
+ * several rays share them. */
+struct sp_smooth_groups {
+    int count;
+    struct sp_smooth_cube cubes[SP_WIDE];
+    sp_wide_mask lanes[SP_WIDE];
+    _Alignas(8) char copies[SP_WIDE][SMOOTH_ROWS * SMOOTH_SIDE * sizeof(uint32_t)];
+};
+
+/* size: of a sample, at most 4 bytes. */
+static inline void sp_smooth_group(const struct sp_samples *s,
+                                   const struct sp_smooth_places *places, size_t size,
+                                   struct sp_smooth_groups *groups) {
+    sp_wide_int all[3];
+    memcpy(all, places->first, sizeof all);
+    groups->count = 0;
+    for (uint32_t left = places->lanes; left;) {
+        const int i = __builtin_ctz(left), n = groups->count++;
+        const uint32_t first[3] = { places->first[0][i], places->first[1][i], places->first[2][i] };
+        groups->lanes[n] = sp_wide_int_eq(all[0], sp_wide_int_all((int32_t)first[0])) &
+                           sp_wide_int_eq(all[1], sp_wide_int_all((int32_t)first[1])) &
+                           sp_wide_int_eq(all[2], sp_wide_int_all((int32_t)first[2]));
+        groups->cubes[n] = sp_smooth_open(s, first, size, groups->copies[n]);
+        left &= ~sp_wide_mask_bits(groups->lanes[n]);
+    }
+}
+
+/* Reads word w of each row as it is. */
+static inline void sp_smooth_read(const struct sp_smooth_groups *groups, int w,
                                   sp_smooth_words to) {
-    for (int k = 0; k < SMOOTH_SIDE; k++)
-        for (int j = 0; j < SMOOTH_SIDE; j++)
-            for (int w = 0; w < words; w++)
-                memcpy(&to[SMOOTH_SIDE * k + j][w][lane],
-                       cube->first + (size_t)k * cube->slice + (size_t)j * cube->row + 4 * w, 4);
+    sp_wide_int rows[SMOOTH_ROWS];
+    for (int row = 0; row < SMOOTH_ROWS; row++)
+        rows[row] = (sp_wide_int){ 0 };
+    for (int n = 0; n < groups->count; n++) {
+        const struct sp_smooth_cube *cube = &groups->cubes[n];
+        for (int row = 0; row < SMOOTH_ROWS; row++) {
+            int32_t word;
+            memcpy(&word,
+                   cube->first + (size_t)(row / SMOOTH_SIDE) * cube->slice +
+                       (size_t)(row % SMOOTH_SIDE) * cube->row + 4 * w,
+                   sizeof word);
+            rows[row] = sp_wide_int_select_all(groups->lanes[n], word, rows[row]);
+        }
+    }
+    for (int row = 0; row < SMOOTH_ROWS; row++)
+        sp_wide_int_store(to[row][w], rows[row]);
 }
 
 /* The same of samples that become codes above CURVE_CODE_MIN. */
@@ -269,22 +307,20 @@ static inline void sp_smooth_sum_reals(const struct sp_curve *curve, bool is_raw
 static inline void sp_smooth_fill(const struct sp_resample *r, const struct sp_rows *reader,
                                   const struct sp_smooth_places *places, sp_smooth_words words) {
     const size_t size = (size_t)reader->size;
-    for (int row = 0; row < SMOOTH_ROWS; row++)
-        for (int p = 0; p < SMOOTH_SIDE && (p == 0 || size > 1); p++)
-            sp_wide_int_store(words[row][p], (sp_wide_int){ 0 });
+    if (size <= 2 || reader->is_float_exact) {
+        struct sp_smooth_groups groups;
+        sp_smooth_group(r->samples, places, size, &groups);
+        for (int w = 0; w < (int)size; w++)
+            sp_smooth_read(&groups, w, words);
+        return;
+    }
+    memset(words, 0, sizeof(sp_smooth_words));
     for (uint32_t left = places->lanes; left; left &= left - 1) {
         _Alignas(8) char copy[SMOOTH_ROWS * SMOOTH_SIDE * sizeof(double)];
         const int i = __builtin_ctz(left);
         const uint32_t first[3] = { places->first[0][i], places->first[1][i], places->first[2][i] };
         struct sp_smooth_cube cube = sp_smooth_open(r->samples, first, size, copy);
-        if (size == 1)
-            sp_smooth_read(&cube, 1, i, words);
-        else if (size == 2)
-            sp_smooth_read(&cube, 2, i, words);
-        else if (reader->is_float_exact)
-            sp_smooth_read(&cube, 4, i, words);
-        else
-            sp_smooth_convert(&cube, &r->curve, reader->type, i, words);
+        sp_smooth_convert(&cube, &r->curve, reader->type, i, words);
     }
 }
 
