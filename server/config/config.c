@@ -162,7 +162,7 @@ static const struct setting settings[] = {
     { "drain-time", SECONDS, AT(drain_time_ms), "10", 50, 600000, "SECONDS",
       "Time that requests in progress have to finish after SIGTERM." },
     { "rest-time", SECONDS, AT(rest_time_ms), "0.12", 1, 60000, "SECONDS",
-      "Time without a change after which a view is rendered in full quality." },
+      "Time without a change after which a view is displayed in full quality at the earliest." },
     { "http-threads", COUNT, AT(http_threads), "2", 1, 16, "N", "Threads that serve HTTP." },
     { "encode-threads", COUNT, AT(encode_threads), "2", 1, 8, "N",
       "Threads that encode the frames of streams. For frames that are slow to encode there is one "

@@ -158,6 +158,24 @@ def motion(folder):
     return '\n'.join(texts)
 
 
+def settle(folder):
+    """Rows: client and move; columns: volumes. An arrow follows what was measured before."""
+    rows, earlier, lines = read(folder, 'settle.csv'), read(folder, 'settle_before.csv'), []
+    volumes = list(dict.fromkeys(r['volume'] for r in rows))
+
+    def text(r):
+        return f'{", ".join(short(r[f"db_{ms}"]) for ms in (0, 100, 200, 300))} dB, {r["near_final_ms"]:.0f} ms, {short(r["jump_levels"], 1)}' if r else '–'
+
+    for key in dict.fromkeys((r['client'], r['move']) for r in rows):
+        cells = list(key)
+        for volume in volumes:
+            wanted = {'client': key[0], 'move': key[1], 'volume': volume}
+            r, b = find(rows, **wanted), find(earlier, **wanted)
+            cells.append(f'{text(b)} → {text(r)}' if b else text(r))
+        lines.append(cells)
+    return table(['client', 'move', *(volume.split('_')[0] for volume in volumes)], lines) if rows else ''
+
+
 def motion_headline(folder):
     rows = [r for r in read(folder, 'motion.csv') if (r['client'], r['move'], r['px'], r['rtt_ms'], r['mbit']) == ('page', 'turn', 1024, 0, 50)]
     texts = [f'{r["volume"].split("_")[0]} {r["seen_object_db"]:.1f} dB' for r in rows]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import charts  # noqa: E402
 from brick_goals import bricks, bricks_headline, GOAL_COMPLETE_MS, GOAL_LOAD_MS  # noqa: E402
-from daemon_tables import browser, codecs, codecs_headline, latency, latency_headline, memory, motion, motion_headline, network, serve, serve_headline  # noqa: E402
+from daemon_tables import browser, codecs, codecs_headline, latency, latency_headline, memory, motion, motion_headline, network, serve, serve_headline, settle  # noqa: E402
 from gpu_tables import gpu, gpu_headline  # noqa: E402
 from scene_tables import (against_vtk, drafts, elements, elements_headline, exact, exact_headline, goals, headline, layers, layers_headline, overview, scans,  # noqa: E402
                           PAPERS, pixels, pixels_headline, profile, scenes, speed_headline)
@@ -35,7 +35,7 @@ ABOUT = {
     'gl_pixels': 'the GPU backend, classified per pixel', 'gl_vtk': 'VTK\'s GPU ray caster on the same GPU',
     'gl_streams': 'sessions of 1024 px that turn, on the GPU backend', 'gl_edits': 'a changing transfer function on the GPU backend', 'gl_elements': 'elements.csv on the GPU backend',
     'serve': 'the daemon with its clients', 'latency': 'from a change to its image', 'network': 'the same over slow and distant networks',
-    'browser': 'the page in Chromium', 'motion': 'what a user sees while the view moves', 'motion_before': 'the same before moving frames were drafts (cb1bbba3)', 'bricks': 'volumes that are larger than memory', 'memory': 'the memory of frames',
+    'browser': 'the page in Chromium', 'motion': 'what a user sees while the view moves', 'motion_before': 'the same before moving frames were ahead of the hand (4196a09e)', 'settle': 'what a user sees after the hand stops', 'settle_before': 'the same before refinements began earlier (4196a09e)', 'bricks': 'volumes that are larger than memory', 'memory': 'the memory of frames',
     'soak': 'the daemon with clients that come and go', 'codecs': 'bytes and time per image format and video codec',
     'tls': 'the TLS acceptor',
 }
@@ -116,9 +116,14 @@ PAGES = [
          'Measured by `motion.mjs`: 60 updates per second, a turn of 34 degrees per second, on the same two cores as the daemon. Each cell has, in dB, the '
          'image on the screen at ticks of the display against the snapshot of the view that was asked for at that moment, over the whole image and in brackets '
          'over the pixels that the object covers; the median width of the frames, and how often per second the image on the screen changes. Before an arrow '
-         'stands the daemon and the page of cb1bbba3, without drafts, on the same machine in the same hour. Squared errors are summed over all '
-         'ticks of a row. The network is a proxy that delays and limits the rate.'),
-    ], ['motion', 'motion_before'], ['motion']),
+         'stands the daemon and the page of 4196a09e, whose frames are not ahead of the hand, on the same machine in the same hour. Squared errors are summed over '
+         'all ticks of a row. A turn goes to and fro at an even speed and turns back at once; a sway goes to and fro with the least jerk, as hands do. The '
+         'network is a proxy that delays and limits the rate.'),
+        ('After the hand stops', settle,
+         'Measured by `settle.mjs`: a turn that stops at once, a sway that comes to its end, a zoom; looks at each tick of the display over the pixels that the '
+         'object covers. Each cell has dB after 0, 100, 200 and 300 ms; after how many ms the image is within 1 dB of its final one; and the largest change from '
+         'one look to the next, in levels of 255, as a mean over the image. Medians of seven stops. Before an arrow stands 4196a09e.'),
+    ], ['motion', 'motion_before', 'settle', 'settle_before'], ['motion']),
     Page('memory', 'Memory', bricks_headline, [
         ('Larger than memory', bricks,
          'Measured by `bricks.mjs` with `--memory 512M`: winding vessels in empty space, uint8, as brick files in the page cache. Times are from the '

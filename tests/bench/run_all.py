@@ -397,6 +397,8 @@ def measure_motion(run):
     volumes = [v for v in (find(run.o.data, name) for name in names) if v] or ['demo:engine']
     quick = ('--seconds', '1', '--moves', 'turn', '--px', '512') if run.o.quick else ()
     measure_serve(run, 'motion.csv', 'what a user sees in motion', '--volumes', ','.join(volumes[:1] if run.o.quick else volumes), *quick, program='motion.mjs')
+    stops = ('--stops', '1', '--moves', 'turn') if run.o.quick else ()
+    measure_serve(run, 'settle.csv', 'what a user sees after the hand stops', '--volumes', ','.join(volumes[:1] if run.o.quick else volumes[:3]), *stops, program='settle.mjs')
 
 
 def measure_codecs(run):

@@ -3,7 +3,7 @@
 // Measures how the image gets sharp after a hand stops that turned or zoomed for a second, with 60 updates per second: looks at each tick of the
 // display, against the snapshot of the view at which the hand stopped. In dB over the pixels that the object covers; medians over several stops.
 //
-//   node tests/bench/settle.mjs [--bin DIR] [--volumes LIST] [--clients stream,page] [--moves turn,zoom] [--px N] [--stops N] [--rtt MS]
+//   node tests/bench/settle.mjs [--bin DIR] [--volumes LIST] [--clients stream,page] [--moves turn,sway,zoom] [--px N] [--stops N] [--rtt MS]
 //     [--mbit N] [--images DIR] [--out FILE.csv]
 //
 // The client "stream" shows the newest image, enlarged; "page" is splatd's page in Chromium, with the frames that fade out. --images: a folder
@@ -23,7 +23,7 @@ const { values: options } = parseArgs({
     bin: { type: 'string', default: 'build/release/bin' },
     volumes: { type: 'string', default: 'demo:engine' },
     clients: { type: 'string', default: 'stream,page' },
-    moves: { type: 'string', default: 'turn,zoom' },
+    moves: { type: 'string', default: 'turn,sway,zoom' },
     px: { type: 'string', default: '1024' },
     stops: { type: 'string', default: '7' },
     rtt: { type: 'string', default: '0' },
