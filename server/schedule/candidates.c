@@ -124,11 +124,11 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     demand.has_slow_slot = has_slow_slot(schedule, s);
     demand.max_fps = p->settings.max_fps;
     demand.next_frame_ms = plan->next_frame_ms;
-    demand.behind_ms = plan->behind_ms;
     demand.rest_at_ms = srv_play_moves(s) || s->shared.is_waiting
                             ? INFINITY
                             : s->shared.changed_ms + schedule->hub->options.rest_ms;
     demand.settles_at_ms = demand.rest_at_ms < INFINITY ? srv_settles_at_ms(schedule, s) : INFINITY;
+    demand.behind_ms = demand.is_ahead ? demand.settles_at_ms : plan->behind_ms;
     demand.is_alone = schedule->hub->participants.count == 1 && !s->schedule->must_finish;
     demand.has_frame = plan->newest.version > 0 && plan->newest.step == SRV_STEP_MOVING;
     demand.sharp_ms = sharp_ms(s, p);

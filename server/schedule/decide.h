@@ -37,13 +37,13 @@ enum srv_rank {
  *     quality
  *
  * A refinement begins when the hand seems to have stopped: no update came for longer than between
- * the last ones. Earlier, the next update would cancel it, and would wait until it is cancelled.
- * The frame of final quality is not expected to be ready before the view rests. */
+ * the last ones. If it began earlier, the next update would have to cancel it first.
+ * The frame of final quality begins so late that it is ready when the view rests. */
 struct srv_demand {
     bool wants_frame;        /* as above, without the frame rate and the rest */
     bool is_first;           /* the client has no frame yet, and may have one before others */
-    bool is_newer;           /* the view is newer than its last job, */
-    bool is_ahead;           /* or that job's frame is ahead of a hand that has not moved since */
+    bool is_newer;           /* a moving frame is due: the view is newer than its last job, or */
+    bool is_ahead;           /* the frame of that job is ahead of a hand that did not move since */
     bool is_progressive;     /* the client takes frames of less detail while the view moves */
     bool needs_intermediate; /* the sharp frame takes long, so a faster one precedes it */
     bool is_slow[SRV_STEPS]; /* the frame of this step is slow to encode */

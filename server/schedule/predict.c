@@ -6,13 +6,14 @@
 #include "common/vectors.h"
 
 #define LEAST_MS 4.0   /* updates that are closer together count as one */
-#define WINDOW_MS 40.0 /* the motion is measured over about this time, and over as long before */
+#define WINDOW_MS 40.0 /* the motion is measured in the last two times of this length */
 #define SHORTEST_MS 24.0
 #define PAUSE_MS 60.0 /* without an update for so long, the camera rests */
 #define TURN_MAX 0.35 /* rad: no prediction turns further */
-#define ZOOM_MAX 0.4  /* or zooms by a larger factor, as a logarithm */
+#define ZOOM_MAX 0.4  /* the logarithm of the largest factor by which it zooms */
+#define JUMP 1.0      /* rad in one window: this is no motion */
 #define RATIO_MIN 0.05
-#define SHIFT_MAX 0.3 /* or moves the target by more than this part of its distance */
+#define SHIFT_MAX 0.3 /* the furthest shift of the target, of its distance */
 
 void srv_past_clear(struct srv_past *past) {
     past->count = 0;
@@ -95,6 +96,8 @@ static bool motion_between(const struct sp_camera *from, const struct sp_camera 
         !pose_of(to, &after))
         return false;
     m->angle = rotation(&before, &after, m->axis);
+    if (m->angle > JUMP) /* for example over a pole of a camera whose up does not change */
+        return false;
     m->zoom = to->projection == SP_ORTHOGRAPHIC ? log(to->height / from->height)
                                                 : log(after.distance / before.distance);
     for (int i = 0; i < 3; i++)
@@ -126,8 +129,8 @@ static bool move(struct sp_camera *camera, const struct motion *m, double part) 
     return true;
 }
 
-/* Returns the newest update that is at least WINDOW_MS older than the one at `at`, or the oldest
- * one of an unbroken motion. `at` = there is none. */
+/* Returns the newest update that is at least WINDOW_MS older than the update `at`, or the oldest
+ * one without a pause in between. Returns `at` if there is no older one. */
 static unsigned before(const struct srv_past *past, unsigned at) {
     const unsigned oldest = (past->newest + SRV_PAST_CAMERAS + 1 - past->count) % SRV_PAST_CAMERAS;
     unsigned found = at;

@@ -63,7 +63,7 @@ struct srv_session_schedule {
     struct srv_quality quality;
     struct srv_motion motion;
     double changed_ms; /* when the view changed last */
-    double gap_ms;     /* the longest time between its last changes, fading; 0 = not known */
+    double gap_ms; /* the longest time between changes, of which newer ones count more; 0 = none */
     struct srv_past past;
     bool has_depth; /* the last frame of a job that wants depth had it */
     struct srv_cold_start start;

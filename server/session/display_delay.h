@@ -9,20 +9,23 @@
 
 #include <stdint.h>
 
-enum { SRV_DELAYED_FRAMES = 64 };
+enum { SRV_DELAYED_FRAMES = 64, SRV_DELAY_SAMPLES = 5 };
 
 struct srv_display_delay { /* zeroed = nothing is known */
     struct {
         uint32_t frame;
         double updated_ms;
     } sent[SRV_DELAYED_FRAMES];
-    double mean_ms; /* of the last frames; 0 = not known yet */
+    double ms[SRV_DELAY_SAMPLES]; /* of the last frames */
+    unsigned count;               /* of all frames so far */
 };
 
 /* The frame that goes to the socket is the first one with an update that arrived at updated_ms. */
 void srv_display_delay_sent(struct srv_display_delay *delay, uint32_t frame, double updated_ms);
-/* The client acknowledged the frame. Frames that were not sent, or show no new update, are ignored.
- */
+/* The client acknowledged the frame. Does nothing for a frame without a new update. */
 void srv_display_delay_acked(struct srv_display_delay *delay, uint32_t frame, double now_ms);
+/* Returns the median of the last frames, so that a pause of the client does not count; 0 = not
+ * known yet. */
+double srv_display_delay_ms(const struct srv_display_delay *delay);
 
 #endif

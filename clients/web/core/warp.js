@@ -62,15 +62,15 @@ export function fadesOf(map, { width, height }) {
 const SAME = 1e-6; // of the distance of the target
 
 /**
- * The camera of a frame: {rig, isAhead}. rig: that of the update that the frame shows, or null if it is unknown. A frame with depth may have been
- * drawn for the camera that the daemon expected instead (protocol/stream.md).
+ * The camera of a frame: {rig, isAhead}. rig: that of the update that the frame shows, or null if it is unknown. A moving frame with depth may have
+ * been drawn for the camera that the daemon expected instead (protocol/stream.md).
  */
-export function cameraOf({ depth }, rig) {
-  if (!rig || !depth?.payload) return { rig, isAhead: false };
-  const asked = cameraFromRig(rig);
-  const { camera } = depth;
-  const isSame = (key, unit) => camera[key].every((x, i) => Math.abs(x - asked[key][i]) <= SAME * unit);
+export function cameraOf({ depth, isFinal }, rig) {
+  if (!rig || !depth || isFinal) return { rig, isAhead: false };
+  const own = rigFromCamera(depth.camera);
+  const [asked, drawn] = [rig, own].map(cameraFromRig); // the up of a view may be tilted
+  const isSame = (key, unit) => drawn[key].every((x, i) => Math.abs(x - asked[key][i]) <= SAME * unit);
   const isAhead = !isSame('position', rig.distance) || !isSame('target', rig.distance) || !isSame('up', 1)
-    || (rig.projection === 'orthographic' && Math.abs(camera.height - asked.height) > SAME * asked.height);
-  return isAhead ? { rig: rigFromCamera(camera), isAhead } : { rig, isAhead };
+    || (rig.projection === 'orthographic' && Math.abs(own.height - rig.height) > SAME * rig.height);
+  return { rig: isAhead ? own : rig, isAhead };
 }

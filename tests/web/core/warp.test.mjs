@@ -64,18 +64,19 @@ test('the CSS transform has the columns of the matrix', () => {
 });
 
 test('the camera of a frame is that of its update, or another one that the daemon expected', () => {
-  for (const camera of CAMERAS) {
+  for (const plain of CAMERAS) {
+    const sight = plain.target.map((x, i) => x - plain.position[i]);
+    const camera = { ...plain, up: plain.up.map((x, i) => x + 0.05 * sight[i]) }; // as in default views: up is not orthogonal to the sight
     const rig = rigFromCamera(camera);
-    const own = { ...camera, ...cameraFromRig(rig) };
-    const frame = (change = {}) => ({ depth: { payload: new Uint8Array(1), camera: { ...own, ...change } } });
+    const frame = (change = {}, more = {}) => ({ depth: { camera: { ...camera, ...change } }, isFinal: false, ...more });
     assert.deepEqual(cameraOf(frame(), rig), { rig, isAhead: false });
     const later = orbit(rig, 0.1, 0, 0);
     const ahead = cameraOf(frame(cameraFromRig(later)), rig);
     assert.equal(ahead.isAhead, true);
     for (const i of [0, 1, 2]) assert.ok(Math.abs(cameraFromRig(ahead.rig).position[i] - cameraFromRig(later).position[i]) < 1e-6);
-    if (camera.projection === 'orthographic') assert.equal(cameraOf(frame({ height: 2 * own.height }), rig).isAhead, true);
+    if (camera.projection === 'orthographic') assert.equal(cameraOf(frame({ height: 2 * camera.height }), rig).isAhead, true);
     assert.deepEqual(cameraOf(frame(cameraFromRig(later)), null), { rig: null, isAhead: false }, 'an update of another client');
-    assert.deepEqual(cameraOf({ depth: null }, rig), { rig, isAhead: false }, 'no camera');
-    assert.deepEqual(cameraOf({ depth: { payload: null, camera: cameraFromRig(later) } }, rig), { rig, isAhead: false }, 'no depth');
+    assert.deepEqual(cameraOf({ depth: null, isFinal: false }, rig), { rig, isAhead: false }, 'no camera');
+    assert.deepEqual(cameraOf(frame(cameraFromRig(later), { isFinal: true }), rig), { rig, isAhead: false }, 'final frames are never ahead');
   }
 });

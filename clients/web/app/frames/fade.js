@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sharpness arrives gradually: when a frame replaces a coarser one of the same view, or a warped picture of that view, the latter fades out above
-// the canvas. The canvas itself has the new frame at once, so whatever reads it gets that one.
+// Sharpness arrives gradually: when a frame replaces a coarser one of the same view, or a warped picture of that view, the old picture fades out
+// above the canvas. The canvas itself has the new frame at once, so whatever reads it gets that one.
 
 const FADE_MS = 120;
 

@@ -105,8 +105,8 @@ export class Warp {
     this.#layer.hidden = true;
   }
 
-  /** A frame is about to be drawn. isSharper: it shows the view of the canvas, sharper; isNewest: it shows the newest view from its camera, as a picture that is
-   * warped by depth does. What is on the screen fades out where the frame shows the same. */
+  /** A frame is about to be drawn. isSharper: it is sharper than the canvas, and shows the same view; isNewest: it shows the newest view from its own
+   * camera. What is on the screen fades out if the frame shows the same view. */
   arrive(isSharper, isNewest) {
     const isByDepth = this.isVisible && this.#layer.dataset.kind === 'depth';
     if (isByDepth ? isNewest : isSharper && !this.isVisible) this.#fade?.begin(isByDepth ? this.#depth.picture : null);

@@ -93,6 +93,20 @@ static void frames_are_ahead_by_the_time_to_the_screen(void **state) {
     srv_hub_leave(f->hub, &p, 30000);
 }
 
+static void a_client_that_pauses_once_changes_nothing(void **state) {
+    (void)state;
+    struct srv_display_delay delay = { .count = 0 };
+    assert_float_equal(srv_display_delay_ms(&delay), 0, 0);
+    for (uint32_t frame = 1; frame < 200; frame++) {
+        const double sent_ms = 20.0 * frame, took_ms = frame % 50 == 30 ? 4000 : 40;
+        srv_display_delay_sent(&delay, frame, sent_ms);
+        srv_display_delay_acked(&delay, frame, sent_ms + took_ms);
+        srv_display_delay_acked(&delay, frame, sent_ms + 9000); /* again */
+        srv_display_delay_acked(&delay, frame + 1, sent_ms);    /* was not sent yet */
+        assert_float_equal(srv_display_delay_ms(&delay), 40, 1e-9);
+    }
+}
+
 static void the_client_limits_how_far(void **state) {
     struct fixture *f = *state;
     double ahead = 0;
@@ -141,6 +155,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(frames_are_ahead_by_the_time_to_the_screen, hub_set_up,
                                         hub_tear_down),
+        cmocka_unit_test(a_client_that_pauses_once_changes_nothing),
         cmocka_unit_test_setup_teardown(the_client_limits_how_far, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(others_get_the_camera_of_the_view, hub_set_up,
                                         hub_tear_down),
