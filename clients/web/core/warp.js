@@ -74,3 +74,11 @@ export function cameraOf({ depth, isFinal }, rig) {
     || (rig.projection === 'orthographic' && Math.abs(own.height - rig.height) > SAME * rig.height);
   return { rig: isAhead ? own : rig, isAhead };
 }
+
+const wayBetween = (a, b) => {
+  const [from, to] = [a, b].map(cameraFromRig);
+  return Math.hypot(...subtract(from.position, to.position), ...subtract(from.target, to.target), a.height - b.height);
+};
+
+/** True if `first` is further from `rig` than `second` is. */
+export const isFurther = (first, second, rig) => wayBetween(first, rig) > wayBetween(second, rig);

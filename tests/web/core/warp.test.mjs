@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { cameraFromRig, orbit, pan, pointOnPlane, rigFromCamera, zoom } from '../../../clients/web/core/camera.js';
 import { project } from '../../../clients/web/core/project.js';
-import { cameraOf, cssTransform, fadesOf, homography } from '../../../clients/web/core/warp.js';
+import { cameraOf, cssTransform, fadesOf, homography, isFurther } from '../../../clients/web/core/warp.js';
 
 const VIEWPORT = { width: 800, height: 500 };
 const POINTS = [[0, 0], [800, 0], [0, 500], [800, 500], [400, 250], [123, 321]];
@@ -78,5 +78,14 @@ test('the camera of a frame is that of its update, or another one that the daemo
     assert.deepEqual(cameraOf(frame(cameraFromRig(later)), null), { rig: null, isAhead: false }, 'an update of another client');
     assert.deepEqual(cameraOf({ depth: null, isFinal: false }, rig), { rig, isAhead: false }, 'no camera');
     assert.deepEqual(cameraOf(frame(cameraFromRig(later), { isFinal: true }), rig), { rig, isAhead: false }, 'final frames are never ahead');
+  }
+});
+
+test('the way between cameras is longer for larger movements', () => {
+  for (const camera of CAMERAS) {
+    const rig = rigFromCamera(camera);
+    assert.equal(isFurther(orbit(rig, 0.2, 0, 0), orbit(rig, -0.1, 0, 0), rig), true);
+    assert.equal(isFurther(orbit(rig, 0.1, 0, 0), pan(rig, [200, 0], VIEWPORT), rig), false);
+    assert.equal(isFurther(rig, zoom(rig, 0.9, [400, 250], VIEWPORT, { nearest: 0.1, farthest: 100 }), rig), false);
   }
 });

@@ -120,14 +120,19 @@ test('a frame that is ahead of the hand is shown as the hand sees it, until a fr
   const predicts = () => daemon.heard.filter(({ method, params }) => method === 'stream.configure' && params.predict > 0).length;
   await until(page, 'a frame with depth', (s) => s.hasDepth);
   await eventually('a request for predicted frames', () => predicts() > 0);
-  daemon.expect = (camera) => ({ ...camera, position: camera.position.map((x, i) => x + (i === 0 ? 5 : 0)) });
+  const expect = (way) => (camera) => ({ ...camera, position: camera.position.map((x, i) => x + (i === 0 ? way : 0)) });
+  daemon.expect = expect(0.1);
   await page.mouse.move(450, 300);
   await page.mouse.down();
   await page.mouse.move(480, 300);
   await until(page, 'the warp of the newest frame', (s) => s.isIdle && s.isDrawn && s.seq === s.sent && s.isWarped);
   assert.deepEqual((await byDepth(page)).middle, [200, 120, 40]);
-  daemon.expect = (camera) => camera;
+  daemon.expect = expect(500); // it overshoots a hand that has stopped
+  const { count, warps } = await page.evaluate(() => ({ count: window.splatd.count, warps: window.splatd.warps }));
   await page.mouse.move(490, 300);
+  await until(page, 'the old frame, as the hand sees it', `(s) => s.isIdle && s.count === ${count} && s.warps > ${warps} && s.seq < s.sent`);
+  daemon.expect = (camera) => camera;
+  await page.mouse.move(500, 300);
   await until(page, 'a frame of the hand', (s) => s.isIdle && s.seq === s.sent && !s.isWarped);
   await page.mouse.up();
   assert.deepEqual(it.said, []);

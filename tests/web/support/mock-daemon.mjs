@@ -368,7 +368,10 @@ export class MockDaemon {
     if (!this.script && this.draws) {
       stream.frame += 1;
       const [width, height] = stream.size;
-      messages.push(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, color: this.color?.(stream.session.view) ?? [200, 120, 40], depth: this.hasDepth && stream.wantsDepth ? this.expect(stream.session.view.camera) : null }));
+      const { view } = stream.session;
+      const depth = this.hasDepth && stream.wantsDepth ? this.expect(view.camera) : null;
+      const flags = !depth || depth === view.camera ? 3 : 1; // a frame that is ahead is not final
+      messages.push(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, color: this.color?.(view) ?? [200, 120, 40], depth, flags }));
     }
     for (const message of messages) stream.socket.send(message);
   }

@@ -104,11 +104,13 @@ export class Companion extends Emitter {
     const { seq, isFinal, width, height } = frame;
     const last = this.#drawn;
     const isSharper = last.count > 0 && seq === last.seq && !last.isFinal && (isFinal || width > last.width);
-    const { rig, isAhead } = cameraOf(frame, this.#rigs.get(seq) ?? null);
-    this.#warp.arrive(isSharper, seq === this.#updates.sent && !this.#updates.isWaiting && !isAhead);
+    const camera = cameraOf(frame, this.#rigs.get(seq) ?? null);
+    const isNewest = seq === this.#updates.sent && !this.#updates.isWaiting;
+    if (isNewest && this.#warp.overshoots(camera, this.#rig)) return;
+    this.#warp.arrive(isSharper, isNewest && !camera.isAhead);
     this.#screen.draw(image, { isMoving: !isFinal });
     this.#warp.depth?.take(image, frame);
-    this.#warp.drew(rig, isAhead);
+    this.#warp.drew(camera.rig, camera.isAhead);
     for (const key of this.#rigs.keys()) if (key < seq) this.#rigs.delete(key);
     this.#updates.show(seq);
     this.#predict();

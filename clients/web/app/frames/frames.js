@@ -40,7 +40,9 @@ export function install(app) {
     schedule: nextFrame,
     draw: (image, frame) => {
       const camera = cameraOf(frame, viewer.rigOf(frame.seq));
-      app.warp?.arrive(frames.hasPicture && isSharper(frame), frame.seq === viewer.updates.sent && !viewer.updates.isWaiting && !camera.isAhead);
+      const isNewest = frame.seq === viewer.updates.sent && !viewer.updates.isWaiting;
+      if (isNewest && app.warp?.overshoots(camera, viewer.rig)) return;
+      app.warp?.arrive(frames.hasPicture && isSharper(frame), isNewest && !camera.isAhead);
       view = viewer.view;
       screen.draw(image, { isMoving: !frame.isFinal });
       app.warp?.depth?.take(image, frame);

@@ -5,7 +5,7 @@
 //
 // A browser that draws without a GPU may need longer for the flat warp than it saves. So the time between animation frames is
 // measured, and the flat warp pauses for a while where it makes them slow.
-import { cssTransform, fadesOf, homography } from '../../core/warp.js';
+import { cssTransform, fadesOf, homography, isFurther } from '../../core/warp.js';
 import { nextFrame } from './animation.js';
 
 const AHEAD_MIN = 2; // updates
@@ -103,6 +103,12 @@ export class Warp {
   hide() {
     this.#wanted = null;
     this.#layer.hidden = true;
+  }
+
+  /** True if a frame of the camera `own`, which the daemon expected, shows less of what the hand's camera `rig` sees than the picture that is there: the
+   * hand has stopped, and a frame of its own camera follows. */
+  overshoots({ rig: own, isAhead }, rig) {
+    return isAhead && this.isVisible && this.#shown !== null && isFurther(own, this.#shown, rig);
   }
 
   /** A frame is about to be drawn. isSharper: it is sharper than the canvas, and shows the same view; isNewest: it shows the newest view from its own
