@@ -194,7 +194,7 @@ test('stream.configure grants format, quality, size and lossless, and remembers 
   const stream = await daemon.stream();
   const { formats, ...granted } = await stream.call('stream.configure', { size: [96, 64], quality: 75, max_fps: 60 });
   for (const format of ['jpeg', 'png', 'webp']) assert.ok(formats.includes(format), format);
-  assert.deepEqual(granted, { format: 'jpeg', quality: 75, subsampling: 'auto', max_fps: 60, size: [96, 64], progressive: true, lossless: false, depth: false, name: 'Guest 1' });
+  assert.deepEqual(granted, { format: 'jpeg', quality: 75, subsampling: 'auto', max_fps: 60, size: [96, 64], progressive: true, lossless: false, depth: false, predict: 0, name: 'Guest 1' });
   await stream.frame((f) => (f.flags & FINAL) && f.width === 96 && f.height === 64, 'a final frame of 96 by 64');
   await stream.call('stream.configure', { lossless: true });
   const png = await stream.frame((f) => f.flags & LOSSLESS, 'a lossless frame');
