@@ -77,7 +77,8 @@ export function cameraOf({ depth, isFinal }, rig) {
 
 const wayBetween = (a, b) => {
   const [from, to] = [a, b].map(cameraFromRig);
-  return Math.hypot(...subtract(from.position, to.position), ...subtract(from.target, to.target), a.height - b.height);
+  const higher = a.projection === 'orthographic' ? a.height - b.height : 0; // a perspective camera has none
+  return Math.hypot(...subtract(from.position, to.position), ...subtract(from.target, to.target), higher);
 };
 
 /** True if `first` is further from `rig` than `second` is. */

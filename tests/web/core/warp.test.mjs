@@ -85,6 +85,7 @@ test('the way between cameras is longer for larger movements', () => {
   for (const camera of CAMERAS) {
     const rig = rigFromCamera(camera);
     assert.equal(isFurther(orbit(rig, 0.2, 0, 0), orbit(rig, -0.1, 0, 0), rig), true);
+    if (camera.projection === 'perspective') assert.equal(isFurther({ ...rig, height: 1000 }, orbit(rig, 0.1, 0, 0), rig), false, 'it has no height');
     assert.equal(isFurther(orbit(rig, 0.1, 0, 0), pan(rig, [200, 0], VIEWPORT), rig), false);
     assert.equal(isFurther(rig, zoom(rig, 0.9, [400, 250], VIEWPORT, { nearest: 0.1, farthest: 100 }), rig), false);
   }
