@@ -122,7 +122,7 @@ PAGES = [
         ('After the hand stops', settle,
          'Measured by `settle.mjs`: a turn that stops at once, a sway that comes to its end, a zoom; looks at each tick of the display over the pixels that the '
          'object covers. Each cell has dB after 0, 100, 200 and 300 ms; after how many ms the image is within 1 dB of its final one; and the largest change from '
-         'one look to the next, in levels of 255, as a mean over the image. Medians of seven stops. Before an arrow stands 4196a09e.'),
+         'one look to the next, in levels of 255, as a mean over the image. Medians of five stops. Before an arrow stands 4196a09e.'),
     ], ['motion', 'motion_before', 'settle', 'settle_before'], ['motion']),
     Page('memory', 'Memory', bricks_headline, [
         ('Larger than memory', bricks,
