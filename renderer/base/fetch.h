@@ -136,7 +136,7 @@ static inline sp_wide_int sp_fetch_dot(sp_wide_int pair, sp_wide_int weights) {
 }
 
 /* One table entry of four components per lane. part[k] has the components of lane k. With eight
- * lanes those of lane k + 4 follow, with sixteen also those of the lanes k + 8 and k + 12. */
+ * lanes, the components of lane k + 4 follow. With sixteen, lanes k + 8 and k + 12 follow too. */
 struct sp_entries {
     sp_wide part[4];
 };

@@ -19,10 +19,10 @@
 #define GUESS 9.0        /* load_log of a guess from another view */
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
-#define SPREAD 0.2     /* of sizes, for a line: sum of squares of (size / mean - 1) */
-#define PIXELLESS 2.0  /* fixed time over time of the pixels, if nothing is known */
-#define FADE 0.01      /* part of what is known of that ratio that is forgotten with each frame */
-#define DRAFT_TIME 0.5 /* of the whole frame's, if only the draft's is known */
+#define SPREAD 0.2            /* of sizes, for a line: sum of squares of (size / mean - 1) */
+#define PIXELLESS 2.0         /* fixed time over time of the pixels, if nothing is known */
+#define FADE 0.01             /* how much each frame lowers the weight of older ratios */
+#define DRAFT_TIME 0.5        /* of the whole frame's, if only the draft's is known */
 #define INTERMEDIATE_TIME 0.8 /* of the sharp frame's: else it gains nothing */
 #define INTERMEDIATE_SIDE 1.5 /* times the side of the displayed frame, at least */
 #define NEXT_LEVEL 0.25       /* of the time, where mip levels come first */

@@ -1,7 +1,8 @@
 #!/usr/bin/env node
 // SPDX-License-Identifier: Apache-2.0
-// Measures how the image gets sharp after a hand stops that turned or zoomed for a second, with 60 updates per second: looks at each tick of the
-// display, against the snapshot of the view at which the hand stopped. In dB over the pixels that the object covers; medians over several stops.
+// Measures how the image gets sharp after the hand stops. The hand turns, sways or zooms for a second, with 60 updates per second, and stops. Then
+// the image on the screen is compared with the snapshot of the last view, at each tick of the display, over the pixels that the object covers.
+// Results are medians over several stops, in dB.
 //
 //   node tests/bench/settle.mjs [--bin DIR] [--volumes LIST] [--clients stream,page] [--moves turn,sway,zoom] [--px N] [--stops N] [--rtt MS]
 //     [--mbit N] [--images DIR] [--out FILE.csv]
@@ -74,7 +75,7 @@ async function main() {
 }
 
 if (options.help) {
-  const [, , ...head] = fs.readFileSync(new URL(import.meta.url), 'utf8').split('\n', 10);
+  const [, , ...head] = fs.readFileSync(new URL(import.meta.url), 'utf8').split('\n', 11);
   process.stdout.write(`${head.map((line) => line.slice(3)).join('\n')}\n`);
 } else {
   await main();

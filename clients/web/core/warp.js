@@ -62,8 +62,8 @@ export function fadesOf(map, { width, height }) {
 const SAME = 1e-6; // of the distance of the target
 
 /**
- * The camera of a frame: {rig, isAhead}. rig: that of the update that the frame shows, or null if it is unknown. A moving frame with depth may have
- * been drawn for the camera that the daemon expected instead (protocol/stream.md).
+ * Gives the camera of a frame: {rig, isAhead}. `rig`: the camera of the update that the frame shows; null if it is unknown. isAhead: the daemon has
+ * predicted the camera of the frame (protocol/stream.md); then this camera is returned.
  */
 export function cameraOf({ depth, isFinal }, rig) {
   if (!rig || !depth || isFinal) return { rig, isAhead: false };

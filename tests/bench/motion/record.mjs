@@ -97,6 +97,17 @@ function listen() {
   const Plain = window.WebSocket;
   const record = { frames: [], cameras: [[0, null]], isOn: false };
   window.motion = record;
+  /** Looks after each animation frame, until motion.isOn is false. A task after the frame sees what it has drawn. */
+  window.eachFrame = (look) => {
+    const { port1, port2 } = new MessageChannel();
+    port1.onmessage = look;
+    const next = () => {
+      if (!record.isOn) return;
+      port2.postMessage(0);
+      requestAnimationFrame(next);
+    };
+    requestAnimationFrame(next);
+  };
   window.WebSocket = class extends Plain {
     constructor(...rest) {
       super(...rest);
@@ -145,15 +156,7 @@ function watch(every) {
     motion.looks.push(one);
     one.image = await createImageBitmap(canvas, 0, 0, width, height);
   };
-  // A task after the animation frame sees what the frame has drawn.
-  const { port1, port2 } = new MessageChannel();
-  port1.onmessage = look;
-  const next = () => {
-    if (!motion.isOn) return;
-    port2.postMessage(0);
-    requestAnimationFrame(next);
-  };
-  requestAnimationFrame(next);
+  window.eachFrame(look);
 }
 
 /** Runs in the page: the record, with images as base64. */
@@ -247,14 +250,7 @@ function watchEach() {
     if (opacity > 0) context.drawImage(old, 0, 0, canvas.width, canvas.height);
     motion.looks.push({ at, image: canvas.transferToImageBitmap() });
   };
-  const { port1, port2 } = new MessageChannel();
-  port1.onmessage = look;
-  const next = () => {
-    if (!motion.isOn) return;
-    port2.postMessage(0);
-    requestAnimationFrame(next);
-  };
-  requestAnimationFrame(next);
+  window.eachFrame(look);
 }
 
 /** Runs in the page: what watchEach() saw since the last camera was sent. */

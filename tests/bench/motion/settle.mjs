@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a user sees after the hand stops: looks at each tick of the display, and the numbers that describe them.
+// Computes the row of a record of what a user sees after the hand stops (record.mjs).
 import { median, round } from '../serve/peers.mjs';
 import { db } from './judge.mjs';
 

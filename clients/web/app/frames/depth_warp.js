@@ -128,7 +128,7 @@ export class DepthWarp {
   /** How many drawings were made. */
   get count() { return this.#count; }
 
-  /** Decodes the depth image of a frame. Gives null if there is none, or if it is broken. */
+  /** Decodes the depth image of a frame. Resolves to null if the frame has no depth image, or if the image is broken. */
   async decode({ depth }) {
     if (!depth?.payload) return null;
     return createImageBitmap(new Blob([depth.payload], { type: 'image/png' }), plain).catch(() => null);

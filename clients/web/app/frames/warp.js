@@ -105,8 +105,8 @@ export class Warp {
     this.#layer.hidden = true;
   }
 
-  /** True if a frame of the camera `own`, which the daemon expected, shows less of what the hand's camera `rig` sees than the picture that is there: the
-   * hand has stopped, and a frame of its own camera follows. */
+  /** True if a predicted frame should be left out after the hand has stopped. The camera `own` of the frame is then further from the hand's camera `rig`
+   * than the camera of the picture on the screen. A frame of the hand's camera follows. */
   overshoots({ rig: own, isAhead }, rig) {
     return isAhead && this.isVisible && this.#shown !== null && isFurther(own, this.#shown, rig);
   }
