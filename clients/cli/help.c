@@ -114,7 +114,8 @@ static const char *const texts[BLOCKS] = {
         "                          adds the surface on which the volume has this value; the "
         "colour\n"
         "                          as RRGGBB, the opacity in [0, 1]; up to 8 times\n"
-        "  --shell LOW,HIGH[,fast] adds the borders of opacity: voxels of at least the opacity "
+        "  --shell LOW,HIGH[,fast]\n"
+        "                          adds the borders of opacity: voxels of at least the opacity "
         "LOW\n"
         "                          beside one below HIGH; fast draws squares\n"
         "  --vectors STYLE[,STRETCH[,DENSITY]]\n"
@@ -133,26 +134,26 @@ static const char *const texts[BLOCKS] = {
         "                          FILE?field=NAME, in a colour RRGGBB; transparent at the value\n"
         "                          LOW, as opaque as OPACITY (default 0.5) at HIGH; up to 7 times\n"
         "  --no-volume             leaves the volume out, for the other layers alone\n"
-        "  --projection NAME       one number of the values along each ray: maximum, minimum, "
-        "mean\n"
-        "                          or sum\n"
+        "  --projection maximum|minimum|mean|sum\n"
+        "                          one number of the values along each ray\n"
         "  --window CENTRE,WIDTH   of the projection, from black to white (default: automatic)\n"
         "  --step N                the time step of a series, from 0 (default: that of the view)\n"
         "  --size WxH              in pixels, each in [1, 8192] (default: the size of the view)\n",
-    [BLOCK_IMAGE] =
-        "render:\n"
-        "  --out FILE|-            the image file, written completely or not at all\n"
-        "  --format NAME           jpeg, png, webp or exr (default: by the suffix of --out, else\n"
-        "                          png)\n"
-        "  --quality N             1 to 100, for jpeg and webp (default 90)\n",
+    [BLOCK_IMAGE] = "render:\n"
+                    "  --out FILE|-            the image file, written completely or not at all\n"
+                    "  --format jpeg|png|webp|exr\n"
+                    "                          (default: by the suffix of --out, else png)\n"
+                    "  --quality N             1 to 100, for jpeg and webp (default 90)\n",
     [BLOCK_LOCAL] =
         "  --local                 render in this process, without a daemon; the image is the "
         "same\n"
         "  --threads N             with --local: render threads, 1 to 256 (default: one per core)\n"
-        "  --backend NAME          with --local: auto (default), gl, gl-software, cpu, null\n"
+        "  --backend auto|gl|gl-software|cpu|null\n"
+        "                          with --local: the renderer (default: auto)\n"
         "  --gpu N                 with --local: the GPU, by its number in \"splatd --probe\"\n"
-        "  --isa NAME              with --local: instruction set of the CPU backend: auto\n"
-        "                          (default), scalar, sse41, avx2, avx512, neon\n",
+        "  --isa auto|scalar|sse41|avx2|avx512|neon\n"
+        "                          with --local: instruction set of the CPU backend (default:\n"
+        "                          auto)\n",
     [BLOCK_CONVERT] = "convert:\n"
                       "  --timeout SECONDS       for reading SOURCE (default 300)\n",
     [BLOCK_SLICE] =
@@ -160,8 +161,8 @@ static const char *const texts[BLOCKS] = {
         "  --volume ID|SOURCE      the volume: an id, a file or demo:NAME, which is loaded if\n"
         "                          necessary\n"
         "  --out FILE|-            the file, written completely or not at all\n"
-        "  --format NAME           png, jpeg, or raw for the values (default: by the suffix of\n"
-        "                          --out, else png)\n"
+        "  --format png|jpeg|raw   raw writes the values (default: by the suffix of --out, else\n"
+        "                          png)\n"
         "  --axis x|y|z            across an axis of the grid\n"
         "  --index N               with --axis: through this sample (default: the middle)\n"
         "  --step N                of this time step of a series, from 0\n"

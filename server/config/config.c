@@ -28,10 +28,11 @@ enum kind { TEXT, COUNT, SIZE, PIXELS, SECONDS, YES_NO, VOLUME, FILE_TO_READ, SW
 struct setting {
     const char *name; /* --name, and the key in a file */
     enum kind kind;
-    size_t offset;       /* in struct srv_config */
-    const char *initial; /* default, as text; NULL = not set */
-    int64_t min, max;    /* inclusive; bytes, pixels, milliseconds or a count */
-    const char *argument, *doc;
+    size_t offset;        /* in struct srv_config */
+    const char *initial;  /* default, as text; NULL = not set */
+    int64_t min, max;     /* inclusive; bytes, pixels, milliseconds or a count */
+    const char *argument; /* of --help and of completions: "a|b" are values, DIR and FILE paths */
+    const char *doc;
 };
 
 #define AT(field) offsetof(struct srv_config, field)
@@ -59,20 +60,19 @@ static const struct setting settings[] = {
     { "video-memory", SIZE, AT(video_memory), "0", 0, 64 * TIB, "SIZE",
       "GPU memory for volumes and images. 0 = three quarters of the GPU's memory, or up to 2G if "
       "the driver does not report its size." },
-    { "backend", TEXT, AT(backend), "auto", 0, 0, "NAME", "Renderer to use; see the list below." },
+    { "backend", TEXT, AT(backend), "auto", 0, 0, "auto|gl|gl-software|cpu|null",
+      "Renderer to use; see the list below." },
     { "gpu", TEXT, AT(gpu), "auto", 0, 0, "N",
       "GPU to use, by its number in the output of --probe. auto = the first that works." },
     { "require-gpu", YES_NO, AT(require_gpu), "no", 0, 0, NULL,
       "Fail at the start if no GPU works, and never fall back to the CPU." },
-    { "isa", TEXT, AT(isa), "auto", 0, 0, "NAME",
-      "Instruction set of the CPU renderer: auto, scalar, sse41, avx2, avx512 or neon. auto = the "
-      "best that the processor has." },
+    { "isa", TEXT, AT(isa), "auto", 0, 0, "auto|scalar|sse41|avx2|avx512|neon",
+      "Instruction set of the CPU renderer. auto = the best that the processor has." },
     { "threads", COUNT, AT(threads), "0", 0, 256, "N",
       "Render threads. 0 = one per processor core." },
     { "token-file", TEXT, AT(token_file), NULL, 0, 0, "FILE",
-      "File of tokens, one per line, with their roles and quotas (server/config/README.md). Not "
-      "set "
-      "= the daemon creates a random token and prints it." },
+      "File of tokens, one per line, with their roles and quotas (splatd.conf(5)). Not set = the "
+      "daemon creates a random token and prints it." },
     { "tls-cert", TEXT, AT(tls_cert), NULL, 0, 0, "FILE",
       "Serve TLS with this certificate (PEM: the server's certificate, then its chain). Requires "
       "--tls-key." },
@@ -167,10 +167,10 @@ static const struct setting settings[] = {
     { "encode-threads", COUNT, AT(encode_threads), "2", 1, 8, "N",
       "Threads that encode the frames of streams. For frames that are slow to encode there is one "
       "background thread less than this, at least one." },
-    { "log-level", TEXT, AT(log_level), "info", 0, 0, "LEVEL",
-      "Least important level that is logged: error, warn, info or debug." },
-    { "log-format", TEXT, AT(log_format), "logfmt", 0, 0, "FORM",
-      "Format of log lines: logfmt, json or text." },
+    { "log-level", TEXT, AT(log_level), "info", 0, 0, "error|warn|info|debug",
+      "Least important level that is logged." },
+    { "log-format", TEXT, AT(log_format), "logfmt", 0, 0, "logfmt|json|text",
+      "Format of log lines." },
     { "config", FILE_TO_READ, 0, NULL, 0, 0, "FILE",
       "Read settings from a file of `key = value` lines. Later settings replace earlier ones." },
     { "probe", SWITCH, AT(probe), NULL, 0, 0, NULL,
