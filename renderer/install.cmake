@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-# libsplat for other programs: `cmake --install BUILD --prefix PREFIX` installs
-#   lib/libsplat.so, lib/libsplat.a      the library; only functions marked SP_API are exported
+# `cmake --install BUILD --prefix PREFIX` installs
 #   lib/splatd/                          splat-import, and modules that are loaded on demand (base/locate.h)
+# and of the component dev, libsplat for other programs:
+#   lib/libsplat.so, lib/libsplat.a      the library; only functions marked SP_API are exported
 #   include/sp/                          the public headers
 #   lib/pkgconfig/splat.pc               for pkg-config
 #   lib/cmake/splat/                     for find_package(splat): targets splat::splat and splat::splat_static
 # clients/example/ uses it, and tests/install/ checks it.
-include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 # Libraries that the static library needs, as pkg-config names and as targets.
@@ -28,8 +28,8 @@ if(SPLATD_SHARED AND NOT SPLATD_SANITIZE AND NOT SPLATD_FUZZ)
     target_include_directories(splat_shared INTERFACE $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
     target_link_libraries(splat_shared PRIVATE ${targets} Threads::Threads m ${CMAKE_DL_LIBS})
     target_link_options(splat_shared PRIVATE LINKER:--no-undefined)
-    install(TARGETS splat_shared EXPORT splat LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
-    install(EXPORT splat NAMESPACE splat:: FILE splat-targets.cmake DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/splat)
+    install(TARGETS splat_shared EXPORT splat LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
+    install(EXPORT splat NAMESPACE splat:: FILE splat-targets.cmake DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/splat COMPONENT dev)
 endif()
 
 list(JOIN packages " " packages)
@@ -38,16 +38,16 @@ configure_package_config_file(splat-config.cmake.in splat-config.cmake INSTALL_D
     PATH_VARS CMAKE_INSTALL_INCLUDEDIR CMAKE_INSTALL_LIBDIR)
 write_basic_package_version_file(splat-config-version.cmake COMPATIBILITY SameMinorVersion)
 
-install(TARGETS splat ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(TARGETS splat-import RUNTIME DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
+install(TARGETS splat ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
+install(TARGETS splat-import RUNTIME DESTINATION ${SPLATD_PRIVATE_DIR} COMPONENT runtime)
 if(TARGET splat-fetch)
-    install(TARGETS splat-fetch RUNTIME DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
+    install(TARGETS splat-fetch RUNTIME DESTINATION ${SPLATD_PRIVATE_DIR} COMPONENT runtime)
 endif()
-install(TARGETS splat-import-dicom ${SPLATD_OPTIONAL_IMPORTERS} splat-import-image splat-import-mesh splat-import-tiff splat-exr LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
+install(TARGETS splat-import-dicom ${SPLATD_OPTIONAL_IMPORTERS} splat-import-image splat-import-mesh splat-import-tiff splat-exr LIBRARY DESTINATION ${SPLATD_PRIVATE_DIR} COMPONENT runtime)
 if(TARGET splat-x264)
-    install(TARGETS splat-x264 LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
+    install(TARGETS splat-x264 LIBRARY DESTINATION ${SPLATD_PRIVATE_DIR} COMPONENT runtime)
 endif()
-install(DIRECTORY include/sp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
-install(FILES ${CMAKE_CURRENT_BINARY_DIR}/splat.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+install(DIRECTORY include/sp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT dev FILES_MATCHING PATTERN "*.h")
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/splat.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT dev)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/splat-config.cmake ${CMAKE_CURRENT_BINARY_DIR}/splat-config-version.cmake
-    DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/splat)
+    DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/splat COMPONENT dev)

@@ -22,7 +22,7 @@ static int folder_length(const char *path) {
 }
 
 bool sp_locate(const char *file, char path[PATH_MAX], struct sp_error *err) {
-    static const char *const beside_program[] = { "", "../lib/splatd/", "../bin/" };
+    static const char *const beside_program[] = { "", SP_PRIVATE_FROM_PROGRAM, "../bin/" };
     char program[PATH_MAX];
     ssize_t n = readlink("/proc/self/exe", program, sizeof program - 1);
     if (n < 0) {
@@ -37,7 +37,8 @@ bool sp_locate(const char *file, char path[PATH_MAX], struct sp_error *err) {
             return true;
     Dl_info library;
     if (dladdr((void *)sp_locate, &library) && library.dli_fname &&
-        is_there(library.dli_fname, folder_length(library.dli_fname), "splatd/", file, path))
+        is_there(library.dli_fname, folder_length(library.dli_fname), SP_PRIVATE_FROM_LIBRARY, file,
+                 path))
         return true;
     snprintf(path, PATH_MAX, "%.*s%s", length, program, file);
     return sp_fail(err, SP_ERR_NOT_FOUND, path, "%s is not installed", file);

@@ -5,7 +5,9 @@
  *
  *   build tree     bin/PROGRAM           bin/FILE, also for PROGRAM in tests/
  *   installation   PREFIX/bin/PROGRAM    PREFIX/lib/splatd/FILE
- *                  PREFIX/lib/libsplat.so, and PROGRAM anywhere
+ *                  PREFIX/LIBDIR/libsplat.so, and PROGRAM anywhere
+ *
+ * LIBDIR may be lib/x86_64-linux-gnu or lib64; the build knows the way from it to lib/splatd.
  */
 #ifndef SP_BASE_LOCATE_H
 #define SP_BASE_LOCATE_H

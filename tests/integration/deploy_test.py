@@ -124,18 +124,20 @@ class Deploy(unittest.TestCase):
     def test_the_commands_of_the_unit_create_tokens(self):
         """The documented commands work: the daemon reads the file, and the token of Prometheus may only read /metrics."""
         with tempfile.TemporaryDirectory() as folder:
-            os.makedirs(os.path.join(folder, 'etc/prometheus'))
+            for name in 'etc/prometheus', 'etc/splatd':
+                os.makedirs(os.path.join(folder, name))
+            shutil.copy(os.path.join(FOLDER, 'package/splatd.conf'), folder + '/etc/splatd')
             commands = '\n'.join(line for line in re.findall(r'^#   (.*)$', read('splatd.service'), re.M) if 'systemctl' not in line)
-            for old, new in ('/etc/', f'{folder}/etc/'), ('/srv/', f'{folder}/srv/'), ('-o prometheus ', ''), ('splatd --print', f'{sys.argv[1]} --print'):
+            for old, new in ('/etc/', f'{folder}/etc/'), ('-o prometheus ', ''), ('chgrp splatd', 'true'):
                 self.assertIn(old, commands)
                 commands = commands.replace(old, new)
             subprocess.run(['sh', '-ec', commands], check=True, timeout=DEADLINE_S)
             scrape = model('prometheus.yml')['scrape_configs'][0]
-            tokens, own = folder + '/etc/splatd/token', folder + scrape['authorization']['credentials_file']
-            for path in tokens, own:
-                self.assertEqual(os.stat(path).st_mode & 0o077, 0, path)
+            tokens, own = folder + '/etc/splatd/tokens', folder + scrape['authorization']['credentials_file']
+            for path, hidden_from in (tokens, 0o027), (own, 0o077):
+                self.assertEqual(os.stat(path).st_mode & hidden_from, 0, path)
             with open(tokens, encoding='utf-8') as f, open(own, encoding='utf-8') as g:
-                first, prometheus = f.readline().strip(), g.read()
+                first, prometheus = f.readline().split()[0], g.read()
             self.assertRegex(prometheus, r'^[A-Za-z0-9_-]{16,}$')
             with Daemon('--config', folder + '/etc/splatd/splatd.conf', '--token-file', tokens) as daemon:
                 self.assertEqual([daemon.get('/metrics', prometheus)[0], daemon.get('/api/v1/volumes', prometheus)[0],
@@ -179,7 +181,7 @@ class Deploy(unittest.TestCase):
         """Each library that CMake finds with pkg-config belongs to a package of the list. Skipped without dpkg."""
         kinds = [line.split() for line in read('packages.txt').splitlines() if line and line[0] != '#']
         self.assertEqual(kinds, sorted(kinds))
-        self.assertEqual({kind for kind, _ in kinds}, {'build', 'faster', 'peer', 'test'})
+        self.assertEqual({kind for kind, _ in kinds}, {'build', 'check', 'faster', 'package', 'peer', 'test'})
         self.assertEqual(len({name for _, name in kinds}), len(kinds))
         if not shutil.which('dpkg-query') or not shutil.which('pkg-config'):
             self.skipTest('no dpkg-query or pkg-config')
