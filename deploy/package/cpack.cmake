@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # The Debian package of the component runtime. `deploy/package.sh` builds it, with the compiler flags of Debian.
 install(FILES ${made}/changelog.Debian.gz DESTINATION ${documents} COMPONENT debian EXCLUDE_FROM_ALL)
-install(FILES package/debian/lintian-overrides DESTINATION ${CMAKE_INSTALL_DATADIR}/lintian/overrides RENAME splatd
-    COMPONENT debian EXCLUDE_FROM_ALL)
 add_custom_target(splatd_debian DEPENDS ${made}/changelog.Debian.gz)
 
 set(CPACK_GENERATOR DEB)
