@@ -124,7 +124,7 @@ static bool concerns(const struct srv_inflight *f, uint64_t of, enum srv_interru
         return job->protected_ms < INFINITY;
     if (why == SRV_INTERRUPT_NEWER_REQUEST) /* other participants still want the frame */
         return job->target_count == 1 && job->targets[0].participant == of;
-    return job->session == of;
+    return job->session == of && (why != SRV_INTERRUPT_STOPPED || job->ends_with_motion);
 }
 
 void srv_frame_queue_interrupt(struct srv_frame_queue *queue, uint64_t of, enum srv_interrupt why,
@@ -137,7 +137,7 @@ void srv_frame_queue_interrupt(struct srv_frame_queue *queue, uint64_t of, enum 
             f->yields = true;
         else
             f->is_outdated = true;
-        if (why == SRV_INTERRUPT_UNWANTED)
+        if (why == SRV_INTERRUPT_UNWANTED || why == SRV_INTERRUPT_STOPPED)
             f->cancellable_from_ms = 0;
     }
     srv_frame_queue_tick(queue, now_ms);

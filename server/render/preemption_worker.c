@@ -6,10 +6,14 @@
  *   interactive worker  ██████████ · ██████ · ████████████    a frame of 300 ms
  *   preemption worker             █        █                  frames of 5 ms, 30 per second
  *
+ * While the interactive worker renders, this worker also waits for the moment at which the hand
+ * seems to have stopped, and then cancels a frame that ends with the motion.
+ *
  * Only frames of the CPU backend can be paused (sp_renderer_info.can_pause); frames of a GPU are
  * short. The worker's renderer is created for its first frame. It caches data of the volume on its
  * own, beside what the interactive worker's renderer caches.
  */
+#include <math.h>
 #include <stdlib.h>
 
 #include "common/clock.h"
@@ -18,17 +22,12 @@
 
 #define LONG_MS 10.0 /* a frame that was rendered for this long may be paused */
 
-/* Finds the interactive worker's frame if it is long by now. Else false; *wait_ms is lowered to the
- * time until it is. */
-static bool find_long_frame(struct srv_render_pool *pool, struct srv_running_job *running,
-                            double *wait_ms) {
-    struct sp_renderer_info info;
-    srv_worker_info(&pool->workers[SRV_WORKER_INTERACTIVE], &info);
+/* Gets the interactive worker's frame. False: it has none that is not cancelled. */
+static bool running_job(struct srv_render_pool *pool, struct srv_running_job *running) {
     pthread_mutex_lock(&pool->mutex);
     const struct srv_inflight *frame =
         srv_frame_queue_oldest(&pool->in_flight[SRV_WORKER_INTERACTIVE]);
-    bool found = frame && info.can_pause && !pool->has_no_preemption &&
-                 frame->job->order != pool->not_preempted && !atomic_load(&frame->cancel);
+    const bool found = frame && !atomic_load(&frame->cancel);
     if (found)
         *running =
             (struct srv_running_job){ .session = frame->job->session,
@@ -38,13 +37,40 @@ static bool find_long_frame(struct srv_render_pool *pool, struct srv_running_job
                                       .expected_ms = frame->job->expected_ms,
                                       .price = frame->job->price,
                                       .drawn_ms = srv_inflight_age_ms(frame, srv_clock_ms()),
-                                      .is_first = frame->job->is_first };
+                                      .image = frame->job->image,
+                                      .is_first = frame->job->is_first,
+                                      .ends_with_motion = frame->job->ends_with_motion };
     pthread_mutex_unlock(&pool->mutex);
-    if (found && running->drawn_ms < LONG_MS) {
-        *wait_ms = LONG_MS - running->drawn_ms;
-        found = false;
-    }
     return found;
+}
+
+/* Cancels the interactive worker's frame if it ends with the motion, and the hand has stopped.
+ * Returns when to ask again, in ms. */
+static double stop_with_motion(struct srv_render_pool *pool) {
+    struct srv_running_job running;
+    if (!running_job(pool, &running) || !running.ends_with_motion)
+        return INFINITY;
+    const double in_ms = srv_schedule_stops_in_ms(pool->schedule, &running, srv_clock_ms());
+    if (in_ms > 0)
+        return in_ms;
+    srv_render_pool_interrupt(pool, running.session, SRV_INTERRUPT_STOPPED);
+    return INFINITY;
+}
+
+/* Finds the interactive worker's frame if it may be paused and is long by now. Else false; *wait_ms
+ * is lowered to the time until it is. */
+static bool find_long_frame(struct srv_render_pool *pool, struct srv_running_job *running,
+                            double *wait_ms) {
+    struct sp_renderer_info info;
+    srv_worker_info(&pool->workers[SRV_WORKER_INTERACTIVE], &info);
+    if (!info.can_pause || !running_job(pool, running))
+        return false;
+    pthread_mutex_lock(&pool->mutex);
+    const bool may_pause = !pool->has_no_preemption && running->order != pool->not_preempted;
+    pthread_mutex_unlock(&pool->mutex);
+    if (may_pause && running->drawn_ms < LONG_MS)
+        *wait_ms = LONG_MS - running->drawn_ms;
+    return may_pause && running->drawn_ms >= LONG_MS;
 }
 
 void srv_preemption_disable(struct srv_render_pool *pool, const struct sp_error *err) {
@@ -105,6 +131,7 @@ void *srv_preemption_worker_main(void *user) {
             break;
         struct srv_running_job running;
         double wait_ms = 1000;
+        const double stop_ms = stop_with_motion(pool);
         if (!job && !(job = malloc(sizeof *job)))
             sp_log(SP_LOG_ERROR, "out of memory for a render job");
         if (job && srv_encode_pool_has_capacity(pool->encoders, SRV_WORKER_PREEMPTION) &&
@@ -114,7 +141,7 @@ void *srv_preemption_worker_main(void *user) {
             job = NULL;
         } else {
             srv_render_pool_rest(pool, SRV_WORKER_PREEMPTION);
-            srv_worker_wait(worker, round.generation, wait_ms);
+            srv_worker_wait(worker, round.generation, fmin(wait_ms, stop_ms));
         }
     }
     free(job);

@@ -108,7 +108,7 @@ static struct srv_inflight *enqueue(struct srv_render_pool *pool, enum srv_worke
         srv_frame_queue_cancel(queue);
     pthread_mutex_unlock(&pool->mutex);
     srv_snapshot_queue_begin_session_frame(&pool->snapshots);
-    if (kind == SRV_WORKER_INTERACTIVE && !job->is_alone)
+    if (kind == SRV_WORKER_INTERACTIVE && (!job->is_alone || job->ends_with_motion))
         srv_worker_wake(&pool->workers[SRV_WORKER_PREEMPTION]);
     return frame;
 }

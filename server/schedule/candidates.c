@@ -66,7 +66,7 @@ static bool needs_intermediate(const struct srv_session *s, const struct srv_par
     struct srv_detail detail;
     const struct srv_newest_job *newest = &p->schedule->newest;
     return p->settings.progressive && newest->version > 0 && newest->step == SRV_STEP_MOVING &&
-           srv_intermediate(s, p, &detail);
+           !srv_skips_intermediate(p) && srv_intermediate(s, p, &detail);
 }
 
 /* Would the frame of this step be slow to encode? The last moving frame tells the size of the next

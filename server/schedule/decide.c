@@ -42,13 +42,14 @@ static double refinement_in_ms(const struct srv_demand *d, double now_ms) {
 
 /* True if a better frame than a moving one is drawn of a view that has no frame yet. */
 static bool skips_moving(const struct srv_demand *d, double now_ms) {
-    if (now_ms < d->settles_at_ms || d->is_ahead)
+    if (now_ms < d->settles_at_ms)
         return false;
     if (d->needs_intermediate)
         return d->is_alone;
     if (now_ms >= d->rest_at_ms)
         return is_sharp_soon(d);
-    return d->is_alone && d->has_frame && d->sharp_ms <= SETTLED_SHARP_MS &&
+    return d->is_alone && d->has_frame &&
+           d->sharp_ms <= (d->is_ahead ? SRV_WARPED_SHARP_MS : SETTLED_SHARP_MS) &&
            d->rest_at_ms - d->sharp_ms <= now_ms;
 }
 

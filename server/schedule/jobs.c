@@ -311,6 +311,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
     job->ahead = count == 1 ? srv_predict_job(schedule, first, job, now_ms) : 0;
+    job->ends_with_motion = count == 1 && srv_ends_with_motion(first, job, now_ms);
     for (uint32_t i = 0; i < count; i++)
         add_target(schedule, s, recipients[i], job, now_ms);
     plan->clock_ms = srv_fair_start(&first->schedule->account, plan->clock_ms);
@@ -471,6 +472,7 @@ static void finish_job(struct srv_schedule *schedule, struct srv_session *s,
     bool is_moving = job->step == SRV_STEP_MOVING, is_final = job->step == SRV_STEP_FINAL;
     set_stats(&s->stats, result);
     plan->must_finish = plan->must_finish && !is_moving;
+    plan->has_stopped = plan->has_stopped && !is_moving;
     plan->start.done = plan->start.done > job->version ? plan->start.done : job->version;
     learn(schedule, s, job, result);
     if (srv_render_job_wants_depth(job))
@@ -572,7 +574,9 @@ void srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job
                        has_target_left(s, job) ? SRV_COUNT_DROP_OUTDATED : SRV_COUNT_DROP_LEFT);
     if (s && elapsed_ms > 0)
         correct_charge(schedule, s, job, elapsed_ms);
-    if (s && job->step == SRV_STEP_MOVING) {
+    if (srv_has_stopped(s, job))
+        s->schedule->has_stopped = true;
+    else if (s && job->step == SRV_STEP_MOVING) {
         const struct srv_detail drawn = detail_of(job);
         s->schedule->must_finish = true;
         if (job->version >= s->schedule->start.volume)
@@ -580,7 +584,7 @@ void srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job
     }
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = find_participant(s, job->targets[i].participant);
-        if (!p || !is_newest(p, job))
+        if (!p || !is_newest(p, job) || srv_has_stopped(s, job))
             continue;
         p->schedule->newest.step = SRV_STEP_MOVING;
         p->schedule->newest.detail = (struct srv_detail){ .mip_level = SP_MIP_LEVEL_MAX };

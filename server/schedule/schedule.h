@@ -24,6 +24,7 @@ enum srv_interrupt {
     SRV_INTERRUPT_NEWER_VIEW,    /* the session's view changed */
     SRV_INTERRUPT_NEWER_REQUEST, /* the same view: a participant wants another frame of it */
     SRV_INTERRUPT_UNWANTED,      /* all that is in progress for the session is useless */
+    SRV_INTERRUPT_STOPPED,       /* the hand stopped: frames that are ahead of it are useless */
     SRV_INTERRUPT_MOTION         /* a view moves: jobs that are not protected are cancelled */
 };
 
@@ -79,6 +80,7 @@ struct srv_render_job {
     uint32_t full[2];    /* size at rest, px */
     struct sp_view view; /* with the size to render */
     double ahead;        /* its camera was expected: its image is ahead by so many image heights */
+    bool ends_with_motion;       /* SRV_INTERRUPT_STOPPED cancels it */
     struct srv_volume *volume;   /* a counted use, released when the job ends */
     struct srv_blob_owner owner; /* of the session; see srv_render_job_owner() */
     uint64_t too_large;     /* targets whose encoded frame does not fit; 0 = of all; for render/ */
@@ -125,7 +127,8 @@ struct srv_running_job {
     uint64_t session, order; /* these six as in the job */
     double start_ms, participant_start_ms, expected_ms, price;
     double drawn_ms; /* for how long it has been drawn */
-    bool is_first;   /* as in the job */
+    uint64_t image;  /* these three as in the job */
+    bool is_first, ends_with_motion;
 };
 /* Gets a short job that preempts the running one (decide.h). False as above. */
 bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_running_job *running,
@@ -133,6 +136,10 @@ bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_run
 
 /* True if the newest view of its session gives the image of the job. */
 bool srv_schedule_is_newest(struct srv_schedule *schedule, const struct srv_render_job *job);
+/* Returns in how many ms the hand of a job that ends with the motion seems to have stopped, unless
+ * the view changes before; INFINITY = the view has changed since, or the session ended. */
+double srv_schedule_stops_in_ms(struct srv_schedule *schedule, const struct srv_running_job *job,
+                                double now_ms);
 /* True if some client is connected to a session. */
 bool srv_schedule_has_clients(struct srv_schedule *schedule);
 /* The job's frame does not fit the memory of frames: for SRV_SHRINK_MS, frames of these targets (a

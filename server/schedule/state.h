@@ -68,6 +68,7 @@ struct srv_session_schedule {
     bool has_depth; /* the last frame of a job that wants depth had it */
     struct srv_cold_start start;
     bool must_finish; /* a moving frame was cancelled: the next one is not */
+    bool has_stopped; /* the same, because the hand stopped: the next one does not end with it */
 };
 
 struct srv_known_quality {           /* first guess for new sessions of the volume */
@@ -143,6 +144,18 @@ struct srv_quality_budget srv_moving_budget(const struct srv_schedule *schedule,
  * ahead, image heights; 0 = the camera was not replaced. (ahead.c) */
 double srv_predict_job(const struct srv_schedule *schedule, const struct srv_participant *only,
                        struct srv_render_job *job, double now_ms);
+
+/* True if the client warps the last moving frame to the camera of the hand, and the sharp frame is
+ * expected soon: then no other frame precedes it. (ahead.c) */
+bool srv_skips_intermediate(const struct srv_participant *participant);
+/* True if a moving frame for its only recipient is cancelled when the hand stops: it is ahead, or
+ * it began late, so that the sharp frame can be ready nearly as soon. Of two such frames in a row,
+ * at least one is finished, and so is a frame whose work the next one would repeat. (ahead.c) */
+bool srv_ends_with_motion(const struct srv_participant *only, const struct srv_render_job *job,
+                          double now_ms);
+/* True if a job that was cancelled was cancelled for that reason. Then the scheduler goes on as if
+ * its frame had been finished. session: NULL = it ended. (ahead.c) */
+bool srv_has_stopped(const struct srv_session *session, const struct srv_render_job *job);
 
 /* There may be something to render, for this session (NULL = for others). (events.c) */
 void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);

@@ -70,6 +70,17 @@ static void an_outdated_moving_frame_is_cancelled_when_its_time_is_over(void **s
     assert_true(f->cancel);
 }
 
+static void a_hand_that_stops_cancels_what_ends_with_the_motion(void **state) {
+    (void)state;
+    struct srv_inflight *other = begin(0, B, 1000), *own = begin(1, A, 1000),
+                        *kept = begin(2, A, 1000);
+    jobs[0].ends_with_motion = jobs[1].ends_with_motion = true;
+    srv_frame_queue_interrupt(&queue, A, SRV_INTERRUPT_STOPPED, 1001);
+    assert_false(other->cancel);
+    assert_true(own->cancel);
+    assert_false(kept->cancel);
+}
+
 static void a_paused_frame_does_not_age(void **state) {
     (void)state;
     struct srv_inflight *f = begin(0, A, 1000);
@@ -247,6 +258,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(frames_end_in_the_order_in_which_they_began),
         TEST(an_outdated_moving_frame_is_cancelled_when_its_time_is_over),
+        TEST(a_hand_that_stops_cancels_what_ends_with_the_motion),
         TEST(a_paused_frame_does_not_age),
         TEST(a_frame_that_has_not_stopped_yet_is_charged_half),
         TEST(the_time_of_a_frame_starts_when_it_is_the_oldest),

@@ -165,10 +165,16 @@ void sim_turn(struct simulation *s, struct sim_client *c) {
 }
 
 struct srv_running_job sim_running_job(const struct srv_render_job *job, double drawn_ms) {
-    return (struct srv_running_job){ job->session,     job->order,
-                                     job->start_ms,    job->participant_start_ms,
-                                     job->expected_ms, job->price,
-                                     drawn_ms,         job->is_first };
+    return (struct srv_running_job){ .session = job->session,
+                                     .order = job->order,
+                                     .start_ms = job->start_ms,
+                                     .participant_start_ms = job->participant_start_ms,
+                                     .expected_ms = job->expected_ms,
+                                     .price = job->price,
+                                     .drawn_ms = drawn_ms,
+                                     .image = job->image,
+                                     .is_first = job->is_first,
+                                     .ends_with_motion = job->ends_with_motion };
 }
 
 /* Renders a short frame that preempts the running one, if there is one. */

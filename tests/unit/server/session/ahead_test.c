@@ -12,6 +12,7 @@
 
 #include <cmocka.h>
 
+#include "schedule/state.h"
 #include "session/session.h"
 #include "support/compare.h"
 #include "unit/server/session/hub_fixture.h"
@@ -79,6 +80,7 @@ static void frames_are_ahead_by_the_time_to_the_screen(void **state) {
     /* It is not final, although it is sharp. */
     assert_true(job.is_sharp);
     assert_false(job.targets[0].final);
+    assert_true(job.ends_with_motion);
     /* When the hand seems to have stopped, a frame of its own camera follows at once. */
     const double stopped_ms = 10000 + UPDATE_MS * LAST;
     struct srv_render_job next;
@@ -90,6 +92,35 @@ static void frames_are_ahead_by_the_time_to_the_screen(void **state) {
         assert_float_equal(next.view.camera.target[0], STEP * LAST, 0);
         hub_finish(f, &next, 5);
     }
+    srv_hub_leave(f->hub, &p, 30000);
+}
+
+/* A hand that stops while a frame that is ahead is drawn: the frame is cancelled, and one of the
+ * hand's camera begins. Until a moving frame is finished, no other one ends with the motion. */
+static void a_hand_that_stops_ends_the_frame_that_is_ahead(void **state) {
+    struct fixture *f = *state;
+    double ahead = 0;
+    f->has_depth = true;
+    struct srv_participant *p = join(f, "{\"depth\":true,\"predict\":1000,\"max_fps\":60}");
+    pan(f, p, NULL, 15, &ahead);
+    const double now_ms = 10000 + UPDATE_MS * (LAST + 1);
+    struct srv_render_job job, next;
+    move_to(f, p, LAST + 1, now_ms);
+    assert_true(hub_next_job(f, now_ms + 1, &job));
+    assert_compare(job.ahead, >, SRV_FAR_AHEAD);
+    assert_true(job.ends_with_motion);
+    struct srv_running_job running = { .session = job.session, .image = job.image };
+    assert_float_equal(srv_schedule_stops_in_ms(f->schedule, &running, now_ms + 10), 20, 1e-6);
+    running.image++; /* of another view */
+    assert_false(isfinite(srv_schedule_stops_in_ms(f->schedule, &running, now_ms + 10)));
+    const struct srv_render_job first = job;
+    srv_schedule_cancelled(f->schedule, &job, 29);
+    assert_false(srv_ends_with_motion(p, &first, now_ms + 30));
+    assert_true(hub_next_job(f, now_ms + 31, &next));
+    assert_compare(next.ahead, ==, 0);
+    assert_float_equal(next.view.camera.target[0], STEP * (LAST + 1), 0);
+    hub_finish(f, &next, 5);
+    assert_true(srv_ends_with_motion(p, &first, now_ms + 40));
     srv_hub_leave(f->hub, &p, 30000);
 }
 
@@ -154,6 +185,8 @@ static void a_frame_that_a_guest_gets_too_is_not_ahead(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(frames_are_ahead_by_the_time_to_the_screen, hub_set_up,
+                                        hub_tear_down),
+        cmocka_unit_test_setup_teardown(a_hand_that_stops_ends_the_frame_that_is_ahead, hub_set_up,
                                         hub_tear_down),
         cmocka_unit_test(a_client_that_pauses_once_changes_nothing),
         cmocka_unit_test_setup_teardown(the_client_limits_how_far, hub_set_up, hub_tear_down),
