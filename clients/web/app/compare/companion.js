@@ -106,8 +106,8 @@ export class Companion extends Emitter {
     const isSharper = last.count > 0 && seq === last.seq && !last.isFinal && (isFinal || width > last.width);
     const camera = cameraOf(frame, this.#rigs.get(seq) ?? null);
     const isNewest = seq === this.#updates.sent && !this.#updates.isWaiting;
-    if (isNewest && this.#warp.overshoots(camera, this.#rig)) return;
-    this.#warp.arrive(isSharper, isNewest && !camera.isAhead);
+    if (this.#warp.overshoots(camera, this.#rig, isNewest)) return;
+    this.#warp.arrive(isSharper, isNewest && !camera.isAhead, isFinal ? Infinity : width / last.width);
     this.#screen.draw(image, { isMoving: !isFinal });
     this.#warp.depth?.take(image, frame);
     this.#warp.drew(camera.rig, camera.isAhead);

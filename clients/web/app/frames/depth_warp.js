@@ -142,12 +142,15 @@ export class DepthWarp {
 
   /** The canvas with the last drawing, to be read in this task: a canvas of WebGL is empty after it was shown. */
   get picture() {
-    if (this.#warp instanceof GlWarp) this.#warp.draw(...this.#last);
+    if (this.isFast) this.#warp.draw(...this.#last);
     return this.#canvas;
   }
 
   /** Forgets the frame of a stream that ended. */
   reset() { this.#hasDepth = false; }
+
+  /** True if a GPU draws. */
+  get isFast() { return this.#warp instanceof GlWarp; }
 
   /** True if the newest frame can be drawn. */
   get isReady() { return this.#hasDepth; }

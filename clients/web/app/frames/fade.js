@@ -3,6 +3,7 @@
 // above the canvas. The canvas itself has the new frame at once, so whatever reads it gets that one.
 
 const FADE_MS = 120;
+const EASING = 'cubic-bezier(0.5, 1, 0.89, 1)'; // fast at first: half of the sharpness is there after 35 ms, nine tenths after 82 ms
 
 export class Fade {
   #screen; #canvas = null; #animation = null;
@@ -17,12 +18,12 @@ export class Fade {
   /** The canvas is about to change: fades out what it shows now, or `warped`, the canvas that covers it. */
   begin(warped = null) {
     if (this.#reduced.matches || document.hidden) return;
-    const part = this.#animation && !warped ? Math.min(this.#animation.currentTime / FADE_MS, 1) : 1;
+    const part = this.#animation && !warped ? this.#animation.effect.getComputedTiming().progress ?? 1 : 1;
     this.#canvas ??= this.#make();
     this.#screen.copyTo(this.#canvas, part, warped ?? undefined); // an older frame that has not faded out yet stays as visible as it is
     this.#animation?.cancel();
     this.#screen.element.after(this.#canvas);
-    const animation = this.#canvas.animate([{ opacity: 1 }, { opacity: 0 }], { duration: FADE_MS, fill: 'forwards' });
+    const animation = this.#canvas.animate([{ opacity: 1 }, { opacity: 0 }], { duration: FADE_MS, easing: EASING, fill: 'forwards' });
     animation.onfinish = () => this.end();
     this.#animation = animation;
   }

@@ -41,8 +41,8 @@ export function install(app) {
     draw: (image, frame) => {
       const camera = cameraOf(frame, viewer.rigOf(frame.seq));
       const isNewest = frame.seq === viewer.updates.sent && !viewer.updates.isWaiting;
-      if (isNewest && app.warp?.overshoots(camera, viewer.rig)) return;
-      app.warp?.arrive(frames.hasPicture && isSharper(frame), isNewest && !camera.isAhead);
+      if (app.warp?.overshoots(camera, viewer.rig, isNewest)) return;
+      app.warp?.arrive(frames.hasPicture && isSharper(frame), isNewest && !camera.isAhead, frame.isFinal ? Infinity : frame.width / drawn.width);
       view = viewer.view;
       screen.draw(image, { isMoving: !frame.isFinal });
       app.warp?.depth?.take(image, frame);

@@ -13,6 +13,8 @@ const SLOW_MS = 22; // between animation frames, on average over SLOW_FRAMES
 const SLOW_FRAMES = 12;
 const GAP_MS = 200; // a longer time between two of them says nothing: the tab was hidden
 const PAUSE_MS = 20000;
+const STOPPED_MS = 30; // without a new camera for so long, the hand seems to have stopped
+const LARGER = 1.25; // without a GPU, a frame fades in if it has so many times the width of the last one, or is final
 const FADE_PX = 100; // width of a strip in style.css
 
 /** Moving frames may show the camera this many ms ahead: they are wanted with depth, and drawn as the newest camera sees them. */
@@ -59,6 +61,8 @@ export class Warp {
   onSwitch = () => {}; // called after isOn was set
   #shown = null; // camera of the picture
   #isAhead = false; // no view had this camera
+  #hand = null; // the newest camera,
+  #movedAt = 0; // and when it came
   #isCopied = false;
   #times = []; // of the last animation frames with a warped picture
   #watching = 0; // the request of the next one
@@ -106,16 +110,18 @@ export class Warp {
   }
 
   /** True if a predicted frame should be left out after the hand has stopped. The camera `own` of the frame is then further from the hand's camera `rig`
-   * than the camera of the picture on the screen. A frame of the hand's camera follows. */
-  overshoots({ rig: own, isAhead }, rig) {
-    return isAhead && this.isVisible && this.#shown !== null && isFurther(own, this.#shown, rig);
+   * than the camera of the picture on the screen. A frame of the hand's camera follows. isNewest: the frame belongs to the newest update. */
+  overshoots({ rig: own, isAhead }, rig, isNewest) {
+    const hasStopped = isNewest || performance.now() - this.#movedAt > STOPPED_MS;
+    return hasStopped && isAhead && this.isVisible && this.#shown !== null && isFurther(own, this.#shown, rig);
   }
 
   /** A frame is about to be drawn. isSharper: it is sharper than the canvas, and shows the same view; isNewest: it shows the newest view from its own
-   * camera. What is on the screen fades out if the frame shows the same view. */
-  arrive(isSharper, isNewest) {
+   * camera; growth: its width in widths of the last frame, Infinity if it is final. What is on the screen fades out if the frame shows the same view.
+   * Without a GPU, this takes so much of the processor that the final frame comes 60 ms later: a moving frame of the same size replaces it at once. */
+  arrive(isSharper, isNewest, growth) {
     const isByDepth = this.isVisible && this.#layer.dataset.kind === 'depth';
-    if (isByDepth ? isNewest : isSharper && !this.isVisible) this.#fade?.begin(isByDepth ? this.#depth.picture : null);
+    if (isByDepth ? isNewest && (this.#depth.isFast || growth >= LARGER) : isSharper && !this.isVisible) this.#fade?.begin(isByDepth ? this.#depth.picture : null);
     else this.#fade?.end();
   }
 
@@ -128,6 +134,7 @@ export class Warp {
 
   /** Shows the picture as `rig` would see it; `ahead`: updates that no picture shows yet. */
   show(rig, ahead, background) {
+    if (rig !== this.#hand) [this.#hand, this.#movedAt] = [rig, performance.now()];
     const isPossible = this.#isOn && performance.now() >= this.#pausedUntil;
     const isMoved = rig && this.#shown && rig !== this.#shown; // other changes of the view are not predicted
     if (this.#isOn && isMoved && (ahead > 0 || this.#isAhead) && this.#depth?.isReady) {
