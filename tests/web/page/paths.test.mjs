@@ -61,7 +61,7 @@ test('two views become keyframes; the daemon renders the frames between them, wh
   await it.press('ArrowLeft');
   await page.click('#key-add');
   await it.about('2 keyframes, 2 s, 61 frames');
-  assert.equal(await page.locator('#keys img').count(), 2);
+  await until(page, 'images of the keyframes', () => document.querySelectorAll('#keys img').length === 2);
   const offered = () => page.evaluate(() => ['width', 'height'].map((side) => document.getElementById(`path-${side}`).placeholder));
   assert.deepEqual(await offered(), ['900', '600'], 'the size of the window');
   await fill(page, { 'path-length': 0.5, 'path-fps': 10, 'path-width': 90 });

@@ -117,6 +117,8 @@ for (const [name, prepareMore] of [['pixel by pixel', async () => {}], ['with a 
 test('a frame that is ahead of the hand is shown as the hand sees it, until a frame of its own camera comes', async (context) => {
   const it = await setUp(context, 16, { hasDepth: true });
   const { daemon, page } = it;
+  await page.locator('#path > summary').click();
+  await page.locator('#key-add').waitFor();
   const predicts = () => daemon.heard.filter(({ method, params }) => method === 'stream.configure' && params.predict > 0).length;
   await until(page, 'a frame with depth', (s) => s.hasDepth);
   await eventually('a request for predicted frames', () => predicts() > 0);
@@ -127,6 +129,9 @@ test('a frame that is ahead of the hand is shown as the hand sees it, until a fr
   await page.mouse.move(480, 300);
   await until(page, 'the warp of the newest frame', (s) => s.isIdle && s.isDrawn && s.seq === s.sent && s.isWarped);
   assert.deepEqual((await byDepth(page)).middle, [200, 120, 40]);
+  await page.evaluate(() => document.getElementById('key-add').click());
+  await page.locator('#keys li').waitFor();
+  assert.equal(await page.locator('#keys img').count(), 0, 'a keyframe does not get an image of a camera that no view had');
   daemon.expect = expect(500); // it overshoots a hand that has stopped
   const { count, warps } = await page.evaluate(() => ({ count: window.splatd.count, warps: window.splatd.warps }));
   await page.mouse.move(490, 300);
@@ -135,7 +140,7 @@ test('a frame that is ahead of the hand is shown as the hand sees it, until a fr
   await page.mouse.move(500, 300);
   await until(page, 'a frame of the hand', (s) => s.isIdle && s.seq === s.sent && !s.isWarped);
   await page.mouse.up();
-  assert.deepEqual(it.said, []);
+  assert.deepEqual(it.said.filter((text) => !text.includes('404')), []); // this daemon draws no image for the keyframe
 });
 
 test('without a GPU, the px of a frame are read when motion begins', async (context) => {

@@ -16,9 +16,9 @@ const LOSSLESS = ['png', 'exr'];
 const seconds = (value) => t('path.seconds', { value: Number(value.toFixed(2)) });
 
 export function install(app) {
-  const { viewer, screen, storage, panel, notice, paths } = app;
+  const { viewer, screen, storage, panel, notice, paths, warp } = app;
   const keyframes = new Keyframes(viewer, {
-    screen, api: () => pathApi(app), storage, made: (path) => paths.add(path),
+    screen, thumbnail: () => (warp?.isVisible && pathApi(app) ? null : screen.thumbnail()), api: () => pathApi(app), storage, made: (path) => paths.add(path),
     complain: (pointer, text) => panel.complain(pointer, text) || notice.show(text, 'warning'),
   });
   viewer.on('view', () => keyframes.show());
@@ -26,25 +26,27 @@ export function install(app) {
 }
 
 class Keyframes {
-  #viewer; #screen; #api; #storage; #complain; #tellMade;
+  #viewer; #screen; #thumbnail; #api; #storage; #complain; #tellMade;
   #path = EMPTY;
   #volume = null;
   #player = null; // set while the path plays
   #isSending = false;
 
   /**
+   * thumbnail(): an image of the current view, or null if the canvas shows another camera (warp.js) and the daemon can draw it;
    * api(): the daemon's interface, or null if this client may not create paths; storage: {recall(key), remember(key, text)};
    * complain(pointer, text) shows an error beside its control; made(path) reports a path that the daemon accepted.
    */
-  constructor(viewer, { screen, api, storage, complain, made }) {
+  constructor(viewer, { screen, thumbnail, api, storage, complain, made }) {
     this.#viewer = viewer;
     this.#screen = screen;
+    this.#thumbnail = thumbnail;
     this.#api = api;
     this.#storage = storage;
     this.#complain = complain;
     this.#tellMade = made;
     const press = (id, act) => byId(id).addEventListener('click', act);
-    press('key-add', () => this.#setPath(append(this.#path, keyOf(this.#currentView))));
+    press('key-add', () => this.#addKey());
     press('turn-add', () => this.#addTurn());
     press('keys-clear', () => this.#clear());
     press('path-play', () => (this.#player ? this.#stop() : this.#play()));
@@ -87,7 +89,13 @@ class Keyframes {
 
   /** {view, picture} of the current view. */
   get #currentView() {
-    return { view: this.#viewer.view, picture: this.#screen.thumbnail() };
+    return { view: this.#viewer.view, picture: this.#thumbnail() };
+  }
+
+  #addKey() {
+    const current = this.#currentView;
+    this.#setPath(append(this.#path, keyOf(current)));
+    if (!current.picture) this.#addThumbnail(current.view);
   }
 
   async #addTurn() {
@@ -95,11 +103,12 @@ class Keyframes {
     const { value } = byId('turn-axis');
     const axis = value === 'screen' ? camera.up : value === 'upright' ? uprightAxis(camera, box.half) : box.half[Number(value)];
     const turned = turnOf(view, axis).slice(1).map((other) => keyOf({ view: other }));
-    this.#setPath(appendTurn(this.#path, [keyOf(this.#currentView), ...turned]));
-    for (const { view: other } of turned) await this.#addThumbnail(other); // one image at a time
+    const current = this.#currentView;
+    this.#setPath(appendTurn(this.#path, [keyOf(current), ...turned]));
+    for (const { view: other } of current.picture ? turned : [current, ...turned]) await this.#addThumbnail(other); // one image at a time
   }
 
-  /** Requests a thumbnail for the key of a view that was never shown; without one the key shows its number. */
+  /** Requests a thumbnail for the key of a view that the canvas does not show; without one the key shows its number. */
   async #addThumbnail(view) {
     try {
       const reader = new FileReader();
@@ -150,7 +159,10 @@ class Keyframes {
   }
 
   #replace(i) {
-    if (this.#viewer.isSettled) this.#changeAndFocus(replace(this.#path, i, this.#currentView), i, 'replace');
+    if (!this.#viewer.isSettled) return;
+    const current = this.#currentView;
+    this.#changeAndFocus(replace(this.#path, i, current), i, 'replace');
+    if (!current.picture) this.#addThumbnail(current.view);
   }
 
   #entry({ view, picture, ease }, i) {
