@@ -29,7 +29,7 @@ static double sharp_ms(const struct srv_participant *p) {
 }
 
 bool srv_skips_intermediate(const struct srv_participant *p) {
-    return warps_to_hand(p) && sharp_ms(p) <= SRV_WARPED_SHARP_MS;
+    return warps_to_hand(p) && sharp_ms(p) <= SRV_SETTLED_SHARP_MS;
 }
 
 double srv_predict_job(const struct srv_schedule *schedule, const struct srv_participant *only,

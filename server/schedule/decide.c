@@ -6,12 +6,11 @@
 #include "common/fair_queue.h"
 #include "schedule/quality.h"
 
-#define FIRST_FRAME_MS 150.0   /* a first frame that takes longer has less detail at first */
-#define SETTLE_MS 30.0         /* two updates of 60 per second, nearly */
-#define SETTLE_GAPS 1.5        /* times the longest time between updates */
-#define SETTLED_SHARP_MS 250.0 /* a sharp frame replaces the last moving one up to this time */
-#define ROUNDING_MS 1e-6       /* of a mean of equal numbers */
-#define SHORT_PORTION 0.1      /* of the work that it preempts */
+#define FIRST_FRAME_MS 150.0 /* a first frame that takes longer has less detail at first */
+#define SETTLE_MS 30.0       /* two updates of 60 per second, nearly */
+#define SETTLE_GAPS 1.5      /* times the longest time between updates */
+#define ROUNDING_MS 1e-6     /* of a mean of equal numbers */
+#define SHORT_PORTION 0.1    /* of the work that it preempts */
 
 /* True if the sharp frame is expected soon, so that no other frame has to precede it. */
 static bool is_sharp_soon(const struct srv_demand *d) {
@@ -48,8 +47,7 @@ static bool skips_moving(const struct srv_demand *d, double now_ms) {
         return d->is_alone;
     if (now_ms >= d->rest_at_ms)
         return is_sharp_soon(d);
-    return d->is_alone && d->has_frame &&
-           d->sharp_ms <= (d->is_ahead ? SRV_WARPED_SHARP_MS : SETTLED_SHARP_MS) &&
+    return d->is_alone && d->has_frame && d->sharp_ms <= SRV_SETTLED_SHARP_MS &&
            d->rest_at_ms - d->sharp_ms <= now_ms;
 }
 

@@ -20,10 +20,10 @@
 
 #define SRV_QUIET_MS 100.0 /* views are quiet this long after their last moving frame */
 
-/* A client that warps the last moving frame to the camera of the hand gets no other frame before a
- * sharp one that takes up to this time: that frame would be 0.5 to 2 dB better than the warped one,
- * and delay the sharp one by 70 to 90 ms. */
-#define SRV_WARPED_SHARP_MS 400.0
+/* A sharp frame that takes up to this time replaces the last moving one. A client that warps frames
+ * to the camera of the hand gets no intermediate frame before it either: that one would be 0.5 to 2
+ * dB better than the warped frame, and delay the sharp one by 70 to 90 ms. */
+#define SRV_SETTLED_SHARP_MS 250.0
 
 /* Candidates of a lower rank are drawn only while no candidate has a higher one. */
 enum srv_rank {
