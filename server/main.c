@@ -99,7 +99,9 @@ static int run(const struct srv_config *config, int argc, char **argv) {
     block_signals(&signals);
     if (!srv_log_start(&log, level, srv_log_format_from(config->log_format), &err))
         return complain(&err);
-    struct srv_daemon *daemon = srv_daemon_start(config, &log, &err);
+    struct srv_daemon *daemon = NULL;
+    if (!config->end_with_input || srv_service_end_with_input(&err))
+        daemon = srv_daemon_start(config, &log, &err);
     if (!daemon || !print_address(daemon, &err)) {
         srv_daemon_stop(&daemon);
         srv_log_end(&log);

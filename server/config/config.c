@@ -66,6 +66,9 @@ static const struct setting settings[] = {
       "GPU to use, by its number in the output of --probe. auto = the first that works." },
     { "require-gpu", YES_NO, AT(require_gpu), "no", 0, 0, NULL,
       "Fail at the start if no GPU works, and never fall back to the CPU." },
+    { "end-with-input", YES_NO, AT(end_with_input), "no", 0, 0, NULL,
+      "End when standard input closes. For programs that start the daemon with a pipe: it then "
+      "ends with them, even if they are killed." },
     { "isa", TEXT, AT(isa), "auto", 0, 0, "auto|scalar|sse41|avx2|avx512|neon",
       "Instruction set of the CPU renderer. auto = the best that the processor has." },
     { "threads", COUNT, AT(threads), "0", 0, 256, "N",

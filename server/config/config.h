@@ -39,7 +39,7 @@ struct srv_config {
     int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, hibernation_time_ms,
         control_time_ms, stall_time_ms, ping_time_ms, drain_time_ms, rest_time_ms;
     int64_t http_threads, encode_threads;
-    bool require_gpu;
+    bool require_gpu, end_with_input;
     bool probe, help, version, print_config;
 };
 

@@ -4,6 +4,8 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
+#include <pthread.h>
+#include <signal.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -23,6 +25,25 @@ void srv_standard_occupy(void) {
 bool srv_standard_finish(struct sp_error *err) {
     return (fflush(stdout) == 0 && !ferror(stdout)) ||
            sp_fail(err, SP_ERR_IO, "standard output", "cannot write: %s", strerror(errno));
+}
+
+static void *watch_input(void *unused) {
+    (void)unused;
+    char dropped[256];
+    ssize_t got;
+    do
+        got = read(STDIN_FILENO, dropped, sizeof dropped);
+    while (got > 0 || (got < 0 && errno == EINTR));
+    kill(getpid(), SIGTERM);
+    return NULL;
+}
+
+bool srv_service_end_with_input(struct sp_error *err) {
+    pthread_t thread;
+    if (pthread_create(&thread, NULL, watch_input, NULL) != 0)
+        return sp_fail(err, SP_ERR_MEMORY, "--end-with-input", "cannot start a thread");
+    pthread_detach(thread); /* it may wait in read() for ever */
+    return true;
 }
 
 void srv_service_ready(const char *listen) {

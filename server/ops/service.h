@@ -17,6 +17,11 @@ void srv_standard_occupy(void);
 /* True if everything printed on standard output was written. SP_ERR_IO. */
 bool srv_standard_finish(struct sp_error *err);
 
+/* Starts a thread that sends SIGTERM to this process when standard input closes; it reads and drops
+ * what comes before. Threads must have the signal blocked, except those that wait for it.
+ * SP_ERR_MEMORY. */
+bool srv_service_end_with_input(struct sp_error *err);
+
 /* Reports that the daemon is ready: after the start and after each reload. `systemctl status` shows
  * the address. */
 void srv_service_ready(const char *listen);

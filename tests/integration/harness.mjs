@@ -59,10 +59,10 @@ export class Daemon {
   out = '';
   #watchers = new Set();
 
-  static async start(args = ['--volume', 'demo:engine?size=32'], { prefix = [], backend = 'null', program = 'splatd', env = {} } = {}) {
+  static async start(args = ['--volume', 'demo:engine?size=32'], { prefix = [], backend = 'null', program = 'splatd', env = {}, stdin = 'ignore' } = {}) {
     const daemon = new Daemon();
     const command = [...prefix, path.join(BIN, program), '--listen', '127.0.0.1:0', '--backend', backend, ...args];
-    daemon.child = spawn(command[0], command.slice(1), { stdio: ['ignore', 'pipe', 'pipe'], env: { ...process.env, ...env } });
+    daemon.child = spawn(command[0], command.slice(1), { stdio: [stdin, 'pipe', 'pipe'], env: { ...process.env, ...env } });
     running.add(daemon.child);
     daemon.child.stderr.on('data', (data) => daemon.#note('log', data));
     daemon.child.stdout.on('data', (data) => daemon.#note('out', data));

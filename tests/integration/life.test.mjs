@@ -48,6 +48,15 @@ test('closed standard descriptors are opened on /dev/null, so that no connection
   assert.equal(await daemon.stop(), 0);
 });
 
+test('with --end-with-input the daemon ends when standard input closes', async () => {
+  const daemon = await Daemon.start(['--end-with-input'], { stdin: 'pipe' });
+  daemon.child.stdin.write('what comes before is dropped\n');
+  assert.equal((await fetch(`${daemon.base}/readyz`)).status, 200);
+  daemon.child.stdin.end();
+  assert.equal(await daemon.ended, 0);
+  assert.match(daemon.log, /received signal 15/);
+});
+
 test('wrong options give exit status 2 and an error message', async () => {
   for (const [args, text] of [
     [['--nonsense'], /^splatd: --nonsense: unknown option/], [['--threads'], /^splatd: --threads: needs a value/],
