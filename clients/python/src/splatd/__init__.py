@@ -13,9 +13,10 @@ in the world are x, y, z. All errors are subclasses of `Error`.
 from __future__ import annotations
 
 import os
+import threading
 from typing import Any
 
-from . import errors, layers, types
+from . import errors, labelled, layers, types
 from .camera_path import Job, Path
 from .daemon import Daemon, SavedView
 from .errors import Error
@@ -42,8 +43,10 @@ __all__ = [
     "View",
     "Volume",
     "connect",
+    "default_daemon",
     "errors",
     "layers",
+    "plot",
     "start",
     "types",
 ]
@@ -90,3 +93,46 @@ def connect(url: str | None = None, *, token: str | None = None) -> Daemon:
             "connect: give the address of the daemon, or set SPLATD_URL. splatd.start() runs one on this computer"
         )
     return Daemon.connect(url, os.environ.get("SPLATD_TOKEN", "") if token is None else token)
+
+
+_default: Daemon | None = None
+_default_lock = threading.Lock()
+
+
+def default_daemon() -> Daemon:
+    """The daemon of `plot`: that of `$SPLATD_URL`, or one that starts at the first call and ends with this process."""
+    global _default
+    with _default_lock:
+        if _default and _default.process and not _default.process.is_running:
+            _default = None
+        if _default is None:
+            _default = connect() if os.environ.get("SPLATD_URL") else start()
+        return _default
+
+
+def plot(what: Any, **options: Any) -> Session:
+    """Shows an array, a volume or a view: in a browser, or in the notebook.
+
+    Parameters
+    ----------
+    what
+        Anything that `Daemon.add` takes, a `Volume`, or a `View`.
+    options
+        Of `Daemon.add`, for an array.
+
+    Returns
+    -------
+    Session
+        The shared view. It lasts as long as the daemon, or until `delete`.
+    """
+    view = what
+    if isinstance(view, Volume):
+        view = view.view()
+    if not isinstance(view, View):
+        view = default_daemon().add(what, **options).view()
+    session = view.share()
+    session.open()
+    return session
+
+
+labelled.register()

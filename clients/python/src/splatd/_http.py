@@ -38,7 +38,7 @@ class _UnixConnection(HTTPConnection):
 
 class _UnixPool(urllib3.HTTPConnectionPool):
     def __init__(self, path: str, **options: Any) -> None:
-        self.ConnectionCls = type("_BoundUnixConnection", (_UnixConnection,), {"socket_path": path})
+        self.ConnectionCls: Any = type("_BoundUnixConnection", (_UnixConnection,), {"socket_path": path})
         super().__init__("localhost", **options)
 
 

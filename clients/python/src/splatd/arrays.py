@@ -12,7 +12,6 @@ import numpy as np
 #: numpy's names of the types that the daemon reads; it keeps uint8 to int32 and floats, and converts the others
 #: exactly where it can.
 TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float16", "float32", "float64")
-AXES = ("zyx", "xyz", "zyxc", "xyzc", "czyx")
 COMPONENTS = 3
 
 
@@ -76,8 +75,8 @@ def to_numpy(array: Any) -> np.ndarray:
 
 def _with_axes(samples: np.ndarray, axes: str) -> np.ndarray:
     """The samples in the order z, y, x (, component)."""
-    if axes not in AXES:
-        raise ValueError(f"axes: {axes!r} is not one of {', '.join(AXES)}")
+    if sorted(axes) not in (["x", "y", "z"], ["c", "x", "y", "z"]):
+        raise ValueError(f"axes: {axes!r} has not x, y and z once each, and c for vectors")
     if samples.ndim != len(axes):
         raise ValueError(
             f"an array with the axes {axes!r} has {len(axes)} dimensions, this one has {samples.ndim}: {samples.shape}"

@@ -118,7 +118,7 @@ def _time_of(u: float) -> float:
 
 
 def _turn(first: View, last: View) -> float:
-    """Degrees by which the azimuth of the last view is beyond that of the first; 0 if the last view has none of its own."""
+    """Degrees from the azimuth of the first view to that of the last one; 0 if the last view does not set its own."""
     azimuth = (last._patch.get("camera") or {}).get("azimuth")
     return 0.0 if azimuth is None else azimuth - first.angles()["azimuth"]
 
@@ -126,9 +126,9 @@ def _turn(first: View, last: View) -> float:
 def _blended(first: View, last: View, u: float) -> View:
     """The first view with a camera a part of the way to the last one."""
     a, b = first.angles(), last.angles()
-    angles = {name: a[name] * (1 - u) + b[name] * u for name in ("azimuth", "elevation", "roll")}
+    azimuth, elevation, roll = (a[name] * (1 - u) + b[name] * u for name in ("azimuth", "elevation", "roll"))
     distance = math.exp(math.log(a["distance"]) * (1 - u) + math.log(b["distance"]) * u)
-    return first.with_camera(**angles, distance=distance)
+    return first.with_camera(azimuth=azimuth, elevation=elevation, roll=roll, distance=distance)
 
 
 class Job:

@@ -7,12 +7,12 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from urllib.parse import parse_qs, urlsplit, urlunsplit
 
 import numpy as np
 
-from . import arrays, errors
+from . import arrays, errors, labelled
 from ._http import Http, decode, segment
 from .camera_path import Job, Path
 from .session import Session
@@ -218,14 +218,14 @@ class Daemon:
         self,
         array: Any,
         *,
-        spacing: Any = 1.0,
-        origin: Any = 0.0,
+        spacing: Any = None,
+        origin: Any = None,
         direction: Any = None,
         coordinates: Mapping[str, Any] | None = None,
-        unit: str = "",
-        value_unit: str = "",
-        axes: str = "zyx",
-        name: str = "array",
+        unit: str | None = None,
+        value_unit: str | None = None,
+        axes: str | None = None,
+        name: str | None = None,
         id: str | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> Volume:
@@ -238,9 +238,9 @@ class Daemon:
             Numbers of any type but complex, with three axes, or four for vectors: numpy, PyTorch, CuPy, JAX, dask or
             xarray. Masked samples and NaN are holes.
         spacing : float or three floats
-            World units between samples, in the order of `axes`.
+            World units between samples, in the order of `axes`. Default: 1.
         origin : float or three floats
-            World position of the first sample, in the order of `axes`.
+            World position of the first sample, in the order of `axes`. Default: 0.
         direction
             3 x 3: its columns are the directions of the axes x, y, z of the array in the world.
         coordinates
@@ -267,24 +267,22 @@ class Daemon:
         >>> daemon.add(np.random.rand(32, 64, 64).astype("f4"), spacing=(2, 1, 1), unit="mm").spacing
         (2, 1, 1)
         """
-        grid = arrays.grid_of(
-            array,
-            axes=axes,
-            spacing=spacing,
-            origin=origin,
-            direction=direction,
-            coordinates=coordinates,
-            unit=unit,
-            value_unit=value_unit,
-        )
+        place: dict[str, Any] = {}
+        if labelled.is_labelled(array):
+            array, place = labelled.arguments_of(array)
+        given = dict(axes=axes, spacing=spacing, origin=origin, direction=direction, coordinates=coordinates)
+        given |= dict(unit=unit, value_unit=value_unit, name=name)
+        place |= {key: value for key, value in given.items() if value is not None}
+        label: str = place.pop("name", "array")
+        grid = arrays.grid_of(array, **place)
         file = "array.raw"
         header = json.dumps(grid.sidecar(file), allow_nan=False).encode()
         upload = self._begin_upload("array.json", len(header))
         try:
             self._send(upload, header)
-            samples = memoryview(grid.samples.view(np.uint8).reshape(-1))
+            samples = memoryview(cast(Any, grid.samples.view(np.uint8).reshape(-1)))
             self._send(self._begin_upload(file, samples.nbytes, upload), samples, progress)
-            return self._opened({"upload": upload, **_named(id or _id_of(name), name)}, True, None)
+            return self._opened({"upload": upload, **_named(id or _id_of(label), label)}, True, None)
         except BaseException:
             self._discard(upload)
             raise

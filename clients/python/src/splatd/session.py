@@ -103,6 +103,12 @@ class Session:
             )
         return f"{self.daemon.url}/#session={self.id}&token={tokens[role]}"
 
+    def open(self) -> None:
+        """Opens the page in a browser of this computer, with control of the view."""
+        import webbrowser
+
+        webbrowser.open(self.link("control"))
+
     def refresh(self) -> Session:
         """Reads view and participants again, and returns the session itself."""
         self._state = {**self._state, **self.daemon.http.json("GET", self._path)}

@@ -97,8 +97,9 @@ def color_map(name: Any) -> list[list[float]]:
                 f"colour map '{name}': Matplotlib has it perhaps, but is not installed; known without it: {known}"
             ) from None
         name = matplotlib.colormaps[name]
-    if not isinstance(name, str) and callable(name):
-        return [[round(float(part), 6) for part in name(t)[:3]] for t in np.linspace(0, 1, MAP_STOPS)]
+    if callable(name):
+        colors = np.array([name(t) for t in np.linspace(0, 1, MAP_STOPS)], float)
+        return colors[:, :3].round(6).tolist()
     return [color_of(color) for color in name]
 
 

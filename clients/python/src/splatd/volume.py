@@ -219,9 +219,9 @@ class Volume:
 
     def default_camera(self) -> dict[str, Any]:
         """The default camera: position, target, up, fov_y, … It is asked for once."""
-        if self._default_camera is None:
-            self._default_camera = self.default_document()["camera"]
-        return dict(self._default_camera)
+        camera = self._default_camera or self.default_document()["camera"]
+        self._default_camera = camera
+        return dict(camera)
 
     def histogram(self, bins: int = HISTOGRAM_BINS, *, gradient: bool = False, step: int | None = None) -> Histogram:
         """How often values occur, of all finite samples.
