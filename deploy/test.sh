@@ -47,11 +47,12 @@ if [[ $install == yes ]]; then
         (cd "$root/tests" && npm ci --no-audit --no-fund --silent) ||
             die "npm could not install the modules of tests/package.json: check the network, then run again"
     fi
-    requirements=$(cat "$root"/tests/{protocol,formats}/requirements.txt)
+    requirements=$(cat "$root"/tests/{protocol,formats,python}/requirements.txt)
     if [[ $requirements != "$(cat "$root/build/python/requirements.txt" 2>/dev/null)" ]]; then
-        say "installing schemathesis and the readers that formats are compared with into build/python"
+        say "installing schemathesis, the readers that formats are compared with, and what the Python package needs into build/python"
         if /usr/bin/python3 -m venv --clear "$root/build/python" &&
-            "$root/build/python/bin/pip" install -q -r "$root/tests/protocol/requirements.txt" -r "$root/tests/formats/requirements.txt"; then
+            "$root/build/python/bin/pip" install -q -r "$root/tests/protocol/requirements.txt" -r "$root/tests/formats/requirements.txt" \
+                -r "$root/tests/python/requirements.txt"; then
             printf '%s\n' "$requirements" >"$root/build/python/requirements.txt"
         else
             say "they could not be installed: their tests will be skipped"

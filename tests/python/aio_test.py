@@ -6,7 +6,6 @@ import inspect
 
 import numpy as np
 import pytest
-
 import splatd
 from splatd import aio
 
@@ -46,7 +45,7 @@ def test_nothing_is_missing(twin):
 def test_it_works(daemon):
     async def main():
         d = await aio.connect(daemon.url, token=daemon.token)
-        volume = await d.add(np.eye(24, dtype="u1")[None].repeat(24, 0), name="wall")
+        volume = await d.add(np.tri(24, dtype="u1")[None].repeat(24, 0) * 255, name="wedge")
         assert volume.shape == (24, 24, 24)
         view = volume.view(size=(32, 24)).with_camera(azimuth=30)
         first, second = await asyncio.gather(view.render(), view.with_camera(azimuth=60).render())

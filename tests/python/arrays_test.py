@@ -3,7 +3,6 @@
 
 import numpy as np
 import pytest
-
 from splatd.arrays import TYPES, grid_of
 
 # What the daemon makes of types that it does not keep.
@@ -117,7 +116,7 @@ def test_bool(daemon, ball):
         (np.zeros((2, 2, 2), complex), {}, "numpy.abs"),
         (np.zeros((2, 2, 2), "U3"), {}, "cannot be rendered"),
         (np.zeros((2, 2, 2, 2)), {"axes": "zyxc"}, "one by one"),
-        (np.zeros((2, 2, 2)), {"axes": "abc"}, "not one of zyx"),
+        (np.zeros((2, 2, 2)), {"axes": "abc"}, "x, y and z once each"),
         (np.zeros((2, 2, 2)), {"spacing": (1, 0, 1)}, "not above 0"),
         (np.zeros((2, 2, 2)), {"spacing": (1, float("nan"), 1)}, "not finite"),
         (np.zeros((2, 2, 2)), {"coordinates": {"z": [0, 1, 2]}}, "3 positions for 2 samples"),

@@ -10,7 +10,6 @@ import threading
 import numpy as np
 import PIL.Image
 import pytest
-
 import splatd
 from splatd import layers
 from splatd.transfer import color_map, color_of
@@ -23,7 +22,8 @@ def test_images(demo, tmp_path):
     assert list(image[0, 0]) == [0x33, 0x66, 0x99, 255]
     assert demo.view(size=(80, 60)).with_background(None).render()[0, 0, 3] == 0
     assert image.save(tmp_path / "a.png").read_bytes() == image.bytes
-    assert PIL.Image.open(image.save(tmp_path / "a.jpg")).format == "JPEG"
+    with PIL.Image.open(image.save(tmp_path / "a.jpg")) as jpeg:
+        assert jpeg.format == "JPEG"
     webp = demo.view(size=(80, 60)).render(format="webp")
     assert PIL.Image.open(io.BytesIO(webp.bytes)).format == "WEBP"
     assert webp._repr_png_()[:4] == b"\x89PNG"

@@ -9,7 +9,6 @@ import sys
 import threading
 
 import pytest
-
 import splatd
 from splatd import launch
 
@@ -49,6 +48,7 @@ def other_server():
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield Handler, f"http://127.0.0.1:{server.server_port}"
     server.shutdown()
+    server.server_close()
 
 
 def test_a_daemon_that_dies(demo):

@@ -251,8 +251,8 @@ class Daemon:
         value_unit : str
             Of the samples, such as "HU".
         axes : str
-            The order of the axes of the array: "zyx" as numpy has images, "xyz", or with vectors "zyxc", "xyzc",
-            "czyx".
+            The order of the axes of the array: any order of x, y and z, with c for the components of vectors: "xyz",
+            "zyxc". Default: "zyx" as numpy has images.
         name : str
             For people.
 

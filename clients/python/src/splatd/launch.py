@@ -141,8 +141,9 @@ class Process:
 
 def _read_log(child: subprocess.Popen[bytes], log: collections.deque[str]) -> None:
     assert child.stderr
-    for line in child.stderr:
-        log.append(line.decode(errors="replace").rstrip())
+    with child.stderr as lines:
+        for line in lines:
+            log.append(line.decode(errors="replace").rstrip())
 
 
 def _end(child: subprocess.Popen[bytes]) -> None:
