@@ -22,6 +22,7 @@ from .daemon import Daemon, SavedView
 from .errors import Error
 from .image import Image
 from .launch import Process
+from .memory import empty
 from .session import Session
 from .stream import Frame, Stream
 from .view import View
@@ -44,6 +45,7 @@ __all__ = [
     "Volume",
     "connect",
     "default_daemon",
+    "empty",
     "errors",
     "layers",
     "plot",
@@ -68,7 +70,7 @@ def start(**options: Any) -> Daemon:
     StartFailed
         No `splatd` is installed, or it does not start; the text has its last messages.
     """
-    process = Process({"listen": "127.0.0.1:0", **options})
+    process = Process(options)
     return Daemon(process.url, process.token, process)
 
 

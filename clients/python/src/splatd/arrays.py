@@ -35,22 +35,28 @@ class Grid:
     unit: str = ""
     value_unit: str = ""
 
-    def sidecar(self, file: str) -> dict[str, Any]:
-        """The JSON beside the raw samples (renderer/data/import/sidecar.md)."""
-        samples = self.samples
-        header: dict[str, Any] = {
-            "dims": list(samples.shape[2::-1]),
-            "type": samples.dtype.name,
-            "components": samples.shape[3] if samples.ndim == 4 else 1,
-            "file": file,
-            "endian": "big" if samples.dtype.newbyteorder("=") != samples.dtype else "little",
+    def place(self) -> dict[str, Any]:
+        """Size, type and place, in the words that the sidecar and `POST /volumes` have in common."""
+        place: dict[str, Any] = {
+            "dims": list(self.samples.shape[2::-1]),
+            "type": self.samples.dtype.name,
             "spacing": self.spacing,
             "origin": self.origin,
             "unit": self.unit,
             "value_unit": self.value_unit,
         }
         if self.direction is not None:
-            header["direction"] = [[float(part) for part in row] for row in self.direction]
+            place["direction"] = np.transpose(self.direction).tolist()
+        return place
+
+    def sidecar(self, file: str) -> dict[str, Any]:
+        """The JSON beside the raw samples (renderer/data/import/sidecar.md)."""
+        samples = self.samples
+        header = self.place() | {
+            "components": samples.shape[3] if samples.ndim == 4 else 1,
+            "file": file,
+            "endian": "big" if samples.dtype.newbyteorder("=") != samples.dtype else "little",
+        }
         if any(axis is not None for axis in self.coordinates):
             header["coordinates"] = self.coordinates
         return header

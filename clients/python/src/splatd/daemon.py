@@ -12,7 +12,7 @@ from urllib.parse import parse_qs, urlsplit, urlunsplit
 
 import numpy as np
 
-from . import arrays, errors, labelled
+from . import arrays, errors, labelled, memory
 from ._http import Http, decode, segment
 from .camera_path import Job, Path
 from .session import Session
@@ -105,6 +105,7 @@ class Daemon:
     def __init__(self, url: str, token: str = "", process: Process | None = None) -> None:
         self.http = Http(url, token)
         self.process = process
+        self.socket_path = self.http.socket_path or (process.socket_path if process else "")
 
     @classmethod
     def connect(cls, url: str, token: str = "") -> Daemon:
@@ -275,6 +276,21 @@ class Daemon:
         place |= {key: value for key, value in given.items() if value is not None}
         label: str = place.pop("name", "array")
         grid = arrays.grid_of(array, **place)
+        if self._takes_memory(grid):
+            return self._add_memory(grid, label, id)
+        return self._add_upload(grid, label, id, progress)
+
+    def _takes_memory(self, grid: arrays.Grid) -> bool:
+        is_plain = grid.samples.ndim == 3 and not any(grid.coordinates)
+        return bool(self.socket_path) and is_plain and grid.samples.dtype.newbyteorder("=").name in memory.TYPES
+
+    def _add_memory(self, grid: arrays.Grid, label: str, id: str | None) -> Volume:
+        request = grid.place() | {"memory": memory.give(self.socket_path, self.token, grid.samples)}
+        return self._opened({**request, **_named(id or _id_of(label), label)}, True, None)
+
+    def _add_upload(
+        self, grid: arrays.Grid, label: str, id: str | None, progress: Callable[[float], object] | None
+    ) -> Volume:
         file = "array.raw"
         header = json.dumps(grid.sidecar(file), allow_nan=False).encode()
         upload = self._begin_upload("array.json", len(header))

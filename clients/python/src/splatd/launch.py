@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import subprocess
+import tempfile
 import threading
 import weakref
 from importlib.util import find_spec
@@ -72,6 +73,11 @@ class Process:
 
     def __init__(self, options: dict[str, Any]) -> None:
         program = find_program()
+        self._folder = tempfile.TemporaryDirectory(prefix="splatd-")
+        self.socket_path = os.path.join(self._folder.name, "socket")
+        options = {"listen": "127.0.0.1:0", **options}
+        if "unix:" not in options["listen"]:
+            options["listen"] += f",unix:{self.socket_path}"
         command = [program, "--end-with-input", "--log-format", "text", *arguments_of(options)]
         environment = {
             name: value
@@ -93,7 +99,7 @@ class Process:
         # Neither this thread nor the finalizer refers to this object: it can be collected, which ends the daemon.
         self._reader = threading.Thread(target=_read_log, args=(self._child, self.log), name="splatd-log", daemon=True)
         self._reader.start()
-        self._finalizer = weakref.finalize(self, _end, self._child)
+        self._finalizer = weakref.finalize(self, _end, self._child, self._folder)
         self.url, self.token = self._wait_for_address()
 
     def _wait_for_address(self) -> tuple[str, str]:
@@ -146,7 +152,7 @@ def _read_log(child: subprocess.Popen[bytes], log: collections.deque[str]) -> No
             log.append(line.decode(errors="replace").rstrip())
 
 
-def _end(child: subprocess.Popen[bytes]) -> None:
+def _end(child: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str]) -> None:
     if child.poll() is None:
         child.terminate()
         try:
@@ -157,3 +163,4 @@ def _end(child: subprocess.Popen[bytes]) -> None:
     for pipe in (child.stdin, child.stdout):
         if pipe:
             pipe.close()
+    folder.cleanup()
