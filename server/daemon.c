@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/daemon.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <malloc.h>
 #include <math.h>
@@ -353,7 +354,7 @@ static bool make_random_fingerprint(struct srv_fingerprint *program, struct sp_e
 
 static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
-    struct srv_address address;
+    struct srv_listen listen;
     struct srv_http_options *o = &d->http_options;
     o->config = c;
     o->hub = d->hub;
@@ -372,11 +373,10 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->searching = d->searching;
     o->uploads = d->uploads;
     o->metrics = d->metrics;
-    if (!srv_cors_check_origins(c->allow_origin, err) ||
-        !srv_address_parse(c->listen, &address, err))
+    if (!srv_cors_check_origins(c->allow_origin, err) || !srv_listen_parse(c->listen, &listen, err))
         return false;
-    if (!srv_address_is_loopback((const struct sockaddr *)&address.storage) && !c->token_file &&
-        !c->tls_cert)
+    if (listen.has_tcp && !c->token_file && !c->tls_cert &&
+        !srv_address_is_loopback((const struct sockaddr *)&listen.tcp.storage))
         return sp_fail(
             err, SP_ERR_INVALID, c->listen,
             "another address than loopback needs TLS (--tls-cert FILE --tls-key FILE) or, "
@@ -476,10 +476,29 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     return NULL;
 }
 
-void srv_daemon_url(const struct srv_daemon *d, char *url, size_t size) {
-    bool show = !d->config->token_file;
-    snprintf(url, size, "http%s://%s/%s%s", d->config->tls_cert ? "s" : "",
-             srv_http_address(atomic_load(&d->http)), show ? "?token=" : "", show ? d->token : "");
+/* Writes the path of a Unix socket as the host of an address (RFC 3986, 3.2.2). */
+static void encode_path(const char *path, char *host, size_t size) {
+    size_t used = 0;
+    for (const unsigned char *c = (const unsigned char *)path; *c && used + 4 <= size; c++)
+        used += (size_t)snprintf(host + used, size - used,
+                                 isalnum(*c) || strchr("-._~", *c) ? "%c" : "%%%02X", *c);
+}
+
+bool srv_daemon_url(const struct srv_daemon *d, unsigned i, char *url, size_t size) {
+    const struct srv_http *http = atomic_load(&d->http);
+    const char *address = srv_http_address(http), *path = srv_http_unix_path(http);
+    const bool show = !d->config->token_file, is_unix = i == (*address ? 1 : 0);
+    char host[SRV_DAEMON_URL_BYTES] = "";
+    if (is_unix && *path)
+        encode_path(path, host, sizeof host);
+    if (i == 0 && *address)
+        snprintf(host, sizeof host, "%s", address);
+    snprintf(url, size, "http%s://%s/%s%s",
+             is_unix               ? "+unix"
+             : d->config->tls_cert ? "s"
+                                   : "",
+             host, show ? "?token=" : "", show ? d->token : "");
+    return host[0] != 0;
 }
 
 static void on_difference(void *user, const char *name) {

@@ -17,9 +17,11 @@ struct srv_daemon;
  * must outlive the daemon. NULL with *err set. */
 struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_log *log,
                                     struct sp_error *err);
-/* Writes the address, for example "http://127.0.0.1:8080/?token=…"; without the token if it came
- * from --token-file. */
-void srv_daemon_url(const struct srv_daemon *daemon, char *url, size_t size);
+enum { SRV_DAEMON_URL_BYTES = 512 };
+/* Writes address i of the daemon, TCP first: "http://127.0.0.1:8080/?token=…" or
+ * "http+unix://%2Frun%2Fsplatd/?token=…", whose host is the path of the Unix socket. Without the
+ * token if it came from --token-file. False: it has no such address. */
+bool srv_daemon_url(const struct srv_daemon *daemon, unsigned i, char *url, size_t size);
 /* Reloads what may change while the daemon runs (config/README.md). If something cannot be read,
  * the log says so and the old configuration stays. */
 void srv_daemon_reload(struct srv_daemon *daemon, const struct srv_config *fresh);

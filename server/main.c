@@ -82,11 +82,12 @@ static int serve(struct srv_daemon *daemon, const struct srv_config *config,
     }
 }
 
-/* If this fails, the daemon stops: a program that waits for this line would wait forever. */
-static bool print_address(const struct srv_daemon *daemon, struct sp_error *err) {
-    char url[256];
-    srv_daemon_url(daemon, url, sizeof url);
-    printf("splatd: listening on %s\n", url);
+/* Prints one line per address. If this fails, the daemon stops: a program that waits for these
+ * lines would wait forever. */
+static bool print_addresses(const struct srv_daemon *daemon, struct sp_error *err) {
+    char url[SRV_DAEMON_URL_BYTES];
+    for (unsigned i = 0; srv_daemon_url(daemon, i, url, sizeof url); i++)
+        printf("splatd: listening on %s\n", url);
     return srv_standard_finish(err);
 }
 
@@ -102,7 +103,7 @@ static int run(const struct srv_config *config, int argc, char **argv) {
     struct srv_daemon *daemon = NULL;
     if (!config->end_with_input || srv_service_end_with_input(&err))
         daemon = srv_daemon_start(config, &log, &err);
-    if (!daemon || !print_address(daemon, &err)) {
+    if (!daemon || !print_addresses(daemon, &err)) {
         srv_daemon_stop(&daemon);
         srv_log_end(&log);
         return complain(&err);

@@ -38,9 +38,10 @@ struct setting {
 #define AT(field) offsetof(struct srv_config, field)
 
 static const struct setting settings[] = {
-    { "listen", TEXT, AT(listen), "127.0.0.1:8080", 0, 0, "ADDRESS:PORT",
-      "Address and port to listen on. Port 0 picks a free port. An address other than loopback "
-      "requires --token-file or TLS." },
+    { "listen", TEXT, AT(listen), "127.0.0.1:8080", 0, 0, "ADDRESS:PORT,unix:PATH",
+      "Address and port to listen on, a Unix socket, or both. Port 0 picks a free port. An address "
+      "other than loopback requires --token-file or TLS. The Unix socket is for this user only, "
+      "speaks no TLS, and also takes arrays in shared memory (server/http/UNIX.md)." },
     { "volume", VOLUME, 0, NULL, 0, 0, "PATH|demo:NAME",
       "Load this volume at the start. May be given up to 64 times." },
     { "data", TEXT, AT(data), NULL, 0, 0, "DIR",

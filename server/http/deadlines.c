@@ -64,9 +64,7 @@ struct srv_connection *srv_deadlines_open(struct srv_deadlines *deadlines, int s
     c->socket = socket;
     c->timer.of = c;
     if (peer)
-        memcpy(&c->address, peer,
-               peer->sa_family == AF_INET6 ? sizeof(struct sockaddr_in6)
-                                           : sizeof(struct sockaddr_in));
+        memcpy(&c->address, peer, srv_address_size(peer));
     srv_address_to_text((const struct sockaddr *)&c->address, c->peer);
     pthread_mutex_lock(&deadlines->mutex);
     c->next = deadlines->list;

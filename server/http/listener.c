@@ -16,6 +16,7 @@
 #include "http/connection_limits.h"
 #include "http/listener_private.h"
 #include "http/tls.h"
+#include "http/unix_acceptor.h"
 #include "render/frame_memory.h"
 #include "sp/log.h"
 
@@ -92,13 +93,14 @@ __attribute__((format(printf, 2, 0))) static void on_log(void *user, const char 
 /* Accepted connections inherit the socket options. */
 static int open_socket(const struct srv_address *address, const struct srv_config *config,
                        struct sp_error *err) {
-    const char *text = config->listen;
+    char text[SRV_ADDRESS_TEXT];
     int on = 1;
     /* Detect dead peers early: a dead client never acknowledges, and the system would wait longer.
      */
     int64_t longest_ms = config->request_time_ms > config->stall_time_ms ? config->request_time_ms
                                                                          : config->stall_time_ms;
     unsigned unread_ms = (unsigned)longest_ms;
+    srv_address_to_text((const struct sockaddr *)&address->storage, text);
     int fd = socket(address->storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd >= 0 && setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
         setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &unread_ms, sizeof unread_ms) == 0 &&
@@ -151,6 +153,7 @@ static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
     struct srv_tls_keys *keys = srv_tls_keys_create(config->tls_cert, config->tls_key, err);
     if (!keys || !start(http, MHD_INVALID_SOCKET, err)) {
         srv_tls_keys_unref(&keys);
+        close(fd);
         return false;
     }
     struct srv_tls_options options = {
@@ -169,9 +172,51 @@ static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
         .give = on_tls_connection,
     };
     http->tls = srv_tls_create(&options, err);
-    if (!http->tls)
+    if (!http->tls) {
         srv_tls_keys_unref(&keys);
+        close(fd);
+    }
     return http->tls != NULL;
+}
+
+static void on_unix_connection(void *user, int socket, const struct sockaddr *peer,
+                               socklen_t size) {
+    struct srv_http *http = user;
+    MHD_add_connection(http->daemon, socket, peer, size);
+}
+
+static bool start_unix(struct srv_http *http, const char *path, struct sp_error *err) {
+    const struct srv_unix_options options = {
+        .path = path,
+        .wait_ms = (double)http->options.config->header_time_ms,
+        .arrays = http->arrays = srv_arrays_create(err),
+        .tokens = http->options.tokens,
+        .metrics = http->options.metrics,
+        .user = http,
+        .give = on_unix_connection,
+    };
+    snprintf(http->unix_path, sizeof http->unix_path, "%s", path);
+    http->unix_acceptor = http->arrays ? srv_unix_acceptor_create(&options, err) : NULL;
+    return http->unix_acceptor != NULL;
+}
+
+/* Opens the TCP socket, if there is one, and starts the HTTP threads. */
+static bool start_tcp(struct srv_http *http, struct srv_listen *listen, struct sp_error *err) {
+    const struct srv_config *config = http->options.config;
+    struct srv_address *address = &listen->tcp;
+    if (!listen->has_tcp)
+        return start(http, MHD_INVALID_SOCKET, err);
+    int fd = open_socket(address, config, err);
+    if (fd < 0)
+        return false;
+    getsockname(fd, (struct sockaddr *)&address->storage, &address->size);
+    srv_address_to_text((const struct sockaddr *)&address->storage, http->address);
+    if (config->tls_cert)
+        return start_tls(http, fd, err);
+    const bool ok = start(http, fd, err);
+    if (!ok)
+        close(fd);
+    return ok;
 }
 
 static bool reload_tokens(struct srv_http *http, struct sp_error *err) {
@@ -198,8 +243,8 @@ bool srv_http_reload(struct srv_http *http, struct sp_error *err) {
 }
 
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err) {
-    struct srv_address address;
-    if (!srv_address_parse(options->config->listen, &address, err))
+    struct srv_listen listen;
+    if (!srv_listen_parse(options->config->listen, &listen, err))
         return NULL;
     struct srv_http *http = calloc(1, sizeof *http);
     if (!http) {
@@ -214,15 +259,8 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
     http->answers =
         http->deadlines ? srv_answers_create(options->frame_memory->snapshots, err) : NULL;
     http->packed = http->answers ? srv_assets_pack(err) : NULL;
-    int fd = http->packed ? open_socket(&address, options->config, err) : -1;
-    bool ok = fd >= 0;
-    if (ok) {
-        getsockname(fd, (struct sockaddr *)&address.storage, &address.size);
-        srv_address_to_text((const struct sockaddr *)&address.storage, http->address);
-        ok = options->config->tls_cert ? start_tls(http, fd, err) : start(http, fd, err);
-        if (!ok)
-            close(fd);
-    }
+    const bool ok = http->packed && start_tcp(http, &listen, err) &&
+                    (!listen.path[0] || start_unix(http, listen.path, err));
     if (!ok)
         srv_http_destroy(&http);
     return http;
@@ -230,6 +268,10 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
 
 const char *srv_http_address(const struct srv_http *http) {
     return http->address;
+}
+
+const char *srv_http_unix_path(const struct srv_http *http) {
+    return http->unix_path;
 }
 
 size_t srv_http_connections(struct srv_http *http) {
@@ -266,6 +308,7 @@ void srv_http_destroy(struct srv_http **http_pointer) {
     *http_pointer = NULL;
     if (!http)
         return;
+    srv_unix_acceptor_destroy(&http->unix_acceptor);
     if (http->tls)
         srv_tls_close(http->tls); /* no connection may be added to a daemon that stops */
     if (http->daemon)
@@ -273,6 +316,7 @@ void srv_http_destroy(struct srv_http **http_pointer) {
     srv_tls_destroy(&http->tls);
     srv_deadlines_destroy(&http->deadlines);
     srv_answers_destroy(&http->answers);
+    srv_arrays_destroy(&http->arrays);
     srv_assets_release(&http->packed);
     pthread_cond_destroy(&http->idle);
     pthread_mutex_destroy(&http->mutex);

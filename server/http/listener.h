@@ -59,8 +59,10 @@ struct srv_http;
 /* Binds, listens and starts to answer. NULL with *err set: SP_ERR_IO with the address as its place
  * if that fails (port in use). */
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err);
-/* Returns the address that it listens on, with the real port: "127.0.0.1:8080". */
+/* Returns the address that it listens on, with the real port: "127.0.0.1:8080"; "" = none. */
 const char *srv_http_address(const struct srv_http *http);
+/* Returns the path of the Unix socket; "" = none. */
+const char *srv_http_unix_path(const struct srv_http *http);
 /* Reads tokens, certificate and key again, for new requests and connections. If a file cannot be
  * read, the old content stays, and the result is false. */
 bool srv_http_reload(struct srv_http *http, struct sp_error *err);

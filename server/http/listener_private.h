@@ -16,15 +16,20 @@
 struct srv_packed_asset;
 struct srv_request;
 struct srv_tls;
+struct srv_arrays;
+struct srv_unix_acceptor;
 
 struct srv_http {
     struct srv_http_options options;
     struct MHD_Daemon *daemon;
-    struct srv_tls *tls; /* NULL = the daemon listens itself */
+    struct srv_tls *tls;                     /* NULL = the daemon listens itself */
+    struct srv_unix_acceptor *unix_acceptor; /* NULL = there is no Unix socket */
+    struct srv_arrays *arrays;               /* NULL = there is no Unix socket */
     struct srv_deadlines *deadlines;
     struct srv_answers *answers;
-    struct srv_packed_asset *packed; /* the page and the contract */
-    char address[SRV_ADDRESS_TEXT];
+    struct srv_packed_asset *packed;     /* the page and the contract */
+    char address[SRV_ADDRESS_TEXT];      /* of TCP, with the real port; "" = none */
+    char unix_path[SRV_UNIX_PATH_BYTES]; /* "" = none */
     int64_t connections; /* --connections, or as many as there are file descriptors for */
     pthread_mutex_t mutex;
     pthread_cond_t idle;

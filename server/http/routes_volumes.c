@@ -6,6 +6,7 @@
 
 #include "common/clock.h"
 #include "http/routes.h"
+#include "http/routes_array.h"
 #include "protocol/text.h"
 #include "protocol/view.h"
 #include "protocol/volume.h"
@@ -57,7 +58,10 @@ static const char *format_of(const struct srv_volume_status *status) {
     snprintf(file, sizeof file, "%.*s", (int)sp_source_split(status->source).path_bytes,
              status->source);
     const char *format = srv_format_of(file);
-    return srv_source_is_demo(status->source) ? "built-in" : format ? format : "";
+    return srv_source_is_demo(status->source)     ? "built-in"
+           : srv_source_is_memory(status->source) ? "shared memory"
+           : format                               ? format
+                                                  : "";
 }
 
 /* True if the request may close the volume: it is an admin's, or its token opened the volume. */
@@ -339,8 +343,8 @@ static bool read_source(const proto_json *body, char upload[UPLOAD_BYTES],
     }
     if (given != 1) {
         srv_reply_problem(reply, 422, NULL,
-                          "give one of \"source\" (a path below the data folder, or demo:NAME) and "
-                          "\"upload\" (the id of an upload)");
+                          "give one of \"source\" (a path below the data folder, or demo:NAME), "
+                          "\"upload\" (the id of an upload) and \"memory\" (the id of an array)");
         return false;
     }
     if (strcmp(load->pointer, "/upload") == 0) {
@@ -350,11 +354,13 @@ static bool read_source(const proto_json *body, char upload[UPLOAD_BYTES],
     return true;
 }
 
-static bool read_request(struct srv_catalog *catalog, const proto_json *body,
+static bool read_request(const struct srv_request *request, const proto_json *body,
                          char upload[UPLOAD_BYTES], char **field, struct srv_volume_request *load,
                          struct srv_reply *reply) {
-    static const char *const known[] = { "source", "path",    "uri", "upload", "volume",
-                                         "field",  "vectors", "id",  "name",   NULL };
+    static const char *const known[] = { "source", "path",       "uri",     "upload", "memory",
+                                         "volume", "field",      "vectors", "id",     "name",
+                                         "dims",   "type",       "spacing", "origin", "direction",
+                                         "unit",   "value_unit", "meaning", NULL };
     struct sp_error err;
     const char *volume;
     if (!proto_json_only(body, known, &err)) {
@@ -368,7 +374,10 @@ static bool read_request(struct srv_catalog *catalog, const proto_json *body,
         srv_reply_problem(reply, 422, "/name", "must not contain invisible control characters");
         return false;
     }
-    if (!read_string(body, "volume", "/volume", &volume, reply))
+    if (srv_array_is_for(body))
+        return srv_array_read(request, body, upload, load, reply);
+    if (!srv_array_check_absent(body, reply) ||
+        !read_string(body, "volume", "/volume", &volume, reply))
         return false;
     for (int i = 0; !volume && i < 2; i++)
         if (proto_json_get(body, i ? "vectors" : "field")) {
@@ -380,7 +389,7 @@ static bool read_request(struct srv_catalog *catalog, const proto_json *body,
             srv_reply_problem(reply, 422, pointers[i], "excludes \"volume\"");
             return false;
         }
-    return volume ? read_field(catalog, body, volume, load, field, reply)
+    return volume ? read_field(request->app->catalog, body, volume, load, field, reply)
                   : read_source(body, upload, load, reply);
 }
 
@@ -421,7 +430,7 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
     proto_json *body = srv_request_json(request, reply);
     if (!body)
         return;
-    if (read_request(request->app->catalog, body, upload, &field, &load, reply) &&
+    if (read_request(request, body, upload, &field, &load, reply) &&
         may_use_upload(request, &load, reply)) {
         struct srv_volume_status status;
         if (!srv_catalog_add(request->app->catalog, &load, id, &existed, &conflict, &err)) {
@@ -430,6 +439,7 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
             else
                 srv_reply_error(reply, &err);
         } else if (srv_find_volume(request, id, &status, reply)) {
+            srv_array_opened(request, load.source);
             srv_reply_json(reply, existed ? 201 : 202, srv_encode_volume(request, &status, false));
             sp_volume_unref(&status.volume);
             if (reply->status < 400) {

@@ -13,6 +13,7 @@
 #include "common/fair_share.h"
 #include "render/catalog_private.h"
 #include "render/redact.h"
+#include "render/shared_memory.h"
 #include "render/source.h"
 #include "sp/log.h"
 
@@ -45,6 +46,7 @@ void srv_catalog_entry_free(struct srv_volume *v) {
         srv_catalog_entry_free(step);
     }
     sp_volume_unref(&v->volume);
+    srv_shared_memory_destroy(&v->memory);
     free(v->joint);
     free(v->source);
     free(v->file);
@@ -203,8 +205,23 @@ static bool resolve_remote(const struct srv_catalog *catalog,
     return resolved->source || sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a path");
 }
 
+static bool resolve_memory(const struct srv_volume_request *request, struct resolved *resolved,
+                           struct sp_error *err) {
+    const char *name = request->name ? request->name : request->id ? request->id : "array";
+    resolved->source = strdup(request->source);
+    if (asprintf(&resolved->public_name, SRV_SOURCE_MEMORY "%s", name) < 0)
+        resolved->public_name = NULL;
+    if (resolved->source && resolved->public_name)
+        return true;
+    resolved_finish(resolved);
+    *resolved = (struct resolved){ .source = NULL };
+    return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a name");
+}
+
 static bool resolve(struct srv_catalog *catalog, const struct srv_volume_request *request,
                     struct resolved *resolved, struct sp_error *err) {
+    if (request->memory)
+        return resolve_memory(request, resolved, err);
     if (srv_source_is_upload(request->source))
         return resolve_upload(catalog, request, resolved, err);
     if (sp_source_is_remote(request->source))
@@ -314,14 +331,17 @@ static void persist(struct srv_catalog *catalog, struct srv_volume *v) {
                                                 .owner = v->owner[0] ? v->owner : NULL,
                                                 .is_limited = v->is_limited,
                                                 .confined = v->confined };
-    if (catalog->options.persist && !v->is_persisted)
+    if (catalog->options.persist && !v->is_persisted && !srv_source_is_memory(v->source))
         v->is_persisted = catalog->options.persist(catalog->options.user, v->id, &request);
 }
 
 /* Queues the load; `why` not NULL = the source is lost, and the entry has failed. With the mutex
  * held. */
 static void begin_load(struct srv_catalog *catalog, struct srv_volume *v,
-                       const struct srv_volume_request *request, const struct sp_error *why) {
+                       struct srv_volume_request *request, const struct sp_error *why) {
+    srv_shared_memory_destroy(&v->memory);
+    v->memory = request->memory;
+    request->memory = NULL;
     v->confined = request->confined && !srv_source_is_demo(v->source) && !v->file;
     v->state = why ? SRV_VOLUME_FAILED : SRV_VOLUME_LOADING;
     v->error = why ? *why : (struct sp_error){ .code = SP_OK };
@@ -330,9 +350,8 @@ static void begin_load(struct srv_catalog *catalog, struct srv_volume *v,
     pthread_cond_broadcast(&catalog->changed);
 }
 
-bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
-                     char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
-                     struct sp_error *err) {
+static bool add(struct srv_catalog *catalog, struct srv_volume_request *request,
+                char id_out[SP_NAME_BYTES], bool *existed, bool *conflict, struct sp_error *err) {
     *conflict = *existed = false;
     if (request->id && !srv_source_is_id(request->id))
         return sp_fail(err, SP_ERR_INVALID, "/id",
@@ -372,6 +391,15 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
     memcpy(id_out, v->id, sizeof v->id);
     pthread_mutex_unlock(&catalog->mutex);
     return true;
+}
+
+bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
+                     char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
+                     struct sp_error *err) {
+    struct srv_volume_request own = *request;
+    const bool ok = add(catalog, &own, id_out, existed, conflict, err);
+    srv_shared_memory_destroy(&own.memory);
+    return ok;
 }
 
 static void share(struct srv_catalog *catalog) {

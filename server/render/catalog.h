@@ -26,6 +26,7 @@
 #include "sp/volume.h"
 
 struct srv_brick_cache;
+struct srv_shared_memory;
 struct srv_catalog;
 struct srv_volume;
 
@@ -42,13 +43,16 @@ enum srv_volume_state {
 const char *srv_volume_state_name(enum srv_volume_state state); /* "loading", "ready", … */
 
 struct srv_volume_request {
-    const char *source;    /* a path, "demo:…" or "upload:ID" */
+    const char *source;    /* a path, "demo:…", "upload:ID" or, with `memory`, "memory:ID" */
     const char *id, *name; /* NULL = derived from the source */
     bool confined;         /* a path must lie below the data folder */
     const char *pointer;   /* JSON pointer to the source, for errors; NULL = "/path" or "/uri" */
     const char *owner;     /* the token that opens it; NULL = the operator */
     bool is_limited;       /* the limits of one token hold (SP_ERR_QUOTA below) */
     unsigned volumes_max;  /* of the owner; 0 = no quota */
+    struct srv_shared_memory *memory; /* the samples, owned by srv_catalog_add() from the call on,
+                                         also if it fails; NULL = the source is loaded. Such a
+                                         volume is not persisted */
     bool is_restored; /* restored from an earlier run: a missing path makes a failed entry instead
                          of an error, and the number of loads is not limited */
 };

@@ -10,6 +10,7 @@
 #include "common/clock.h"
 #include "render/brick_cache.h"
 #include "render/catalog_private.h"
+#include "render/shared_memory.h"
 #include "sp/log.h"
 
 #define PROGRESS_MS 100.0 /* between two progress notifications of one load */
@@ -195,6 +196,17 @@ static struct sp_volume *load_cached(struct srv_catalog *catalog, const char *fi
     return NULL;
 }
 
+/* Maps the shared memory of an entry. It is not needed afterwards: the volume has the mapping, and
+ * after a failure the client passes it again. */
+static struct sp_volume *map(struct load *load, struct sp_error *err) {
+    struct srv_volume *v = load->volume;
+    struct sp_volume *volume = NULL;
+    if (srv_shared_memory_fingerprint(&v->fingerprint, err))
+        volume = srv_shared_memory_map(v->memory, v->name, reserve, load, err);
+    srv_shared_memory_destroy(&v->memory);
+    return volume;
+}
+
 static void load(struct srv_catalog *catalog, struct srv_volume *v) {
     struct sp_error err = { .code = SP_OK };
     struct load own = { catalog, v };
@@ -217,10 +229,11 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
         pthread_mutex_unlock(&catalog->notify_mutex);
     }
     const char *file = entry->file ? entry->file : entry->source;
-    struct sp_volume *volume = sp_volume_load(file, &options, &err);
-    if (!volume && err.code == SP_ERR_BUDGET && catalog->options.cache)
+    const bool is_memory = entry->memory != NULL;
+    struct sp_volume *volume = is_memory ? map(&own, &err) : sp_volume_load(file, &options, &err);
+    if (!volume && err.code == SP_ERR_BUDGET && catalog->options.cache && !is_memory)
         volume = load_cached(catalog, file, &options, &err);
-    if (volume)
+    if (volume && !is_memory)
         v->fingerprint = srv_fingerprint_volume(volume);
     if (volume && !v->parent)
         sp_view_choose(&v->view, volume, v->id);

@@ -27,10 +27,12 @@ struct srv_volume {
     bool is_short;   /* step: waits until another load releases memory */
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
     char owner[SRV_TOKEN_NAME_BYTES]; /* "" = the operator */
-    char *source;      /* resolved (render/source.h): the key; "upload:ID" for an uploaded file */
+    char *source;      /* resolved (render/source.h): the key; "upload:ID" for an uploaded file,
+                          "memory:ID" for shared memory */
     char *file;        /* of an upload: its path; NULL = `source` is loaded */
-    char *public_name; /* of an upload: "upload:NAME", which clients see; NULL = the redacted source
-                        */
+    char *public_name; /* which clients see: of an upload "upload:NAME", of shared memory
+                          "memory:NAME"; NULL = the redacted source */
+    struct srv_shared_memory *memory; /* of a client, until it is mapped; NULL = none */
     bool confined, is_limited, is_persisted, is_restored;
     enum srv_volume_state state;
     double progress, notified_ms; /* notified_ms: when progress() was called last */

@@ -310,6 +310,8 @@ bool srv_catalog_field(struct srv_catalog *catalog, const char *id, const char *
     bool ok = v || sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "there is no volume '%s'", id);
     if (ok && srv_source_is_demo(v->source))
         ok = sp_fail(err, SP_ERR_INVALID, "/volume", "is built in and has one field");
+    if (ok && srv_source_is_memory(v->source))
+        ok = sp_fail(err, SP_ERR_INVALID, "/volume", "is an array, which has one field");
     if (ok) {
         struct sp_source_parts choice;
         choose(v, field, vectors, &choice);

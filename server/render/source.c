@@ -26,6 +26,10 @@ bool srv_source_is_upload(const char *source) {
     return strncmp(source, SRV_SOURCE_UPLOAD, sizeof SRV_SOURCE_UPLOAD - 1) == 0;
 }
 
+bool srv_source_is_memory(const char *source) {
+    return strncmp(source, SRV_SOURCE_MEMORY, sizeof SRV_SOURCE_MEMORY - 1) == 0;
+}
+
 bool srv_source_upload_id(const char *source, char id[SP_NAME_BYTES]) {
     const char *text = source + (srv_source_is_upload(source) ? sizeof SRV_SOURCE_UPLOAD - 1 : 0);
     snprintf(id, SP_NAME_BYTES, "%.*s", (int)strcspn(text, "?"), text);

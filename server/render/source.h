@@ -12,9 +12,11 @@
 #include "sp/view.h"
 
 #define SRV_SOURCE_UPLOAD "upload:" /* before the id of an upload */
+#define SRV_SOURCE_MEMORY "memory:" /* before the id of an array in shared memory; equally long */
 
 bool srv_source_is_demo(const char *source);
 bool srv_source_is_upload(const char *source);
+bool srv_source_is_memory(const char *source);
 /* Gets the id of the upload that a source names, without a field. False: it names no upload. */
 bool srv_source_upload_id(const char *source, char id[SP_NAME_BYTES]);
 

@@ -91,7 +91,7 @@ int oom_set_up(void **state) {
     f.daemon = srv_daemon_start(&f.config, &f.log, NULL);
     if (!f.daemon)
         return -1;
-    srv_daemon_url(f.daemon, url, sizeof url);
+    srv_daemon_url(f.daemon, 0, url, sizeof url);
     unsigned port;
     if (sscanf(url, "http://127.0.0.1:%u/", &port) != 1)
         return -1;
