@@ -37,8 +37,8 @@ def test_arguments_replace_what_it_states(daemon, field):
 
 
 def test_other_dimensions(daemon, field):
-    with pytest.raises(ValueError, match=r"isel\(time=0\)"):
-        daemon.add(field.expand_dims(time=2))
+    with pytest.raises(ValueError, match=r"isel\(member=0\)"):
+        daemon.add(field.expand_dims(member=2))
     dated = field.rename(z="time").assign_coords(time=np.array(["2020-01-01", "2020-01-02", "2020-01-03"], "M8[ns]"))
     assert daemon.add(dated).spacing[0] == 86400
 
@@ -46,3 +46,23 @@ def test_other_dimensions(daemon, field):
 def test_dask(daemon, field):
     pytest.importorskip("dask")
     assert daemon.add(field.chunk(2)).range == (0, 59)
+
+
+def test_time_series(daemon, field):
+    even = field.assign_coords(z=[0.0, 10.0, 20.0])
+    series = xarray.concat([even, even + 100, even + 200], dim="time").assign_coords(time=[0.0, 1.0, 4.0])
+    series.time.attrs["units"] = "h"
+    for array in (series, series.transpose("z", "time", "lat", "lon")):
+        volume = array.splat.add(daemon)
+        assert volume.steps == 3
+        assert volume.info["steps"] == {"count": 3, "unit": "h", "times": [0, 1, 4]}
+        assert (volume.unit, volume.value_unit, volume.spacing) == ("km", "K", (10, 1, 1))
+        for step in range(3):
+            view = volume.view(size=(16, 16)).with_step(step)
+            assert view.render().shape == (16, 16, 4)
+            expected = (
+                series.isel(time=step, z=1).values[::-1]
+                if volume.origin[1] == 47
+                else series.isel(time=step, z=1).values
+            )
+            np.testing.assert_array_equal(volume.slice("z", index=1, step=step).array, expected)

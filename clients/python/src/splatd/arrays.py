@@ -22,9 +22,13 @@ class Grid:
     Attributes
     ----------
     samples : numpy.ndarray
-        C-contiguous, (z, y, x) or, of vectors, (z, y, x, 3).
+        C-contiguous, (z, y, x); of vectors (z, y, x, 3); of a time series (time, z, y, x).
     coordinates
         For each axis its uneven positions in world units, or None.
+    is_series : bool
+        The first axis is the time.
+    times
+        The times of the steps, rising; None: not known.
     """
 
     samples: np.ndarray
@@ -34,11 +38,24 @@ class Grid:
     coordinates: list[list[float] | None] = field(default_factory=lambda: [None, None, None])
     unit: str = ""
     value_unit: str = ""
+    is_series: bool = False
+    times: list[float] | None = None
+    time_unit: str = ""
+
+    @property
+    def components(self) -> int:
+        """Numbers per sample: 3 for vectors."""
+        return self.samples.shape[3] if self.samples.ndim == 4 and not self.is_series else 1
+
+    @property
+    def dims(self) -> list[int]:
+        """Samples along x, y, z."""
+        return list(self.samples.shape[self.is_series : self.is_series + 3][::-1])
 
     def place(self) -> dict[str, Any]:
         """Size, type and place, in the words that the sidecar and `POST /volumes` have in common."""
         place: dict[str, Any] = {
-            "dims": list(self.samples.shape[2::-1]),
+            "dims": self.dims,
             "type": self.samples.dtype.name,
             "spacing": self.spacing,
             "origin": self.origin,
@@ -53,13 +70,48 @@ class Grid:
         """The JSON beside the raw samples (renderer/data/import/sidecar.md)."""
         samples = self.samples
         header = self.place() | {
-            "components": samples.shape[3] if samples.ndim == 4 else 1,
+            "components": self.components,
             "file": file,
             "endian": "big" if samples.dtype.newbyteorder("=") != samples.dtype else "little",
         }
         if any(axis is not None for axis in self.coordinates):
             header["coordinates"] = self.coordinates
         return header
+
+    def nrrd_header(self) -> bytes:
+        """The header of an NRRD file of a time series, in front of its samples."""
+        samples = self.samples
+        kind = samples.dtype.newbyteorder("=").name
+        columns = np.eye(3) if self.direction is None else np.transpose(self.direction)
+
+        def vector(values: Any) -> str:
+            return "({})".format(",".join(f"{float(value):.17g}" for value in values))
+
+        fields = {
+            "type": {"float32": "float", "float64": "double"}.get(kind, kind),
+            "dimension": 4,
+            "space dimension": 3,
+            "sizes": " ".join(map(str, [*self.dims, samples.shape[0]])),
+            "space directions": " ".join([*(vector(c * s) for c, s in zip(columns, self.spacing)), "none"]),
+            "space origin": vector(self.origin),
+            "kinds": "domain domain domain time",
+            "endian": "big" if samples.dtype.newbyteorder("=") != samples.dtype else "little",
+            "encoding": "raw",
+        }
+        if self.unit:
+            fields["space units"] = " ".join([f'"{_plain(self.unit)}"'] * 3)
+        if self.value_unit:
+            fields["sample units"] = f'"{_plain(self.value_unit)}"'
+        lines = ["NRRD0005", *(f"{name}: {value}" for name, value in fields.items())]
+        if self.times:
+            lines.append("axis 3 index values:=" + " ".join(f"{time:.17g}" for time in self.times))
+            lines.append(f"axis 3 index unit:={_plain(self.time_unit)}")
+        return "\n".join([*lines, "", ""]).encode()
+
+
+def _plain(text: str) -> str:
+    """A unit without what a field of NRRD cannot have."""
+    return text.replace("\n", " ").replace('"', "'").strip()
 
 
 def to_numpy(array: Any) -> np.ndarray:
@@ -80,16 +132,16 @@ def to_numpy(array: Any) -> np.ndarray:
 
 
 def _with_axes(samples: np.ndarray, axes: str) -> np.ndarray:
-    """The samples in the order z, y, x (, component)."""
-    if sorted(axes) not in (["x", "y", "z"], ["c", "x", "y", "z"]):
-        raise ValueError(f"axes: {axes!r} has not x, y and z once each, and c for vectors")
+    """The samples in the order (time,) z, y, x (, component)."""
+    if sorted(axes) not in (["x", "y", "z"], ["c", "x", "y", "z"], ["t", "x", "y", "z"]):
+        raise ValueError(f"axes: {axes!r} has not x, y and z once each, and c for vectors or t for time")
     if samples.ndim != len(axes):
         raise ValueError(
             f"an array with the axes {axes!r} has {len(axes)} dimensions, this one has {samples.ndim}: {samples.shape}"
         )
-    wanted = "zyxc" if "c" in axes else "zyx"
+    wanted = "zyxc" if "c" in axes else "tzyx" if "t" in axes else "zyx"
     samples = samples.transpose([axes.index(axis) for axis in wanted])
-    if samples.ndim == 4 and samples.shape[3] != COMPONENTS:
+    if "c" in axes and samples.shape[3] != COMPONENTS:
         raise ValueError(
             f"the axis c has {samples.shape[3]} components; vectors have {COMPONENTS}. "
             "Add channels one by one: d.add(array[..., 0])"
@@ -116,7 +168,7 @@ def _ordered(values: Any, axes: str, name: str) -> list[float]:
     numbers = [float(value) for value in np.broadcast_to(values, 3)]
     if not np.all(np.isfinite(numbers)):
         raise ValueError(f"{name}: {values} is not finite")
-    spatial = axes.replace("c", "")
+    spatial = axes.replace("c", "").replace("t", "")
     return [numbers[spatial.index(axis)] for axis in "xyz"]
 
 
@@ -145,6 +197,8 @@ def grid_of(
     coordinates: Mapping[str, Any] | None = None,
     unit: str = "",
     value_unit: str = "",
+    times: Any = None,
+    time_unit: str = "",
 ) -> Grid:
     """Checks an array and its place (arguments as of `Daemon.add`), without a copy where memory and type allow it."""
     samples = _checked_type(_with_axes(to_numpy(array), axes))
@@ -156,18 +210,33 @@ def grid_of(
         unit=unit,
         value_unit=value_unit,
     )
+    if "t" in axes:
+        grid.is_series = True
+        if grid.samples.dtype.newbyteorder("=") == np.float16:
+            grid.samples = grid.samples.astype(np.float32)
+        if grid.samples.shape[0] == 1:
+            raise ValueError("a time series has at least two steps: add array[0] of this one")
+        if times is not None:
+            grid.times = [float(time) for time in times]
+            grid.time_unit = time_unit
+            if len(grid.times) != grid.samples.shape[0]:
+                raise ValueError(f"times: {len(grid.times)} times for {grid.samples.shape[0]} steps")
+            if any(b <= a for a, b in zip(grid.times, grid.times[1:])):
+                raise ValueError("times: they do not rise: sort the array along the time")
     if min(grid.spacing) <= 0:
         raise ValueError(f"spacing: {spacing} is not above 0")
     for name, positions in (coordinates or {}).items():
         if name not in ("x", "y", "z"):
             raise ValueError(f"coordinates: {name!r} is not x, y or z")
         axis = "xyz".index(name)
-        length = samples.shape[2 - axis]
+        length = grid.dims[axis]
         if np.size(positions) != length:
             raise ValueError(f"coordinates: {name} has {np.size(positions)} positions for {length} samples")
         first, gap, uneven = _even(positions, name)
         grid.origin[axis] = 0.0 if uneven else first
         grid.spacing[axis] = gap
         grid.coordinates[axis] = uneven
+    if grid.is_series and any(grid.coordinates):
+        raise ValueError("coordinates: those of a time series must be even: interpolate the array to even ones")
     grid.samples = np.ascontiguousarray(grid.samples)
     return grid

@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 from urllib.parse import parse_qs, urlsplit, urlunsplit
 
 import numpy as np
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 #: The interface that this package speaks: the number in /api/v1/, and the versions of splatd that have it.
 INTERFACE = "v1"
 OLDEST_VERSION = (0, 1)
+LOST_MAX = 3  # connections in turn, before an upload fails
 CHUNK_BYTES = 8 << 20  # of an upload: the progress is told this often
 
 
@@ -226,6 +227,8 @@ class Daemon:
         unit: str | None = None,
         value_unit: str | None = None,
         axes: str | None = None,
+        times: Any = None,
+        time_unit: str | None = None,
         name: str | None = None,
         id: str | None = None,
         progress: Callable[[float], object] | None = None,
@@ -252,8 +255,10 @@ class Daemon:
         value_unit : str
             Of the samples, such as "HU".
         axes : str
-            The order of the axes of the array: any order of x, y and z, with c for the components of vectors: "xyz",
-            "zyxc". Default: "zyx" as numpy has images.
+            The order of the axes of the array: any order of x, y and z, with c for the components of vectors or t for the
+            time: "xyz", "zyxc", "tzyx". Default: "zyx" as numpy has images.
+        times, time_unit
+            Of a time series: the rising times of its steps, and their unit.
         name : str
             For people.
 
@@ -272,7 +277,7 @@ class Daemon:
         if labelled.is_labelled(array):
             array, place = labelled.arguments_of(array)
         given = dict(axes=axes, spacing=spacing, origin=origin, direction=direction, coordinates=coordinates)
-        given |= dict(unit=unit, value_unit=value_unit, name=name)
+        given |= dict(unit=unit, value_unit=value_unit, name=name, times=times, time_unit=time_unit)
         place |= {key: value for key, value in given.items() if value is not None}
         label: str = place.pop("name", "array")
         grid = arrays.grid_of(array, **place)
@@ -291,16 +296,21 @@ class Daemon:
     def _add_upload(
         self, grid: arrays.Grid, label: str, id: str | None, progress: Callable[[float], object] | None
     ) -> Volume:
-        file = "array.raw"
-        header = json.dumps(grid.sidecar(file), allow_nan=False).encode()
-        upload = self._begin_upload("array.json", len(header))
+        samples = memoryview(cast(Any, grid.samples.view(np.uint8).reshape(-1)))
+        if grid.is_series:
+            parts = [("array.nrrd", [memoryview(grid.nrrd_header()), samples])]
+        else:
+            header = json.dumps(grid.sidecar("array.raw"), allow_nan=False).encode()
+            parts = [("array.json", [memoryview(header)]), ("array.raw", [samples])]
+        first = ""
         try:
-            self._send(upload, header)
-            samples = memoryview(cast(Any, grid.samples.view(np.uint8).reshape(-1)))
-            self._send(self._begin_upload(file, samples.nbytes, upload), samples, progress)
-            return self._opened({"upload": upload, **_named(id or _id_of(label), label)}, True, None)
+            for file, pieces in parts:
+                upload = self._begin_upload(file, sum(piece.nbytes for piece in pieces), first)
+                first = first or upload
+                self._send(upload, _Joined(pieces), progress if pieces[-1] is samples else None)
+            return self._opened({"upload": first, **_named(id or _id_of(label), label)}, True, None)
         except BaseException:
-            self._discard(upload)
+            self._discard(first)
             raise
 
     def upload(
@@ -342,7 +352,7 @@ class Daemon:
                         progress((begun + part * size) / max(1, sum(sizes)))
 
                 with file.open("rb") as stream:
-                    self._send(upload, stream, told, size)
+                    self._send(upload, _FilePart(stream, size), told)
                 sent += size
             return self._opened({"upload": head, **_named(id, name)}, True, None)
         except BaseException:
@@ -353,28 +363,23 @@ class Daemon:
         request = {"name": name, "bytes": size} | ({"header": header} if header else {})
         return self.http.json("POST", "api/v1/uploads", json=request)["id"]
 
-    def _send(self, upload: str, data: Any, progress: Callable[[float], object] | None = None, size: int = 0) -> None:
+    def _send(self, upload: str, data: _Joined | _FilePart, progress: Callable[[float], object] | None = None) -> None:
         """Sends the bytes of an upload, and goes on where a lost connection ended."""
-        offset, size = 0, size or len(data)
-        lost = 0
-        while offset < size:
-            if hasattr(data, "read"):
-                data.seek(offset)
-                chunk = data.read(CHUNK_BYTES)
-            else:
-                chunk = data[offset : offset + CHUNK_BYTES]
+        offset = lost = 0
+        while offset < data.size:
+            chunk = data.read(offset, CHUNK_BYTES)
             headers = {"Content-Type": "application/offset+octet-stream", "Upload-Offset": str(offset)}
             try:
-                self.http.request("PATCH", f"api/v1/uploads/{upload}", body=bytes(chunk), headers=headers)
+                self.http.request("PATCH", f"api/v1/uploads/{upload}", body=chunk, headers=headers)
                 offset += len(chunk)
                 lost = 0
             except errors.ConnectionFailed:
                 lost += 1
-                if lost > 3:
+                if lost > LOST_MAX:
                     raise
                 offset = self.http.json("GET", f"api/v1/uploads/{upload}")["offset"]
             if progress:
-                progress(offset / size)
+                progress(offset / data.size)
 
     def _discard(self, upload: str) -> None:
         if upload:
@@ -485,6 +490,36 @@ class Daemon:
     def session(self, id: str) -> Session:
         """The session with this id."""
         return Session(self, self.http.json("GET", f"api/v1/sessions/{segment(id)}"))
+
+
+class _Joined:
+    """The bytes of several pieces of memory, one after the other."""
+
+    def __init__(self, pieces: Sequence[memoryview]) -> None:
+        self._pieces = pieces
+        self.size = sum(piece.nbytes for piece in pieces)
+
+    def read(self, offset: int, count: int) -> bytes:
+        for piece in self._pieces:
+            if offset < piece.nbytes:
+                return bytes(piece[offset : offset + count])
+            offset -= piece.nbytes
+        return b""
+
+
+class _FilePart:
+    """The first `size` bytes of a file."""
+
+    def __init__(self, stream: BinaryIO, size: int) -> None:
+        self._stream = stream
+        self.size = size
+
+    def read(self, offset: int, count: int) -> bytes:
+        self._stream.seek(offset)
+        data = self._stream.read(min(count, self.size - offset))
+        if not data:
+            raise OSError(f"{self._stream.name} has become shorter while it was sent")
+        return data
 
 
 def _named(id: str | None, name: str | None) -> dict[str, str]:

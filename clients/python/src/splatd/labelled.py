@@ -10,6 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     import xarray
 
+TIMES = ("time", "t", "step", "frame")
 #: Names of spatial dimensions, in lower case, that mean x, y or z.
 NAMES = {
     "x": ("x", "lon", "longitude", "easting", "i", "col", "columns"),
@@ -29,6 +30,10 @@ def axes_of(dims: tuple[Any, ...]) -> str:
     >>> axes_of(("level", "lat", "lon")), axes_of(("a", "b", "c"))
     ('zyx', 'zyx')
     """
+    if len(dims) == 4 and any(str(dim).lower() in TIMES for dim in dims):
+        at = next(k for k, dim in enumerate(dims) if str(dim).lower() in TIMES)
+        spatial = axes_of((*dims[:at], *dims[at + 1 :]))
+        return spatial[:at] + "t" + spatial[at:]
     if len(dims) != 3:
         raise ValueError(
             f"a volume has three dimensions, this array has {list(dims)}: "
@@ -51,11 +56,15 @@ def arguments_of(array: xarray.DataArray) -> tuple[Any, dict[str, Any]]:
     axes = axes_of(array.dims)
     coordinates: dict[str, Any] = {}
     units: list[str] = []
+    times: dict[str, Any] = {}
     for axis, dim in zip(axes, array.dims):
         if dim not in array.coords:
             continue
         positions = _positions(array[dim])
-        if positions is not None and positions.size > 1:
+        if axis == "t" and positions is not None:
+            is_date = np.issubdtype(array[dim].dtype, np.datetime64) or np.issubdtype(array[dim].dtype, np.timedelta64)
+            times = {"times": positions, "time_unit": "s" if is_date else str(array[dim].attrs.get("units", ""))[:31]}
+        elif positions is not None and positions.size > 1:
             coordinates[axis] = positions
             units.append(str(array[dim].attrs.get("units", "")))
     stated: dict[str, Any] = {
@@ -63,6 +72,7 @@ def arguments_of(array: xarray.DataArray) -> tuple[Any, dict[str, Any]]:
         "coordinates": coordinates,
         "value_unit": str(array.attrs.get("units", ""))[:31],
     }
+    stated |= times
     if units and len(set(units)) == 1:
         stated["unit"] = units[0][:31]
     if array.name or "long_name" in array.attrs:
