@@ -118,7 +118,7 @@ export class Warp {
 
   /** A frame is about to be drawn. isSharper: it is sharper than the canvas, and shows the same view; isNewest: it shows the newest view from its own
    * camera; growth: its width in widths of the last frame, Infinity if it is final. What is on the screen fades out if the frame shows the same view.
-   * Without a GPU, this takes so much of the processor that the final frame comes 60 ms later: a moving frame of the same size replaces it at once. */
+   * Without a GPU, this takes processor time from the final frame: a moving frame of the same size replaces it at once. */
   arrive(isSharper, isNewest, growth) {
     const isByDepth = this.isVisible && this.#layer.dataset.kind === 'depth';
     if (isByDepth ? isNewest && (this.#depth.isFast || growth >= LARGER) : isSharper && !this.isVisible) this.#fade?.begin(isByDepth ? this.#depth.picture : null);
