@@ -163,8 +163,10 @@ static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct s
     if (!volume)
         snprintf(reason, sizeof reason, "%s%s%s", err->place, err->place[0] ? ": " : "", err->text);
     double fraction = v->progress;
+    /* The other steps of a series are read from the file when a view shows them. */
+    bool needs_file = volume && !was_removed && sp_volume_info(volume)->steps.count > 1;
     /* The entry may be removed by another thread as soon as the mutex is free. */
-    char *upload = was_stopped ? NULL : srv_catalog_upload_to_close(catalog, v);
+    char *upload = was_stopped || needs_file ? NULL : srv_catalog_upload_to_close(catalog, v);
     pthread_mutex_unlock(&catalog->mutex);
     if (upload)
         srv_catalog_close_upload(catalog, upload,

@@ -6,7 +6,6 @@ import inspect
 
 import numpy as np
 import pytest
-
 import splatd
 from splatd import aio
 

@@ -9,7 +9,6 @@ import sys
 import threading
 
 import pytest
-
 import splatd
 from splatd import launch
 

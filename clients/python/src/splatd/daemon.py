@@ -255,8 +255,8 @@ class Daemon:
         value_unit : str
             Of the samples, such as "HU".
         axes : str
-            The order of the axes of the array: any order of x, y and z, with c for the components of vectors or t for the
-            time: "xyz", "zyxc", "tzyx". Default: "zyx" as numpy has images.
+            The order of the axes of the array: any order of x, y and z, with c for the components of vectors or t for
+            the time: "xyz", "zyxc", "tzyx". Default: "zyx" as numpy has images.
         times, time_unit
             Of a time series: the rising times of its steps, and their unit.
         name : str

@@ -54,6 +54,10 @@ def _positions(coordinate: xarray.DataArray) -> np.ndarray | None:
 def arguments_of(array: xarray.DataArray) -> tuple[Any, dict[str, Any]]:
     """The samples of a DataArray, with rising coordinates, and the arguments of `Daemon.add` that it states."""
     axes = axes_of(array.dims)
+    falling = [
+        dim for dim in array.dims if dim in array.coords and array[dim].size > 1 and array[dim][0] > array[dim][-1]
+    ]
+    array = array.isel({dim: slice(None, None, -1) for dim in falling})
     coordinates: dict[str, Any] = {}
     units: list[str] = []
     times: dict[str, Any] = {}
