@@ -20,19 +20,32 @@ static void extend(struct box *box, const uint32_t at[3]) {
     }
 }
 
-/* The box of all voxels of the least visible value or more. False if there are none. */
+/* The box of all voxels of the least visible value or more. False if there are none. Of a row that
+ * the box contains, only the samples outside of it are looked at. */
 static bool bound_visible(const struct sp_volume *volume, double least, struct box *box) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     const uint32_t *dims = info->grid.dims;
     const void *voxels = sp_volume_voxels(volume);
-    uint64_t index = 0;
     uint32_t at[3];
     *box = (struct box){ .low = { UINT32_MAX, UINT32_MAX, UINT32_MAX } };
     for (at[2] = 0; at[2] < dims[2]; at[2]++)
-        for (at[1] = 0; at[1] < dims[1]; at[1]++)
-            for (at[0] = 0; at[0] < dims[0]; at[0]++)
-                if (sp_sample(voxels, info->type, index++) >= least)
-                    extend(box, at);
+        for (at[1] = 0; at[1] < dims[1]; at[1]++) {
+            const uint64_t row = ((uint64_t)at[2] * dims[1] + at[1]) * dims[0];
+            const bool is_inside = at[2] >= box->low[2] && at[2] <= box->high[2] &&
+                                   at[1] >= box->low[1] && at[1] <= box->high[1];
+            const uint32_t end = is_inside ? box->low[0] : dims[0];
+            at[0] = 0;
+            while (at[0] < end && !(sp_sample(voxels, info->type, row + at[0]) >= least))
+                at[0]++;
+            if (at[0] < end)
+                extend(box, at);
+            else if (!is_inside)
+                continue;
+            at[0] = dims[0] - 1;
+            while (at[0] > box->high[0] && !(sp_sample(voxels, info->type, row + at[0]) >= least))
+                at[0]--;
+            extend(box, at);
+        }
     return box->low[0] <= box->high[0];
 }
 

@@ -15,6 +15,9 @@
 #include "data/volume/volume.h"
 #include "sp/shared_memory.h"
 
+/* Samples of the histogram: counting all of 2^30 would take longer than copying them. */
+#define COUNTED_MAX (UINT64_C(1) << 24)
+
 /* A file whose pages can go away would end this process (SIGBUS) when it reads them: a file that
  * shrinks, one on a full file system, huge pages whose pool is empty. Samples that change would
  * break what a volume promises, and code that counts samples before it stores them. Only files of
@@ -75,5 +78,5 @@ struct sp_volume *sp_volume_map(const struct sp_volume_info *info, int fd, struc
                 bytes, strerror(errno));
         return NULL;
     }
-    return sp_volume_adopt(info, voxels, NULL, bytes, release_mapping, err);
+    return sp_volume_adopt_quickly(info, voxels, bytes, COUNTED_MAX, release_mapping, err);
 }

@@ -4,6 +4,7 @@
  * to double in short runs, so that one loop serves all types. Double represents every type exactly.
  */
 #include <assert.h>
+#include <float.h>
 #include <math.h>
 #include <sched.h>
 #include <stdlib.h>
@@ -17,7 +18,8 @@
 #include "data/volume/volume.h"
 
 enum { RUN = 512, GRAIN = 1 << 18 }; /* samples */
-enum { THREADS_MAX = 16 };           /* of sp_volume_threads() */
+enum { EVERY_MAX = 1 << 16 };
+enum { THREADS_MAX = 16 }; /* of sp_volume_threads() */
 
 struct partial { /* of one worker; merged by sums, minima and maxima, so order has no influence */
     double low, high;
@@ -30,7 +32,8 @@ struct measure {
     const void *voxels;
     enum sp_type type;
     double low, high;
-    int side; /* of the extreme that is looked at: 0 = low, 1 = high */
+    unsigned every; /* the histogram counts one of so many runs, times this number */
+    int side;       /* of the extreme that is looked at: 0 = low, 1 = high */
     struct partial *partials;
     unsigned workers;
     struct sp_pool *pool;
@@ -52,25 +55,78 @@ void sp_samples_to_doubles(const void *voxels, enum sp_type type, size_t begin, 
     switch (type) { SP_TYPE_CASES(WIDEN) }
 }
 
+enum { LANES = 32 }; /* of the loops below, which compilers turn into vector instructions */
+
+/* Range of samples [begin, end) of an integer type. */
+#define DEFINE_RANGE(T)                                                                            \
+    static void range_of_##T(const T *v, size_t begin, size_t end, struct partial *p) {            \
+        T low = v[begin], high = v[begin];                                                         \
+        for (size_t i = begin; i < end; i++) {                                                     \
+            low = v[i] < low ? v[i] : low;                                                         \
+            high = v[i] > high ? v[i] : high;                                                      \
+        }                                                                                          \
+        p->low = (double)low < p->low ? (double)low : p->low;                                      \
+        p->high = (double)high > p->high ? (double)high : p->high;                                 \
+        p->finite += end - begin;                                                                  \
+    }
+DEFINE_RANGE(uint8_t)
+DEFINE_RANGE(int8_t)
+DEFINE_RANGE(uint16_t)
+DEFINE_RANGE(int16_t)
+DEFINE_RANGE(int32_t)
+
+/* Range of the finite samples [begin, end) of a floating-point type. Comparisons with NaN are
+ * false, so it changes no lane. */
+#define DEFINE_FINITE_RANGE(T, N, MOST)                                                            \
+    static void range_of_##T(const T *v, size_t begin, size_t end, struct partial *p) {            \
+        T low[LANES], high[LANES];                                                                 \
+        N finite[LANES] = { 0 };                                                                   \
+        uint64_t count = 0;                                                                        \
+        size_t i = begin;                                                                          \
+        for (int lane = 0; lane < LANES; lane++) {                                                 \
+            low[lane] = (T)INFINITY;                                                               \
+            high[lane] = (T)-INFINITY;                                                             \
+        }                                                                                          \
+        for (; i + LANES <= end; i += LANES)                                                       \
+            for (int lane = 0; lane < LANES; lane++) {                                             \
+                const T x = v[i + (size_t)lane];                                                   \
+                const T above = x >= -(MOST) ? x : (T)INFINITY;                                    \
+                const T below = x <= (MOST) ? x : (T)-INFINITY;                                    \
+                low[lane] = above < low[lane] ? above : low[lane];                                 \
+                high[lane] = below > high[lane] ? below : high[lane];                              \
+                finite[lane] += (N)(x >= -(MOST)) & (N)(x <= (MOST));                              \
+            }                                                                                      \
+        for (; i < end; i++)                                                                       \
+            if (v[i] >= -(MOST) && v[i] <= (MOST)) {                                               \
+                low[0] = v[i] < low[0] ? v[i] : low[0];                                            \
+                high[0] = v[i] > high[0] ? v[i] : high[0];                                         \
+                count++;                                                                           \
+            }                                                                                      \
+        for (int lane = 0; lane < LANES; lane++) {                                                 \
+            p->low = (double)low[lane] < p->low ? (double)low[lane] : p->low;                      \
+            p->high = (double)high[lane] > p->high ? (double)high[lane] : p->high;                 \
+            count += (uint64_t)finite[lane];                                                       \
+        }                                                                                          \
+        p->finite += count;                                                                        \
+    }
+DEFINE_FINITE_RANGE(float, int32_t, FLT_MAX)
+DEFINE_FINITE_RANGE(double, int64_t, DBL_MAX)
+
+#define RANGE_OF(T) range_of_##T(m->voxels, begin, end, p)
+
 static void measure_range(void *user, size_t begin, size_t end, unsigned worker) {
     const struct measure *m = user;
     struct partial *p = &m->partials[worker];
-    double run[RUN], low = p->low, high = p->high;
-    uint64_t finite = 0;
-    for (size_t at = begin; at < end; at += RUN) {
-        size_t n = end - at < RUN ? end - at : RUN;
-        sp_samples_to_doubles(m->voxels, m->type, at, n, run);
-        for (size_t i = 0; i < n; i++) {
-            if (!isfinite(run[i]))
-                continue;
-            finite++;
-            low = run[i] < low ? run[i] : low;
-            high = run[i] > high ? run[i] : high;
-        }
-    }
-    p->low = low;
-    p->high = high;
-    p->finite += finite;
+    if (begin >= end)
+        return;
+    switch (m->type) { SP_TYPE_CASES(RANGE_OF) }
+}
+
+/* Chooses one run of each `every`, which is a power of two, at a place that differs from group to
+ * group: a period of the grid must not choose the same part of each row. */
+static bool is_counted(const struct measure *m, size_t run) {
+    const size_t group = run / m->every;
+    return run % m->every == (group * UINT64_C(0x9E3779B97F4A7C15) >> 32) % m->every;
 }
 
 static void fill_bins(void *user, size_t begin, size_t end, unsigned worker) {
@@ -80,10 +136,12 @@ static void fill_bins(void *user, size_t begin, size_t end, unsigned worker) {
     double run[RUN];
     for (size_t at = begin; at < end; at += RUN) {
         size_t n = end - at < RUN ? end - at : RUN;
+        if (!is_counted(m, at / RUN))
+            continue;
         sp_samples_to_doubles(m->voxels, m->type, at, n, run);
         for (size_t i = 0; i < n; i++)
             if (run[i] >= m->low && run[i] <= m->high)
-                bins[sp_bin_of(&range, run[i])]++;
+                bins[sp_bin_of(&range, run[i])] += m->every;
     }
 }
 
@@ -170,13 +228,23 @@ static void measure_values(struct measure *m, struct sp_volume_info *info) {
     info->data[1] = m->high;
 }
 
+/* Few labels may be in few runs, so all of them are counted. */
+static unsigned choose_every(const struct sp_volume_info *info, uint64_t count, uint64_t most) {
+    unsigned every = 1;
+    while (most && info->meaning != SP_MEANING_LABELS && every < EVERY_MAX && count / every > most)
+        every *= 2;
+    return every;
+}
+
 bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t count,
-                       struct sp_error *err) {
+                       uint64_t most, struct sp_error *err) {
     assert(info->type < SP_TYPE_COUNT);
     uint64_t blocks = count / GRAIN + 1;
-    struct measure m = {
-        .voxels = voxels, .type = info->type, .workers = sp_volume_threads(), .count = count
-    };
+    struct measure m = { .voxels = voxels,
+                         .type = info->type,
+                         .every = choose_every(info, count, most),
+                         .workers = sp_volume_threads(),
+                         .count = count };
     if (m.workers > blocks)
         m.workers = (unsigned)blocks;
     m.partials = calloc(m.workers, sizeof *m.partials);

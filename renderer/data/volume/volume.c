@@ -138,9 +138,9 @@ uint64_t sp_volume_layout(uint64_t voxel_bytes, uint64_t voxels, bool has_vector
     return (bytes + line - 1) / line * line;
 }
 
-struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels,
-                                  const float (*vectors)[3], size_t bytes,
-                                  sp_voxel_source_release *release, struct sp_error *err) {
+static struct sp_volume *adopt(const struct sp_volume_info *info, void *voxels,
+                               const float (*vectors)[3], size_t bytes, uint64_t most,
+                               sp_voxel_source_release *release, struct sp_error *err) {
     struct sp_volume *volume = create(info, voxels, bytes, release, err);
     if (!volume)
         return NULL;
@@ -150,11 +150,23 @@ struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxel
     volume->info.vector_bytes = vectors ? count * sizeof *vectors : 0;
     assert(volume->info.voxel_bytes + volume->info.vector_bytes <= bytes);
     share_vectors(volume, volume->samples, vectors);
-    if (!keep_numbers(volume, err) || !sp_volume_measure(&volume->info, voxels, count, err) ||
+    if (!keep_numbers(volume, err) || !sp_volume_measure(&volume->info, voxels, count, most, err) ||
         !sp_volume_project(&volume->info, voxels, err) ||
         (vectors && !sp_volume_measure_vectors(vectors, count, &volume->info.longest, err)))
         sp_volume_unref(&volume);
     return volume;
+}
+
+struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels,
+                                  const float (*vectors)[3], size_t bytes,
+                                  sp_voxel_source_release *release, struct sp_error *err) {
+    return adopt(info, voxels, vectors, bytes, 0, release, err);
+}
+
+struct sp_volume *sp_volume_adopt_quickly(const struct sp_volume_info *info, void *voxels,
+                                          size_t bytes, uint64_t most,
+                                          sp_voxel_source_release *release, struct sp_error *err) {
+    return adopt(info, voxels, NULL, bytes, most, release, err);
 }
 
 struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, void *memory,
@@ -176,7 +188,7 @@ struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, vo
     if (!sp_elements_are_sound(e))
         sp_fail(err, SP_ERR_FORMAT, info->source, "a triangle names a vertex that does not exist");
     else if (keep_numbers(volume, err) &&
-             (!e->values || sp_volume_measure(own, e->values, e->shape.count, err)) &&
+             (!e->values || sp_volume_measure(own, e->values, e->shape.count, 0, err)) &&
              (!e->vectors || sp_volume_measure_vectors((const float(*)[3])e->vectors,
                                                        e->shape.count, &own->longest, err)))
         return volume;

@@ -30,6 +30,11 @@ struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxel
                                   const float (*vectors)[3], size_t bytes,
                                   sp_voxel_source_release *release, struct sp_error *err);
 
+/* Like sp_volume_adopt(), without vectors and with `most` of sp_volume_measure(). */
+struct sp_volume *sp_volume_adopt_quickly(const struct sp_volume_info *info, void *voxels,
+                                          size_t bytes, uint64_t most,
+                                          sp_voxel_source_release *release, struct sp_error *err);
+
 /* Like sp_volume_adopt(), for elements in memory of sp_elements_bytes() bytes. `info` gives their
  * shape, unit, names and source. The grid is filled in, and for points also range and histogram.
  * SP_ERR_FORMAT if a triangle names a vertex that does not exist. */
@@ -107,11 +112,12 @@ static inline const double *sp_volume_limits(const struct sp_volume_info *info) 
 }
 
 /* Computes range, histogram, noise and number of non-finite samples of `count` samples. Writes them
- * to *info, whose type and shape are set. Subnormal numbers count as zero. The result does not
- * depend on the number of threads. False with *err set when threads cannot be started or memory
- * runs out. */
+ * to *info, whose type and shape are set. Subnormal numbers count as zero. `most`: the histogram of
+ * more samples than this is an estimate from an even choice of about so many, unless they are
+ * labels; 0 = it counts all. The result does not depend on the number of threads. False with *err
+ * set when threads cannot be started or memory runs out. */
 bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t count,
-                       struct sp_error *err);
+                       uint64_t most, struct sp_error *err);
 
 /* Fills info->projected from some samples of a grid, whose range is set. SP_ERR_MEMORY. */
 bool sp_volume_project(struct sp_volume_info *info, const void *voxels, struct sp_error *err);
