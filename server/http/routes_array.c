@@ -11,7 +11,7 @@
 #include "http/arrays.h"
 #include "http/listener_private.h"
 #include "protocol/array.h"
-#include "render/shared_memory.h"
+#include "render/array_memory.h"
 #include "render/source.h"
 #include "sp/shared_memory.h"
 
@@ -51,9 +51,9 @@ static bool check_id(const proto_json *body, const char **id, struct srv_reply *
 }
 
 /* Opens the array and checks it against its description. */
-static struct srv_shared_memory *open_array(const struct srv_request *request, const char *id,
-                                            const struct sp_volume_info *info,
-                                            struct sp_error *err) {
+static struct srv_array_memory *open_array(const struct srv_request *request, const char *id,
+                                           const struct sp_volume_info *info,
+                                           struct sp_error *err) {
     struct srv_arrays *arrays = request->http->arrays;
     uint64_t bytes;
     if (!arrays) {
@@ -64,8 +64,8 @@ static struct srv_shared_memory *open_array(const struct srv_request *request, c
     int fd = srv_arrays_open(arrays, id, request->grant.name, &bytes, err);
     if (fd < 0)
         return NULL;
-    struct srv_shared_memory *memory = NULL;
-    if (sp_volume_map_check(info, bytes, err) && !(memory = srv_shared_memory_create(fd, info)))
+    struct srv_array_memory *memory = NULL;
+    if (sp_volume_map_check(info, bytes, err) && !(memory = srv_array_memory_create(fd, info)))
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a volume");
     if (!memory)
         close(fd);

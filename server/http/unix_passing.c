@@ -26,7 +26,7 @@ void srv_passing_finish(struct srv_passing *passing) {
 }
 
 /* Keeps the first descriptor of a message and closes others. */
-static void take_descriptors(struct srv_passing *passing, struct msghdr *message) {
+static void read_descriptors(struct srv_passing *passing, struct msghdr *message) {
     if (message->msg_flags & MSG_CTRUNC)
         passing->has_too_many = true;
     for (struct cmsghdr *c = CMSG_FIRSTHDR(message); c; c = CMSG_NXTHDR(message, c)) {
@@ -58,7 +58,7 @@ static ssize_t receive(struct srv_passing *passing, int socket) {
     };
     const ssize_t came = recvmsg(socket, &message, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
     if (came >= 0)
-        take_descriptors(passing, &message);
+        read_descriptors(passing, &message);
     if (came > 0)
         passing->size += (size_t)came;
     return came;

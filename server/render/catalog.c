@@ -11,9 +11,9 @@
 
 #include "common/clock.h"
 #include "common/fair_share.h"
+#include "render/array_memory.h"
 #include "render/catalog_private.h"
 #include "render/redact.h"
-#include "render/shared_memory.h"
 #include "render/source.h"
 #include "sp/log.h"
 
@@ -46,7 +46,7 @@ void srv_catalog_entry_free(struct srv_volume *v) {
         srv_catalog_entry_free(step);
     }
     sp_volume_unref(&v->volume);
-    srv_shared_memory_destroy(&v->memory);
+    srv_array_memory_destroy(&v->memory);
     free(v->joint);
     free(v->source);
     free(v->file);
@@ -339,7 +339,7 @@ static void persist(struct srv_catalog *catalog, struct srv_volume *v) {
  * held. */
 static void begin_load(struct srv_catalog *catalog, struct srv_volume *v,
                        struct srv_volume_request *request, const struct sp_error *why) {
-    srv_shared_memory_destroy(&v->memory);
+    srv_array_memory_destroy(&v->memory);
     v->memory = request->memory;
     request->memory = NULL;
     v->confined = request->confined && !srv_source_is_demo(v->source) && !v->file;
@@ -398,7 +398,7 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
                      struct sp_error *err) {
     struct srv_volume_request own = *request;
     const bool ok = add(catalog, &own, id_out, existed, conflict, err);
-    srv_shared_memory_destroy(&own.memory);
+    srv_array_memory_destroy(&own.memory);
     return ok;
 }
 

@@ -26,7 +26,7 @@
 #include "sp/volume.h"
 
 struct srv_brick_cache;
-struct srv_shared_memory;
+struct srv_array_memory;
 struct srv_catalog;
 struct srv_volume;
 
@@ -50,7 +50,7 @@ struct srv_volume_request {
     const char *owner;     /* the token that opens it; NULL = the operator */
     bool is_limited;       /* the limits of one token hold (SP_ERR_QUOTA below) */
     unsigned volumes_max;  /* of the owner; 0 = no quota */
-    struct srv_shared_memory *memory; /* the samples, owned by srv_catalog_add() from the call on,
+    struct srv_array_memory *memory; /* the samples, owned by srv_catalog_add() from the call on,
                                          also if it fails; NULL = the source is loaded. Such a
                                          volume is not persisted */
     bool is_restored; /* restored from an earlier run: a missing path makes a failed entry instead

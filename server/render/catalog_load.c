@@ -8,9 +8,9 @@
 #include <string.h>
 
 #include "common/clock.h"
+#include "render/array_memory.h"
 #include "render/brick_cache.h"
 #include "render/catalog_private.h"
-#include "render/shared_memory.h"
 #include "sp/log.h"
 
 #define PROGRESS_MS 100.0 /* between two progress notifications of one load */
@@ -203,9 +203,9 @@ static struct sp_volume *load_cached(struct srv_catalog *catalog, const char *fi
 static struct sp_volume *map(struct load *load, struct sp_error *err) {
     struct srv_volume *v = load->volume;
     struct sp_volume *volume = NULL;
-    if (srv_shared_memory_fingerprint(&v->fingerprint, err))
-        volume = srv_shared_memory_map(v->memory, v->name, reserve, load, err);
-    srv_shared_memory_destroy(&v->memory);
+    if (srv_array_memory_fingerprint(&v->fingerprint, err))
+        volume = srv_array_memory_map(v->memory, v->name, reserve, load, err);
+    srv_array_memory_destroy(&v->memory);
     return volume;
 }
 

@@ -32,7 +32,7 @@ struct srv_volume {
     char *file;        /* of an upload: its path; NULL = `source` is loaded */
     char *public_name; /* which clients see: of an upload "upload:NAME", of shared memory
                           "memory:NAME"; NULL = the redacted source */
-    struct srv_shared_memory *memory; /* of a client, until it is mapped; NULL = none */
+    struct srv_array_memory *memory; /* of a client, until it is mapped; NULL = none */
     bool confined, is_limited, is_persisted, is_restored;
     enum srv_volume_state state;
     double progress, notified_ms; /* notified_ms: when progress() was called last */

@@ -234,7 +234,7 @@ class Arrays(unittest.TestCase):
             for i in range(1, len(whole)):
                 s.sendall(whole[i:i + 1])
             self.assertIn(b'memory', s.recv(4096))
-        # A request of HTTP with a descriptor, which nobody takes.
+        # A request of HTTP with a descriptor, which the daemon drops.
         with socket.socket(socket.AF_UNIX) as s:
             s.settimeout(DEADLINE_S)
             s.connect(self.daemon.path)
@@ -311,7 +311,7 @@ class Socket(unittest.TestCase):
                          f'/?token={daemon.token}\n')
         self.assertEqual(stat.S_IMODE(os.stat(daemon.path).st_mode), 0o600)
         self.assertEqual(daemon.request('GET', '/volumes')[0], 200)
-        self.assertEqual(daemon.request('GET', '/volumes', token='a-wrong-token-of-nobody')[0], 401)
+        self.assertEqual(daemon.request('GET', '/volumes', token='a-wrong-token-of-no-user')[0], 401)
         port = int(re.search(r':(\d+)/', daemon.lines[0])[1])
         connection = http.client.HTTPConnection('127.0.0.1', port, timeout=DEADLINE_S)
         with contextlib.closing(connection):
