@@ -79,6 +79,22 @@ test('a file is uploaded in parts, loaded, and its space is released', async () 
   assert.equal((await daemon.fetch('/api/v1/volumes/groesse', { method: 'DELETE' })).status, 204);
 });
 
+test('the file of a time series stays while its volume is open: a view may ask for each step', async () => {
+  const header = Buffer.from('NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 3\nkinds: domain domain domain time\nencoding: raw\n\n');
+  const file = Buffer.concat([header, ...[10, 20, 30].map((value) => Buffer.alloc(64, value))]);
+  const { id } = (await create('series.nrrd', file.length)).json;
+  assert.equal((await patch(id, 0, file)).status, 204);
+  assert.equal((await daemon.post('/api/v1/volumes', { upload: id })).status, 202);
+  assert.equal((await daemon.loaded('series')).steps.count, 3);
+  for (const [step, value] of [[2, 30], [1, 20], [0, 10]]) {
+    let answer;
+    do answer = await daemon.fetch(`/api/v1/volumes/series/slice?axis=2&index=0&format=raw&step=${step}`); while (answer.status === 409 && answer.headers.get('retry-after'));
+    assert.deepEqual([answer.status, Buffer.from(await answer.arrayBuffer())[0]], [200, value], `step ${step}`);
+  }
+  assert.equal((await daemon.fetch('/api/v1/volumes/series', { method: 'DELETE' })).status, 204);
+  await settled(0);
+});
+
 test('a tus client creates an upload with headers', async () => {
   const metadata = `type dGV4dA==,filename ${Buffer.from('../../x.vti').toString('base64')}`;
   const made = await daemon.json('/api/v1/uploads', { method: 'POST', headers: { 'Tus-Resumable': '1.0.0', 'Upload-Length': '10', 'Upload-Metadata': metadata } });

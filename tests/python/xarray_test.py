@@ -49,7 +49,7 @@ def test_dask(daemon, field):
 
 
 def test_time_series(daemon, field):
-    even = field.assign_coords(z=[0.0, 10.0, 20.0])
+    even = field.assign_coords(z=("z", [0.0, 10.0, 20.0], {"units": "km"}))
     series = xarray.concat([even, even + 100, even + 200], dim="time").assign_coords(time=[0.0, 1.0, 4.0])
     series.time.attrs["units"] = "h"
     for array in (series, series.transpose("z", "time", "lat", "lon")):

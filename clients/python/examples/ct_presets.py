@@ -16,21 +16,31 @@ scan = sys.argv[1] if len(sys.argv) > 1 else None
 daemon = splatd.connect() if "SPLATD_URL" in os.environ else splatd.start()
 
 # %% [markdown]
-# Without a scan of your own, this makes one: a skull, a brain and air, in Hounsfield units.
+# Without a scan of your own, this makes a chest in Hounsfield units: fat and muscle, two lungs with vessels, a spine.
 
 
 # %%
-def phantom(n=96):
+def chest(n=96):
     z, y, x = np.mgrid[-1 : 1 : n * 1j, -1 : 1 : n * 1j, -1 : 1 : n * 1j]
-    r = np.sqrt(x**2 + (y / 0.85) ** 2 + z**2)
-    values = np.full(r.shape, -1000.0)
-    for radius, hounsfield in ((0.9, 50), (0.85, 900), (0.75, 35)):
-        values[r < radius] = hounsfield
-    values += np.random.default_rng(1).normal(0, 8, values.shape)
-    return values.astype(np.int16)
+    values = np.full(x.shape, -1000.0)
+
+    def fill(distance, hounsfield):
+        """Sets the inside, where the distance is below 1, with an edge of two samples."""
+        inside = np.clip((1 - distance) * n / 4, 0, 1)
+        values[...] = values * (1 - inside) + hounsfield * inside
+
+    fill(np.sqrt((x / 0.95) ** 2 + (y / 0.65) ** 2 + (z / 1.5) ** 4), -90)
+    fill(np.sqrt((x / 0.88) ** 2 + (y / 0.58) ** 2 + (z / 1.5) ** 4), 45)
+    for side in (-1, 1):
+        fill(np.sqrt(((x - 0.42 * side) / 0.34) ** 2 + ((y + 0.05) / 0.42) ** 2 + (z / 0.85) ** 2), -820)
+        for turn in np.linspace(-0.9, 0.9, 5):
+            away = np.hypot(y + 0.05 - 0.3 * turn * np.abs(x), z - 0.5 * turn * np.abs(x))
+            fill(away / 0.045 + 100 * ((x * side < 0.08) | (x * side > 0.68)), 180)
+    fill(np.hypot(x, y - 0.42) / (0.13 + 0.015 * np.cos(20 * z)), 700)
+    return (values + np.random.default_rng(1).normal(0, 8, values.shape)).astype(np.int16)
 
 
-volume = daemon.upload(scan) if scan else daemon.add(phantom(), spacing=2, unit="mm", value_unit="HU", name="phantom")
+volume = daemon.upload(scan) if scan else daemon.add(chest(), spacing=4, unit="mm", value_unit="HU", name="chest")
 print(volume, volume.range, volume.value_unit)
 
 # %%

@@ -15,7 +15,7 @@ class Camera(TypedDict, total=False):
     """The camera. Default: perspective, framing the whole volume."""
 
     #: Projection type.
-    projection: Literal["perspective", "orthographic"] | None
+    projection: Literal['perspective', 'orthographic'] | None
     #: Position of the eye, in world units.
     position: Sequence[float] | None
     #: The point at the centre of the image, in world units; must differ from position.
@@ -75,7 +75,7 @@ class TransferFunction(TypedDict, total=False):
     #: fields of filter have their defaults, voxels are at least 0.35 px wide in the middle of the volume, and the
     #: backend interpolates sheets and has the memory for it, else pre. A patch that combines post with
     #: compositing.mode splat is refused.
-    order: Literal["pre", "post", "auto"] | None
+    order: Literal['pre', 'post', 'auto'] | None
     #: Colour and opacity by value. Values rise strictly. Linear between points, constant outside.
     points: Sequence[Point] | None
     #: Factor on the opacity by gradient magnitude; it can hide flat regions. Magnitudes rise strictly. Linear
@@ -90,10 +90,10 @@ class Filter(TypedDict, total=False):
     #: filter only; adaptive = per block of voxels, the one of these three that its distance requires; swan = the
     #: kernel, scaled up uniformly until no axis is narrower than the low-pass filter; none = no kernel and no
     #: filter: a voxel is a flat rectangle of at least one pixel.
-    mode: Literal["adaptive", "ewa", "reconstruction", "lowpass", "swan", "none"] | None
+    mode: Literal['adaptive', 'ewa', 'reconstruction', 'lowpass', 'swan', 'none'] | None
     #: Shape of the reconstruction kernel: gaussian = a truncated Gaussian; cubic = Crawfis and Max's cubic, whose
     #: support ends 1.556 voxels from its centre.
-    kernel: Literal["gaussian", "cubic"] | None
+    kernel: Literal['gaussian', 'cubic'] | None
     #: Standard deviation of the gaussian kernel in voxels, along each axis. Ignored with the cubic kernel, which
     #: has one shape, and with mode none.
     sigma: float | None
@@ -137,16 +137,16 @@ class Compositing(TypedDict, total=False):
     #: along the ray, in the unit of the data times the unit of length. In grey it is opaque where the ray meets the
     #: volume. Samples that are not finite are left out. It uses neither filter, shading, attenuation nor
     #: transfer_function.order, and shows no slices.
-    mode: Literal["splat", "sheet", "slab", "maximum", "minimum", "mean", "sum"] | None
+    mode: Literal['splat', 'sheet', 'slab', 'maximum', 'minimum', 'mean', 'sum'] | None
     #: Opacity from optical depth τ: exponential = 1 − exp(−τ); linear = min(τ, 1).
-    attenuation: Literal["exponential", "linear"] | None
+    attenuation: Literal['exponential', 'linear'] | None
     #: Thickness of a slab in units of the smallest of the volume's three spacings (for a rectilinear grid: of their
     #: means). Points are divided in depth into parts of this thickness, in units of their size, at most 12. Thinner
     #: slabs are more exact and slower. Mode slab only; not used where slabs are interpolated.
     slab: float | None
     #: How the number of a projection becomes a colour: grey = the window, from black to white; transfer_function =
     #: the colour and the opacity of the transfer function at the number, not for sum.
-    colors: Literal["grey", "transfer_function"] | None
+    colors: Literal['grey', 'transfer_function'] | None
     #: Window of a projection, in the unit of its number: the unit of the data; sum = that times the unit of length;
     #: sum with absorption = the absorbed share, 0 to 1.
     window: Window | None
@@ -169,7 +169,7 @@ class Light(_Light, total=False):
     """A directional light."""
 
     #: Space of the direction; a light in camera space moves with the camera.
-    space: Literal["camera", "world"]
+    space: Literal['camera', 'world']
     #: Red, green, blue factors.
     color: Sequence[float]
 
@@ -178,7 +178,7 @@ class Shading(TypedDict, total=False):
     """Shading by the gradient of the volume."""
 
     #: Shading model.
-    mode: Literal["none", "phong"] | None
+    mode: Literal['none', 'phong'] | None
     #: Ambient factor.
     ambient: float | None
     #: Diffuse factor.
@@ -207,7 +207,7 @@ class Shading(TypedDict, total=False):
 
 class _VolumeLayer(TypedDict):
     #: Always volume.
-    type: Literal["volume"]
+    type: Literal['volume']
 
 
 class VolumeLayer(_VolumeLayer, total=False):
@@ -219,7 +219,7 @@ class VolumeLayer(_VolumeLayer, total=False):
 
 class _Surface(TypedDict):
     #: Always surface.
-    type: Literal["surface"]
+    type: Literal['surface']
     #: Value in the unit of the data. Outside the volume's range there is no surface.
     value: float
 
@@ -235,12 +235,12 @@ class Surface(_Surface, total=False):
     opacity: float
     #: How many times narrower kernels are along the gradient than across it: 1 = the kernels of the volume, inf =
     #: discs.
-    flatness: float | Literal["inf"]
+    flatness: float | Literal['inf']
 
 
 class _Shell(TypedDict):
     #: Always shell.
-    type: Literal["shell"]
+    type: Literal['shell']
 
 
 class Shell(_Shell, total=False):
@@ -255,12 +255,12 @@ class Shell(_Shell, total=False):
     #: Opacity over transfer_function.reference_length.
     high: float
     #: high = a Gaussian footprint of filter.sigma and filter.cutoff per voxel; fast = a flat square of 1.6 voxels.
-    detail: Literal["high", "fast"]
+    detail: Literal['high', 'fast']
 
 
 class _Vectors(TypedDict):
     #: Always vectors.
-    type: Literal["vectors"]
+    type: Literal['vectors']
 
 
 class Vectors(_Vectors, total=False):
@@ -272,7 +272,7 @@ class Vectors(_Vectors, total=False):
     visible: bool
     #: modulate = streaks are denser than what is between them; blend = streaks of one colour over the splats of the
     #: samples.
-    style: Literal["modulate", "blend"]
+    style: Literal['modulate', 'blend']
     #: Of the streaks of style blend. Red, green, blue: sRGB display values.
     color: Sequence[float]
     #: How far streaks have moved along the vectors, in lengths of a streak. 1 looks like 0, so that a path from 0
@@ -296,7 +296,7 @@ class Vectors(_Vectors, total=False):
 
 class _Points(TypedDict):
     #: Always points.
-    type: Literal["points"]
+    type: Literal['points']
 
 
 class Points(_Points, total=False):
@@ -326,7 +326,7 @@ class Points(_Points, total=False):
 
 class _Gaussians(TypedDict):
     #: Always gaussians.
-    type: Literal["gaussians"]
+    type: Literal['gaussians']
 
 
 class Gaussians(_Gaussians, total=False):
@@ -344,12 +344,12 @@ class Gaussians(_Gaussians, total=False):
     opacity: float
     #: How the low-pass filter of 0.3 square pixels changes a Gaussian: inria = it becomes wider, and its opacity
     #: stays; normalised = it becomes wider and as much more transparent, so that small ones do not grow bright.
-    convention: Literal["inria", "normalised"]
+    convention: Literal['inria', 'normalised']
 
 
 class _Geometry(TypedDict):
     #: Always geometry.
-    type: Literal["geometry"]
+    type: Literal['geometry']
 
 
 class Geometry(_Geometry, total=False):
@@ -367,12 +367,12 @@ class Geometry(_Geometry, total=False):
     #: Factor on the opacities of the mesh.
     opacity: float
     #: own = the colours of the vertices; layer = color.
-    colors: Literal["own", "layer"]
+    colors: Literal['own', 'layer']
 
 
 class _Channel(TypedDict):
     #: Always channel.
-    type: Literal["channel"]
+    type: Literal['channel']
     #: Id of the volume that it shows, another one for each channel.
     id: str
 
@@ -421,7 +421,7 @@ class Clip(TypedDict, total=False):
 
 class _PlaneEdit(TypedDict):
     #: Always plane.
-    type: Literal["plane"]
+    type: Literal['plane']
     #: Normal in world space, any length except zero.
     normal: Sequence[float]
     #: A point p stays if dot(normal, p) >= offset.
@@ -434,7 +434,7 @@ class PlaneEdit(_PlaneEdit, total=False):
 
 class _BoxEdit(TypedDict):
     #: Always box.
-    type: Literal["box"]
+    type: Literal['box']
     #: Lower and upper corner, as fractions of the volume's extent, as in clip.box.
     box: Sequence[Sequence[float]]
 
@@ -443,12 +443,12 @@ class BoxEdit(_BoxEdit, total=False):
     """A cut by a box along the axes of the volume."""
 
     #: What stays.
-    keep: Literal["outside", "inside"]
+    keep: Literal['outside', 'inside']
 
 
 class _SphereEdit(TypedDict):
     #: Always sphere.
-    type: Literal["sphere"]
+    type: Literal['sphere']
     #: Its centre, in world units.
     center: Sequence[float]
     #: Its radius in world units.
@@ -459,12 +459,12 @@ class SphereEdit(_SphereEdit, total=False):
     """A cut by a sphere."""
 
     #: What stays.
-    keep: Literal["outside", "inside"]
+    keep: Literal['outside', 'inside']
 
 
 class _PartEdit(TypedDict):
     #: Always part.
-    type: Literal["part"]
+    type: Literal['part']
     #: A point of the part, or at most two samples beside it, in world units. If there is no such sample, nothing is
     #: removed.
     point: Sequence[float]
@@ -477,7 +477,7 @@ class PartEdit(_PartEdit, total=False):
     a point. The samples beside it that are not in the range go or stay with it."""
 
     #: outside = the part is removed; inside = only the part stays.
-    keep: Literal["outside", "inside"]
+    keep: Literal['outside', 'inside']
 
 
 class Quality(TypedDict, total=False):
@@ -488,7 +488,7 @@ class Quality(TypedDict, total=False):
     #: silhouette of the volume or of its clipping crosses show a post-classified volume in a part of their area;
     #: off = nothing of that: every pixel shows the ray through its centre. Post-classified slabs always draw all
     #: voxels.
-    level_of_detail: Literal["auto", "off"] | None
+    level_of_detail: Literal['auto', 'off'] | None
 
 
 class Planes(TypedDict, total=False):
@@ -509,7 +509,7 @@ class Slices(TypedDict, total=False):
     unless the slices are drawn in it."""
 
     #: Which slices there are: orthogonal = three, along the axes of the volume; oblique = one, across the normal.
-    mode: Literal["none", "orthogonal", "oblique"] | None
+    mode: Literal['none', 'orthogonal', 'oblique'] | None
     #: Draw the slices in the image: opaque, from border to border whatever the clip is, with the volume in front of
     #: them. Of orthogonal slices those that `planes` names. Values that are not finite leave holes.
     in_3d: bool | None
@@ -524,7 +524,7 @@ class Slices(TypedDict, total=False):
     window: Window | None
     #: How slices show values: grey and the colour maps over the window; transfer_function = in the colours of its
     #: points, whatever their opacity and the window.
-    colors: Literal["grey", "transfer_function", "viridis", "inferno", "cividis", "turbo", "blue-red"] | None
+    colors: Literal['grey', 'transfer_function', 'viridis', 'inferno', 'cividis', 'turbo', 'blue-red'] | None
 
 
 class Time(TypedDict, total=False):
