@@ -35,7 +35,7 @@ def chest(n=96):
         fill(np.sqrt(((x - 0.42 * side) / 0.34) ** 2 + ((y + 0.05) / 0.42) ** 2 + (z / 0.85) ** 2), -820)
         for turn in np.linspace(-0.9, 0.9, 5):
             away = np.hypot(y + 0.05 - 0.3 * turn * np.abs(x), z - 0.5 * turn * np.abs(x))
-            fill(away / 0.045 + 100 * ((x * side < 0.08) | (x * side > 0.68)), 180)
+            fill(away / 0.07 + 100 * ((x * side < 0.08) | (x * side > 0.68)), 180)
     fill(np.hypot(x, y - 0.42) / (0.13 + 0.015 * np.cos(20 * z)), 700)
     return (values + np.random.default_rng(1).normal(0, 8, values.shape)).astype(np.int16)
 

@@ -41,6 +41,7 @@ field = xarray.DataArray(
 volume = field.splat.add(daemon)
 print(volume, volume.unit, volume.value_unit, volume.info["steps"])
 view = volume.view(size=(320, 320)).with_transfer("inferno", range=(282, 305), opacity=0.2)
+view = view.with_camera(target=(0, 0, 1), distance=5)  # all of the domain, not only where the first step is warm
 view.with_step(3).render().save("simulation.png")
 
 # %% A movie: the time runs while the camera turns.
