@@ -36,7 +36,7 @@ ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('post', '/api/v1/uploads'
 # Fields with rules that a schema cannot express (its description lists them), or that a backend cannot render.
 BEYOND = re.compile(
     r'(/view)?(/volume|/camera(/position|/target|/up|/distance)?|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)'
-    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/slices/(normal|in_3d)|/time/step|/compositing/colors|/shading/(lights/\d/direction|occlusion|shadow)|/layers/\d+/(type|low)|/edits/\d+/(normal|box/0/\d|range/0))|/size/[01]|/from|/uri|/path|/source|/id|/name|/text|/points(/\d+)*|/range(/[01])?|/samples|/frames|/keyframes/\d+(/.*)?')
+    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/slices/(normal|in_3d)|/time/step|/compositing/colors|/shading/(lights/\d/direction|occlusion|shadow)|/layers/\d+/(type|low)|/edits/\d+/(normal|box/0/\d|range/0))|/size/[01]|/from|/uri|/path|/source|/id|/name|/text|/unit|/value_unit|/points(/\d+)*|/range(/[01])?|/samples|/frames|/keyframes/\d+(/.*)?')
 
 
 class Caller:

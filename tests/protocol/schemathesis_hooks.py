@@ -9,7 +9,7 @@ import schemathesis
 BEYOND_SCHEMA = re.compile(
     r'(/keyframes/\d+)?(/view)?(/volume|/size(/[01])?|/camera(/position|/target|/up|/distance|/elevation)?|/filter/c_m(in|ax)'
     r'|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)|/clip/box(/\d/\d)?|/clip/planes/\d/normal|/slices/(normal|in_3d)|/time/step'
-    r'|/shading/(lights/\d/direction|occlusion|shadow)|/layers(/\d+/(type|low|id|transform|color_by|color_high|points/\d+/value))?|/compositing/mode|/filter|/edits/\d+/(type|normal|box/0/\d|range/0))|/from|/uri|/path|/source|/upload|/points(/\d)?|/range(/[01])?|/samples|/name|/frames|/keyframes/\d+(/(time|frame))?')
+    r'|/shading/(lights/\d/direction|occlusion|shadow)|/layers(/\d+/(type|low|id|transform|color_by|color_high|points/\d+/value))?|/compositing/mode|/filter|/edits/\d+/(type|normal|box/0/\d|range/0))|/from|/uri|/path|/source|/upload|/points(/\d)?|/range(/[01])?|/samples|/name|/unit|/value_unit|/direction(/[0-2])?|/dims|/memory|/frames|/keyframes/\d+(/(time|frame))?')
 
 schemathesis.serializer.alias('application/offset+octet-stream', 'application/octet-stream')  # the parts of an upload
 
