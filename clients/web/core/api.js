@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of the daemon's HTTP interface that the page uses. All addresses are relative to `base`.
+// The part of the daemon's HTTP interface that the page uses.
 import { eventReader } from './events.js';
 import { readSlice } from './slice_image.js';
 import { t } from './text.js';
@@ -17,8 +17,11 @@ export class ApiError extends Error {
 
 const TIMEOUT_MS = 10000;
 
+/** The path of a session's stream. */
+export const streamPath = (id) => `api/v1/sessions/${encodeURIComponent(id)}/stream`;
+
 export class Api {
-  #base; #fetch;
+  #base; #transport;
   #reasons = new Map(); // of failed loads in full: id → {short, reason}
   token;
   /** The session {id, token} that this client joined by a join token. The token reads the volumes of this session only. null = all volumes of the daemon. */
@@ -26,9 +29,10 @@ export class Api {
   /** What the token may do with volumes: {open, browse, upload, remote}; known after volumes(). */
   may = {};
 
-  constructor({ base, token, fetch }) {
+  /** base: address of the daemon, for links; transport: see transport.js. */
+  constructor({ base, token, transport }) {
     this.#base = base;
-    this.#fetch = fetch;
+    this.#transport = transport;
     this.token = token;
   }
 
@@ -113,8 +117,7 @@ export class Api {
     const headers = { 'Content-Type': 'application/offset+octet-stream', 'Tus-Resumable': '1.0.0', 'Upload-Offset': String(offset) };
     if (checksum) headers['Upload-Checksum'] = checksum;
     if (this.token) headers.Authorization = `Bearer ${this.token}`;
-    const fetch = this.#fetch;
-    const answer = await fetch(new URL(path, this.#base), { method: 'PATCH', headers, body: part, credentials: 'same-origin', signal });
+    const answer = await this.#transport.request('PATCH', path, { headers, body: part, signal });
     const text = await answer.text();
     if (!answer.ok) throw this.#refusal(answer, `PATCH ${path}`, text);
     return Number(answer.headers.get('Upload-Offset'));
@@ -195,14 +198,6 @@ export class Api {
     const text = await answer.text();
     if (!answer.ok) throw this.#refusal(answer, `GET ${what}`, text);
     return text;
-  }
-
-  /** The address of a session's stream. */
-  streamUrl(id, token) {
-    const url = new URL(`api/v1/sessions/${encodeURIComponent(id)}/stream`, this.#base);
-    url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
-    url.searchParams.set('token', token);
-    return url.href;
   }
 
   /** An image of a view, as a Blob. */
@@ -314,9 +309,8 @@ export class Api {
     const headers = { Accept: accept };
     if (token) headers.Authorization = `Bearer ${token}`;
     if (body) headers['Content-Type'] = 'application/json';
-    const fetch = this.#fetch;
-    return fetch(new URL(path, this.#base), {
-      method, headers, body: body && JSON.stringify(body), cache, credentials: 'same-origin', signal,
+    return this.#transport.request(method, path, {
+      headers, body: body && JSON.stringify(body), cache, signal,
       keepalive: method === 'DELETE', // also when the page is being left
     });
   }

@@ -11,14 +11,14 @@
 // missing {wanted, volume (its description, or null), shown (the volume instead), volumes}: the requested volume cannot be shown,
 // frame {header and payload}, notification {method, params},
 // fault Error (a wrong message from the daemon or an unexpected failure; the stream continues).
-import { Api, ApiError } from './api.js';
+import { Api, ApiError, streamPath } from './api.js';
 import { Emitter } from './emitter.js';
 import { FrameError, decodeFrame } from './frame.js';
 import { ConnectionState } from './connection_state.js';
 import { Rpc } from './rpc.js';
 import { t } from './text.js';
+import { webTransport } from './transport.js';
 
-const SUBPROTOCOL = 'splatd.v1';
 const RETRY_FIRST_MS = 250;
 const RETRY_MAX_MS = 5000;
 const POLL_LOADING_MS = 300;
@@ -26,11 +26,10 @@ const POLL_MS = 2000;
 const PING_MS = 5000;
 const OPEN_TIMEOUT_MS = 10000;
 const GONE_MAX = 3; // sessions that may vanish in a row before the client waits between attempts
-const OPEN = 1;
 
 export class Connection extends Emitter {
-  #env; #api; #states;
-  #socket = null;
+  #env; #api; #states; #transport;
+  #stream = null;
   #rpc = null;
   #session = null;
   #replaced = null;
@@ -51,12 +50,14 @@ export class Connection extends Emitter {
   /**
    * base: address of the page's folder; token: the daemon's token; session: {id, token, isJoined} to join, or null;
    * volume: id of the first volume, or null; saved: id of the saved view to start with, or null; lastView(): the view to
-   * restore, or null; size(): [width, height] px; env: {fetch, WebSocket, setTimeout, clearTimeout, now}.
+   * restore, or null; size(): [width, height] px; env: {fetch, WebSocket, setTimeout, clearTimeout, now}, or with `transport` (transport.js) in
+   * place of the first two.
    */
   constructor({ base, token, session = null, volume = null, saved = null, lastView, size, env }) {
     super();
     this.#env = env;
-    this.#api = new Api({ base, token, fetch: env.fetch });
+    this.#transport = env.transport ?? webTransport({ base, fetch: env.fetch, WebSocket: env.WebSocket });
+    this.#api = new Api({ base, token, transport: this.#transport });
     this.#session = session;
     this.#wanted = volume;
     this.#saved = saved;
@@ -71,7 +72,7 @@ export class Connection extends Emitter {
   /** Round trip of the newest ping in ms; 0 = not measured yet. */
   get rttMs() { return this.#rtt; }
   get api() { return this.#api; }
-  /** {fetch, WebSocket, setTimeout, clearTimeout, now}, for a second connection. */
+  /** As in the constructor, for a second connection. */
   get env() { return this.#env; }
   get isLive() { return this.state === 'live' || this.state === 'draining'; }
 
@@ -304,20 +305,19 @@ export class Connection extends Emitter {
   #join(epoch) {
     const { id } = this.#session;
     const token = this.#session.tokens?.control ?? this.#session.token;
-    const socket = new this.#env.WebSocket(this.#api.streamUrl(id, token), [SUBPROTOCOL]);
-    socket.binaryType = 'arraybuffer';
-    this.#socket = socket;
     this.#arm(OPEN_TIMEOUT_MS, () => this.#lose(epoch, t('connection.open.late')));
-    socket.onopen = () => epoch === this.#epoch && this.#opened(epoch, socket);
-    socket.onmessage = ({ data }) => epoch === this.#epoch && this.#message(data);
-    socket.onclose = ({ code, reason }) => this.#closed(epoch, code, reason);
-    socket.onerror = () => {};
+    const stream = this.#transport.open(streamPath(id), token, {
+      opened: () => epoch === this.#epoch && this.#opened(epoch, stream),
+      heard: (data) => epoch === this.#epoch && this.#message(data),
+      closed: (code, reason) => this.#closed(epoch, code, reason),
+    });
+    this.#stream = stream;
   }
 
-  #opened(epoch, socket) {
+  #opened(epoch, stream) {
     this.#clearTimer();
     this.#rpc = new Rpc({
-      write: (text) => { if (socket.readyState === OPEN) socket.send(text); },
+      write: (text) => stream.send(text),
       notified: (method, params) => {
         if (method === 'server.draining' && this.#states.can('drain')) {
           this.#step('drain', { reason: params.reason ?? '' });
@@ -421,11 +421,8 @@ export class Connection extends Emitter {
     this.#env.clearTimeout(this.#ping);
     this.#rpc?.close(reason);
     this.#rpc = null;
-    if (this.#socket) {
-      this.#socket.onopen = this.#socket.onmessage = this.#socket.onclose = null;
-      this.#socket.close();
-      this.#socket = null;
-    }
+    this.#stream?.close();
+    this.#stream = null;
   }
 
   #arm(ms, then) {

@@ -49,6 +49,7 @@ export class SplatView extends HTMLElement {
   #note = document.createElement('p');
   #layer = document.createElement('div'); // above the canvas: frames as the newest camera sees them
   #parts = null; // of the current connection: {connection, viewer, screen, participants, warp}
+  #transport = null; // in place of fetch() and WebSocket
   #known = null; // the session to return to when the element moves in the document
   #isPlanned = false;
   #isDrawn = false;
@@ -88,6 +89,16 @@ export class SplatView extends HTMLElement {
   set view(value) {
     if (typeof value === 'string') this.setAttribute('view', value);
     else this.change(value);
+  }
+
+  /**
+   * How the element reaches the daemon (core/transport.js), or null: by fetch() and WebSocket at `url`. A change connects again.
+   * @type {import('../core/transport.js').Transport | null}
+   */
+  get transport() { return this.#transport; }
+  set transport(value) {
+    this.#transport = value;
+    this.#plan();
   }
 
   /** The state of the connection: idle, seeking, waiting, joining, live, draining, lost, refused or stopped. */
@@ -140,7 +151,7 @@ export class SplatView extends HTMLElement {
     queueMicrotask(() => {
       this.#isPlanned = false;
       this.#stop();
-      if (this.isConnected && this.url) this.#start();
+      if (this.isConnected && (this.url || this.#transport)) this.#start();
     });
   }
 
@@ -155,7 +166,7 @@ export class SplatView extends HTMLElement {
       session: id ? { id, token, isJoined: true } : this.#known,
       lastView: () => viewer.lastView, size: () => screen.size,
       env: {
-        fetch: (address, options) => window.fetch(address, options), WebSocket: window.WebSocket,
+        transport: this.#transport, fetch: (address, options) => window.fetch(address, options), WebSocket: window.WebSocket,
         setTimeout: (act, ms) => window.setTimeout(act, ms), clearTimeout: (timer) => window.clearTimeout(timer),
         now: () => performance.now(),
       },

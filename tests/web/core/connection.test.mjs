@@ -407,3 +407,32 @@ test('a new token from a guest leads to a session of their own', async (context)
   it.connection.useToken(it.daemon.token);
   assert.equal((await it.event('session')).isNew, true);
 });
+
+test('another transport carries the requests and the stream', async () => {
+  const session = { view: { volume: 'v' }, tokens: {} };
+  const seen = [];
+  let hearer;
+  const transport = {
+    request: async (method, path) => {
+      seen.push(`${method} ${path}`);
+      return Response.json(path.endsWith('/volumes') ? { volumes: [] } : session);
+    },
+    open: (path, token, heard) => {
+      seen.push(`${path} ${token}`);
+      hearer = heard;
+      return { send: (text) => seen.push(JSON.parse(text).method), close: () => seen.push('close') };
+    },
+  };
+  const connection = new Connection({
+    base: 'http://nowhere/', token: 't', session: { id: 's', token: 't', isJoined: true }, lastView: () => null, size: () => [64, 64],
+    env: { transport, setTimeout: () => 0, clearTimeout() {}, now: () => 0 },
+  });
+  const found = new Promise((resolve) => { connection.on('session', resolve); });
+  connection.start();
+  assert.equal((await found).id, 's');
+  hearer.opened();
+  assert.equal(connection.state, 'live');
+  hearer.closed(1001, 'gone');
+  assert.equal(connection.state, 'lost');
+  assert.deepEqual(seen, ['GET api/v1/sessions/s', 'GET api/v1/sessions/s/volumes', 'api/v1/sessions/s/stream t', 'ping', 'close']);
+});

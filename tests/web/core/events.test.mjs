@@ -3,6 +3,9 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Api } from '../../../clients/web/core/api.js';
 import { eventReader } from '../../../clients/web/core/events.js';
+import { webTransport } from '../../../clients/web/core/transport.js';
+
+const apiOf = (base, token, fetch) => new Api({ base, token, transport: webTransport({ base, fetch, WebSocket: null }) });
 
 const STREAM = ':\n\nid: running-1\nevent: progress\ndata: {"done":1}\n\n'
   + 'event: two\r\ndata: first: a\r\ndata:second\r\n\r\ndata\n\nevent: nothing\n\nid: 3\rdata: \u00e9\r\r';
@@ -21,10 +24,10 @@ test('events are parsed from chunks of any size', () => {
 test('a path is watched with the token in the header, and a refusal is an error', async () => {
   const heard = [];
   let answer = () => new Response('event: progress\ndata: {"done":3}\n\nevent: done\ndata: {"done":4}\n\n');
-  const api = new Api({ base: 'http://daemon/below/', token: 'secret', fetch: async (url, { headers }) => {
+  const api = apiOf('http://daemon/below/', 'secret', async (url, { headers }) => {
     heard.push([url.href, headers.Authorization, headers.Accept]);
     return answer();
-  } });
+  });
   const told = [];
   await api.watchPath('a/b', (event, path) => told.push([event, path.done]));
   assert.deepEqual(told, [['progress', 3], ['done', 4]]);
@@ -35,7 +38,7 @@ test('a path is watched with the token in the header, and a refusal is an error'
 
 test('the list of paths is read page by page', async () => {
   const pages = { '': { paths: [{ id: 'a' }], next: 'a&' }, 'a&': { paths: [{ id: 'b' }] } };
-  const api = new Api({ base: 'http://daemon/', token: 't', fetch: async (url) => Response.json(pages[url.searchParams.get('after') ?? '']) });
+  const api = apiOf('http://daemon/', 't', async (url) => Response.json(pages[url.searchParams.get('after') ?? '']));
   assert.deepEqual(await api.paths(), [{ id: 'a' }, { id: 'b' }]);
   assert.equal(api.pathFile({ id: 'a', format: 'png' }), 'http://daemon/api/v1/paths/a/archive?token=t');
   assert.equal(api.pathFile({ id: 'a', format: 'webm' }), 'http://daemon/api/v1/paths/a/movie?token=t');
@@ -48,12 +51,12 @@ test('the list of volumes has the whole reason of a failed load, which it reads 
     volumes: () => ({ volumes: [{ id: 'good', state: 'ready' }, { id: 'bad', state: 'failed', reason: 'needs the field space' }] }),
     'volumes/bad': () => whole,
   };
-  const make = () => new Api({ base: 'http://daemon/', token: 't', fetch: async (url) => {
+  const make = () => apiOf('http://daemon/', 't', async (url) => {
     const path = url.pathname.replace('/api/v1/', '');
     asked.push(path);
     const answer = answers[path]();
     return answer ? Response.json(answer) : Response.json({ detail: 'gone' }, { status: 404 });
-  } });
+  });
   const api = make();
   for (let i = 0; i < 2; i += 1) assert.deepEqual((await api.volumes()).map(({ reason }) => reason), [undefined, whole.reason]);
   assert.deepEqual(asked, ['volumes', 'volumes/bad', 'volumes']);

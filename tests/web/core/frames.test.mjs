@@ -6,6 +6,7 @@ import { after, before, test } from 'node:test';
 import { Api } from '../../../clients/web/core/api.js';
 import { UNMOVED, matrixOf } from '../../../clients/web/core/placement.js';
 import { framesOf, requestOf, turnOf, viewAt } from '../../../clients/web/core/keyframes.js';
+import { webTransport } from '../../../clients/web/core/transport.js';
 import { compare } from '../../support/compare.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
@@ -17,7 +18,7 @@ let view;
 before(async () => {
   daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:gaussians?size=8', '--volume', 'demo:points?size=8', '--backend', 'cpu']);
   const { origin, searchParams } = new URL(daemon.url);
-  api = new Api({ base: `${origin}/`, token: searchParams.get('token'), fetch });
+  api = new Api({ base: `${origin}/`, token: searchParams.get('token'), transport: webTransport({ base: `${origin}/`, fetch, WebSocket: null }) });
   for (let states = ['loading']; states.includes('loading');) states = (await api.volumes()).map(({ state }) => state);
   view = await api.volumeView('phantom');
 });

@@ -19,6 +19,9 @@ const FADE_PX = 100; // width of a strip in style.css
 
 /** Moving frames may show the camera this many ms ahead: they are wanted with depth, and drawn as the newest camera sees them. */
 const PREDICT_MS = 300;
+/** Imports the modules of parts/warp.js. A bundle that contains them, such as the notebook widget, replaces it. */
+export const parts = { warp: () => import(new URL('../parts/warp.js', import.meta.url).href) };
+
 /** Parameters of the stream that a window sets which warps frames by their depth, or does not. */
 export const depthSettings = (isWanted) => ({ depth: isWanted, predict: isWanted ? PREDICT_MS : 0 });
 
@@ -86,7 +89,7 @@ export class Warp {
 
   /** Loads what draws frames by their depth. Without it, they are warped as if they were flat. */
   async load() {
-    const { DepthWarp, Fade } = await import(new URL('../parts/warp.js', import.meta.url).href);
+    const { DepthWarp, Fade } = await parts.warp();
     this.#depth = new DepthWarp(this.#layer.lastElementChild, this.#screen, () => this.hide());
     this.#fade = new Fade(this.#screen);
   }
