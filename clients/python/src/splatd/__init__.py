@@ -14,9 +14,10 @@ from __future__ import annotations
 
 import os
 import threading
-from typing import Any
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
 
-from . import errors, labelled, layers, types
+from . import errors, labelled, layers, notebook, types
 from .camera_path import Job, Path
 from .daemon import Daemon, SavedView
 from .errors import Error
@@ -27,6 +28,9 @@ from .session import Session
 from .stream import Frame, Stream
 from .view import View
 from .volume import Histogram, Slice, Volume
+
+if TYPE_CHECKING:
+    from .widget import Widget
 
 __version__ = "0.1.0"
 __all__ = [
@@ -63,14 +67,16 @@ def start(**options: Any) -> Daemon:
     ----------
     options
         The options of `splatd --help`, with underscores for hyphens: `memory="8G"`, `data="scans"`, `backend="cpu"`,
-        `volume=["a.nrrd", "demo:engine"]`, `require_gpu=True`.
+        `volume=["a.nrrd", "demo:engine"]`, `require_gpu=True`. In a notebook, `allow_origin` is by default the
+        address of its Jupyter server, so that its pages show widgets of this daemon.
 
     Raises
     ------
     StartFailed
         No `splatd` is installed, or it does not start; the text has its last messages.
     """
-    process = Process(options)
+    origins = ",".join(notebook.server_origins()) or None
+    process = Process({"allow_origin": origins, **options})
     return Daemon(process.url, process.token, process)
 
 
@@ -112,8 +118,8 @@ def default_daemon() -> Daemon:
         return _default
 
 
-def plot(what: Any, **options: Any) -> Session:
-    """Shows an array, a volume or a view: in a browser, or in the notebook.
+def plot(what: Any, **options: Any) -> Session | Widget:
+    """Shows an array, a volume or a view: in the notebook, else in a browser.
 
     Parameters
     ----------
@@ -124,14 +130,17 @@ def plot(what: Any, **options: Any) -> Session:
 
     Returns
     -------
-    Session
-        The shared view. It lasts as long as the daemon, or until `delete`.
+    Session or Widget
+        Without a notebook the shared view, which lasts as long as the daemon, or until `delete`. In a notebook the
+        widget, if it is installed (`pip install 'splatd[jupyter]'`).
     """
     view = what
     if isinstance(view, Volume):
         view = view.view()
     if not isinstance(view, View):
         view = default_daemon().add(what, **options).view()
+    if notebook.is_kernel() and find_spec("anywidget"):
+        return view.show()
     session = view.share()
     session.open()
     return session

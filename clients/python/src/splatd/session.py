@@ -84,6 +84,11 @@ class Session:
         except (errors.NotFound, errors.ConnectionFailed):
             pass
 
+    @property
+    def tokens(self) -> dict[str, str]:
+        """The join tokens by role, "view" and "control". Empty if another token created the session."""
+        return dict(self._state.get("tokens") or {})
+
     def link(self, role: str = "view") -> str:
         """The address of the page for others.
 

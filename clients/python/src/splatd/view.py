@@ -16,6 +16,7 @@ from .transfer import Color, PointLike
 from .types import ViewPatch
 
 if TYPE_CHECKING:
+    from .widget import Widget
     from .session import Session
     from .volume import Volume
 
@@ -314,6 +315,26 @@ class View:
     def share(self) -> Session:
         """A session that shows this view to several people, and its links."""
         return self._volume.daemon.share(self)
+
+    def show(
+        self, *, transport: str = "auto", controls: bool = True, width: str = "", height: str = ""
+    ) -> Widget:
+        """A widget with this view for a notebook; it needs `pip install 'splatd[jupyter]'`.
+
+        Parameters
+        ----------
+        transport : str
+            How the browser reaches the daemon. "websocket": directly, or through jupyter-server-proxy. "kernel":
+            through the kernel, which works everywhere, but waits for cells that run unless the kernel has subshells.
+            "auto": the first of these that works; `Widget.transport_used` tells it.
+        controls : bool
+            True: mouse, touch and keys move the camera.
+        width, height : str
+            CSS lengths, such as "100%" and "30em". Default: the size of the view, and no wider than the cell.
+        """
+        from .widget import Widget
+
+        return Widget(self, transport=transport, controls=controls, width=width, height=height)
 
     def full(self) -> dict[str, Any]:
         """The view with every member, as the daemon understands it. A session holds it for a moment."""

@@ -18,6 +18,7 @@ from .types import Point
 from .view import View
 
 if TYPE_CHECKING:
+    from .widget import Widget
     from .daemon import Daemon
 
 POLL_SECONDS = (0.005, 0.25)  # between two questions for the progress: the first, the longest
@@ -212,6 +213,10 @@ class Volume:
         """
         view = View(self)
         return view if size is None else view.with_size(*size)
+
+    def show(self, **options: Any) -> Widget:
+        """A widget with the default view for a notebook: see `View.show`."""
+        return self.view().show(**options)
 
     def default_document(self) -> dict[str, Any]:
         """The default view with every member (view.schema.json)."""
