@@ -8,7 +8,7 @@ import path from 'node:path';
 import { setTimeout } from 'node:timers/promises';
 import { fileURLToPath } from 'node:url';
 
-export const DEADLINE_MS = +(process.env.DL ?? 90000);
+export const DEADLINE_MS = 90000;
 const POLL_MS = 100;
 const START_POLLS = 30;
 const ROOT = fileURLToPath(new URL('../..', import.meta.url));

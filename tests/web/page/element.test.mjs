@@ -8,6 +8,11 @@ import { startDaemon } from '../support/daemon.mjs';
 
 // The page around the element: its policy allows the daemon and nothing inline.
 const server = createServer((request, response) => {
+  if (request.url === '/frame') {
+    response.setHeader('Content-Type', 'text/html');
+    response.end(`<!doctype html><title>Frame</title><link rel="icon" href="data:,"><iframe src="${daemon.url}" width="900" height="600"></iframe>`);
+    return;
+  }
   const own = new URL(base).origin;
   response.setHeader('Content-Security-Policy', `default-src 'none'; script-src ${own}; connect-src ${own} ${own.replace('http', 'ws')}; style-src 'self'`);
   response.setHeader('Content-Type', 'text/html');
@@ -121,4 +126,18 @@ test('the example page', async (context) => {
   await wait(page, (view) => view.view.shading.mode === 'phong');
   await shot(page, 'element-example');
   assert.deepEqual(said, []);
+});
+
+test('a page of an allowed origin frames the page of the daemon, and one of another origin does not', async (context) => {
+  const opened = await openPage(browser);
+  context.after(() => opened.context.close());
+  const { page, said } = opened;
+  await page.goto(`${origin}/frame`);
+  const framed = page.frames()[1];
+  await framed.waitForFunction(() => window.splatd?.isFinal, null, { timeout: DEADLINE_MS });
+  await shot(page, 'element-framed');
+  assert.deepEqual(said.filter((text) => !/Blocked autofocusing/.test(text)), []); // of the closed help
+  await page.goto(`${origin.replace('127.0.0.1', 'localhost')}/frame`);
+  assert.match(page.frames()[1].url(), /^chrome-error:/);
+  assert.match(said.join(), /frame-ancestors/);
 });
