@@ -17,7 +17,7 @@ const said = [];
 
 before(async () => {
   if (!hasLab) return;
-  [lab, browser] = await Promise.all([Lab.start({ base: '/user/somebody/' }), launch()]);
+  [lab, browser] = await Promise.all([Lab.start({ base: '/user/someone/' }), launch()]);
   page = await (await browser.newContext({ viewport: { width: 1100, height: 800 } })).newPage();
   page.on('console', (message) => /^\[anywidget\]|splat/i.test(message.text()) && said.push(message.text()));
   page.on('pageerror', (error) => said.push(error.message));

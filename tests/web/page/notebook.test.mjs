@@ -140,7 +140,7 @@ test('a WebSocket to the address that the kernel names; the last picture is kept
   const { page, said } = await setUp(context, { answers: { session: id, token: tokens.control, url: base, port: null, transport: 'auto' } });
   await wait(page, 'live', isLive);
   await turn(page);
-  await wait(page, 'the kept picture', isKept);
+  await wait(page, 'the last picture', isKept);
   const used = await page.evaluate(() => window.told.find(({ type }) => type === 'used').transport);
   assert.equal(used, `websocket: ${new URL(base).host} answers`);
   await shot(page, 'notebook-websocket');
@@ -155,7 +155,7 @@ test('the channel of the kernel carries requests and frames, and late acknowledg
   const { page, said } = await setUp(context, { answers: { session: id, token: '', url: base, port: 1, transport: 'kernel' }, join: tokens.control });
   await wait(page, 'live', isLive);
   await turn(page);
-  await wait(page, 'the kept picture', isKept);
+  await wait(page, 'the last picture', isKept);
   await page.evaluate(() => {
     window.isHolding = true;
     window.frames = window.acknowledged = 0;
