@@ -199,7 +199,7 @@ class Stream(Twin[stream.Stream]):
 class Session(Twin[session.Session]):
     """See `splatd.Session`."""
 
-    _plain = frozenset({"id", "link"})
+    _plain = frozenset({"id", "link", "tokens"})
     refresh = _into(lambda: Session, session.Session.refresh)
     change = _twin(session.Session.change)
     show = _twin(session.Session.show)
