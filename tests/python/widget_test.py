@@ -45,7 +45,7 @@ class Page:
         return taken
 
     def frame(self, acknowledges=True):
-        content, (data,) = self.wait("frame")
+        _, (data,) = self.wait("frame")
         frame = decode_frame(data)
         if acknowledges:
             self.call("stream.ack", frame=frame.number)

@@ -16,9 +16,9 @@ from .transfer import Color, PointLike
 from .types import ViewPatch
 
 if TYPE_CHECKING:
-    from .widget import Widget
     from .session import Session
     from .volume import Volume
+    from .widget import Widget
 
 ANGLES = ("azimuth", "elevation", "distance", "roll")
 FULL_TURN = 360.0
@@ -316,9 +316,7 @@ class View:
         """A session that shows this view to several people, and its links."""
         return self._volume.daemon.share(self)
 
-    def show(
-        self, *, transport: str = "auto", controls: bool = True, width: str = "", height: str = ""
-    ) -> Widget:
+    def show(self, *, transport: str = "auto", controls: bool = True, width: str = "", height: str = "") -> Widget:
         """A widget with this view for a notebook; it needs `pip install 'splatd[jupyter]'`.
 
         Parameters

@@ -18,8 +18,8 @@ from .types import Point
 from .view import View
 
 if TYPE_CHECKING:
-    from .widget import Widget
     from .daemon import Daemon
+    from .widget import Widget
 
 POLL_SECONDS = (0.005, 0.25)  # between two questions for the progress: the first, the longest
 HISTOGRAM_BINS = 256

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The picture in notebooks: JupyterLab, Notebook 7, VS Code and other hosts of anywidget."""
+"""The picture in notebooks: JupyterLab and other hosts of anywidget."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ class _Life:
             if self.session:
                 try:
                     self._view = self.session.view
-                except (errors.NotFound, errors.ConnectionFailed):
-                    pass
+                except errors.Error:
+                    pass  # the session or the daemon has ended
             return self._view
 
     def submit(self, *call: Any) -> None:
