@@ -102,6 +102,17 @@ test('the channel of the kernel', SKIP, async () => {
   assert.equal(await cell('print(w.transport_used)'), 'kernel: as asked');
 });
 
+test('frames and changes pass through a kernel that runs a cell', SKIP, async () => {
+  await type(page, 2, 'import time\nbefore = w.document["camera"]\nwhile w.document["camera"] == before: time.sleep(0.05)');
+  const busy = run(page, 2);
+  await until('the cell runs', async () => /\*/.test(await page.locator('.jp-InputPrompt').nth(2).textContent()));
+  const box = await ofElement((element) => element.getBoundingClientRect().toJSON());
+  await page.evaluate(() => { window.shown.length = 0; });
+  await drag(page, [box.x + 200, box.y + 200], [box.x + 320, box.y + 230]);
+  await busy; // it ends when the kernel has heard of the view
+  await rest('a sharp frame');
+});
+
 test('jupyter-server-proxy, for a daemon that allows no page of another address', SKIP, async () => {
   await show(SHOW('auto', 'volume = splatd.start(backend="cpu", threads=2, allow_origin=False).load("demo:engine")\n'));
   await turn('proxy');
