@@ -8,7 +8,7 @@ usage() {
 Usage: deploy/notebook-test.sh [--no-install]
 
 Builds the release preset, installs JupyterLab and the Python package into build/notebook (about
-300 MB, from PyPI), and runs the tests of tests/notebook in Chromium. deploy/test.sh must have
+300 MB), and runs the tests of tests/notebook in Chromium. deploy/test.sh must have
 installed tests/node_modules.
 
   --no-install    test with what is already installed
