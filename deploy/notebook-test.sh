@@ -7,9 +7,9 @@ usage() {
     cat <<'TEXT'
 Usage: deploy/notebook-test.sh [--no-install]
 
-Builds the release preset, installs JupyterLab and the Python package into build/notebook (about
-300 MB), and runs the tests of tests/notebook in Chromium. deploy/test.sh must have
-installed tests/node_modules.
+Builds the release preset, installs JupyterLab and the Python package into build/notebook (370 MB),
+and runs the tests of tests/notebook in Chromium. deploy/test.sh must have installed
+tests/node_modules.
 
   --no-install    test with what is already installed
   --help          this text
