@@ -100,9 +100,8 @@ static int run(const struct srv_config *config, int argc, char **argv) {
     block_signals(&signals);
     if (!srv_log_start(&log, level, srv_log_format_from(config->log_format), &err))
         return complain(&err);
-    struct srv_daemon *daemon = NULL;
-    if (!config->end_with_input || srv_service_end_with_input(&err))
-        daemon = srv_daemon_start(config, &log, &err);
+    bool watches = srv_service_watch_input(config->end_with_input, &err);
+    struct srv_daemon *daemon = watches ? srv_daemon_start(config, &log, &err) : NULL;
     if (!daemon || !print_addresses(daemon, &err)) {
         srv_daemon_stop(&daemon);
         srv_log_end(&log);

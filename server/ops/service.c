@@ -38,8 +38,10 @@ static void *watch_input(void *unused) {
     return NULL;
 }
 
-bool srv_service_end_with_input(struct sp_error *err) {
+bool srv_service_watch_input(bool ends, struct sp_error *err) {
     pthread_t thread;
+    if (!ends)
+        return true;
     if (pthread_create(&thread, NULL, watch_input, NULL) != 0)
         return sp_fail(err, SP_ERR_MEMORY, "--end-with-input", "cannot start a thread");
     pthread_detach(thread); /* it may wait in read() for ever */

@@ -17,10 +17,10 @@ void srv_standard_occupy(void);
 /* True if everything printed on standard output was written. SP_ERR_IO. */
 bool srv_standard_finish(struct sp_error *err);
 
-/* Starts a thread that sends SIGTERM to this process when standard input closes; it reads and drops
- * what comes before. Threads must have the signal blocked, except those that wait for it.
- * SP_ERR_MEMORY. */
-bool srv_service_end_with_input(struct sp_error *err);
+/* If `ends` is true, starts a thread that sends SIGTERM to this process when standard input closes;
+ * it reads and drops what comes before. The signal must be blocked in all threads that do not wait
+ * for it. SP_ERR_MEMORY. */
+bool srv_service_watch_input(bool ends, struct sp_error *err);
 
 /* Reports that the daemon is ready: after the start and after each reload. `systemctl status` shows
  * the address. */

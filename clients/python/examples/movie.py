@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # %% [markdown]
 # # A movie
-# A camera path has keyframes; the daemon draws the frames between them, also while nobody waits.
+# A camera path has keyframes; the daemon draws the frames between them, also while no program waits.
 
 # %%
 import os

@@ -90,7 +90,7 @@ def _into(
 
 
 def _pure(made: Callable[[], type[W]], method: Callable[Concatenate[S, P], Any]) -> Callable[Concatenate[Any, P], W]:
-    """A method that talks to nobody, whose result becomes a twin."""
+    """A method without a request, whose result becomes a twin."""
 
     @functools.wraps(method)
     def wrapped(self: Twin[Any], *arguments: Any, **named: Any) -> W:

@@ -333,7 +333,7 @@ class Daemon:
         Raises
         ------
         OverLimit
-            The daemon has no room for the file (`--upload-bytes`).
+            The daemon has no space for the file (`--upload-bytes`).
         """
         if not paths:
             raise ValueError("upload: name at least one file")

@@ -56,7 +56,7 @@ class NotReady(Error):
 
 
 class OverLimit(Error):
-    """The daemon or the quota of the token has no room for this request now (429, 503, 507)."""
+    """The daemon or the quota of the token has no capacity for this request now (429, 503, 507)."""
 
 
 class LoadFailed(Error):
