@@ -82,8 +82,7 @@ static int serve(struct srv_daemon *daemon, const struct srv_config *config,
     }
 }
 
-/* Prints one line per address. If this fails, the daemon stops: a program that waits for these
- * lines would wait forever. */
+/* Prints one line per address. If it fails, the daemon stops: programs wait for these lines. */
 static bool print_addresses(const struct srv_daemon *daemon, struct sp_error *err) {
     char url[SRV_DAEMON_URL_BYTES];
     for (unsigned i = 0; srv_daemon_url(daemon, i, url, sizeof url); i++)
