@@ -11,7 +11,7 @@ import mmap
 import os
 import socket
 import struct
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,6 +23,7 @@ MAP_PRIVATE, MAP_FIXED = 0x02, 0x10
 PROT_READ_WRITE = 0x3
 ANSWER_SECONDS = 30.0
 ANSWER_BYTES_MAX = 65536
+WRITE_BYTES = 64 << 20
 #: Types that the daemon keeps as they are.
 TYPES = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")
 
@@ -96,10 +97,20 @@ def region_of(samples: np.ndarray) -> Region | None:
 
 def copied(samples: np.ndarray) -> int:
     """The descriptor, for the caller to close, of memory with a copy of the samples in this computer's byte order."""
-    region = Region.create(samples.nbytes)
-    np.copyto(np.frombuffer(region, samples.dtype.newbyteorder("=")).reshape(samples.shape), samples)
-    descriptor, region.descriptor = region.descriptor, -1
-    region.close()  # memory that is mapped for writing cannot be sealed
+    descriptor = os.memfd_create("splatd-array", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    try:
+        if samples.dtype.isnative:
+            # Writing takes half the time of a copy into a mapping, whose pages would be made one by one.
+            data, offset = memoryview(cast(Any, samples.view(np.uint8).reshape(-1))), 0
+            while offset < data.nbytes:
+                offset += os.pwrite(descriptor, data[offset : offset + WRITE_BYTES], offset)
+        else:
+            os.ftruncate(descriptor, samples.nbytes)
+            with mmap.mmap(descriptor, samples.nbytes) as mapped:
+                np.copyto(np.frombuffer(mapped, samples.dtype.newbyteorder("=")).reshape(samples.shape), samples)
+    except BaseException:
+        os.close(descriptor)
+        raise
     return descriptor
 
 
