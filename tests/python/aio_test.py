@@ -6,6 +6,7 @@ import inspect
 
 import numpy as np
 import pytest
+
 import splatd
 from splatd import aio
 

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+
 from splatd.arrays import TYPES, grid_of
 
 # What the daemon makes of types that it does not keep.

@@ -10,6 +10,7 @@ import threading
 import numpy as np
 import PIL.Image
 import pytest
+
 import splatd
 from splatd import layers
 from splatd.transfer import color_map, color_of

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import PIL.Image
 import pytest
+
 import splatd
 
 EXAMPLES = Path(splatd.__file__).parents[2] / "examples"

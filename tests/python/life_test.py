@@ -9,6 +9,7 @@ import sys
 import threading
 
 import pytest
+
 import splatd
 from splatd import launch
 

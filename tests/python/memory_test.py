@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 import pytest
+
 import splatd
 from splatd import memory
 

@@ -35,6 +35,15 @@ command = [
     "-c",
     os.devnull,
 ]
-command += ["--confcutdir", str(HERE), "-p", "conftest", "--doctest-modules", "--doctest-ignore-import-errors", *tests, str(SOURCE / "splatd")]
+command += [
+    "--confcutdir",
+    str(HERE),
+    "-p",
+    "conftest",
+    "--doctest-modules",
+    "--doctest-ignore-import-errors",
+    *tests,
+    str(SOURCE / "splatd"),
+]
 environment["PYTHONPATH"] += os.pathsep + str(HERE)
 sys.exit(subprocess.run(command, env=environment).returncode)

@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import PIL.Image
+
 import splatd
 
 scan = sys.argv[1] if len(sys.argv) > 1 else None

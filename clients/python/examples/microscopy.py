@@ -10,8 +10,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import splatd
 import zarr
+
+import splatd
 from splatd import layers
 
 folder = Path(tempfile.mkdtemp())

@@ -7,8 +7,9 @@
 import os
 
 import numpy as np
-import splatd
 import xarray
+
+import splatd
 
 daemon = splatd.connect() if "SPLATD_URL" in os.environ else splatd.start()
 

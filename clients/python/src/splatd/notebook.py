@@ -43,7 +43,7 @@ def server_origins() -> list[str]:
     if not pid.isdigit():
         return []
     try:
-        from jupyter_core.paths import jupyter_runtime_dir
+        from jupyter_core.paths import jupyter_runtime_dir  # pyright: ignore[reportMissingImports]
 
         about = json.loads((Path(jupyter_runtime_dir()) / f"jpserver-{pid}.json").read_text(encoding="utf-8"))
         return origins_of(str(about["url"]))

@@ -90,7 +90,7 @@ def color_map(name: Any) -> list[list[float]]:
         if name in _tables():
             return [color_of(text) for text in _tables()[name]]
         try:
-            import matplotlib
+            import matplotlib  # pyright: ignore[reportMissingImports]
         except ImportError:
             known = ", ".join(_tables())
             raise ValueError(
