@@ -17,7 +17,6 @@
   glossary     the words of the glossary, not the words that it replaces
   words        nothing unfinished
   types        the types in the comments of clients/web agree, as TypeScript reads them
-  python       the Python package follows ruff and pyright, whose settings are in its pyproject.toml
 
 Prints one line per finding, `FILE:LINE: what`. The exit status is 0 if there are no findings, 1 if there are, and 77 if
 the rule was skipped.
@@ -578,27 +577,9 @@ def types(o):
         yield f'types.mjs: {done.stderr.strip()}'
 
 
-def python(o):
-    interpreter = os.path.join(o.source, 'build', 'python', 'bin', 'python')
-    checker = os.path.join(o.source, 'tests', 'node_modules', 'pyright', 'index.js')
-    settings = os.path.join(o.source, 'clients', 'python')
-    has_ruff = os.access(interpreter, os.X_OK) and subprocess.run([interpreter, '-m', 'ruff', '--version'], capture_output=True, check=False).returncode == 0
-    if not has_ruff or not os.path.exists(checker) or not shutil.which('node'):
-        print('skipped: no ruff in build/python, or no pyright in tests/node_modules; deploy/test.sh installs both')
-        sys.exit(77)
-    folders = [settings, os.path.join(o.source, 'tests', 'python')]
-    ruff = [interpreter, '-m', 'ruff']
-    options = ['--config', os.path.join(settings, 'pyproject.toml'), '--no-cache']
-    for command in ([*ruff, 'check', *options, '--output-format', 'concise', '--quiet', *folders], [*ruff, 'format', *options, '--check', '--quiet', *folders],
-                    ['node', checker, '-p', settings, '--pythonpath', interpreter, '--level', 'error']):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            yield from (line.replace(o.source + '/', '') for line in (done.stdout + done.stderr).splitlines() if re.search(r':\d+:|Would reformat|error', line)) or [f'{command}: {done.stdout}{done.stderr}']
-
-
 RULES = {'layers': layers, 'cycles': cycles, 'third-party': third_party, 'headers': headers, 'headers-cpp': headers_cpp,
          'globals': globals_, 'clocks': clocks, 'format': format_, 'style': style, 'length': length, 'glossary': glossary,
-         'words': words, 'types': types, 'python': python, 'unused': unused}
+         'words': words, 'types': types, 'unused': unused}
 
 
 def main():
