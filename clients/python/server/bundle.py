@@ -20,6 +20,8 @@ from auditwheel.main import main as auditwheel_main
 from auditwheel.wheeltools import InWheelCtx
 
 PLATFORM = "manylinux_2_36_x86_64"
+# Below the folder of the importer, where its sandbox may read.
+LIBRARIES = "/lib/splatd/libraries"
 ALSO_BUNDLED = {"libz.so.1", "libexpat.so.1"}
 # libarchive (for xar) and libnetcdf (for DAP4, a protocol for remote files) link it, and splatd uses neither. It would bring
 # 33 MB of ICU. A library takes its place whose functions all return 0.
@@ -66,7 +68,7 @@ def add_licences(folder):
     package = folder / "splatd_server"
     licences = package / "licences"
     licences.mkdir()
-    names = sorted(HASH.sub("", path.name) for path in (folder / "splatd_server.libs").iterdir())
+    names = sorted(HASH.sub("", path.name) for path in (package / LIBRARIES.lstrip("/")).iterdir())
     packages = {}
     for name in names:
         if name != XML:
@@ -96,14 +98,15 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         make_xml(Path(folder), [f"/usr/lib/x86_64-linux-gnu/{name}" for name in ("libarchive.so.13", "libnetcdf.so.19")])
         os.environ["LD_LIBRARY_PATH"] = folder
-        sys.argv = ["auditwheel", "repair", "--plat", PLATFORM, "--only-plat", "--wheel-dir", folder, str(wheel)]
+        options = ["--plat", PLATFORM, "--only-plat", "--lib-sdir", LIBRARIES, "--wheel-dir", folder]
+        sys.argv = ["auditwheel", "repair", *options, str(wheel)]
         status = auditwheel_main()
         if status:
             sys.exit(status)
         del os.environ["LD_LIBRARY_PATH"]
         (repaired,) = Path(folder).glob("*.whl")
         with InWheelCtx(repaired, output / repaired.name) as context:
-            add_licences(Path(context.path if hasattr(context, "path") else context.name))
+            add_licences(Path(context.name))
         print(output / repaired.name)
 
 

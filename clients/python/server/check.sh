@@ -41,6 +41,6 @@ unshare "${as_root[@]}" --mount bash -euc '
     mount --rbind /proc proc
     for name in null urandom zero; do mount --bind /dev/$name dev/$name; done
     exec env -i LD_LIBRARY_PATH=/libraries PYTHONHOME=/usr PYTHONPATH=/site TMPDIR=/tmp PATH=/bin \
-        chroot . /bin/python3 /check_use.py /tmp/a.png' bash "$bare"
+        /usr/sbin/chroot . /bin/python3 /check_use.py /tmp/a.png' bash "$bare"
 cmp "$work/a.png" "$bare/tmp/a.png" || die "the two images differ"
 say "the wheels work; the image is $wheels/a.png"

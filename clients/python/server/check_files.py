@@ -22,7 +22,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(wheel) as archive:
         archive.extractall(folder)
         top = Path(folder)
-        libraries = {path.name for path in (top / "splatd_server.libs").iterdir()}
+        libraries = {path.name for path in (top / "splatd_server/lib/splatd/libraries").iterdir()}
         for path in top.rglob("*"):
             if path.is_file() and path.read_bytes()[:4] == b"\x7fELF":
                 text = subprocess.run(["objdump", "-p", path], capture_output=True, text=True, check=True).stdout
