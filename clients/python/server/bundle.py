@@ -26,6 +26,21 @@ ALSO_BUNDLED = {"libz.so.1", "libexpat.so.1"}
 # libarchive (for xar) and libnetcdf (for DAP4, a protocol for remote files) link it, and splatd uses neither. It would bring
 # 33 MB of ICU. A library takes its place whose functions all return 0.
 XML = "libxml2.so.2"
+# libtiff links it for JBIG, a compression of fax pages. It is under the GPL, which the wheel is not.
+JBIG = "libjbig.so.0"
+JBIG_CODE = """
+void jbg_dec_init(void *s) { (void)s; }
+void jbg_dec_free(void *s) { (void)s; }
+int jbg_dec_in(void *s, unsigned char *data, unsigned long size, unsigned long *count)
+{ (void)s; (void)data; (void)size; (void)count; return 0x30; }
+void *jbg_dec_getimage(const void *s, int plane) { (void)s; (void)plane; return 0; }
+unsigned long jbg_dec_getsize(const void *s) { (void)s; return 0; }
+const char *jbg_strerror(int code) { (void)code; return "JBIG is not supported"; }
+int jbg_newlen(unsigned char *data, unsigned long size) { (void)data; (void)size; return 0x30; }
+void jbg_enc_init(void) {}
+void jbg_enc_out(void) {}
+void jbg_enc_free(void) {}
+"""
 HASH = re.compile(r"-[0-9a-f]{8}(?=\.)")
 
 
@@ -56,6 +71,13 @@ def make_xml(folder, libraries):
     subprocess.run(["cc", *options, f"{folder}/xml.c", "-o", f"{folder}/{XML}"], check=True)
 
 
+def make_jbig(folder):
+    """Builds the library that takes the place of libjbig: it decodes nothing, and libtiff tells the user so."""
+    (folder / "jbig.c").write_text(JBIG_CODE, encoding="utf-8")
+    options = ["-shared", "-fPIC", f"-Wl,-soname,{JBIG}"]
+    subprocess.run(["cc", *options, f"{folder}/jbig.c", "-o", f"{folder}/{JBIG}"], check=True)
+
+
 def package_of(library):
     """The Debian package of a file name, or None for a library of this project."""
     done = subprocess.run(["dpkg-query", "-S", f"*/{library}"], capture_output=True, text=True, check=False)
@@ -71,7 +93,7 @@ def add_licences(folder):
     names = sorted(HASH.sub("", path.name) for path in (package / LIBRARIES.lstrip("/")).iterdir())
     packages = {}
     for name in names:
-        if name != XML:
+        if name not in (XML, JBIG):
             found = package_of(name)
             if not found:
                 sys.exit(f"bundle.py: no Debian package has {name}: its licence is unknown")
@@ -97,6 +119,7 @@ def main():
             module.WheelPolicies = Policies
     with tempfile.TemporaryDirectory() as folder:
         make_xml(Path(folder), [f"/usr/lib/x86_64-linux-gnu/{name}" for name in ("libarchive.so.13", "libnetcdf.so.19")])
+        make_jbig(Path(folder))
         os.environ["LD_LIBRARY_PATH"] = folder
         options = ["--plat", PLATFORM, "--only-plat", "--lib-sdir", LIBRARIES, "--wheel-dir", folder]
         sys.argv = ["auditwheel", "repair", *options, str(wheel)]
