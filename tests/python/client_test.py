@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Views, images, reading volumes, presets, saved views, sessions, streams and camera paths against a real daemon."""
 
+import copy
 import gc
 import io
 import json
 import tarfile
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import PIL.Image
@@ -44,6 +46,32 @@ def test_views_never_change(demo):
     assert other.with_camera(azimuth=None).document["camera"]["azimuth"] is None
     assert other.full()["size"] == [64, 48]
     assert not [s for s in demo.daemon.sessions()]
+
+
+def test_numbers_of_numpy(demo):
+    view = demo.view().with_size(np.int64(40), np.int32(30)).with_camera(azimuth=np.float32(20))
+    view = view.patch({"camera": {"fov_y": np.float32(25)}, "background": np.array([0, 0, 1, 1])})
+    assert view.render().shape == (30, 40, 4)
+    with view.share() as session, session.stream() as stream:
+        stream.update({"camera": {"azimuth": np.int16(5)}}, wait=True)
+    with pytest.raises(TypeError, match="object"):
+        view.patch({"camera": {"fov_y": object()}}).render()
+    with pytest.raises(ValueError, match="JSON"):
+        view.patch({"camera": {"fov_y": float("nan")}}).render()
+
+
+def test_copies_of_views(demo):
+    view = demo.view()
+    assert copy.deepcopy(view) is view
+    assert copy.copy(view) is view
+
+
+def test_many_threads(demo, caplog):
+    view = demo.view(size=(8, 8))
+    with ThreadPoolExecutor(40) as pool:
+        images = list(pool.map(lambda angle: view.with_camera(azimuth=angle).render(), range(80)))
+    assert len({image.bytes for image in images}) > 40
+    assert not caplog.records
 
 
 def test_angles_and_positions(demo):

@@ -92,6 +92,32 @@ def test_the_daemon_ends_with_a_parent_that_returns():
         os.kill(pid, 0)
 
 
+def test_python_ends_with_an_open_stream():
+    script = (
+        "import splatd; d = splatd.start(backend='cpu'); v = d.load('demo:engine?size=32').view(size=(8, 8))\n"
+        "stream = v.share().stream(); stream.wait(); print(d.process.pid)"
+    )
+    pid = int(subprocess.check_output([sys.executable, "-c", script], timeout=60))
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_a_forked_process_leaves_the_daemon_alone():
+    script = (
+        "import os, sys, splatd; d = splatd.start(backend='null')\n"
+        "child = os.fork()\n"
+        "if child == 0: sys.exit(0)\n"
+        "os.waitpid(child, 0); d.volumes(); print('alive')"
+    )
+    printed = subprocess.check_output([sys.executable, "-W", "ignore", "-c", script], timeout=60)
+    assert printed.strip() == b"alive"
+
+
+def test_options_have_the_home_folder(monkeypatch):
+    monkeypatch.setenv("HOME", "/home/someone")
+    assert launch.arguments_of({"data": "~/scans"}) == ["--data", "/home/someone/scans"]
+
+
 def test_a_wrong_token(daemon):
     stranger = splatd.connect(daemon.url, token="0123456789abcdef0123456789abcdef")
     with pytest.raises(splatd.errors.Unauthorized):

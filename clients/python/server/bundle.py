@@ -23,8 +23,8 @@ PLATFORM = "manylinux_2_36_x86_64"
 # Below the folder of the importer, where its sandbox may read.
 LIBRARIES = "/lib/splatd/libraries"
 ALSO_BUNDLED = {"libz.so.1", "libexpat.so.1"}
-# libarchive (for xar) and libnetcdf (for DAP4, a protocol for remote files) link it, and splatd uses neither. It would bring
-# 33 MB of ICU. A library takes its place whose functions all return 0.
+# libarchive (for xar) and libnetcdf (for DAP4, a protocol for remote files) link it, and splatd uses neither. It would
+# bring 33 MB of ICU. A library takes its place whose functions all return 0.
 XML = "libxml2.so.2"
 # libtiff links it for JBIG, a compression of fax pages. It is under the GPL, which the wheel is not.
 JBIG = "libjbig.so.0"
@@ -63,7 +63,9 @@ def make_xml(folder, libraries):
     for version, names in versions.items():
         script += f"{version} {{ global: {'; '.join(names)}; }};\n"
         for name in names:
-            code += "void (*xmlFree)(void *) = free;\n" if name == "xmlFree" else f"void *{name}(void) {{ return NULL; }}\n"
+            code += (
+                "void (*xmlFree)(void *) = free;\n" if name == "xmlFree" else f"void *{name}(void) {{ return NULL; }}\n"
+            )
     script += "NONE { local: *; };\n"
     (folder / "xml.c").write_text(code, encoding="utf-8")
     (folder / "xml.map").write_text(script, encoding="utf-8")
@@ -101,9 +103,11 @@ def add_licences(folder):
     lines = []
     for name, files in sorted(packages.items()):
         fields = "${Version}\t${source:Package} ${source:Version}"
-        version, source = subprocess.run(
-            ["dpkg-query", "-W", f"-f={fields}\n", name], capture_output=True, text=True, check=True
-        ).stdout.splitlines()[0].split("\t")
+        version, source = (
+            subprocess.run(["dpkg-query", "-W", f"-f={fields}\n", name], capture_output=True, text=True, check=True)
+            .stdout.splitlines()[0]
+            .split("\t")
+        )
         shutil.copyfile(f"/usr/share/doc/{name}/copyright", licences / name)
         lines.append(f"{name}\t{version}\t{source}\t{' '.join(files)}\n")
     (licences / "PACKAGES.tsv").write_text("package\tversion\tsource\tfiles\n" + "".join(lines), encoding="utf-8")
@@ -118,7 +122,9 @@ def main():
         if getattr(module, "WheelPolicies", None) is Policies.__base__:
             module.WheelPolicies = Policies
     with tempfile.TemporaryDirectory() as folder:
-        make_xml(Path(folder), [f"/usr/lib/x86_64-linux-gnu/{name}" for name in ("libarchive.so.13", "libnetcdf.so.19")])
+        make_xml(
+            Path(folder), [f"/usr/lib/x86_64-linux-gnu/{name}" for name in ("libarchive.so.13", "libnetcdf.so.19")]
+        )
         make_jbig(Path(folder))
         os.environ["LD_LIBRARY_PATH"] = folder
         options = ["--plat", PLATFORM, "--only-plat", "--lib-sdir", LIBRARIES, "--wheel-dir", folder]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares the files of a wheel with the README. Usage: check_files.py WHEEL README
 
-Each library that a program needs is in the wheel, or belongs to glibc or GCC. Each package of Debian that gave a library is
-in the table of the README with a licence in the wheel, and the README names no other.
+Each library that a program needs is in the wheel, or belongs to glibc or GCC. Each package of Debian that gave a library
+is in the table of the README with a licence in the wheel, and the README names no other.
 """
 
 import re
@@ -32,8 +32,12 @@ def main():
         wrong += [f"{name} is in the wheel" for name in libraries if re.match(r"lib(GL|EGL|OpenImageIO|icu)", name)]
         rows = (top / "splatd_server/licences/PACKAGES.tsv").read_text(encoding="utf-8").splitlines()[1:]
         bundled = {row.split("\t")[0] for row in rows}
-        wrong += [f"{name} has no licence" for name in bundled if not (top / "splatd_server/licences" / name).stat().st_size]
-    named = set(re.findall(r"`([a-z0-9.+-]+)`", readme.read_text(encoding="utf-8").split("## Libraries")[1].split("\n## ")[0]))
+        wrong += [
+            f"{name} has no licence" for name in bundled if not (top / "splatd_server/licences" / name).stat().st_size
+        ]
+    named = set(
+        re.findall(r"`([a-z0-9.+-]+)`", readme.read_text(encoding="utf-8").split("## Libraries")[1].split("\n## ")[0])
+    )
     wrong += [f"the README does not list {name}" for name in sorted(bundled - named)]
     wrong += [f"the README lists {name}, which is not bundled" for name in sorted(named - bundled)]
     if wheel.stat().st_size > LIMIT:

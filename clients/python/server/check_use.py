@@ -7,10 +7,13 @@ import sys
 import tempfile
 
 import numpy as np
-import splatd
 import splatd_server
 
-STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 9 0 0\nvertex 0 9 5\nendloop\nendfacet\nendsolid a\n"
+import splatd
+
+STL = (
+    "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 9 0 0\nvertex 0 9 5\nendloop\nendfacet\nendsolid a\n"
+)
 
 
 def netcdf():
@@ -30,7 +33,17 @@ def tiff():
     data, pages = b"II*\0" + struct.pack("<I", 8), 2
     for page in range(pages):
         at = len(data)
-        tags = [(256, 4), (257, 4), (258, 8), (259, 1), (262, 1), (273, at + 2 + 9 * 12 + 4), (277, 1), (278, 4), (279, 16)]
+        tags = [
+            (256, 4),
+            (257, 4),
+            (258, 8),
+            (259, 1),
+            (262, 1),
+            (273, at + 2 + 9 * 12 + 4),
+            (277, 1),
+            (278, 4),
+            (279, 16),
+        ]
         after = 0 if page == pages - 1 else at + 2 + 9 * 12 + 4 + 16
         data += struct.pack("<H", 9) + b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
         data += struct.pack("<I", after) + bytes(range(16))

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 from urllib.parse import quote, urlencode, urlsplit
 
+import numpy as np
 import urllib3
 from urllib3.connection import HTTPConnection
 
@@ -17,6 +18,7 @@ from . import errors
 CONNECT_SECONDS = 10.0
 ANSWER_SECONDS = 600.0  # a frame of a large volume may wait for others
 TRANSPORT_ERRORS = (OSError, urllib3.exceptions.HTTPError, errors.ConnectionFailed)  # while an answer is being read
+IDLE_CONNECTIONS = 64  # that are kept for the next requests
 ATTEMPTS = 6  # at a full daemon, which answers with Retry-After
 
 
@@ -73,7 +75,7 @@ class Http:
             respect_retry_after_header=True,
         )
         options: dict[str, Any] = {
-            "maxsize": 8,
+            "maxsize": IDLE_CONNECTIONS,
             "retries": retry,
             "timeout": urllib3.Timeout(connect=CONNECT_SECONDS, read=ANSWER_SECONDS),
         }
@@ -116,7 +118,7 @@ class Http:
         sent = {"Authorization": f"Bearer {self.token}"} if self.token else {}
         sent |= dict(headers or {})
         if json is not None:
-            body = jsonlib.dumps(json, allow_nan=False).encode()
+            body = encode(json)
             sent.setdefault("Content-Type", "application/json")
         wanted = {name: value for name, value in (query or {}).items() if value is not None}
         target = f"{self._prefix}/{path}" + (f"?{urlencode(wanted)}" if wanted else "")
@@ -153,6 +155,18 @@ class Http:
         """Sends one request and decodes the JSON of the answer. None if it has no body."""
         answer = self.request(method, path, **options)
         return decode(answer) if answer.data else None
+
+
+def plain(value: Any) -> Any:
+    """What numpy's numbers and arrays are in JSON."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"{value!r} of the type {type(value).__name__} cannot be sent as JSON")
+
+
+def encode(value: Any) -> bytes:
+    """A value as JSON, also with numbers and arrays of numpy. Numbers that are not finite are a ValueError."""
+    return jsonlib.dumps(value, allow_nan=False, default=plain).encode()
 
 
 def decode(answer: urllib3.BaseHTTPResponse) -> Any:

@@ -63,7 +63,7 @@ def arguments_of(options: dict[str, Any]) -> list[str]:
         if value is None or value is False:
             continue
         for one in value if isinstance(value, (list, tuple)) else [value]:
-            arguments += [flag] if one is True else [flag, os.fspath(one) if isinstance(one, os.PathLike) else str(one)]
+            arguments += [flag] if one is True else [flag, os.path.expanduser(str(one))]
     return arguments
 
 
@@ -99,7 +99,7 @@ class Process:
         # Neither this thread nor the finalizer refers to this object: it can be collected, which ends the daemon.
         self._reader = threading.Thread(target=_read_log, args=(self._child, self.log), name="splatd-log", daemon=True)
         self._reader.start()
-        self._finalizer = weakref.finalize(self, _end, self._child, self._folder)
+        self._finalizer = weakref.finalize(self, _end, self._child, self._folder, os.getpid())
         self.url, self.token = self._wait_for_address()
 
     def _wait_for_address(self) -> tuple[str, str]:
@@ -152,7 +152,9 @@ def _read_log(child: subprocess.Popen[bytes], log: collections.deque[str]) -> No
             log.append(line.decode(errors="replace").rstrip())
 
 
-def _end(child: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str]) -> None:
+def _end(child: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str], owner: int) -> None:
+    if os.getpid() != owner:
+        return  # a forked process does not end the daemon of its parent
     if child.poll() is None:
         child.terminate()
         try:

@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketExce
 from websockets.sync.client import ClientConnection, connect, unix_connect
 
 from . import errors
-from ._http import Http, segment
+from ._http import Http, encode, segment
 from .image import Image
 
 PROTOCOL = "splatd.v1"
@@ -193,7 +193,7 @@ class Stream:
 
     def _send(self, message: Mapping[str, Any]) -> None:
         try:
-            self._socket.send(json.dumps({"jsonrpc": "2.0", **message}, allow_nan=False))
+            self._socket.send(encode({"jsonrpc": "2.0", **message}).decode())
         except (ConnectionClosed, OSError) as error:
             raise self._reason or errors.ConnectionFailed(f"the stream is closed: {error}") from error
 

@@ -83,6 +83,12 @@ class View:
 
     __hash__ = None  # type: ignore[assignment]
 
+    def __copy__(self) -> View:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> View:
+        return self  # it never changes
+
     def __repr__(self) -> str:
         return f"<splatd.View of {self._volume.id!r}: {self._patch}>"
 
