@@ -28,8 +28,9 @@ static double sharp_ms(const struct srv_participant *p) {
     return ms > 0 ? ms : INFINITY;
 }
 
-bool srv_skips_intermediate(const struct srv_participant *p) {
-    return warps_to_hand(p) && sharp_ms(p) <= SRV_SETTLED_SHARP_MS;
+bool srv_skips_intermediate(const struct srv_schedule *schedule, const struct srv_participant *p) {
+    return schedule->hub->options.rest_ms <= SRV_SETTLED_SHARP_MS && warps_to_hand(p) &&
+           sharp_ms(p) <= SRV_SETTLED_SHARP_MS;
 }
 
 double srv_predict_job(const struct srv_schedule *schedule, const struct srv_participant *only,
@@ -46,12 +47,12 @@ double srv_predict_job(const struct srv_schedule *schedule, const struct srv_par
                : 0;
 }
 
-bool srv_ends_with_motion(const struct srv_participant *only, const struct srv_render_job *job,
-                          double now_ms) {
+bool srv_ends_with_motion(const struct srv_schedule *schedule, const struct srv_participant *only,
+                          const struct srv_render_job *job, double now_ms) {
     const struct srv_session *s = only->session;
     const struct srv_session_schedule *plan = s->schedule;
     const bool is_late = now_ms - s->shared.changed_ms > LATE_MS && plan->gap_ms > 0 &&
-                         warps_to_hand(only) && srv_skips_intermediate(only);
+                         srv_skips_intermediate(schedule, only);
     return job->step == SRV_STEP_MOVING && (job->ahead > SRV_FAR_AHEAD || is_late) &&
            !plan->has_stopped && !plan->must_finish && plan->start.done >= plan->start.cold;
 }

@@ -62,11 +62,12 @@ bool srv_intermediate(const struct srv_session *s, const struct srv_participant 
                                     detail);
 }
 
-static bool needs_intermediate(const struct srv_session *s, const struct srv_participant *p) {
+static bool needs_intermediate(const struct srv_schedule *schedule, const struct srv_session *s,
+                               const struct srv_participant *p) {
     struct srv_detail detail;
     const struct srv_newest_job *newest = &p->schedule->newest;
     return p->settings.progressive && newest->version > 0 && newest->step == SRV_STEP_MOVING &&
-           !srv_skips_intermediate(p) && srv_intermediate(s, p, &detail);
+           !srv_skips_intermediate(schedule, p) && srv_intermediate(s, p, &detail);
 }
 
 /* Would the frame of this step be slow to encode? The last moving frame tells the size of the next
@@ -118,7 +119,7 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     demand.is_ahead = is_ahead(s, p);
     demand.is_newer = is_newer(s, p) || demand.is_ahead;
     demand.is_progressive = p->settings.progressive;
-    demand.needs_intermediate = needs_intermediate(s, p);
+    demand.needs_intermediate = needs_intermediate(schedule, s, p);
     for (int step = 0; step < SRV_STEPS; step++)
         demand.is_slow[step] = is_slow(s, p, (enum srv_frame_step)step);
     demand.has_slow_slot = has_slow_slot(schedule, s);

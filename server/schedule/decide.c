@@ -44,7 +44,7 @@ static bool skips_moving(const struct srv_demand *d, double now_ms) {
     if (now_ms < d->settles_at_ms)
         return false;
     if (d->needs_intermediate)
-        return d->is_alone;
+        return d->is_alone && !d->is_ahead;
     if (now_ms >= d->rest_at_ms)
         return is_sharp_soon(d);
     return d->is_alone && d->has_frame && d->sharp_ms <= SRV_SETTLED_SHARP_MS &&

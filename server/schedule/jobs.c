@@ -311,7 +311,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
     job->ahead = count == 1 ? srv_predict_job(schedule, first, job, now_ms) : 0;
-    job->ends_with_motion = count == 1 && srv_ends_with_motion(first, job, now_ms);
+    job->ends_with_motion = count == 1 && srv_ends_with_motion(schedule, first, job, now_ms);
     for (uint32_t i = 0; i < count; i++)
         add_target(schedule, s, recipients[i], job, now_ms);
     plan->clock_ms = srv_fair_start(&first->schedule->account, plan->clock_ms);

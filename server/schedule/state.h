@@ -146,13 +146,15 @@ double srv_predict_job(const struct srv_schedule *schedule, const struct srv_par
                        struct srv_render_job *job, double now_ms);
 
 /* True if the client warps the last moving frame to the camera of the hand, and the sharp frame is
- * expected soon: then no other frame precedes it. (ahead.c) */
-bool srv_skips_intermediate(const struct srv_participant *participant);
+ * expected soon, because it is fast and views rest soon: then no other frame precedes it. (ahead.c)
+ */
+bool srv_skips_intermediate(const struct srv_schedule *schedule,
+                            const struct srv_participant *participant);
 /* True if a moving frame for its only recipient is cancelled when the hand stops: it is ahead, or
  * it began late, so that the sharp frame can be ready nearly as soon. Of two such frames in a row,
  * at least one is finished, and so is a frame whose work the next one would repeat. (ahead.c) */
-bool srv_ends_with_motion(const struct srv_participant *only, const struct srv_render_job *job,
-                          double now_ms);
+bool srv_ends_with_motion(const struct srv_schedule *schedule, const struct srv_participant *only,
+                          const struct srv_render_job *job, double now_ms);
 /* True if a job that was cancelled was cancelled for that reason. Then the scheduler goes on as if
  * its frame had been finished. session: NULL = it ended. (ahead.c) */
 bool srv_has_stopped(const struct srv_session *session, const struct srv_render_job *job);

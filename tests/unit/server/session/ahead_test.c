@@ -115,12 +115,18 @@ static void a_hand_that_stops_ends_the_frame_that_is_ahead(void **state) {
     assert_false(isfinite(srv_schedule_stops_in_ms(f->schedule, &running, now_ms + 10)));
     const struct srv_render_job first = job;
     srv_schedule_cancelled(f->schedule, &job, 29);
-    assert_false(srv_ends_with_motion(p, &first, now_ms + 30));
+    assert_false(srv_ends_with_motion(f->schedule, p, &first, now_ms + 30));
     assert_true(hub_next_job(f, now_ms + 31, &next));
     assert_compare(next.ahead, ==, 0);
     assert_float_equal(next.view.camera.target[0], STEP * (LAST + 1), 0);
     hub_finish(f, &next, 5);
-    assert_true(srv_ends_with_motion(p, &first, now_ms + 40));
+    assert_true(srv_ends_with_motion(f->schedule, p, &first, now_ms + 40));
+    struct srv_render_job late = first;
+    late.ahead = 0;
+    assert_true(srv_ends_with_motion(f->schedule, p, &late, now_ms + 40));
+    /* If views rest late, the sharp frame is not the next one: a frame of the last view comes. */
+    f->hub->options.rest_ms = 60000;
+    assert_false(srv_ends_with_motion(f->schedule, p, &late, now_ms + 40));
     srv_hub_leave(f->hub, &p, 30000);
 }
 
