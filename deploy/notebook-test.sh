@@ -27,7 +27,7 @@ for argument in "$@"; do
     esac
 done
 
-[[ $install == no ]] || install_packages build test
+[[ $install == no ]] || install_packages build test python
 build release splatd splatd_widget
 requirements=$root/tests/notebook/requirements.txt
 venv=$root/build/notebook

@@ -40,7 +40,7 @@ for argument in "$@"; do
 done
 
 if [[ $install == yes ]]; then
-    install_packages build test
+    install_packages build test python
     (install_packages faster) || say "the tests of the page run in the whole Chromium, which takes longer"
     if [[ ! -e $root/tests/node_modules/.package-lock.json || $root/tests/package-lock.json -nt $root/tests/node_modules/.package-lock.json ]]; then
         say "installing the npm modules of the tests"

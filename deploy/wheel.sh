@@ -31,7 +31,7 @@ while [[ $# -gt 0 ]]; do
 done
 
 umask 022
-[[ $install == no ]] || install_packages build wheel
+[[ $install == no ]] || install_packages build python
 tools=$root/build/wheel-tools
 mkdir -p "$out" "$root/build/server-wheel"
 log=$root/build/server-wheel/wheel.log

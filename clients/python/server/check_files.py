@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares the files of a wheel with the README. Usage: check_files.py WHEEL README
 
-Each library that a program needs is in the wheel, or belongs to glibc or GCC. Each package of Debian that gave a library
-is in the table of the README with a licence in the wheel, and the README names no other.
+Each library that a program needs is in the wheel, or belongs to glibc or GCC. Each package of Debian that gave a
+library is in the table of the README with a licence in the wheel, and the README names no other.
 """
 
 import re
