@@ -74,6 +74,40 @@ def test_many_threads(demo, caplog):
     assert not caplog.records
 
 
+def test_rendering_does_not_change_a_view(demo):
+    camera = {"camera": {"azimuth": np.float32(720)}}
+    view = demo.view(size=(16, 16)).patch(camera)
+    view.render()
+    view.document["camera"]["azimuth"] = 5
+    camera["camera"]["azimuth"] = 6
+    assert view == demo.view(size=(16, 16)).with_camera(azimuth=720)
+    assert (
+        len(splatd.Path().key(0, demo.view(size=(16, 16)).with_camera(azimuth=0)).key(1, view).document["keyframes"])
+        == 8
+    )
+
+
+def test_background_of_snapshots(demo):
+    with demo.view(size=(80, 60)).share() as session:
+        assert list(session.snapshot(background="red")[0, 0]) == [255, 0, 0, 255]
+
+
+def test_a_listener_that_fails(demo, caplog):
+    with demo.view(size=(16, 16)).share() as session, session.stream() as stream:
+        stream.listen(lambda method, params: 1 / 0)
+        session.change(camera={"azimuth": 50})
+        assert stream.call("ping") == {}
+        session.change(camera={"azimuth": 60})
+        assert stream.call("view.get")["view"]["size"] == [16, 16]
+
+
+def test_a_stream_keeps_its_daemon():
+    stream = splatd.start(backend="cpu").load("demo:engine?size=32").view(size=(8, 8)).share().stream()
+    gc.collect()
+    assert stream.call("ping") == {}
+    stream.close()
+
+
 def test_angles_and_positions(demo):
     placed = demo.view().with_camera(azimuth=20).with_camera(position=(300, 0, 0), target=(80, 45, 45))
     assert placed.document["camera"] == {"position": [300, 0, 0], "target": [80, 45, 45]}

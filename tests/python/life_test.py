@@ -62,6 +62,8 @@ def test_a_daemon_that_dies(demo):
     with pytest.raises(splatd.errors.ConnectionFailed):
         while True:
             stream.wait(1)
+    with pytest.raises(splatd.errors.ConnectionFailed):
+        next(stream)
     with pytest.raises(splatd.errors.ConnectionFailed, match="Is splatd running"):
         volume.refresh()
     stream.close()
@@ -107,10 +109,22 @@ def test_a_forked_process_leaves_the_daemon_alone():
         "import os, sys, splatd; d = splatd.start(backend='null')\n"
         "child = os.fork()\n"
         "if child == 0: sys.exit(0)\n"
-        "os.waitpid(child, 0); d.volumes(); print('alive')"
+        "os.waitpid(child, 0); d.volumes(); print('alive' if os.path.exists(d.socket_path) else 'no socket')"
     )
     printed = subprocess.check_output([sys.executable, "-W", "ignore", "-c", script], timeout=60)
     assert printed.strip() == b"alive"
+
+
+def test_forked_processes_have_their_own_connections():
+    script = (
+        "import os, splatd; d = splatd.start(backend='cpu'); v = d.load('demo:engine?size=32').view()\n"
+        "v.render(size=(8, 8)); child = os.fork(); size = (16, 24) if child else (32, 40)\n"
+        "good = all(v.render(size=size).shape[:2] == size[::-1] for _ in range(20))\n"
+        "if not child: os._exit(not good)\n"
+        "print(good and os.waitpid(child, 0)[1] == 0)"
+    )
+    printed = subprocess.check_output([sys.executable, "-W", "ignore", "-c", script], timeout=60)
+    assert printed.strip() == b"True"
 
 
 def test_options_have_the_home_folder(monkeypatch):

@@ -59,6 +59,18 @@ def test_empty_arrays_are_there_already(sent):
     assert array[7, 8, 9] == 719
 
 
+def test_empty_arrays_of_another_byte_order(sent):
+    array = splatd.empty((4, 4, 4), ">f4")
+    array[...] = 3
+    assert sent.add(array).range == (3, 3)
+
+
+def test_addresses_of_the_daemon(tmp_path):
+    with splatd.start(backend="null", listen=["127.0.0.1:0", f"unix:{tmp_path}/own"]) as daemon:
+        assert daemon.socket_path == f"{tmp_path}/own"
+        assert daemon.add(np.ones((4, 4, 4), "u1")).range == (1, 1)
+
+
 def test_parts_of_empty_arrays_are_copied(sent):
     array = splatd.empty((8, 9, 10), "u1")
     array[2:6] = 7

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json as jsonlib
+import os
 import socket
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -80,11 +81,19 @@ class Http:
             "timeout": urllib3.Timeout(connect=CONNECT_SECONDS, read=ANSWER_SECONDS),
         }
         self._prefix = "" if self.socket_path else urlsplit(self.url).path
-        self._pool = (
-            _UnixPool(self.socket_path, **options)
-            if self.socket_path
-            else urllib3.connection_from_url(self.url, **options)
-        )
+        self._options = options
+        self._pool, self._pid = self._new_pool(), os.getpid()
+
+    def _new_pool(self) -> urllib3.HTTPConnectionPool:
+        if self.socket_path:
+            return _UnixPool(self.socket_path, **self._options)
+        return urllib3.connection_from_url(self.url, **self._options)
+
+    def _own_pool(self) -> urllib3.HTTPConnectionPool:
+        """The connections of this process: after a fork, those of the parent would carry answers to both."""
+        if self._pid != os.getpid():
+            self._pool, self._pid = self._new_pool(), os.getpid()
+        return self._pool
 
     def close(self) -> None:
         """Closes idle connections."""
@@ -128,7 +137,7 @@ class Http:
         # The daemon closes idle connections: a request that meets this moment has not been read, and is sent once more.
         for is_last in (False, True):
             try:
-                return self._pool.urlopen(
+                return self._own_pool().urlopen(
                     method, target, body=body, headers=sent, preload_content=not stream, decode_content=True, **options
                 )
             except urllib3.exceptions.HTTPError as error:

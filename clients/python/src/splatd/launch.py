@@ -73,11 +73,16 @@ class Process:
 
     def __init__(self, options: dict[str, Any]) -> None:
         program = find_program()
-        self._folder = tempfile.TemporaryDirectory(prefix="splatd-")
-        self.socket_path = os.path.join(self._folder.name, "socket")
-        options = {"listen": "127.0.0.1:0", **options}
-        if "unix:" not in options["listen"]:
-            options["listen"] += f",unix:{self.socket_path}"
+        self._folder = tempfile.mkdtemp(prefix="splatd-")
+        self.socket_path = os.path.join(self._folder, "socket")
+        listen = options.get("listen", "127.0.0.1:0")
+        addresses = list(listen) if isinstance(listen, (list, tuple)) else str(listen).split(",")
+        named = [address.removeprefix("unix:") for address in addresses if address.startswith("unix:")]
+        if named:
+            self.socket_path = os.path.abspath(named[0])
+        else:
+            addresses.append(f"unix:{self.socket_path}")
+        options = {**options, "listen": ",".join(addresses)}
         command = [program, "--end-with-input", "--log-format", "text", *arguments_of(options)]
         environment = {
             name: value
@@ -152,7 +157,7 @@ def _read_log(child: subprocess.Popen[bytes], log: collections.deque[str]) -> No
             log.append(line.decode(errors="replace").rstrip())
 
 
-def _end(child: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str], owner: int) -> None:
+def _end(child: subprocess.Popen[bytes], folder: str, owner: int) -> None:
     if os.getpid() != owner:
         return  # a forked process does not end the daemon of its parent
     if child.poll() is None:
@@ -165,4 +170,4 @@ def _end(child: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str
     for pipe in (child.stdin, child.stdout):
         if pipe:
             pipe.close()
-    folder.cleanup()
+    shutil.rmtree(folder, ignore_errors=True)

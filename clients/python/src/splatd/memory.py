@@ -92,6 +92,7 @@ def region_of(samples: np.ndarray) -> Region | None:
     if not isinstance(root, Region) or root.descriptor < 0:
         return None
     is_whole = samples.nbytes == len(root) and samples.flags.c_contiguous and samples.flags.writeable
+    is_whole = is_whole and samples.dtype.isnative
     return root if is_whole else None
 
 

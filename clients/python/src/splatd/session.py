@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -165,7 +166,7 @@ class Session:
         if size is not None:
             query["size"] = f"{size[0]},{size[1]}"
         if background is not None:
-            query["background"] = ",".join(f"{part:g}" for part in (*color_of(background), 1.0))
+            query["background"] = json.dumps([*color_of(background), 1])
         answer = self.daemon.http.request("GET", f"{self._path}/snapshot", query=query)
         return Image.of_answer(answer.data, answer.headers)
 
@@ -180,7 +181,7 @@ class Session:
 
     def stream(self, **settings: Any) -> Stream:
         """Joins the session and receives its frames: see `splatd.Stream`."""
-        return Stream(self.daemon.http, self.id, **settings)
+        return Stream(self.daemon.http, self.id, owner=self.daemon, **settings)
 
     def delete(self) -> None:
         """Ends the session for all participants."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import logging
 import queue
 import struct
 import threading
@@ -96,12 +97,14 @@ class Stream:
     ((48, 64, 4), True)
     """
 
-    def __init__(self, http: Http, session: str, **settings: Any) -> None:
+    def __init__(self, http: Http, session: str, *, owner: object = None, **settings: Any) -> None:
+        self._owner = owner  # a daemon that was started ends when no object refers to it
         self._ids = itertools.count(1)
         self._seq = itertools.count(1)
         self._answers: dict[int, Future[Any]] = {}
         self._frames: queue.SimpleQueue[Frame | None] = queue.SimpleQueue()
         self._waiting = 0
+        self._is_closing = False
         self._lock = threading.Lock()
         self._reason: errors.Error | None = None
         self._listeners: list[Callable[[str, Mapping[str, Any]], object]] = []
@@ -187,7 +190,10 @@ class Stream:
             answer.set_result(message.get("result"))
         elif "method" in message:
             for listener in list(self._listeners):
-                listener(message["method"], message.get("params", {}))
+                try:
+                    listener(message["method"], message.get("params", {}))
+                except Exception:  # its fault must not end the stream
+                    logging.getLogger(__name__).exception("a listener of the stream failed")
 
     # Sending
 
@@ -264,7 +270,7 @@ class Stream:
     def __next__(self) -> Frame:
         frame = self._next()
         if frame is None:
-            if self._reason and self._reason.code not in (1000, 1001, 0):
+            if self._reason and self._reason.code != 1000 and not self._is_closing:
                 raise self._reason
             raise StopIteration
         return frame
@@ -291,6 +297,7 @@ class Stream:
 
     def close(self) -> None:
         """Leaves the session."""
+        self._is_closing = True
         self._socket.close()
         if threading.current_thread() is not self._thread:
             self._thread.join(OPEN_SECONDS)

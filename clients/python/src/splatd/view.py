@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import copy
+import numbers
 from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -60,7 +61,7 @@ class View:
 
     def __init__(self, volume: Volume, patch: Mapping[str, Any] | None = None) -> None:
         self._volume = volume
-        self._patch: dict[str, Any] = dict(patch or {})
+        self._patch: dict[str, Any] = copy.deepcopy(dict(patch or {}))
 
     @property
     def volume(self) -> Volume:
@@ -70,12 +71,12 @@ class View:
     @property
     def document(self) -> dict[str, Any]:
         """A copy of the view as the protocol has it (view.schema.json), without members that have their defaults."""
-        document = merged(self._patch, {"volume": self._volume.id})
+        document = merged(copy.deepcopy(self._patch), {"volume": self._volume.id})
         camera = document.get("camera")
         if camera:
             for angle in ("azimuth", "roll"):
-                if isinstance(camera.get(angle), (int, float)):
-                    camera[angle] = camera[angle] % FULL_TURN
+                if isinstance(camera.get(angle), numbers.Real):
+                    camera[angle] = float(camera[angle]) % FULL_TURN
         return document
 
     def __eq__(self, other: object) -> bool:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -226,7 +227,7 @@ class Volume:
         """The default camera: position, target, up, fov_y, … It is asked for once."""
         camera = self._default_camera or self.default_document()["camera"]
         self._default_camera = camera
-        return dict(camera)
+        return copy.deepcopy(camera)
 
     def histogram(self, bins: int = HISTOGRAM_BINS, *, gradient: bool = False, step: int | None = None) -> Histogram:
         """How often values occur, of all finite samples.
