@@ -88,6 +88,7 @@ def test_coordinates(daemon, ramp):
     assert uneven.origin == (10, 0, 0)
     assert uneven.spacing == (2.5, 1, 2)
     assert uneven.info["coordinates"] == [None, None, [0, 1, 5]]
+    assert uneven.slice("z", position=4.6).array[0, 0] == array[2, 0, 0]
     falling = daemon.add(array, coordinates={"z": [2, 1, 0]})
     assert falling.measure("marker", [(0, 0, 2)])["value"] == array[0, 0, 0]
 

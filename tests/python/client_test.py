@@ -81,10 +81,8 @@ def test_rendering_does_not_change_a_view(demo):
     view.document["camera"]["azimuth"] = 5
     camera["camera"]["azimuth"] = 6
     assert view == demo.view(size=(16, 16)).with_camera(azimuth=720)
-    assert (
-        len(splatd.Path().key(0, demo.view(size=(16, 16)).with_camera(azimuth=0)).key(1, view).document["keyframes"])
-        == 8
-    )
+    path = splatd.Path().key(0, demo.view(size=(16, 16)).with_camera(azimuth=0)).key(1, view)
+    assert len(path.document["keyframes"]) == 8
 
 
 def test_background_of_snapshots(demo):
@@ -297,6 +295,8 @@ def test_streams(demo):
         with pytest.raises(splatd.errors.InvalidRequest) as caught:
             stream.update({"camera": {"fov_y": 500}}, wait=True)
         assert caught.value.pointer == "/camera/fov_y"
+        with pytest.raises(splatd.errors.InvalidRequest, match="camra"):
+            stream.wait(stream.update({"camra": {}}))
         assert session.participants[0]["name"] == "script"
     with pytest.raises(splatd.errors.ConnectionFailed):
         stream.call("ping")
@@ -382,6 +382,14 @@ def test_an_interrupt_deletes_the_path(daemon, demo):
     with pytest.raises(KeyboardInterrupt):
         progress.throw(KeyboardInterrupt)
     assert not list(daemon.jobs())
+
+
+def test_an_error_beside_a_path_deletes_it(daemon, demo):
+    view = demo.view(size=(512, 512))
+    path = splatd.Path(fps=30).key(0, view).key(60, view.with_camera(azimuth=90))
+    with pytest.raises(KeyboardInterrupt), daemon.render_path(path) as job:
+        raise KeyboardInterrupt
+    assert job.id not in [other.id for other in daemon.jobs()]
 
 
 def test_wrong_paths(demo, daemon):

@@ -132,7 +132,10 @@ def _blended(first: View, last: View, u: float) -> View:
 
 
 class Job:
-    """A camera path that the daemon renders, also while this program does not wait for it. See `Daemon.render_path`."""
+    """A camera path that the daemon renders, also while this program does not wait for it. See `Daemon.render_path`.
+
+    In a `with` statement, an error or an interrupt (Ctrl-C) anywhere in it deletes the path.
+    """
 
     def __init__(self, daemon: Daemon, state: Mapping[str, Any]) -> None:
         self.daemon = daemon
@@ -159,6 +162,13 @@ class Job:
 
     def __repr__(self) -> str:
         return f"<splatd.Job {self.id}, {self._state['state']}, {self._state['done']} of {self.frames} frames>"
+
+    def __enter__(self) -> Job:
+        return self
+
+    def __exit__(self, kind: object, *exception: object) -> None:
+        if kind is not None:
+            self.cancel()
 
     def __len__(self) -> int:
         return self.frames

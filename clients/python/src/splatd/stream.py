@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import logging
@@ -58,6 +59,14 @@ class Frame:
     queue_ms: float
 
 
+@dataclass(frozen=True)
+class _Refused:
+    """An update that the daemon refused, among the frames."""
+
+    seq: int
+    error: BaseException
+
+
 def decode_frame(message: bytes) -> Frame:
     """A binary message as a frame.
 
@@ -102,7 +111,7 @@ class Stream:
         self._ids = itertools.count(1)
         self._seq = itertools.count(1)
         self._answers: dict[int, Future[Any]] = {}
-        self._frames: queue.SimpleQueue[Frame | None] = queue.SimpleQueue()
+        self._frames: queue.SimpleQueue[Frame | _Refused | None] = queue.SimpleQueue()
         self._waiting = 0
         self._is_closing = False
         self._lock = threading.Lock()
@@ -211,6 +220,9 @@ class Stream:
 
     def call(self, method: str, **params: Any) -> Any:
         """Calls a method of the stream (protocol/stream.md) and waits for its result."""
+        return self._request(method, params).result(ANSWER_SECONDS)
+
+    def _request(self, method: str, params: Mapping[str, Any]) -> Future[Any]:
         answer: Future[Any] = Future()
         id = next(self._ids)
         with self._lock:
@@ -218,7 +230,7 @@ class Stream:
                 raise self._reason
             self._answers[id] = answer
         self._send({"id": id, "method": method, "params": params})
-        return answer.result(ANSWER_SECONDS)
+        return answer
 
     def update(self, patch: Mapping[str, Any], *, wait: bool = False) -> int:
         """Changes the view for all participants.
@@ -236,11 +248,17 @@ class Stream:
             A number, `seq`, for `wait` and `Frame.seq`.
         """
         seq = next(self._seq)
+        answer = self._request("view.update", {"seq": seq, "patch": patch})
         if wait:
-            self.call("view.update", seq=seq, patch=patch)
+            answer.result(ANSWER_SECONDS)
         else:
-            self._send({"method": "view.update", "params": {"seq": seq, "patch": patch}})
+            answer.add_done_callback(functools.partial(self._refuse, seq))
         return seq
+
+    def _refuse(self, seq: int, answer: Future[Any]) -> None:
+        error = answer.exception()
+        if error and not self._reason:
+            self._frames.put(_Refused(seq, error))
 
     def pick(self, x: float, y: float) -> dict[str, Any]:
         """What the visible layers show at a pixel: world position, value, opacity."""
@@ -252,11 +270,13 @@ class Stream:
 
     # Frames
 
-    def _next(self, timeout: float | None = None) -> Frame | None:
+    def _next(self, timeout: float | None = None) -> Frame | _Refused | None:
         frame = self._frames.get(timeout=timeout)
         if frame is None:
             self._frames.put(None)  # for the next one that asks
             return None
+        if isinstance(frame, _Refused):
+            return frame
         with self._lock:
             was_late = self._waiting > FRAMES_MAX
             self._waiting -= 1
@@ -269,6 +289,8 @@ class Stream:
 
     def __next__(self) -> Frame:
         frame = self._next()
+        while isinstance(frame, _Refused):
+            frame = self._next()
         if frame is None:
             if self._reason and self._reason.code != 1000 and not self._is_closing:
                 raise self._reason
@@ -280,6 +302,8 @@ class Stream:
 
         Raises
         ------
+        InvalidRequest
+            The daemon refused this change.
         TimeoutError
             No such frame came within `timeout` seconds after the one before it.
         ConnectionFailed
@@ -292,6 +316,10 @@ class Stream:
                 raise TimeoutError(f"no frame of the change {seq} within {timeout} s") from None
             if frame is None:
                 raise self._reason or errors.ConnectionFailed("the stream is closed")
+            if isinstance(frame, _Refused):
+                if frame.seq == seq:
+                    raise frame.error
+                continue
             if frame.seq >= seq and (frame.is_final or not is_final):
                 return frame
 

@@ -318,7 +318,9 @@ class Volume:
         if index is not None and position is not None:
             raise ValueError("slice: give one of index and position")
         if position is not None:
-            index = round(position / self._loaded("spacing")[number])
+            places = (self._info.get("coordinates") or [None] * 3)[number]
+            even = round(position / self._loaded("spacing")[number])
+            index = int(np.argmin(np.abs(np.subtract(places, position)))) if places else even
         if index is None:
             index = count // 2
         if level is None and not -count <= index < count:
