@@ -40,7 +40,7 @@ class Writer:
         self.written: dict[str, str] = {}
 
     def type_of(self, name: str, schema: dict) -> str:
-        """The annotation of a schema; `name` is that of the member, from which a nested object takes its name."""
+        """The annotation of a member with this schema. The class of a nested object gets the member's `name`."""
         if "$ref" in schema:
             key = schema["$ref"].rsplit("/", 1)[1]
             return self.type_of(key, self.definitions[key])

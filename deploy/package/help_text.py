@@ -106,4 +106,5 @@ def kind(argument):
 def summary(text):
     """The first sentence without its default, for a list of options."""
     text = re.sub(r' \(default[^)]*\)', '', text)
-    return textwrap.shorten(re.split(r'(?<=[a-z)])[.;:](?: |$)', text)[0], 80, placeholder=' …')
+    first = re.split(r'(?<=[a-z)])[.;:](?: |$)', text)[0]
+    return first if len(first) <= 80 else textwrap.wrap(first, 78)[0] + ' …'

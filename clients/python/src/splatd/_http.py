@@ -58,7 +58,7 @@ class Http:
     url : str
         The address of the daemon, with the path below which a proxy serves it, or `unix:PATH`.
     token : str
-        Token of the daemon or of a session. Empty: none.
+        Token of the daemon or of a session. An empty text sends no token.
     """
 
     def __init__(self, url: str, token: str = "") -> None:
@@ -90,7 +90,7 @@ class Http:
         return urllib3.connection_from_url(self.url, **self._options)
 
     def _own_pool(self) -> urllib3.HTTPConnectionPool:
-        """The connections of this process: after a fork, those of the parent would carry answers to both."""
+        """The connections of this process. A forked process makes its own: shared ones would mix up answers."""
         if self._pid != os.getpid():
             self._pool, self._pid = self._new_pool(), os.getpid()
         return self._pool

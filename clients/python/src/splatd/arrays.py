@@ -176,12 +176,12 @@ def _even(positions: Any, name: str) -> tuple[float, float, list[float] | None]:
     """First position, mean gap, and the positions if they are uneven."""
     at = np.asarray(positions, dtype=np.float64)
     if at.ndim != 1 or not np.all(np.isfinite(at)):
-        raise ValueError(f"coordinates: those of {name} are not a list of finite numbers")
+        raise ValueError(f"coordinates: {name} is not a list of finite numbers")
     if at.size == 1:
         return float(at[0]), 1.0, None
     gaps = np.diff(at)
     if not (np.all(gaps > 0) or np.all(gaps < 0)):
-        raise ValueError(f"coordinates: those of {name} neither rise nor fall throughout: sort the array along {name}")
+        raise ValueError(f"coordinates: {name} neither rises nor falls throughout: sort the array along {name}")
     gap = float((at[-1] - at[0]) / (at.size - 1))
     is_even = gap > 0 and bool(np.allclose(gaps, gap, rtol=1e-3, atol=0))
     return float(at[0]), abs(gap), None if is_even else [float(value) for value in at]
@@ -237,6 +237,6 @@ def grid_of(
         grid.spacing[axis] = gap
         grid.coordinates[axis] = uneven
     if grid.is_series and any(grid.coordinates):
-        raise ValueError("coordinates: those of a time series must be even: interpolate the array to even ones")
+        raise ValueError("coordinates: a time series needs even coordinates: interpolate the array to even ones")
     grid.samples = np.ascontiguousarray(grid.samples)
     return grid

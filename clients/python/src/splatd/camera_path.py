@@ -118,7 +118,7 @@ def _time_of(u: float) -> float:
 
 
 def _turn(first: View, last: View) -> float:
-    """Degrees from the azimuth of the first view to that of the last one; 0 if the last view does not set its own."""
+    """Degrees by which the azimuth grows between the views. 0 if the last view sets no azimuth."""
     azimuth = (last._patch.get("camera") or {}).get("azimuth")
     return 0.0 if azimuth is None else azimuth - first.angles()["azimuth"]
 

@@ -457,7 +457,7 @@ class Daemon:
         format : str
             "webm" gives a movie; png, jpeg, webp and exr give one image per frame.
         size : (int, int)
-            Width and height in px. Default: those of the first view.
+            Width and height in px. Default: the size of the first view.
         quality : int
             1 to 100, of JPEG, WebP and WebM.
         """
