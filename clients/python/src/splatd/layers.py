@@ -82,6 +82,6 @@ def geometry(
 
 
 def channel(of: Volume | str, *, color: Color | None = None, points: Sequence[PointLike] | None = None) -> Channel:
-    """Another volume on the same grid, mixed with the volume of the view: in shades of a colour, or by its own points."""
+    """Another volume on the same grid, mixed with the volume of the view: in shades of a colour, or by own points."""
     own = None if points is None else transfer.points_of(points)
     return _layer("channel", {"id": _id(of), "color": color, "points": own})
